@@ -1,0 +1,51 @@
+"""What can go wrong for a user, and the exit code each kind has on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class CltraceError(Exception):
+    """Base of all errors that cltrace raises on purpose; `exit_code` is the command's exit status."""
+
+    exit_code = 2
+
+
+class UsageError(CltraceError):
+    """The command line asks for something that makes no sense."""
+
+
+@dataclass(frozen=True, order=True)
+class Fault:
+    """One fault of a scene file: the line it is on (1-based; 0 = the file as a whole) and what is wrong."""
+
+    line: int
+    message: str
+
+
+class SceneError(CltraceError):
+    """A scene cannot be used. `faults` holds every fault of the file, in line order; `str()` is one line for each."""
+
+    def __init__(self, path: str, faults: list[Fault]) -> None:
+        super().__init__(path, faults)
+        self.path = path
+        self.faults = sorted(faults)
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"{self.path}:{f.line}: {f.message}" if f.line else f"{self.path}: {f.message}" for f in self.faults
+        )
+
+
+class SceneWarning(UserWarning):
+    """Something in a scene file is ignored, such as an unknown element."""
+
+
+class DeviceError(CltraceError):
+    """No device, an ambiguous or unsuitable one, or a failure of its driver."""
+
+    exit_code = 3
+
+
+class BuildError(DeviceError):
+    """The kernel does not build on this device; the message holds the options and the compiler's log."""

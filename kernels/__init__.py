@@ -1,0 +1,1 @@
+"""The OpenCL sources, as package data: `importlib.resources.files("cltrace.kernels")`."""
