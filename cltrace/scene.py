@@ -1,6 +1,6 @@
 """The scene: a camera and packed arrays of spheres, materials and lights. No files, no devices.
 
-All lengths are in scene units, all angles in degrees, all colours linear (1 = full). The world is right-handed with y up.
+Lengths are in scene units, angles in degrees, colours linear (1 = full). The world is right-handed with y up.
 Every array is double precision, one record per object, and read-only.
 """
 
@@ -94,7 +94,7 @@ def _require(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) ->
     if np.asarray(value).dtype.kind not in "iuf":
         raise ValueError(f"{name}: must be numbers, got {value!r}")
     array = np.array(value, np.float64)
-    if len(array.shape) != len(shape) or any(want not in (-1, got) for want, got in zip(shape, array.shape, strict=True)):
+    if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
         wanted = str(tuple("n" if n < 0 else n for n in shape)).replace("'", "")
         raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
     bad = ~rule.admits(array)
@@ -189,7 +189,8 @@ class Camera:
 
 def check_resolution(resolution: Sequence[int]) -> tuple[int, int]:
     """(width, height) if a picture may have that size; ValueError if not."""
-    if len(resolution) != 2 or not all(isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in resolution):
+    whole = [isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in resolution]
+    if whole != [True, True]:
         raise ValueError(f"camera.resolution: must be two integers (width, height), got {resolution!r}")
     width, height = int(resolution[0]), int(resolution[1])
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
@@ -284,7 +285,8 @@ class Scene:
         lost = (self.spheres["material"] < 0) | (self.spheres["material"] >= len(self.materials))
         if lost.any():
             i = int(np.argmax(lost))
-            raise ValueError(f"spheres.material[{i}]: must be the index of a material, got {self.spheres['material'][i]}")
+            got = self.spheres["material"][i]
+            raise ValueError(f"spheres.material[{i}]: must be the index of a material, got {got}")
         for name in ("ka", "kd", "ks", "exponent"):
             _require(f"materials.{name}", NOT_NEGATIVE, self.materials[name], (-1,))
         _require("materials.color", NOT_NEGATIVE, self.materials["color"], (-1, 3))
@@ -299,7 +301,9 @@ class Scene:
             if light["kind"] in (PARALLEL, SPOT) and not light["direction"].any():
                 raise ValueError(f"lights.direction[{i}]: must not be 0")
             if light["kind"] == SPOT and light["alpha1"] > light["alpha2"]:
-                raise ValueError(f"lights.alpha1[{i}]: must be <= alpha2 ({light['alpha2']:g}), got {light['alpha1']:g}")
+                raise ValueError(
+                    f"lights.alpha1[{i}]: must be <= alpha2, got {light['alpha1']:g} > {light['alpha2']:g}"
+                )
 
     @classmethod
     def from_spheres(

@@ -1,0 +1,129 @@
+"""The self-check: an image against the reference tracer, pixel by pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .image import Image
+from .reference import byte_of, primary_ray, trace, world_of
+from .scene import Scene
+
+# Of a sample: at most this share may differ in its bytes at all, and this share by more than one level. A sphere's
+# index may never differ but in precision single, where float32 decides.
+CONTRACT = {"accurate": (1e-4, 0.0, 0.0), "double": (1e-4, 0.0, 0.0), "single": (1.0, 1e-3, 1e-3)}
+DEFAULT_PIXELS = 20_000
+# The reference tries every surface for every ray, at about a microsecond each: beyond this many tests the default
+# sample shrinks, and says so.
+DEFAULT_TESTS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the comparison found.
+
+    pixels: how many were compared; wrong_ids, differing, off_by_more: numbers of pixels; largest, rms: error of the
+    bytes of a channel, in levels; where: the pixels (x, y) that break the contract, the worst first; ok: whether all is
+    within the contract of that precision.
+    """
+
+    precision: str
+    pixels: int
+    of: int
+    wrong_ids: int
+    differing: int
+    off_by_more: int
+    largest: int
+    rms: float
+    where: list[tuple[int, int]]
+
+    @property
+    def ok(self) -> bool:
+        # One pixel may always differ by one level: of a small sample it would be more than the share.
+        share, share_more, share_ids = CONTRACT[self.precision]
+        return (
+            self.differing <= max(1, share * self.pixels)
+            and self.off_by_more <= share_more * self.pixels
+            and self.wrong_ids <= share_ids * self.pixels
+        )
+
+    def __str__(self) -> str:
+        verdict = "ok" if self.ok else "FAILED"
+        lines = [
+            f"check {verdict}: {self.pixels} of {self.of} pixels against the reference, precision {self.precision}: "
+            f"{self.wrong_ids} other ids, {self.differing} other bytes, {self.off_by_more} off by more than a level; "
+            f"error at most {self.largest} levels, RMS {self.rms:.2g}"
+        ]
+        if self.where:
+            lines.append("at pixels " + ", ".join(f"({x}, {y})" for x, y in self.where))
+        return "\n".join(lines)
+
+
+def sample(index: NDArray[np.int32], pixels: int) -> NDArray[np.intp]:
+    """`pixels` flat positions of an id image, or all: those with a neighbour of another id first, then at random.
+
+    Always the same ones for the same picture.
+    """
+    if pixels >= index.size:
+        return np.arange(index.size)
+    edge = np.zeros(index.shape, bool)
+    for a, b in (((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+                 ((slice(None), slice(1, None)), (slice(None), slice(None, -1)))):  # fmt: skip
+        differs = index[a] != index[b]
+        edge[a] |= differs
+        edge[b] |= differs
+    order = np.random.default_rng(0).permutation(index.size)
+    order = order[np.argsort(~edge.ravel()[order], kind="stable")]
+    # Half of the sample at most are edges, so that surfaces and shadows get their share.
+    edges = min(int(edge.sum()), pixels - pixels // 2)
+    rest = np.flatnonzero(~edge.ravel()[order])
+    return np.sort(np.concatenate([order[:edges], order[rest[: pixels - edges]]]))
+
+
+def check(
+    scene: Scene,
+    image: Image,
+    precision: str,
+    pixels: int | None = None,
+    origin: tuple[int, int] = (0, 0),
+    truncate: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Report:
+    """Compares `pixels` pixels of an image (None: the default number) with the reference.
+
+    image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: called with the share done.
+    """
+    if image.rgb8 is None or image.id is None:
+        raise ValueError("check: the image must have rgb8 and id")
+    if pixels is None:
+        pixels = min(DEFAULT_PIXELS, max(1, DEFAULT_TESTS // max(1, len(scene.spheres))))
+    world = world_of(scene)
+    width = image.id.shape[1]
+    chosen = sample(image.id, pixels)
+    levels = np.empty((len(chosen), 3), np.int64)
+    wrong = np.empty(len(chosen), bool)
+    for i, flat in enumerate(chosen.tolist()):
+        y, x = divmod(flat, width)
+        color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
+        levels[i] = [byte_of(c, truncate) for c in color]
+        wrong[i] = (at.index if at else -1) != image.id[y, x]
+        if i % 256 == 0:
+            progress(i / len(chosen))
+    levels -= image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
+    error = np.abs(levels).max(axis=1)
+    bad = np.flatnonzero(wrong | (error > 1))
+    worst = bad[np.argsort(-error[bad], kind="stable")][:10]
+    return Report(
+        precision=precision,
+        pixels=len(chosen),
+        of=image.id.size,
+        wrong_ids=int(wrong.sum()),
+        differing=int((error > 0).sum()),
+        off_by_more=int((error > 1).sum()),
+        largest=int(error.max(initial=0)),
+        rms=float(np.sqrt(np.mean(levels.astype(np.float64) ** 2))) if len(chosen) else 0.0,
+        where=[(origin[0] + int(chosen[i]) % width, origin[1] + int(chosen[i]) // width) for i in worst],
+    )

@@ -1,0 +1,145 @@
+"""OpenCL devices: which there are, which one is meant, and what is known of their drivers.
+
+Nothing here asks questions on a terminal, and no other device is ever taken than the one that was asked for.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import pyopencl as cl
+
+from .errors import DeviceError
+
+ADVICE = """Ways to get an OpenCL driver:
+    pip install pocl-binary-distribution        a CPU driver, Linux on x86-64
+    apt-get install pocl-opencl-icd             the same for Debian and Ubuntu, newer and faster
+    conda install -c conda-forge pocl           Linux and macOS
+A GPU's driver brings its own. Drivers are looked for in {where};
+with OCL_ICD_VENDORS=FOLDER, in that folder; OCL_ICD_DEBUG=7 shows the search."""
+
+
+@dataclass(frozen=True)
+class Driver:
+    """What was measured of a CPU driver: the packet width that is right for it, and its place among the others.
+
+    pattern: of the platform's version; width: pixels in a packet; rank: the lower, the faster (of two drivers for the
+    same CPU, the better one is taken when none is asked for).
+    """
+
+    pattern: str
+    width: int
+    rank: int
+
+
+# Measured on 2 cores with AVX-512; the figures are in the README. PoCL 3.0 must stay at width 8: with LLVM 14,
+# sqrt(float16) aborts the whole process.
+DRIVERS = (
+    Driver(r"Intel|LINUX", 16, 0),
+    Driver(r"PoCL 3\.0", 8, 2),
+    Driver(r"PoCL", 16, 1),
+)
+OTHER_CPU = Driver("", 8, 3)
+
+
+@dataclass(frozen=True)
+class Device:
+    """One OpenCL device. spec: what to type to get it, `P:D` (platform and device number)."""
+
+    spec: str
+    cl: Any
+
+    @property
+    def platform(self) -> str:
+        """Name and version of the platform, as the driver calls itself."""
+        return f"{self.cl.platform.name} {self.cl.platform.version}".strip()
+
+    @property
+    def name(self) -> str:
+        """Name of the device and of its driver, for messages and statistics."""
+        return f"{self.cl.name.strip()} ({self.driver})"
+
+    @property
+    def driver(self) -> str:
+        """Short name of the driver with its version."""
+        found = re.search(r"PoCL \S+", self.cl.platform.version)
+        return found.group() if found else f"{self.cl.platform.name.strip()} {self.cl.driver_version.strip()}"
+
+    @property
+    def kind(self) -> str:
+        """cpu, gpu or other."""
+        if self.cl.type & cl.device_type.CPU:
+            return "cpu"
+        return "gpu" if self.cl.type & cl.device_type.GPU else "other"
+
+    @property
+    def has_double(self) -> bool:
+        """Whether the device computes in double precision."""
+        return bool(self.cl.double_fp_config)
+
+    @property
+    def record(self) -> Driver:
+        """What is known of a CPU driver."""
+        return next((d for d in DRIVERS if re.search(d.pattern, self.platform)), OTHER_CPU)
+
+    @property
+    def width(self) -> int:
+        """Pixels in a packet: 1 on a GPU."""
+        return self.record.width if self.kind == "cpu" else 1
+
+    def line(self) -> str:
+        """One line for --list-devices."""
+        double = "double" if self.has_double else "no double"
+        return f"{self.spec:<5} {self.kind:<5} {double:<9}  {self.name}"
+
+
+def devices() -> list[Device]:
+    """All devices of all platforms, in the order of the OpenCL loader; none is an empty list."""
+    found = []
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:  # the loader's way to say that there is none
+        return []
+    for p, platform in enumerate(platforms):
+        try:
+            members = platform.get_devices()
+        except cl.Error:  # a platform may have no device
+            continue
+        found += [Device(f"{p}:{d}", device) for d, device in enumerate(members)]
+    return found
+
+
+def choose(spec: str | None = None) -> Device:
+    """The device that `spec` names: cpu, gpu, P, P:D, or part of the name of a platform or device.
+
+    Without one, the environment's PYOPENCL_CTX counts; without that, the fastest CPU driver, by DRIVERS.
+    Raises DeviceError, with the list of devices, if there is none such or it could be several.
+    """
+    every = devices()
+    if not every:
+        raise DeviceError(f"no OpenCL device found\n{where_drivers_are()}")
+    source = ""
+    if spec is None and os.environ.get("PYOPENCL_CTX"):
+        spec, source = os.environ["PYOPENCL_CTX"], " (from PYOPENCL_CTX)"
+    wanted = "cpu" if spec is None else spec.strip()
+    if wanted.lower() in ("cpu", "gpu"):
+        matches = [d for d in every if d.kind == wanted.lower()]
+        if matches and wanted.lower() == "cpu":  # several drivers for the one CPU: always the same choice
+            return min(matches, key=lambda d: (d.record.rank, d.spec))
+    elif re.fullmatch(r"\d+(:\d+)?", wanted):
+        matches = [d for d in every if d.spec == wanted or d.spec.split(":")[0] == wanted]
+    else:
+        matches = [d for d in every if wanted and wanted.lower() in f"{d.platform} {d.cl.name}".lower()]
+    if len(matches) == 1:
+        return matches[0]
+    problem = "no device matches" if not matches else "several devices match"
+    listing = "\n".join(d.line() for d in every)
+    raise DeviceError(f"{problem} {wanted!r}{source}; choose one with -d:\n{listing}")
+
+
+def where_drivers_are() -> str:
+    """Advice for a machine without a driver."""
+    return ADVICE.format(where=os.environ.get("OCL_ICD_VENDORS") or "/etc/OpenCL/vendors")

@@ -1,0 +1,303 @@
+"""Scene -> what the kernel reads: packed arrays in camera space, and the features that it must be compiled with.
+
+The only module that knows bytes. The dtypes here and the structs in kernels/packet.cl must agree: the build fails if a
+size differs, and a test compares every offset on each device.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, two_sum
+from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+
+PRECISIONS = ("accurate", "single", "double")
+OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
+
+# Unit roundoff of float32: the filters' bounds, derived in kernels/trace.cl, are multiples of it.
+U = 2.0**-24
+
+
+def real_dtype(precision: str) -> np.dtype[Any]:
+    """The type that decides hits and shadows in this precision."""
+    return np.dtype("f4" if precision == "single" else "f8")
+
+
+def shade_dtype(precision: str) -> np.dtype[Any]:
+    """The type that colours are computed in."""
+    return np.dtype("f8" if precision == "double" else "f4")
+
+
+def view_dtype(real: np.dtype[Any]) -> np.dtype[Any]:
+    """`View` of packet.cl."""
+    fields = [(name, real, 4) for name in ("pixel", "right", "up", "back")]
+    return np.dtype([*fields, ("background", "f4", 4), ("quantize", "f4", 4)])
+
+
+def light_dtype(real: np.dtype[Any]) -> np.dtype[Any]:
+    """`Light` of packet.cl."""
+    fields = [(name, real, 4) for name in ("position", "axis", "across")]
+    return np.dtype([*fields, ("color", "f4", 4), ("cone", "f4", 4)])
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A scene as the kernel wants it.
+
+    features: the names of the -D flags; scale: depths come out in units of 2^scale; view: () view_dtype; lights:
+    numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see kernels/
+    trace.cl), none of them empty; candidates: how many entries of `candidate` count; skipped: what the scene did not
+    need, and how often.
+    """
+
+    precision: str
+    features: frozenset[str]
+    scale: int
+    view: NDArray[np.void]
+    lights: tuple[int, int, int]
+    arrays: dict[str, NDArray[Any]]
+    candidates: int
+    skipped: dict[str, int]
+
+    def options(self) -> list[str]:
+        """The compiler's options: one program for each combination of features, whatever the scene's numbers are."""
+        real, shade = real_dtype(self.precision), shade_dtype(self.precision)
+        sizes = {
+            "REAL_BYTES": real.itemsize,
+            "SHADE_BYTES": shade.itemsize,
+            "View_BYTES": view_dtype(real).itemsize,
+            "Light_BYTES": light_dtype(real).itemsize,
+        }
+        return [f"-D{k}={v}" for k, v in sizes.items()] + [f"-D{name}" for name in sorted(self.features)]
+
+
+@dataclass(frozen=True)
+class _Space:
+    """Spheres (n) and lights (m) in camera space. hi + lo are their exact offsets from the eye, along the world's axes.
+
+    center (n, 3) and position (m, 3): rotated, each coordinate rounded once; power: |center|^2 - radius^2 of the exact
+    offset, rounded once, so that no rounding of centres enters it.
+    """
+
+    center: Array
+    radius: Array
+    power: Array
+    center_hi: Array
+    center_lo: Array
+    position: Array
+    position_hi: Array
+    position_lo: Array
+
+    def times_two_to(self, k: int) -> _Space:
+        """All lengths times 2^k, which is exact."""
+        scaled = {f.name: np.ldexp(getattr(self, f.name), 2 * k if f.name == "power" else k) for f in fields(self)}
+        return _Space(**scaled)
+
+    def largest(self, lights: NDArray[np.bool_]) -> float:
+        """The largest coordinate of any sphere and of these lights, or the largest radius."""
+        parts = (self.center, self.radius, self.position[lights])
+        return max(float(np.abs(part).max(initial=0)) for part in parts)
+
+
+def _camera_space(scene: Scene, lights: NDArray[np.void], basis: Array) -> _Space:
+    eye = np.array(scene.camera.position)
+    hi, lo = two_sum(scene.spheres["center"], -eye)
+    at_hi, at_lo = two_sum(lights["position"], -eye)
+    radius = scene.spheres["radius"]
+    return _Space(
+        dot_products(basis, hi, lo),
+        radius,
+        square_excess(hi, lo, radius),
+        hi,
+        lo,
+        dot_products(basis, at_hi, at_lo),
+        at_hi,
+        at_lo,
+    )
+
+
+def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), truncate: bool = False) -> Packed:
+    """Moves the scene into camera space and packs it for one precision and these outputs."""
+    real, shade = real_dtype(precision), shade_dtype(precision)
+    skipped: dict[str, int] = {}
+    lights = _lights(scene, skipped)
+    basis = np.array(scene.camera.basis())
+    space = _camera_space(scene, lights, basis)
+
+    # float32 has little room for squares. So what is float32 has its lengths times a power of two that makes the
+    # largest coordinate about 1: a scene and the same one scaled by a power of two are the same numbers there. Double
+    # has room for the fourth power of every float32 number, and keeps scene units.
+    k = -math.frexp(space.largest(lights["kind"] != PARALLEL))[1]
+    small = space.times_two_to(k)
+    exact = small if real.itemsize == 4 else space
+    unit = 0 if real.itemsize == 4 else k
+
+    ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    packed_lights = _pack_lights(lights, exact.position, basis, real)
+    arrays: dict[str, NDArray[Any]] = {
+        "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
+        "power": exact.power.astype(real),
+        "material_of": scene.spheres["material"].astype("i4"),
+        "material": _materials(scene, ambient, shade),
+        "light": packed_lights,
+        **_candidates(small),
+        **_occluders(packed_lights, lights, small),
+    }
+    arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
+
+    x, y = scene.camera.image_plane()
+    width, height = scene.camera.resolution
+    view = np.zeros((), view_dtype(real))
+    view["pixel"][:3] = x / width, y / height, math.ldexp(1.0, unit)
+    for name, axis in zip(("right", "up", "back"), basis, strict=True):
+        view[name][:3] = axis
+    view["background"][:3] = _finite32(np.array(scene.background))
+    view["quantize"][0] = 0 if truncate else 0.5
+
+    parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
+    return Packed(
+        precision=precision,
+        features=_features(scene, (parallel, point, spot), bool((space.power <= 0).any()), precision, outputs),
+        scale=-k if real.itemsize == 4 else 0,
+        view=view,
+        lights=(parallel, point, spot),
+        arrays=arrays,
+        candidates=len(scene.spheres),
+        skipped=skipped,
+    )
+
+
+def _finite32(value: Array) -> Array:
+    """Products of colours may leave float32's range: beyond it, everything is white anyway."""
+    return np.minimum(value, float(np.finfo(np.float32).max))
+
+
+def _lights(scene: Scene, skipped: dict[str, int]) -> NDArray[np.void]:
+    """The lights that can add to a colour, by kind: parallel, point, spot."""
+    lights = scene.lights[scene.lights["kind"] != AMBIENT]
+    used = scene.materials[np.unique(scene.spheres["material"])]
+    dull = not (used["kd"].any() or used["ks"].any())
+    black = ~lights["color"].any(axis=1) | dull
+    if black.any():
+        skipped["lights that add nothing"] = int(black.sum())
+    lights = lights[~black]
+    return lights[np.argsort(lights["kind"], kind="stable")]
+
+
+def _materials(scene: Scene, ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:
+    """(m, 8): ka La C (rgb), kd C (rgb), ks, exponent."""
+    m = scene.materials
+    out = np.empty((len(m), 8))
+    out[:, 0:3] = m["ka"][:, None] * ambient * m["color"]
+    out[:, 3:6] = m["kd"][:, None] * m["color"]
+    out[:, 6], out[:, 7] = m["ks"], m["exponent"]
+    return _finite32(out).astype(shade)
+
+
+def _unit(v: Array) -> Array:
+    """(n, 3) vectors scaled to length 1, without overflow."""
+    scaled = v / np.abs(v).max(axis=1, keepdims=True)
+    return np.asarray(scaled / np.sqrt((scaled * scaled).sum(axis=1, keepdims=True)))
+
+
+def _pack_lights(lights: NDArray[np.void], position: Array, basis: Array, real: np.dtype[Any]) -> NDArray[np.void]:
+    out = np.zeros(len(lights), light_dtype(real))
+    out["color"][:, :3] = _finite32(lights["color"])
+    for k, light in enumerate(lights):
+        direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
+        if light["kind"] == PARALLEL:
+            towards = -direction
+            # Any two axes across: the first one from the coordinate axis that is furthest from the light's.
+            helper = np.eye(3)[np.argmin(np.abs(towards))]
+            axis = _unit(np.cross(helper, towards)[None])[0]
+            out["position"][k, :3] = towards
+            out["axis"][k, :3] = axis
+            out["across"][k, :3] = np.cross(towards, axis)
+        else:
+            out["position"][k, :3] = position[k]
+        if light["kind"] == SPOT:
+            alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
+            out["axis"][k] = (*direction, math.cos(alpha2))
+            out["cone"][k, :2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
+    return out
+
+
+def _filter_constant(c: Array, square: Array) -> NDArray[np.float32]:
+    """c' of the filters in trace.cl, where it is derived: c - 11 u (|f|^2 + |c|) - 2^-100, or -inf if that is <= 0."""
+    bound = c - 11 * U * (square + np.abs(c)) - 2.0**-100
+    return rounded_down(np.where(bound > 0, bound, -np.inf))
+
+
+def _candidates(space: _Space) -> dict[str, NDArray[Any]]:
+    """What may be seen: see closest_hit in trace.cl."""
+    candidate = np.empty((len(space.center), 4), np.float32)
+    candidate[:, :3] = space.center
+    candidate[:, 3] = _filter_constant(space.power, (space.center * space.center).sum(axis=1))
+    return {"candidate": candidate, "candidate_index": np.arange(len(candidate), dtype="i4")}
+
+
+def _occluders(packed: NDArray[np.void], lights: NDArray[np.void], space: _Space) -> dict[str, NDArray[Any]]:
+    """For each light, the spheres that may stand before it: see cast_shadow_ray in trace.cl."""
+    n, m = len(space.center), len(lights)
+    radius = space.radius
+    occluder = np.empty((m, n, 4), np.float32)
+    near = np.full((m, n), -1, np.float32)
+    index = np.empty((m, n, 2), np.int32)
+    index[..., 0] = np.arange(n)
+    for k, light in enumerate(lights):
+        if light["kind"] == PARALLEL:
+            u, v, s = (space.center @ np.float64(packed[name][k, :3]) for name in ("axis", "across", "position"))
+            reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
+            occluder[k, :, 0], occluder[k, :, 1] = u, v
+            occluder[k, :, 2] = rounded_up(reach * reach)
+            occluder[k, :, 3] = rounded_up(s + radius + 4 * U * (np.abs(s) + radius) + 2.0**-100)
+            index[k, :, 1] = 1
+            continue
+        # From the centre to the light: the eye cancels, exactly.
+        hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
+        lo, e2 = two_sum(space.position_lo[k], -space.center_lo)
+        hi, lo = two_sum(hi, e1 + lo + e2)
+        c = square_excess(hi, lo, radius)
+        f = space.position[k] - space.center
+        square = (f * f).sum(axis=1)
+        occluder[k, :, :3] = f
+        occluder[k, :, 3] = _filter_constant(c, square)
+        # In units where no coordinate exceeds 1, f and its length are off by less than 2^-46.
+        gap = np.sqrt(square) - radius - 2.0**-46
+        near[k] = np.where(gap > 2.0**-50, rounded_down(gap * gap * (1 - 16 * U)), -1)
+        index[k, :, 1] = np.sign(c)
+    ranges = np.stack([np.arange(m) * n, np.full(m, n)], axis=1).astype(np.int32)
+    return {
+        "occluder": occluder.reshape(-1, 4),
+        "occluder_near": near.reshape(-1),
+        "occluder_index": index.reshape(-1, 2),
+        "occluder_range": ranges,
+    }
+
+
+def _features(
+    scene: Scene, numbers: tuple[int, ...], inside: bool, precision: str, outputs: tuple[str, ...]
+) -> frozenset[str]:
+    """Which parts of the kernel this scene and these outputs need."""
+    shading = not {"rgb8", "color", "shadow_rays"}.isdisjoint(outputs)
+    lit = shading and any(numbers) and len(scene.spheres) > 0
+    flags = {f"OUT_{name.upper()}": True for name in outputs}
+    flags |= {
+        "WITH_FILTER": precision != "double",
+        "WITH_INTERSECTION": shading or "normal" in outputs,
+        "WITH_NORMAL": lit or "normal" in outputs,
+        "WITH_INSIDE": inside,
+        "WITH_SHADING": shading,
+        "WITH_LIGHTS": lit,
+        "WITH_PARALLEL": lit and numbers[0] > 0,
+        "WITH_POINT": lit and numbers[1] > 0,
+        "WITH_SPOT": lit and numbers[2] > 0,
+        "WITH_SHADOWS": lit and (len(scene.spheres) > 1 or inside),
+        "WITH_SPECULAR": lit and bool(scene.materials["ks"].any()),
+    }
+    return frozenset(name for name, wanted in flags.items() if wanted)

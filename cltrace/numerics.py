@@ -1,0 +1,85 @@
+"""Double-double arithmetic in numpy, for the few sums that must not cancel: a number is an unevaluated hi + lo.
+
+Error-free transformations: Dekker 1971, Knuth TAOCP 2, 4.2.2; the names are those of Ogita, Rump and Oishi 2005.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Pair = tuple[Array, Array]
+
+_SPLIT = 2.0**27 + 1
+
+
+def two_sum(a: Array, b: Array) -> Pair:
+    """(hi, lo) with hi = a + b rounded and hi + lo = a + b exactly."""
+    s = a + b
+    t = s - a
+    return s, (a - (s - t)) + (b - t)
+
+
+def two_product(a: Array, b: Array) -> Pair:
+    """(hi, lo) with hi = a b rounded and hi + lo = a b exactly, for |a|, |b| < 2^996 and no underflow."""
+    p = a * b
+    ta, tb = _SPLIT * a, _SPLIT * b
+    ah, bh = ta - (ta - a), tb - (tb - b)
+    al, bl = a - ah, b - bh
+    return p, al * bl - (((p - ah * bh) - al * bh) - ah * bl)
+
+
+def total(terms: list[Array]) -> Array:
+    """The sum of the terms, rounded nearly once: error below 2^-53 of the result + 2^-98 of the sum of magnitudes."""
+    hi = terms[0]
+    low = np.zeros_like(hi)
+    lower = np.zeros_like(hi)
+    for term in terms[1:]:
+        hi, e = two_sum(hi, term)
+        low, e = two_sum(low, e)
+        lower = lower + e
+    return np.asarray(hi + (low + lower))
+
+
+def dot_products(rows: Array, hi: Array, lo: Array) -> Array:
+    """The vectors hi + lo, (n, 3), in the coordinate system of `rows`, (3, 3): (n, 3), each rounded once."""
+    out = np.empty_like(hi)
+    for i, row in enumerate(rows):
+        terms = []
+        for j in range(3):
+            factor = np.full(len(hi), row[j])
+            terms += [*two_product(factor, hi[:, j]), factor * lo[:, j]]
+        out[:, i] = total(terms)
+    return out
+
+
+def square_excess(hi: Array, lo: Array, r: Array) -> Array:
+    """|hi + lo|^2 - r^2 for vectors (n, 3) and radii (n,): (n,), rounded once, and exact in sign.
+
+    Where the terms cancel to less than 2^-45 of their size, which no double-double sum resolves for certain, the few
+    sums concerned are done in rational numbers.
+    """
+    terms = []
+    for j in range(3):
+        terms += [*two_product(hi[:, j], hi[:, j]), 2 * hi[:, j] * lo[:, j]]
+    square, error = two_product(r, r)
+    c = total([*terms, -square, -error])
+    size = (hi * hi).sum(axis=1) + square
+    for i in np.flatnonzero(np.abs(c) < 2.0**-45 * size):
+        exact = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))
+        c[i] = float(exact - Fraction(float(r[i])) ** 2)
+    return c
+
+
+def rounded_down(value: Array) -> NDArray[np.float32]:
+    """The largest float32 that is <= value."""
+    near = value.astype(np.float32)
+    return np.where(near > value, np.nextafter(near, np.float32(-np.inf)), near).astype(np.float32)
+
+
+def rounded_up(value: Array) -> NDArray[np.float32]:
+    """The smallest float32 that is >= value."""
+    return -rounded_down(-value)

@@ -1,0 +1,49 @@
+"""Kernel sources + options -> a program for one device."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import warnings
+from importlib import resources
+from typing import Any
+
+import pyopencl as cl
+
+from .device import Device
+from .errors import BuildError
+
+SOURCES = ("packet.cl", "sphere.cl", "phong.cl", "trace.cl")
+
+
+def source() -> str:
+    """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
+    folder = resources.files("cltrace.kernels")
+    return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in SOURCES)
+
+
+def build(context: Any, device: Device, options: list[str]) -> Any:
+    """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
+            # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
+            program = cl.Program(context, source()).build(options=[*options, "-cl-std=CL1.2"], devices=[device.cl])
+        return program.render
+    except cl.Error as error:
+        raise BuildError(f"the kernel does not build on {device.name}\noptions: {' '.join(options)}\n{error}") from None
+
+
+class Announcement:
+    """Says `text` on a terminal's stderr if the `with` block takes longer than `after` seconds."""
+
+    def __init__(self, text: str, after: float = 0.5) -> None:
+        self.timer = threading.Timer(after, lambda: print(text, file=sys.stderr, flush=True))
+        self.timer.daemon = True
+
+    def __enter__(self) -> None:
+        if sys.stderr is not None and sys.stderr.isatty():
+            self.timer.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.timer.cancel()

@@ -1,0 +1,229 @@
+"""Upload, launch, read back: a packed scene and its program -> Image."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from .device import Device, choose
+from .errors import DeviceError
+from .image import Image
+from .layout import OUTPUTS, PRECISIONS, Packed, pack, real_dtype
+from .program import Announcement, build
+from .scene import Scene
+
+# One local size for all pictures: PoCL compiles the kernel anew for each. A group is a row of packets.
+GROUP = {1: (16, 4), 8: (8, 1), 16: (8, 1)}
+CHANNELS = {"rgb8": 3, "color": 3, "normal": 3, "direction": 3, "depth": 1, "id": 1, "shadow_rays": 1}
+Crop = tuple[int, int, int, int]
+
+
+def default_precision(device: Device) -> str:
+    """accurate where the device has doubles, else single."""
+    return "accurate" if device.has_double else "single"
+
+
+class Renderer:
+    """A scene on a device: program and buffers are kept, so that each render() costs only the kernel and the readback.
+
+    device: None, a SPEC as on the command line, or a Device; precision: accurate, single, double or None for the
+    device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays; crop: (x0, y0, x1, y1),
+    exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of rounded;
+    width: pixels in a packet, 1, 8 or 16, None for what is best on the device.
+    One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: str | Device | None = None,
+        precision: str | None = None,
+        outputs: tuple[str, ...] = ("rgb8",),
+        crop: Crop | None = None,
+        truncate: bool = False,
+        width: int | None = None,
+    ) -> None:
+        self.scene = scene
+        self.device = device if isinstance(device, Device) else choose(device)
+        self.precision = precision or default_precision(self.device)
+        self.width = width or self.device.width
+        self.seconds: dict[str, float] = {}
+        self._lock = threading.Lock()
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"precision: must be one of {', '.join(PRECISIONS)}, got {precision!r}")
+        if self.precision != "single" and not self.device.has_double:
+            raise DeviceError(
+                f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
+                "use --precision single or another device"
+            )
+        if self.width not in GROUP:
+            raise ValueError(f"width: must be 1, 8 or 16, got {self.width}")
+        self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        if not outputs or set(outputs) - set(OUTPUTS):
+            raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
+        self.region = _region(scene.camera.resolution, crop)
+        self.size = scene.camera.resolution
+        with self._timed("pack"):
+            self.packed: Packed = pack(scene, self.precision, self.outputs, truncate)
+        with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
+            self.context: Any = cl.Context([self.device.cl])
+            self.queue: Any = cl.CommandQueue(self.context)
+            self._kernel = build(self.context, self.device, [f"-DW={self.width}", *self.packed.options()])
+        with self._timed("upload"), self._driver_errors():
+            self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
+            self.queue.finish()
+        with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
+            # PoCL generates the code at the first launch: one that returns at once, with the same sizes.
+            self._launch(self._frame(), (0, 0, 0, 0)).wait()
+
+    def render(self, out: Image | None = None) -> Image:
+        """One frame. With `out`, an Image of an earlier render() of this Renderer, its arrays are written over."""
+        with self._lock, self._driver_errors():
+            frame = self._frame() if out is None or not hasattr(out, "_frame") else out._frame
+            start = time.perf_counter()
+            self._launch(frame, self.region).wait()
+            done = time.perf_counter()
+            arrays = self._read(frame)
+            end = time.perf_counter()
+        image = Image(**arrays, seconds=self.seconds | {"kernel": done - start, "readback": end - done})
+        image._frame = frame  # type: ignore[attr-defined]
+        return image
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """What this scene did not need, and how often."""
+        return self.packed.skipped
+
+    def count_shadow_rays(self) -> int:
+        """How many shadow rays a frame casts: renders one more, with a kernel that counts them."""
+        x, y, width, height = self.region
+        crop = (x, y, x + width, y + height)
+        counter = Renderer(self.scene, self.device, self.precision, ("shadow_rays",), crop, width=self.width)
+        counts = counter.render().shadow_rays
+        assert counts is not None
+        return int(counts.sum(dtype=np.int64))
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    @contextmanager
+    def _driver_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except cl.MemoryError as error:
+            raise DeviceError(f"{self.device.name} has not enough memory: {error}") from None
+        except cl.Error as error:
+            raise DeviceError(f"{self.device.name} failed: {error}") from None
+
+    def _buffer(self, array: NDArray[Any]) -> Any:
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+
+    def _frame(self) -> _Frame:
+        """Room for the outputs of one frame."""
+        columns, rows = (4, self.width // 4) if self.width > 1 else (1, 1)
+        width, height = (-(-self.region[2] // columns) * columns, -(-self.region[3] // rows) * rows)
+        types = {"rgb8": "u1", "id": "i4", "shadow_rays": "i4", "depth": real_dtype(self.precision)}
+        arrays = {n: np.empty((height, width, CHANNELS[n]), types.get(n, "f4")) for n in self.outputs}
+        # On a CPU the kernel writes straight into the host's arrays.
+        write, use = cl.mem_flags.WRITE_ONLY, cl.mem_flags.USE_HOST_PTR
+        buffers = {
+            n: cl.Buffer(self.context, write | use, hostbuf=a)
+            if self.device.kind == "cpu"
+            else cl.Buffer(self.context, write, a.nbytes)
+            for n, a in arrays.items()
+        }
+        return _Frame(width, height, arrays, buffers)
+
+    def _launch(self, frame: _Frame, region: Crop) -> Any:
+        group = GROUP[self.width]
+        packets = (frame.width // (4 if self.width > 1 else 1), frame.height // max(1, self.width // 4))
+        grid = tuple(-(-n // g) * g for n, g in zip(packets, group, strict=True))
+        b = self._buffers
+        any_buffer = b["power"]
+        return self._kernel(
+            self.queue,
+            grid,
+            group,
+            self.packed.view[()],
+            _int2(self.size),
+            _int4(region),
+            np.int32(frame.width),
+            b["center_radius"],
+            b["power"],
+            b["material_of"],
+            b["material"],
+            b["light"],
+            _int4((*self.packed.lights, 0)),
+            b["candidate"],
+            b["candidate_index"],
+            np.int32(self.packed.candidates),
+            b["occluder"],
+            b["occluder_near"],
+            b["occluder_index"],
+            b["occluder_range"],
+            *(frame.buffers.get(name, any_buffer) for name in OUTPUTS),
+        )
+
+    def _read(self, frame: _Frame) -> dict[str, NDArray[Any]]:
+        """The outputs as host arrays of exactly the region's size."""
+        out = {}
+        for name, array in frame.arrays.items():
+            if self.device.kind == "cpu":
+                mapped, _ = cl.enqueue_map_buffer(
+                    self.queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype
+                )
+                mapped.base.release(self.queue)
+            else:
+                cl.enqueue_copy(self.queue, array, frame.buffers[name])
+            view = array[: self.region[3], : self.region[2]]
+            out[name] = view[..., 0] if CHANNELS[name] == 1 else view
+        self.queue.finish()
+        if "depth" in out and self.packed.scale:
+            out["depth"] = np.ldexp(out["depth"], self.packed.scale)
+        return out
+
+
+class _Frame:
+    def __init__(self, width: int, height: int, arrays: dict[str, NDArray[Any]], buffers: dict[str, Any]) -> None:
+        self.width, self.height, self.arrays, self.buffers = width, height, arrays, buffers
+
+
+def _int2(values: tuple[int, ...]) -> Any:
+    return np.array(tuple(values), cl.cltypes.int2)[()]
+
+
+def _int4(values: tuple[int, ...]) -> Any:
+    return np.array(tuple(values), cl.cltypes.int4)[()]
+
+
+def _region(size: tuple[int, int], crop: Crop | None) -> Crop:
+    """(x, y, width, height) of a crop; ValueError if it is not within the picture."""
+    if crop is None:
+        return (0, 0, *size)
+    x0, y0, x1, y1 = crop
+    if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):
+        raise ValueError(f"crop: must be within 0,0,{size[0]},{size[1]} and not empty, got {x0},{y0},{x1},{y1}")
+    return (x0, y0, x1 - x0, y1 - y0)
+
+
+def render(
+    scene: Scene,
+    device: str | Device | None = None,
+    precision: str | None = None,
+    outputs: tuple[str, ...] = ("rgb8",),
+    crop: Crop | None = None,
+    truncate: bool = False,
+) -> Image:
+    """One picture of a scene; see Renderer for the arguments."""
+    return Renderer(scene, device, precision, outputs, crop, truncate).render()

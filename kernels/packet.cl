@@ -1,0 +1,150 @@
+/* packet.cl: the number types, and what a packet of pixels is.
+ *
+ * A work-item owns a packet of W pixels and computes them side by side in vectors of W lanes: 4 columns by W/4 rows on
+ * a CPU (W = 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them; a lane never looks at another
+ * one, except to ask whether any lane still needs some work. So a picture does not depend on W.
+ *
+ * Set by the host as -D flags, all derived from scene, outputs and device (cltrace/layout.py):
+ *   W              pixels in a packet: 1, 8 or 16
+ *   REAL_BYTES     8: geometry is decided in double; 4: in float
+ *   SHADE_BYTES    8: Phong's formula in double; 4: in float
+ *   WITH_FILTER    a float32 test with a proved bound goes before each exact one
+ *   WITH_INTERSECTION  more is needed of a hit than its index and distance
+ *   WITH_NORMAL        the normal, too
+ *   WITH_INSIDE        the camera is inside of a sphere
+ *   WITH_SHADING       colours are wanted
+ *   WITH_LIGHTS        some light adds to them
+ *   WITH_PARALLEL, WITH_POINT, WITH_SPOT   kinds of light that are there
+ *   WITH_SHADOWS       something may stand between a sphere and a light
+ *   WITH_SPECULAR      some sphere shines
+ *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS   what to write
+ *   View_BYTES, Light_BYTES                sizes that the host packs
+ *
+ * Contraction is off and every fma is spelled out: each expression is rounded as it stands, so that all devices and the
+ * reference compute the same bits where real is double. None of the built-in dot, cross, length, normalize is used:
+ * the standard bounds their errors only absolutely.
+ */
+#pragma OPENCL FP_CONTRACT OFF
+
+#define PASTE_(a, b) a##b
+#define PASTE(a, b) PASTE_(a, b)
+
+#if W == 1
+#define LANES(type) type
+#define ANY(mask) (mask)
+#else
+#define LANES(type) PASTE(type, W)
+#define ANY(mask) any(mask)
+#endif
+#define TO(type, x) PASTE(convert_, LANES(type))(x)
+#define AS(type, x) PASTE(as_, LANES(type))(x)
+
+/* real: the precision that decides. shade_t: the precision of colours. */
+#if REAL_BYTES == 8
+typedef double real;
+typedef double4 real4;
+typedef LANES(double) REAL;
+#define TO_REAL(x) TO(double, x)
+#define REAL_INT LANES(long)
+#define TO_REAL_INT(x) TO(long, x)
+#else
+typedef float real;
+typedef float4 real4;
+typedef LANES(float) REAL;
+#define TO_REAL(x) TO(float, x)
+#define REAL_INT LANES(int)
+#define TO_REAL_INT(x) (x)
+#endif
+#if SHADE_BYTES == 8
+typedef double shade_t;
+typedef double4 shade4;
+typedef double8 shade8;
+typedef LANES(double) SHADE;
+#define TO_SHADE(x) TO(double, x)
+#define SHADE_INT LANES(long)
+#define TO_SHADE_INT(x) TO(long, x)
+#else
+typedef float shade_t;
+typedef float4 shade4;
+typedef float8 shade8;
+typedef LANES(float) SHADE;
+#define TO_SHADE(x) TO(float, x)
+#define SHADE_INT LANES(int)
+#define TO_SHADE_INT(x) TO(int, x)
+#endif
+typedef LANES(float) FLOAT;
+typedef LANES(int) INT;
+#define TO_FLOAT(x) TO(float, x)
+#define TO_INT(x) TO(int, x)
+
+/* Masks: what a comparison gives, -1 or 0 in each lane, as wide as what was compared. A scalar comparison gives an int. */
+#if W == 1
+typedef int MASK;       /* of INT and FLOAT */
+typedef int REAL_MASK;  /* of REAL */
+typedef int SHADE_MASK; /* of SHADE */
+#define TO_MASK(m) (m)
+#define TO_REAL_MASK(m) (m)
+#define TO_SHADE_MASK(m) (m)
+#else
+typedef INT MASK;
+typedef REAL_INT REAL_MASK;
+typedef SHADE_INT SHADE_MASK;
+#define TO_MASK(m) TO_INT(m)
+#define TO_REAL_MASK(m) TO_REAL_INT(m)
+#define TO_SHADE_MASK(m) TO_SHADE_INT(m)
+#endif
+
+/* Where the lanes are within the packet: 4 columns, W/4 rows. */
+#if W == 1
+#define PACKET_WIDTH 1
+#define PACKET_HEIGHT 1
+#define LANE_COLUMN 0
+#define LANE_ROW 0
+#elif W == 8
+#define PACKET_WIDTH 4
+#define PACKET_HEIGHT 2
+#define LANE_COLUMN ((INT)(0, 1, 2, 3, 0, 1, 2, 3))
+#define LANE_ROW ((INT)(0, 0, 0, 0, 1, 1, 1, 1))
+#elif W == 16
+#define PACKET_WIDTH 4
+#define PACKET_HEIGHT 4
+#define LANE_COLUMN ((INT)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
+#define LANE_ROW ((INT)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
+#else
+#error "W must be 1, 8 or 16"
+#endif
+
+/* Points and directions of a packet, in camera space. */
+typedef struct {
+    REAL x, y, z;
+} Real3;
+typedef struct {
+    FLOAT x, y, z;
+} Float3;
+typedef struct {
+    SHADE x, y, z;
+} Shade3;
+
+/* (x x' + y y') + z z', rounded in this order. */
+#define DOT(a, b) (((a).x * (b).x + (a).y * (b).y) + (a).z * (b).z)
+
+/* ---- What the host packs (cltrace/layout.py); only whole vectors of 4, so that there is nothing to pad. ---- */
+
+typedef struct {
+    real4 pixel;           /* x, y: size of a pixel on the image plane z = -1; z: see Scene.unit in trace.cl */
+    real4 right, up, back; /* the camera's axes in the world */
+    float4 background;     /* rgb, linear */
+    float4 quantize;       /* x: what is added to 255 c before it is cut to an integer: 0.5 or 0 */
+} View;
+
+typedef struct {
+    real4 position; /* point, spot: xyz in camera space. parallel: unit vector towards the light */
+    real4 axis;     /* spot: unit vector in which it points; w: cosine of alpha2. parallel: u axis of light space */
+    real4 across;   /* parallel: v axis of light space. spot: w: cosine of alpha1 */
+    float4 color;   /* rgb, linear */
+    float4 cone;    /* spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians; 0 if they are equal */
+} Light;
+
+/* The build fails here, by name, if the host lays a struct out differently. */
+typedef char layout_of_View_differs_from_numpy[sizeof(View) == View_BYTES ? 1 : -1];
+typedef char layout_of_Light_differs_from_numpy[sizeof(Light) == Light_BYTES ? 1 : -1];

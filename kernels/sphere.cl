@@ -1,0 +1,121 @@
+/* sphere.cl: rays and spheres, decided in `real`.
+ *
+ * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. A primary ray is t d
+ * with d = (x, y, -1), not normalised: one rounding less, and t comes out in units of d. The host has moved the scene
+ * there in more than double precision and has scaled it by a power of two, which is exact, so that its largest
+ * coordinate is about 1.
+ */
+
+typedef struct {
+    REAL a, over_a; /* d.d, 1 / d.d */
+    Real3 d;
+} Ray;
+
+/* One sphere in all lanes, or each lane's own one. */
+typedef struct {
+    Real3 center;
+    REAL r;
+    REAL c; /* |center|^2 - r^2, the power of the eye: from the host, which computes it from the unrounded scene */
+} Sphere;
+
+/* What is needed of the equation a t^2 - 2 b t + c = 0 for the ray t d and the sphere |p - C| = r. */
+typedef struct {
+    REAL b;             /* C.d */
+    Real3 v;            /* from the ray's point closest to the centre, to the centre; orthogonal to d */
+    REAL discriminant;  /* b^2 - a c = a (r^2 - |v|^2) */
+    REAL_MASK by_b;     /* whether it was computed as b^2 - a c */
+} Quadratic;
+
+static Sphere sphere_at(__global const real4 *center_radius, __global const real *power, const int index) {
+    const real4 s = center_radius[index];
+    const Sphere sphere = {{s.x, s.y, s.z}, s.w, power[index]};
+    return sphere;
+}
+
+/* The discriminant, in the form that is accurate here.
+ *
+ * c = |C|^2 - r^2 comes from the host, rounded once, so b^2 - a c has the error u (2 |b| |C| |d| + a |c|), while
+ * a (r^2 - |v|^2) has u (2 r |C| + r^2) a: they are equal at about |b| = r |d|. So the first form is for rays that
+ * start near the sphere or inside of it, and the second one for far and small spheres.
+ *
+ * v.z: as v.d = 0 and d.z = -1, it is also v.x d.x + v.y d.y. That beats C.z + b/a near the view's axis, where C.z and
+ * b/a are large and nearly cancel, by as much as d.x and d.y are small, and loses to it where they are large.
+ */
+static Quadratic quadratic(const Ray ray, const Sphere sphere) {
+    Quadratic e;
+    const Real3 C = sphere.center;
+    const REAL rr = sphere.r * sphere.r;
+    e.b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
+    const REAL k = e.b * ray.over_a;
+    e.v.x = C.x - k * ray.d.x;
+    e.v.y = C.y - k * ray.d.y;
+    e.v.z = ray.a <= (real)1.0625 ? e.v.x * ray.d.x + e.v.y * ray.d.y : C.z + k;
+    const REAL bb = e.b * e.b;
+    e.by_b = bb < ray.a * rr;
+    e.discriminant = e.by_b ? bb - ray.a * sphere.c : ray.a * (rr - DOT(e.v, e.v));
+    return e;
+}
+
+/* The smallest t > 0 where the ray t d meets the sphere, INFINITY if it does not. A discriminant of 0 is a hit.
+ *
+ * q = b + sign(b) sqrt(discriminant) does not cancel, and the roots are c/q and q/a. With c > 0 the eye is outside:
+ * both roots have the sign of b, and c/q is the nearer one if b > 0. With c < 0 one root is positive: q/a if b >= 0,
+ * else c/q. With c = 0 the eye is on the sphere, where the root 0 is no hit. Written such that a NaN is a miss.
+ */
+static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
+    const Quadratic e = quadratic(ray, sphere);
+    const REAL root = sqrt(e.discriminant);
+    const REAL_MASK behind = e.b < 0;
+    const REAL q = behind ? e.b - root : e.b + root;
+    const REAL_MASK first = (sphere.c > 0) | behind;
+    const REAL t = (first ? sphere.c : q) / (first ? q : ray.a);
+    return ((e.discriminant >= 0) & (t > 0)) ? t : (REAL)INFINITY;
+}
+
+/* From the sphere's centre to the hit point t d, divided by the radius: the outward unit normal.
+ *
+ * Where the discriminant came from v, t = (b - root)/a and t d - C = -(v + root/a d), without the cancellation of t d
+ * and C. Its length is 1 but for rounding, so one Newton step n (3 - n.n)/2 makes it unit to the last digits.
+ */
+static Real3 normal_at(const Ray ray, const Sphere sphere, const REAL t) {
+    const Quadratic e = quadratic(ray, sphere);
+    const REAL s = sqrt(e.discriminant) * ray.over_a;
+    Real3 n;
+    n.x = (e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x)) / sphere.r;
+    n.y = (e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y)) / sphere.r;
+    n.z = (e.by_b ? -t - sphere.center.z : s - e.v.z) / sphere.r;
+    const REAL unit = (real)0.5 * ((real)3 - DOT(n, n));
+    n.x *= unit;
+    n.y *= unit;
+    n.z *= unit;
+    return n;
+}
+
+/* Whether the sphere B stands between the hit point P = C_A + p on another sphere A, |p| = R_A, and a light.
+ *
+ * w: from P to the light; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
+ * (0, 1) counts. outside: the sign of |L - C_B|^2 - r_B^2, computed exactly by the host; 1 for a parallel light.
+ * P is never formed: with D = C_B - C_A,
+ *   f = C_B - P = D - p,   a = w.w,   b = f.w,   c = |f|^2 - r_B^2 = D.(D - 2p) + (R_A - r_B)(R_A + r_B),
+ * which is exact for concentric spheres, even one ulp apart. No root is computed, only signs: of the product c of the
+ * roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the equation at t = 1.
+ *   c > 0, P outside: two roots of one sign if the discriminant is >= 0; positive if b > 0; the first is below 1 if
+ *          the light is inside, or if their mean b/a is below 1.
+ *   c < 0, P inside: one positive root, below 1 if the light is strictly outside.
+ *   c = 0, P on B: the root 0 does not count, the other one is 2b/a.
+ */
+static REAL_MASK blocks(const Sphere A, const Real3 p, const Sphere B, const Real3 w, const int far, const int outside) {
+    const Real3 D = {B.center.x - A.center.x, B.center.y - A.center.y, B.center.z - A.center.z};
+    const Real3 f = {D.x - p.x, D.y - p.y, D.z - p.z};
+    const Real3 g = {f.x - p.x, f.y - p.y, f.z - p.z};
+    const REAL a = DOT(w, w), b = DOT(f, w), c = DOT(D, g) + (A.r - B.r) * (A.r + B.r);
+    const Real3 cross = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
+    const REAL bb = b * b, arr = a * (B.r * B.r);
+    const REAL_MASK meets = (bb < arr ? bb - a * c : arr - DOT(cross, cross)) >= 0;
+    const REAL_MASK ahead = b > 0;
+    const REAL_MASK enters = (c > 0) & meets & ahead;
+    const REAL_MASK leaves = (c < 0) | ((c == 0) & ahead);
+    if (outside < 0) return c > 0; /* P outside and the light inside: surely one root between */
+    if (outside == 0) return enters & (b < a);
+    return far ? (enters & (b < a)) | leaves : enters | leaves;
+}

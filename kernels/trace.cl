@@ -1,0 +1,418 @@
+/* trace.cl: from a pixel to its colour. The names, and their order, are those of cltrace/reference.py. */
+
+/* The buffers of a scene. Spheres are numbered as in the scene file everywhere. */
+typedef struct {
+    __global const real4 *center_radius; /* per sphere: centre in camera space, radius */
+    __global const real *power;          /* per sphere: |centre|^2 - radius^2 */
+    __global const int *material_of;     /* per sphere: index into material */
+    __global const shade8 *material;     /* ka La C (rgb), kd C (rgb), ks, exponent */
+    __global const Light *light;         /* parallel lights, then point lights, then spot lights */
+    __global const float4 *candidate;    /* what may be seen: see closest_hit */
+    __global const int *candidate_index; /* the sphere that it is */
+    __global const float4 *occluder;     /* what may stand before a light, for each light: see cast_shadow_ray */
+    __global const float *occluder_near;
+    __global const int2 *occluder_index;
+    __global const int2 *occluder_range; /* per light: the first of its occluders and their number */
+    int candidates;
+    int4 lights; /* numbers of parallel, point and spot lights */
+    real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
+} Scene;
+
+/* What was hit: the sphere's index, -1 = nothing, and the distance in units of the ray's direction. */
+typedef struct {
+    REAL t;
+    INT id;
+} Hit;
+
+/* All that is known of the point that was hit. */
+typedef struct {
+    MASK hit;
+    Sphere sphere;
+    Real3 normal;   /* outward unit normal of the sphere */
+    REAL side;      /* 1, or -1 where the ray came from inside: side * normal faces the ray */
+    Shade3 ambient; /* ka La C */
+    Shade3 diffuse; /* kd C */
+    SHADE ks, exponent;
+} Intersection;
+
+/* The ray through the centres of the packet's pixels; row 0 is the top. size: of the whole picture. */
+static Ray primary_ray(const View view, const int2 size, const INT column, const INT row) {
+    Ray ray;
+    ray.d.x = TO_REAL(2 * column + 1 - size.x) * view.pixel.x;
+    ray.d.y = TO_REAL(size.y - 1 - 2 * row) * view.pixel.y;
+    ray.d.z = -1;
+    ray.a = (ray.d.x * ray.d.x + ray.d.y * ray.d.y) + 1;
+    ray.over_a = 1 / ray.a;
+    return ray;
+}
+
+/* The nearest sphere along the ray; of equally near ones, that with the lowest index.
+ *
+ * The filter. A candidate is (C, c'), rounded to float, with c' = c - 11 u (|C|^2 + |c|) - 2^-100 rounded down, and
+ * c' = -inf where that is <= 0; u = 2^-24, c = |C|^2 - r^2. Claim: if the ray hits, then b |b| >= a c' in float.
+ * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and three
+ * operations follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from outside
+ * has b > 0 and b^2 >= a c. With s = b/|d| <= |C|:
+ *   - if s >= 5.01 u |C|:  b~^2 (1 - u) >= a (s - 5.01 u |C|)^2 (1 - u) >= a (c - 10.02 u |C|^2)(1 - u), and
+ *     a~ c' (1 + u) <= a (1 + 6.02 u) c' <= a (c - 10.1 u |C|^2 - 7.1 u c) (1 + 6.02 u), which is less.
+ *   - else c <= s^2 < 26 u^2 |C|^2, so c - 11 u |C|^2 < 0 and c' = -inf: always a candidate.
+ * A hit from inside or from the surface has c <= 0: likewise. Underflow adds at most 2^-123 to b: as a >= 1 and the
+ * scene is scaled to 1, 2^-100 covers it. The filter costs no more than a float tracer's own test.
+ */
+static Hit closest_hit(const Scene scene, const Ray ray) {
+    Hit hit = {INFINITY, -1};
+#ifdef WITH_FILTER
+    const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
+    const FLOAT a = fma(dx, dx, fma(dy, dy, (FLOAT)1.0f));
+#endif
+    for (int k = 0; k < scene.candidates; k++) {
+#ifdef WITH_FILTER
+        const float4 s = scene.candidate[k];
+        const FLOAT b = fma(dx, (FLOAT)s.x, fma(dy, (FLOAT)s.y, (FLOAT)-s.z));
+        if (!ANY(b * fabs(b) >= a * s.w)) continue;
+#endif
+        const int index = scene.candidate_index[k];
+        const REAL t = intersect_sphere(ray, sphere_at(scene.center_radius, scene.power, index));
+        const REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & TO_REAL_MASK(index < hit.id));
+        hit.t = nearer ? t : hit.t;
+        hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
+    }
+    return hit;
+}
+
+/* Sphere, normal and material of each lane's hit. Neighbours mostly hit the same sphere: each run of lanes with the
+ * same index is fetched once. Lanes without a hit keep harmless values. */
+static Intersection intersection_at(const Scene scene, const Ray ray, const Hit hit) {
+    Intersection at = {hit.id >= 0, {{0, 0, -2}, 1, 3}, {0, 0, 0}, 1, {0, 0, 0}, {0, 0, 0}, 0, 0};
+    int id[W], last = -1;
+#if W == 1
+    id[0] = hit.id;
+#else
+    PASTE(vstore, W)(hit.id, 0, id);
+#endif
+    for (int lane = 0; lane < W; lane++) {
+        const int index = id[lane];
+        if (index == last || index < 0) continue;
+        last = index;
+        const MASK same = hit.id == index;
+        const REAL_MASK here = TO_REAL_MASK(same);
+        const Sphere sphere = sphere_at(scene.center_radius, scene.power, index);
+        at.sphere.center.x = here ? sphere.center.x : at.sphere.center.x;
+        at.sphere.center.y = here ? sphere.center.y : at.sphere.center.y;
+        at.sphere.center.z = here ? sphere.center.z : at.sphere.center.z;
+        at.sphere.r = here ? sphere.r : at.sphere.r;
+        at.sphere.c = here ? sphere.c : at.sphere.c;
+#ifdef WITH_SHADING
+        const SHADE_MASK of = TO_SHADE_MASK(same);
+        const shade8 m = scene.material[scene.material_of[index]];
+        at.ambient.x = of ? (SHADE)m.s0 : at.ambient.x;
+        at.ambient.y = of ? (SHADE)m.s1 : at.ambient.y;
+        at.ambient.z = of ? (SHADE)m.s2 : at.ambient.z;
+        at.diffuse.x = of ? (SHADE)m.s3 : at.diffuse.x;
+        at.diffuse.y = of ? (SHADE)m.s4 : at.diffuse.y;
+        at.diffuse.z = of ? (SHADE)m.s5 : at.diffuse.z;
+        at.ks = of ? (SHADE)m.s6 : at.ks;
+        at.exponent = of ? (SHADE)m.s7 : at.exponent;
+#endif
+    }
+#ifdef WITH_NORMAL
+    at.normal = normal_at(ray, at.sphere, TO_REAL_MASK(at.hit) ? hit.t : (REAL)1);
+#endif
+#ifdef WITH_INSIDE
+    at.side = at.sphere.c > 0 ? (REAL)1 : (REAL)-1;
+#endif
+    return at;
+}
+
+#ifdef WITH_SHADOWS
+/* Which of the lit lanes stay lit: those without a sphere between the point and the light.
+ *
+ * p: from the centre of the own sphere to the point; w: from the point to the light, or to a parallel light a vector of
+ * length 1. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
+ * Only from its inside it blocks, if and only if the light is outside.
+ *
+ * The filter for a light at a point L: an occluder is (L - C, c'), with c' made from |L - C|^2 - r^2 as in closest_hit:
+ * the line from the light to the point is a ray from a fixed origin, too, and the same proof holds with d = -w, where
+ * |w|^2 > 2^-40 makes up for a >= 1; shorter ones are left to blocks(). Also, nothing of the sphere is nearer to the
+ * light than |L - C| - r, the square of which, rounded down with 8 u to spare, is `near`.
+ *
+ * The filter for a parallel light: an occluder is (u, v, r'^2, s) in the light's own coordinates, s towards it. A ray
+ * that hits is within r of the axis through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates
+ * moves the difference by at most u (|u| + |pu|) <= 2.01 u (|u| + r) each, and the sum costs 3 u: r' = r + 8 u (|u| +
+ * |v| + r) + 2^-60 is more. s + r, with 4 u (|s| + r) to spare, is the sphere's end that is nearest to the light.
+ */
+static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
+                            const INT own, const Real3 p, const Real3 w, const real unit, MASK lit) {
+    const int2 range = scene.occluder_range[number];
+#ifdef WITH_FILTER
+    FLOAT wx = 0, wy = 0, wz = 0, a = 0, pu = 0, pv = 0, ps = 0;
+    int unsure = 0;
+    if (at_point) {
+        wx = TO_FLOAT(w.x * unit);
+        wy = TO_FLOAT(w.y * unit);
+        wz = TO_FLOAT(w.z * unit);
+        a = fma(wx, wx, fma(wy, wy, wz * wz));
+        unsure = ANY(lit & (a < 0x1p-40f));
+    } else {
+        const Light light = scene.light[number];
+        const Real3 P = {at.sphere.center.x + p.x, at.sphere.center.y + p.y, at.sphere.center.z + p.z};
+        pu = TO_FLOAT(DOT(P, light.axis) * unit);
+        pv = TO_FLOAT(DOT(P, light.across) * unit);
+        ps = TO_FLOAT(DOT(P, light.position) * unit);
+    }
+#endif
+    for (int k = range.x; k < range.x + range.y; k++) {
+        const int2 which = scene.occluder_index[k];
+#ifdef WITH_INSIDE
+        const MASK other = which.x >= 0; /* the own sphere, too */
+#else
+        const MASK other = own != which.x;
+#endif
+#ifdef WITH_FILTER
+        const float4 s = scene.occluder[k];
+        if (at_point) {
+            const FLOAT b = fma(wx, (FLOAT)s.x, fma(wy, (FLOAT)s.y, wz * s.z));
+            const MASK may = lit & other & (b * fabs(b) >= a * s.w) & (a > scene.occluder_near[k]);
+            if (!unsure && !ANY(may)) continue;
+        } else {
+            const FLOAT x = s.x - pu, y = s.y - pv;
+            if (!ANY(lit & other & (fma(x, x, y * y) <= s.z) & (ps <= s.w))) continue;
+        }
+#endif
+        const Sphere sphere = sphere_at(scene.center_radius, scene.power, which.x);
+        REAL_MASK blocked = blocks(at.sphere, p, sphere, w, at_point, which.y);
+#ifdef WITH_INSIDE
+        const REAL_MASK self = TO_REAL_MASK(own == which.x);
+        blocked = (self & (at.side < 0) & ((REAL)which.y > 0)) | (!self & blocked);
+#else
+        blocked = blocked & TO_REAL_MASK(other);
+#endif
+        lit = lit & !TO_MASK(blocked);
+        if (!ANY(lit)) break;
+    }
+    return lit;
+}
+#endif
+
+#ifdef WITH_LIGHTS
+/* What one light adds to the colour: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
+ * kind: 0 parallel, 1 point, 2 spot. view: the ray's unit direction. rays: the shadow rays cast so far. */
+static Shade3 illuminate(const Scene scene, const int number, const int kind, const Intersection at, const INT own,
+                         const Shade3 view, Shade3 color, INT *rays) {
+    const Light light = scene.light[number];
+    const Real3 n = at.normal;
+    const Real3 p = {at.sphere.r * n.x, at.sphere.r * n.y, at.sphere.r * n.z};
+    Real3 w = {light.position.x, light.position.y, light.position.z};
+    REAL cosine = DOT(n, w); /* of n and the light, times |w| */
+    if (kind != 0) {
+        /* From the point to the light by way of the centre; n.p = r, exactly. */
+        const Real3 h = {w.x - at.sphere.center.x, w.y - at.sphere.center.y, w.z - at.sphere.center.z};
+        w.x = h.x - p.x;
+        w.y = h.y - p.y;
+        w.z = h.z - p.z;
+        cosine = DOT(n, h) - at.sphere.r;
+    }
+    MASK lit = at.hit & TO_MASK(at.side * cosine > 0);
+#ifdef WITH_SPOT
+    if (kind == 2) lit = lit & TO_MASK(-DOT(w, light.axis) >= light.axis.w * sqrt(DOT(w, w)));
+#endif
+    if (!ANY(lit)) return color;
+#ifdef WITH_SHADOWS
+    *rays += lit ? (INT)1 : (INT)0;
+    lit = cast_shadow_ray(scene, number, kind != 0, at, own, p, w, scene.unit, lit);
+    if (!ANY(lit)) return color;
+#endif
+
+    if (kind != 0) {
+        /* In float, |w|^2 must neither vanish nor overflow: not even for a light that all but touches the surface. */
+        w.x *= scene.unit;
+        w.y *= scene.unit;
+        w.z *= scene.unit;
+        const REAL_MASK tiny = DOT(w, w) < (real)0x1p-80f;
+        if (ANY(TO_MASK(tiny) & lit)) {
+            w.x = tiny ? w.x * (real)0x1p80f : w.x;
+            w.y = tiny ? w.y * (real)0x1p80f : w.y;
+            w.z = tiny ? w.z * (real)0x1p80f : w.z;
+        }
+    }
+    Shade3 l = {TO_SHADE(w.x), TO_SHADE(w.y), TO_SHADE(w.z)};
+    const SHADE over = 1 / sqrt(DOT(l, l));
+    l.x *= over;
+    l.y *= over;
+    l.z *= over;
+    const Shade3 N = {TO_SHADE(at.side * n.x), TO_SHADE(at.side * n.y), TO_SHADE(at.side * n.z)};
+    const SHADE dot = DOT(N, l);
+    const SHADE_MASK on = TO_SHADE_MASK(lit) & (dot > 0);
+    const SHADE cosine_nl = dot < 1 ? dot : (SHADE)1;
+    SHADE strength = 1;
+#ifdef WITH_SPOT
+    if (kind == 2 && light.cone.y > 0) {
+        const Shade3 axis = {(shade_t)light.axis.x, (shade_t)light.axis.y, (shade_t)light.axis.z};
+        const Shade3 cross = {axis.y * l.z - axis.z * l.y, axis.z * l.x - axis.x * l.z, axis.x * l.y - axis.y * l.x};
+        const SHADE angle = atan2(sqrt(DOT(cross, cross)), -DOT(axis, l));
+        const SHADE fall = 1 - (angle - light.cone.x) * light.cone.y;
+        strength = fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
+    }
+#endif
+    SHADE highlight = 0;
+#ifdef WITH_SPECULAR
+    /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
+    const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
+    highlight = at.ks * lobe((shade_t)-0.5 * DOT(e, e), at.exponent) * strength;
+#endif
+    const SHADE amount = cosine_nl * strength;
+    color.x = on ? color.x + (at.diffuse.x * amount + highlight) * light.color.x : color.x;
+    color.y = on ? color.y + (at.diffuse.y * amount + highlight) * light.color.y : color.y;
+    color.z = on ? color.z + (at.diffuse.z * amount + highlight) * light.color.z : color.z;
+    return color;
+}
+#endif
+
+/* The colour of a ray that hit, and how many shadow rays it took. */
+static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, const INT own, INT *rays) {
+    Shade3 color = at.ambient;
+#ifdef WITH_LIGHTS
+    const SHADE over = 1 / sqrt(TO_SHADE(ray.a));
+    const Shade3 view = {TO_SHADE(ray.d.x) * over, TO_SHADE(ray.d.y) * over, -over};
+    int number = 0;
+#ifdef WITH_PARALLEL
+    for (; number < scene.lights.x; number++) color = illuminate(scene, number, 0, at, own, view, color, rays);
+#endif
+#ifdef WITH_POINT
+    for (; number < scene.lights.x + scene.lights.y; number++)
+        color = illuminate(scene, number, 1, at, own, view, color, rays);
+#endif
+#ifdef WITH_SPOT
+    for (; number < scene.lights.x + scene.lights.y + scene.lights.z; number++)
+        color = illuminate(scene, number, 2, at, own, view, color, rays);
+#endif
+#endif
+    return color;
+}
+
+#if defined(OUT_NORMAL) || defined(OUT_DIRECTION)
+/* A direction of camera space, in the world. */
+static Float3 to_world(const View view, const Real3 v) {
+    const Float3 w = {TO_FLOAT(v.x * view.right.x + v.y * view.up.x + v.z * view.back.x),
+                      TO_FLOAT(v.x * view.right.y + v.y * view.up.y + v.z * view.back.y),
+                      TO_FLOAT(v.x * view.right.z + v.y * view.up.z + v.z * view.back.z)};
+    return w;
+}
+#endif
+
+#ifdef OUT_RGB8
+/* Writes a packet of pixels of 3 bytes each: a row of 4 pixels is 3 whole words. */
+static void store_rgb8(__global uchar *out, const int first, const int pitch, const LANES(uint) r, const LANES(uint) g,
+                       const LANES(uint) b) {
+#if W == 1
+    vstore3((uchar3)((uchar)r, (uchar)g, (uchar)b), first, out);
+#else
+    const LANES(uint) p = r | (g << 8) | (b << 16);
+#if W == 8
+    const uint2 p0 = p.s04, p1 = p.s15, p2 = p.s26, p3 = p.s37;
+    uint2 word[3];
+#else
+    const uint4 p0 = p.s048c, p1 = p.s159d, p2 = p.s26ae, p3 = p.s37bf;
+    uint4 word[3];
+#endif
+    word[0] = p0 | (p1 << 24);
+    word[1] = (p1 >> 8) | (p2 << 16);
+    word[2] = (p2 >> 16) | (p3 << 8);
+    __global uint *row = (__global uint *)(out + 3 * first);
+    const int step = 3 * pitch / 4;
+    for (int k = 0; k < 3; k++) {
+        row[k] = word[k].s0;
+        row[step + k] = word[k].s1;
+#if W == 16
+        row[2 * step + k] = word[k].s2;
+        row[3 * step + k] = word[k].s3;
+#endif
+    }
+#endif
+}
+#endif
+
+/* Writes one number a lane, `stride` apart. */
+#if W == 1
+#define STORE(type, out, first, pitch, stride, value) (out)[(long)(first) * (stride)] = (value)
+#else
+#define STORE(type, out, first, pitch, stride, value)                                                             \
+    do {                                                                                                          \
+        type lane_[W];                                                                                            \
+        PASTE(vstore, W)(value, 0, lane_);                                                                        \
+        for (int j_ = 0; j_ < W; j_++)                                                                            \
+            (out)[((long)(first) + (j_ >> 2) * (pitch) + (j_ & 3)) * (stride)] = lane_[j_];                        \
+    } while (0)
+#endif
+
+/* One packet of pixels of the region (x, y, width, height) of a picture of this size. The outputs have rows of `pitch`
+ * pixels, a whole number of packets in both directions. */
+__kernel void render(const View view, const int2 size, const int4 region, const int pitch,
+                     __global const real4 *center_radius, __global const real *power,
+                     __global const int *material_of, __global const shade8 *material, __global const Light *light,
+                     const int4 lights, __global const float4 *candidate, __global const int *candidate_index,
+                     const int candidates, __global const float4 *occluder, __global const float *occluder_near,
+                     __global const int2 *occluder_index, __global const int2 *occluder_range, __global uchar *rgb8,
+                     __global float *color_out, __global float *normal_out, __global float *direction_out,
+                     __global real *depth_out, __global int *id_out, __global int *shadow_rays_out) {
+    const int x = (int)get_global_id(0) * PACKET_WIDTH, y = (int)get_global_id(1) * PACKET_HEIGHT;
+    if (x >= region.z || y >= region.w) return;
+    const int first = y * pitch + x;
+    const Scene scene = {center_radius, power, material_of, material, light, candidate, candidate_index, occluder,
+                         occluder_near, occluder_index, occluder_range, candidates, lights, view.pixel.z};
+
+    const Ray ray = primary_ray(view, size, region.x + x + LANE_COLUMN, region.y + y + LANE_ROW);
+    const Hit hit = closest_hit(scene, ray);
+    Shade3 color = {view.background.x, view.background.y, view.background.z};
+    Float3 normal = {0, 0, 0};
+    INT rays = 0;
+#ifdef WITH_INTERSECTION
+    if (ANY(hit.id >= 0)) {
+        const Intersection at = intersection_at(scene, ray, hit);
+#ifdef WITH_SHADING
+        const Shade3 own = shade(scene, ray, at, hit.id, &rays);
+        const SHADE_MASK any_hit = TO_SHADE_MASK(at.hit);
+        color.x = any_hit ? own.x : color.x;
+        color.y = any_hit ? own.y : color.y;
+        color.z = any_hit ? own.z : color.z;
+#endif
+#ifdef OUT_NORMAL
+        const REAL side = TO_REAL_MASK(at.hit) ? at.side : (REAL)0;
+        const Real3 facing = {side * at.normal.x, side * at.normal.y, side * at.normal.z};
+        normal = to_world(view, facing);
+#endif
+    }
+#endif
+
+#ifdef OUT_RGB8
+    const shade_t rounding = view.quantize.x;
+    store_rgb8(rgb8, first, pitch, byte_of(color.x, rounding), byte_of(color.y, rounding), byte_of(color.z, rounding));
+#endif
+#ifdef OUT_COLOR
+    STORE(float, color_out, first, pitch, 3, TO_FLOAT(color.x));
+    STORE(float, color_out + 1, first, pitch, 3, TO_FLOAT(color.y));
+    STORE(float, color_out + 2, first, pitch, 3, TO_FLOAT(color.z));
+#endif
+#ifdef OUT_NORMAL
+    STORE(float, normal_out, first, pitch, 3, normal.x);
+    STORE(float, normal_out + 1, first, pitch, 3, normal.y);
+    STORE(float, normal_out + 2, first, pitch, 3, normal.z);
+#endif
+#ifdef OUT_DIRECTION
+    const REAL over = 1 / sqrt(ray.a);
+    const Real3 unit = {ray.d.x * over, ray.d.y * over, -over};
+    const Float3 direction = to_world(view, unit);
+    STORE(float, direction_out, first, pitch, 3, direction.x);
+    STORE(float, direction_out + 1, first, pitch, 3, direction.y);
+    STORE(float, direction_out + 2, first, pitch, 3, direction.z);
+#endif
+#ifdef OUT_DEPTH
+    STORE(real, depth_out, first, pitch, 1, hit.t * sqrt(ray.a));
+#endif
+#ifdef OUT_ID
+    STORE(int, id_out, first, pitch, 1, hit.id);
+#endif
+#ifdef OUT_SHADOW_RAYS
+    STORE(int, shadow_rays_out, first, pitch, 1, rays);
+#endif
+}
