@@ -27,19 +27,20 @@ class Driver:
     """What was measured of a CPU driver: the packet width that is right for it, and its place among the others.
 
     pattern: of the platform's version; width: pixels in a packet; rank: the lower, the faster (of two drivers for the
-    same CPU, the better one is taken when none is asked for).
+    same CPU, the better one is taken when none is asked for); flags: -D flags that it needs.
     """
 
     pattern: str
     width: int
     rank: int
+    flags: tuple[str, ...] = ()
 
 
 # Measured on 2 cores with AVX-512; the figures are in the README. PoCL 3.0 must stay at width 8: with LLVM 14,
-# sqrt(float16) aborts the whole process.
+# sqrt(float16) aborts the whole process. It also calls a function for each fma, and so spills all registers.
 DRIVERS = (
     Driver(r"Intel|LINUX", 16, 0),
-    Driver(r"PoCL 3\.0", 8, 2),
+    Driver(r"PoCL 3\.0", 8, 2, ("NO_FMA",)),
     Driver(r"PoCL", 16, 1),
 )
 OTHER_CPU = Driver("", 8, 3)
@@ -84,6 +85,11 @@ class Device:
     def record(self) -> Driver:
         """What is known of a CPU driver."""
         return next((d for d in DRIVERS if re.search(d.pattern, self.platform)), OTHER_CPU)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """-D flags that the driver needs."""
+        return self.record.flags if self.kind == "cpu" else ()
 
     @property
     def width(self) -> int:

@@ -77,6 +77,8 @@ class Point:
         return Direction(self.x - other.x, self.y - other.y, self.z - other.z)
 
     def __add__(self, step: Direction) -> Point:
+        if not isinstance(step, Direction):
+            return NotImplemented
         return Point(self.x + step.x, self.y + step.y, self.z + step.z)
 
 

@@ -75,7 +75,8 @@ class Renderer:
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             self.context: Any = cl.Context([self.device.cl])
             self.queue: Any = cl.CommandQueue(self.context)
-            self._kernel = build(self.context, self.device, [f"-DW={self.width}", *self.packed.options()])
+            options = [f"-D{flag}" for flag in (f"W={self.width}", *self.device.flags)] + self.packed.options()
+            self._kernel = build(self.context, self.device, options)
         with self._timed("upload"), self._driver_errors():
             self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
             self.queue.finish()

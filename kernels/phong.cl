@@ -12,28 +12,28 @@ static FLOAT log_1_plus(const FLOAT z) {
     const FLOAT m = AS(float, AS(int, s) - (power << 23));
     const FLOAT f = power == 0 ? z : m - 1.0f; /* z itself where 1 + z lost its digits */
     FLOAT g = -0.0790274377f;
-    g = fma(g, f, (FLOAT)0.126223198f);
-    g = fma(g, f, (FLOAT)-0.129981838f);
-    g = fma(g, f, (FLOAT)0.142144959f);
-    g = fma(g, f, (FLOAT)-0.166412815f);
-    g = fma(g, f, (FLOAT)0.200010451f);
-    g = fma(g, f, (FLOAT)-0.250003064f);
-    g = fma(g, f, (FLOAT)0.333333307f);
-    g = fma(g, f, (FLOAT)-0.5f);
-    return fma(TO_FLOAT(power), (FLOAT)0.693147181f, fma(g * f, f, f));
+    g = FMA(g, f, (FLOAT)0.126223198f);
+    g = FMA(g, f, (FLOAT)-0.129981838f);
+    g = FMA(g, f, (FLOAT)0.142144959f);
+    g = FMA(g, f, (FLOAT)-0.166412815f);
+    g = FMA(g, f, (FLOAT)0.200010451f);
+    g = FMA(g, f, (FLOAT)-0.250003064f);
+    g = FMA(g, f, (FLOAT)0.333333307f);
+    g = FMA(g, f, (FLOAT)-0.5f);
+    return FMA(TO_FLOAT(power), (FLOAT)0.693147181f, FMA(g * f, f, f));
 }
 
 static FLOAT exp_negative(const FLOAT y) {
     const FLOAT x = y < -87.0f ? (FLOAT)-87.0f : y;                             /* below, the result is 0 at any rate */
-    const FLOAT k = fma(x, (FLOAT)1.44269504f, (FLOAT)12582912.0f) - 12582912.0f; /* x / log(2), to the nearest integer */
-    const FLOAT f = fma(k, (FLOAT)-1.42860677e-6f, fma(k, (FLOAT)-0.693145752f, x)); /* log(2) in two parts */
+    const FLOAT k = FMA(x, (FLOAT)1.44269504f, (FLOAT)12582912.0f) - 12582912.0f; /* x / log(2), to the nearest integer */
+    const FLOAT f = FMA(k, (FLOAT)-1.42860677e-6f, FMA(k, (FLOAT)-0.693145752f, x)); /* log(2) in two parts */
     FLOAT g = 0.00139411084f;
-    g = fma(g, f, (FLOAT)0.0083751264f);
-    g = fma(g, f, (FLOAT)0.0416663529f);
-    g = fma(g, f, (FLOAT)0.166664155f);
-    g = fma(g, f, (FLOAT)0.500000005f);
-    g = fma(g, f, (FLOAT)1.00000004f);
-    g = fma(g, f, (FLOAT)1.0f);
+    g = FMA(g, f, (FLOAT)0.0083751264f);
+    g = FMA(g, f, (FLOAT)0.0416663529f);
+    g = FMA(g, f, (FLOAT)0.166664155f);
+    g = FMA(g, f, (FLOAT)0.500000005f);
+    g = FMA(g, f, (FLOAT)1.00000004f);
+    g = FMA(g, f, (FLOAT)1.0f);
     const FLOAT two_to_k = AS(float, (TO_INT(k) + 127) << 23);
     return y < -87.0f ? (FLOAT)0.0f : g * two_to_k;
 }

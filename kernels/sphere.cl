@@ -91,24 +91,70 @@ static Real3 normal_at(const Ray ray, const Sphere sphere, const REAL t) {
     return n;
 }
 
-/* Whether the sphere B stands between the hit point P = C_A + p on another sphere A, |p| = R_A, and a light.
+/* A point P of a sphere, by which a shadow ray starts. */
+typedef struct {
+    Sphere own;
+    Real3 p; /* from the own sphere's centre to P */
+#if REAL_BYTES == 4
+    Real3 from_eye;      /* P itself, in camera space */
+    REAL_MASK near_eye;  /* whether that is the shorter way */
+#endif
+} Start;
+
+static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
+    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}};
+#if REAL_BYTES == 4
+    P.from_eye.x = t * ray.d.x;
+    P.from_eye.y = t * ray.d.y;
+    P.from_eye.z = -t;
+    P.near_eye = DOT(P.from_eye, P.from_eye) < own.r * own.r;
+#endif
+    return P;
+}
+
+/* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
+ * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */
+static Real3 towards(const Start P, const Real3 point) {
+    const Real3 C = P.own.center;
+    Real3 w = {(point.x - C.x) - P.p.x, (point.y - C.y) - P.p.y, (point.z - C.z) - P.p.z};
+#if REAL_BYTES == 4
+    w.x = P.near_eye ? point.x - P.from_eye.x : w.x;
+    w.y = P.near_eye ? point.y - P.from_eye.y : w.y;
+    w.z = P.near_eye ? point.z - P.from_eye.z : w.z;
+#endif
+    return w;
+}
+
+/* |B.center - P|^2 - B.r^2, the power of P, given f = B.center - P. With D = B.center - C it is
+ * D.(D - 2p) + (R - r)(R + r), as |p| = R: exact for concentric spheres, even one ulp apart. */
+static REAL power_of(const Start P, const Sphere B, const Real3 f) {
+    const Real3 C = P.own.center;
+    const Real3 D = {B.center.x - C.x, B.center.y - C.y, B.center.z - C.z};
+    const Real3 g = {f.x - P.p.x, f.y - P.p.y, f.z - P.p.z};
+    const REAL c = DOT(D, g) + (P.own.r - B.r) * (P.own.r + B.r);
+#if REAL_BYTES == 4
+    /* |B.center|^2 - r^2 comes from the host: what is added to it is small where P is near the eye. */
+    const Real3 h = {P.from_eye.x - 2 * B.center.x, P.from_eye.y - 2 * B.center.y, P.from_eye.z - 2 * B.center.z};
+    return P.near_eye ? B.c + DOT(P.from_eye, h) : c;
+#else
+    return c;
+#endif
+}
+
+/* Whether the sphere B, not the own one, stands between P and a light.
  *
  * w: from P to the light; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
  * (0, 1) counts. outside: the sign of |L - C_B|^2 - r_B^2, computed exactly by the host; 1 for a parallel light.
- * P is never formed: with D = C_B - C_A,
- *   f = C_B - P = D - p,   a = w.w,   b = f.w,   c = |f|^2 - r_B^2 = D.(D - 2p) + (R_A - r_B)(R_A + r_B),
- * which is exact for concentric spheres, even one ulp apart. No root is computed, only signs: of the product c of the
- * roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the equation at t = 1.
+ * With f = C_B - P the equation is a t^2 - 2 b t + c = 0, a = w.w, b = f.w, c = |f|^2 - r_B^2. No root is computed, only
+ * signs: of the product c of the roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the value at t = 1.
  *   c > 0, P outside: two roots of one sign if the discriminant is >= 0; positive if b > 0; the first is below 1 if
  *          the light is inside, or if their mean b/a is below 1.
  *   c < 0, P inside: one positive root, below 1 if the light is strictly outside.
  *   c = 0, P on B: the root 0 does not count, the other one is 2b/a.
  */
-static REAL_MASK blocks(const Sphere A, const Real3 p, const Sphere B, const Real3 w, const int far, const int outside) {
-    const Real3 D = {B.center.x - A.center.x, B.center.y - A.center.y, B.center.z - A.center.z};
-    const Real3 f = {D.x - p.x, D.y - p.y, D.z - p.z};
-    const Real3 g = {f.x - p.x, f.y - p.y, f.z - p.z};
-    const REAL a = DOT(w, w), b = DOT(f, w), c = DOT(D, g) + (A.r - B.r) * (A.r + B.r);
+static REAL_MASK blocks(const Start P, const Sphere B, const Real3 w, const int far, const int outside) {
+    const Real3 f = towards(P, B.center);
+    const REAL a = DOT(w, w), b = DOT(f, w), c = power_of(P, B, f);
     const Real3 cross = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
     const REAL bb = b * b, arr = a * (B.r * B.r);
     const REAL_MASK meets = (bb < arr ? bb - a * c : arr - DOT(cross, cross)) >= 0;

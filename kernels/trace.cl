@@ -29,6 +29,7 @@ typedef struct {
     MASK hit;
     Sphere sphere;
     Real3 normal;   /* outward unit normal of the sphere */
+    Start start;    /* where its shadow rays start */
     REAL side;      /* 1, or -1 where the ray came from inside: side * normal faces the ray */
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
@@ -46,12 +47,17 @@ static Ray primary_ray(const View view, const int2 size, const INT column, const
     return ray;
 }
 
+/* |x|, by operators alone. */
+static FLOAT magnitude(const FLOAT x) {
+    return AS(float, AS(int, x) & 0x7fffffff);
+}
+
 /* The nearest sphere along the ray; of equally near ones, that with the lowest index.
  *
  * The filter. A candidate is (C, c'), rounded to float, with c' = c - 11 u (|C|^2 + |c|) - 2^-100 rounded down, and
  * c' = -inf where that is <= 0; u = 2^-24, c = |C|^2 - r^2. Claim: if the ray hits, then b |b| >= a c' in float.
- * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and three
- * operations follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from outside
+ * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and
+ * at most three roundings follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from outside
  * has b > 0 and b^2 >= a c. With s = b/|d| <= |C|:
  *   - if s >= 5.01 u |C|:  b~^2 (1 - u) >= a (s - 5.01 u |C|)^2 (1 - u) >= a (c - 10.02 u |C|^2)(1 - u), and
  *     a~ c' (1 + u) <= a (1 + 6.02 u) c' <= a (c - 10.1 u |C|^2 - 7.1 u c) (1 + 6.02 u), which is less.
@@ -63,13 +69,13 @@ static Hit closest_hit(const Scene scene, const Ray ray) {
     Hit hit = {INFINITY, -1};
 #ifdef WITH_FILTER
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
-    const FLOAT a = fma(dx, dx, fma(dy, dy, (FLOAT)1.0f));
+    const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
 #endif
     for (int k = 0; k < scene.candidates; k++) {
 #ifdef WITH_FILTER
         const float4 s = scene.candidate[k];
-        const FLOAT b = fma(dx, (FLOAT)s.x, fma(dy, (FLOAT)s.y, (FLOAT)-s.z));
-        if (!ANY(b * fabs(b) >= a * s.w)) continue;
+        const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
+        if (!ANY(b * magnitude(b) >= a * s.w)) continue;
 #endif
         const int index = scene.candidate_index[k];
         const REAL t = intersect_sphere(ray, sphere_at(scene.center_radius, scene.power, index));
@@ -83,7 +89,14 @@ static Hit closest_hit(const Scene scene, const Ray ray) {
 /* Sphere, normal and material of each lane's hit. Neighbours mostly hit the same sphere: each run of lanes with the
  * same index is fetched once. Lanes without a hit keep harmless values. */
 static Intersection intersection_at(const Scene scene, const Ray ray, const Hit hit) {
-    Intersection at = {hit.id >= 0, {{0, 0, -2}, 1, 3}, {0, 0, 0}, 1, {0, 0, 0}, {0, 0, 0}, 0, 0};
+    Intersection at;
+    at.hit = hit.id >= 0;
+    at.sphere.center.x = at.sphere.center.y = 0;
+    at.sphere.center.z = -2;
+    at.sphere.r = 1;
+    at.sphere.c = 3;
+    at.side = 1;
+    at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;
     int id[W], last = -1;
 #if W == 1
     id[0] = hit.id;
@@ -116,7 +129,9 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 #endif
     }
 #ifdef WITH_NORMAL
-    at.normal = normal_at(ray, at.sphere, TO_REAL_MASK(at.hit) ? hit.t : (REAL)1);
+    const REAL t = TO_REAL_MASK(at.hit) ? hit.t : (REAL)1;
+    at.normal = normal_at(ray, at.sphere, t);
+    at.start = start_at(ray, at.sphere, at.normal, t);
 #endif
 #ifdef WITH_INSIDE
     at.side = at.sphere.c > 0 ? (REAL)1 : (REAL)-1;
@@ -127,8 +142,7 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 #ifdef WITH_SHADOWS
 /* Which of the lit lanes stay lit: those without a sphere between the point and the light.
  *
- * p: from the centre of the own sphere to the point; w: from the point to the light, or to a parallel light a vector of
- * length 1. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
+ * w: from the point to the light, or to a parallel light a vector of length 1. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
  * Only from its inside it blocks, if and only if the light is outside.
  *
  * The filter for a light at a point L: an occluder is (L - C, c'), with c' made from |L - C|^2 - r^2 as in closest_hit:
@@ -142,7 +156,7 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
  * |v| + r) + 2^-60 is more. s + r, with 4 u (|s| + r) to spare, is the sphere's end that is nearest to the light.
  */
 static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
-                            const INT own, const Real3 p, const Real3 w, const real unit, MASK lit) {
+                            const INT own, const Real3 w, const real unit, MASK lit) {
     const int2 range = scene.occluder_range[number];
 #ifdef WITH_FILTER
     FLOAT wx = 0, wy = 0, wz = 0, a = 0, pu = 0, pv = 0, ps = 0;
@@ -151,11 +165,17 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         wx = TO_FLOAT(w.x * unit);
         wy = TO_FLOAT(w.y * unit);
         wz = TO_FLOAT(w.z * unit);
-        a = fma(wx, wx, fma(wy, wy, wz * wz));
+        a = FMA(wx, wx, FMA(wy, wy, wz * wz));
         unsure = ANY(lit & (a < 0x1p-40f));
     } else {
         const Light light = scene.light[number];
-        const Real3 P = {at.sphere.center.x + p.x, at.sphere.center.y + p.y, at.sphere.center.z + p.z};
+        const Real3 C = at.sphere.center, p = at.start.p;
+        Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};
+#if REAL_BYTES == 4
+        P.x = at.start.near_eye ? at.start.from_eye.x : P.x;
+        P.y = at.start.near_eye ? at.start.from_eye.y : P.y;
+        P.z = at.start.near_eye ? at.start.from_eye.z : P.z;
+#endif
         pu = TO_FLOAT(DOT(P, light.axis) * unit);
         pv = TO_FLOAT(DOT(P, light.across) * unit);
         ps = TO_FLOAT(DOT(P, light.position) * unit);
@@ -171,16 +191,16 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
 #ifdef WITH_FILTER
         const float4 s = scene.occluder[k];
         if (at_point) {
-            const FLOAT b = fma(wx, (FLOAT)s.x, fma(wy, (FLOAT)s.y, wz * s.z));
-            const MASK may = lit & other & (b * fabs(b) >= a * s.w) & (a > scene.occluder_near[k]);
+            const FLOAT b = FMA(wx, (FLOAT)s.x, FMA(wy, (FLOAT)s.y, wz * s.z));
+            const MASK may = lit & other & (b * magnitude(b) >= a * s.w) & (a > scene.occluder_near[k]);
             if (!unsure && !ANY(may)) continue;
         } else {
             const FLOAT x = s.x - pu, y = s.y - pv;
-            if (!ANY(lit & other & (fma(x, x, y * y) <= s.z) & (ps <= s.w))) continue;
+            if (!ANY(lit & other & (FMA(x, x, y * y) <= s.z) & (ps <= s.w))) continue;
         }
 #endif
         const Sphere sphere = sphere_at(scene.center_radius, scene.power, which.x);
-        REAL_MASK blocked = blocks(at.sphere, p, sphere, w, at_point, which.y);
+        REAL_MASK blocked = blocks(at.start, sphere, w, at_point, which.y);
 #ifdef WITH_INSIDE
         const REAL_MASK self = TO_REAL_MASK(own == which.x);
         blocked = (self & (at.side < 0) & ((REAL)which.y > 0)) | (!self & blocked);
@@ -201,16 +221,17 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
                          const Shade3 view, Shade3 color, INT *rays) {
     const Light light = scene.light[number];
     const Real3 n = at.normal;
-    const Real3 p = {at.sphere.r * n.x, at.sphere.r * n.y, at.sphere.r * n.z};
-    Real3 w = {light.position.x, light.position.y, light.position.z};
+    const Real3 to = {light.position.x, light.position.y, light.position.z};
+    Real3 w = to;
     REAL cosine = DOT(n, w); /* of n and the light, times |w| */
     if (kind != 0) {
-        /* From the point to the light by way of the centre; n.p = r, exactly. */
-        const Real3 h = {w.x - at.sphere.center.x, w.y - at.sphere.center.y, w.z - at.sphere.center.z};
-        w.x = h.x - p.x;
-        w.y = h.y - p.y;
-        w.z = h.z - p.z;
+        w = towards(at.start, to);
+        /* n.(L - P) by way of the centre, as n.p = r exactly. */
+        const Real3 h = {to.x - at.sphere.center.x, to.y - at.sphere.center.y, to.z - at.sphere.center.z};
         cosine = DOT(n, h) - at.sphere.r;
+#if REAL_BYTES == 4
+        cosine = at.start.near_eye ? DOT(n, w) : cosine;
+#endif
     }
     MASK lit = at.hit & TO_MASK(at.side * cosine > 0);
 #ifdef WITH_SPOT
@@ -219,7 +240,7 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
     if (!ANY(lit)) return color;
 #ifdef WITH_SHADOWS
     *rays += lit ? (INT)1 : (INT)0;
-    lit = cast_shadow_ray(scene, number, kind != 0, at, own, p, w, scene.unit, lit);
+    lit = cast_shadow_ray(scene, number, kind != 0, at, own, w, scene.unit, lit);
     if (!ANY(lit)) return color;
 #endif
 

@@ -1,0 +1,197 @@
+"""The command as its users meet it: a process, its output, its files and its exit status."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+import cltrace
+
+FIRST = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"
+
+
+def run(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "cltrace", *map(str, arguments)]
+    env = {k: v for k, v in os.environ.items() if k != "PYOPENCL_CTX"} | environment
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, timeout=120, check=False)
+
+
+def pixels(data: bytes | Path) -> np.ndarray:
+    with Picture.open(io.BytesIO(data) if isinstance(data, bytes) else data) as picture:
+        assert picture.format == "PNG"
+        assert picture.mode == "RGB"
+        return np.asarray(picture)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A small scene that renders fast."""
+    text = FIRST.read_text()
+    path = tmp_path / "small.xml"
+    path.write_text(text)
+    return path
+
+
+def test_scene_alone_does_the_right_thing(tmp_path: Path) -> None:
+    done = run(FIRST, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == b""
+    assert done.stderr.startswith(b"cltrace: wrote step3-shadows.png, 481x361, ")
+    assert [p.name for p in tmp_path.iterdir()] == ["step3-shadows.png"]
+    expected = cltrace.render(cltrace.load(FIRST)).rgb8
+    assert np.array_equal(pixels(tmp_path / "step3-shadows.png"), expected)
+
+
+def test_the_installed_command_is_the_same() -> None:
+    command = Path(sys.executable).parent / "cltrace"
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cltrace ")
+
+
+def test_stdout_quiet_and_options(tmp_path: Path) -> None:
+    whole = pixels(run(FIRST, "-o", "-", "-q", cwd=tmp_path).stdout)
+    crop = pixels(run(FIRST, "-o", "-", "-q", "--crop", "100,200,140,230", cwd=tmp_path).stdout)
+    assert np.array_equal(crop, whole[200:230, 100:140])
+    assert pixels(run(FIRST, "-o", "-", "--size", "64x48", cwd=tmp_path).stdout).shape == (48, 64, 3)
+    square = pixels(run(FIRST, "-o", "-", "--square-pixels", cwd=tmp_path).stdout)
+    assert not np.array_equal(square, whole)
+    down = pixels(run(FIRST, "-o", "-", "--truncate", cwd=tmp_path).stdout)
+    assert set(np.unique(whole.astype(int) - down)) == {0, 1}
+    assert run(FIRST, "-q", "-o", "x.png", cwd=tmp_path).stderr == b""
+    assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
+
+
+@pytest.mark.parametrize("show", ["normal", "direction", "depth", "id"])
+def test_show(tmp_path: Path, show: str) -> None:
+    got = pixels(run(FIRST, "-o", "-", "--show", show, cwd=tmp_path).stdout)
+    image = cltrace.render(cltrace.load(FIRST), outputs=(show,))
+    assert np.array_equal(got, image.as_rgb8(show))
+    assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
+
+
+def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
+    done = run(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
+    stats = json.loads(done.stdout)
+    assert done.stdout.count(b"\n") == 1
+    assert set(stats) == {"device", "precision", "size", "spheres", "features", "seconds", "rays", "skipped"}
+    assert stats["precision"] == "accurate"
+    assert stats["size"] == [481, 361]
+    assert set(stats["seconds"]) == {"read", "pack", "build", "upload", "kernel", "readback", "write", "total"}
+    assert all(value >= 0 for value in stats["seconds"].values())
+    assert stats["rays"]["primary"] == 481 * 361
+    assert 0 < stats["rays"]["shadow"] < 481 * 361
+    text = run(FIRST, "--stats", cwd=tmp_path)
+    assert text.stdout == b""
+    assert b"kernel" in text.stderr
+
+
+def test_check(tmp_path: Path) -> None:
+    done = run(FIRST, "--check=500", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert b"check ok: 500 of 173641 pixels" in done.stderr
+    small = run(FIRST, "--size", "20x15", "--check=all", cwd=tmp_path)
+    assert b"check ok: 300 of 300 pixels" in small.stderr
+    crop = run(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "normal", cwd=tmp_path)
+    assert crop.returncode == 0
+    assert b"check ok: 600 of 600 pixels" in crop.stderr
+
+
+def test_list_devices(tmp_path: Path) -> None:
+    done = run("--list-devices", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.decode().splitlines() == [d.line() for d in cltrace.devices()]
+
+
+def test_no_driver_gives_advice(tmp_path: Path) -> None:
+    """The loader finds nothing in an empty folder, but for a wheel's driver beside it."""
+    script = "import cltrace.device as d, cltrace.cli as c; d.devices = c.devices = lambda: []; raise SystemExit(c.main())"
+    for arguments, stream in ((["--list-devices"], "stdout"), ([str(FIRST)], "stderr")):
+        done = subprocess.run(
+            [sys.executable, "-c", script, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 3
+        assert "no OpenCL device found" in getattr(done, stream)
+        assert "pip install pocl-binary-distribution" in getattr(done, stream)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "which scene? Say cltrace SCENE.xml; see cltrace --help"),
+        (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 268435456 pixels, got 0x5;"),
+        (["{scene}", "--size", "5"], "argument --size: must be WIDTHxHEIGHT, such as 640x480, got '5';"),
+        (["{scene}", "--crop", "1,2,3"], "argument --crop: must be X0,Y0,X1,Y1, such as 0,0,64,64, got '1,2,3';"),
+        (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
+        (["{scene}", "--crop", "0,0,482,9"], "crop: must be within 0,0,481,361 and not empty, got 0,0,482,9"),
+        (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
+        (["{scene}", "--repeat", "0"], "argument --repeat: must be a whole number >= 1, got '0';"),
+        (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
+        (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
+        (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
+        (["{scene}", "-o", "."], "-o: '.' is a folder"),
+        (["{scene}", "-o", "x.jpg"], "-o: the picture is a PNG and its name must end in .png, got 'x.jpg'"),
+        (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
+        (["nowhere.xml"], "nowhere.xml: "),
+    ],
+)
+def test_bad_usage(tmp_path: Path, arguments: list[str], message: str) -> None:
+    done = run(*(a.replace("{scene}", str(FIRST)) for a in arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr.decode()
+    assert b"Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("spec", ["nosuchthing", "99:0", "99", ""])
+def test_bad_device(tmp_path: Path, spec: str) -> None:
+    done = run(FIRST, "-d", spec, cwd=tmp_path)
+    assert done.returncode == 3
+    lines = done.stderr.decode().splitlines()
+    assert lines[0] == f"cltrace: no device matches {spec!r}; choose one with -d:"
+    assert lines[1:] == [d.line() for d in cltrace.devices()]
+    assert not list(tmp_path.iterdir())
+
+
+def test_device_from_the_environment(tmp_path: Path) -> None:
+    done = run(FIRST, cwd=tmp_path, PYOPENCL_CTX="nosuchthing")
+    assert done.returncode == 3
+    assert b"no device matches 'nosuchthing' (from PYOPENCL_CTX)" in done.stderr
+    spec = cltrace.devices()[0].spec
+    assert run(FIRST, cwd=tmp_path, PYOPENCL_CTX=spec).returncode == 0
+    assert run(FIRST, "-d", "cpu", cwd=tmp_path, PYOPENCL_CTX="nosuchthing").returncode == 0
+
+
+def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.xml"
+    bad.write_text(FIRST.read_text().replace('radius="', 'radius="-'))
+    done = run("bad.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    lines = done.stderr.decode().splitlines()
+    assert len(lines) == FIRST.read_text().count("<sphere ")
+    assert all(line.startswith("bad.xml:") and ": sphere: radius must be > 0, got -" in line for line in lines)
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.xml"]
+
+
+def test_unwritable_folder(tmp_path: Path) -> None:
+    old = tmp_path / "folder.png"
+    old.mkdir()
+    done = run(FIRST, "-o", "/proc/x.png", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.decode().startswith("cltrace: cannot write /proc/x.png: ")
+
+
+def test_help_fits_one_screen(tmp_path: Path) -> None:
+    done = run("--help", cwd=tmp_path, COLUMNS="100")
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) <= 40
+    assert max(map(len, done.stdout.decode().splitlines())) <= 100

@@ -1,0 +1,44 @@
+"""The scenes: each one's header comment states answers, and they are what comes out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from answers import answers
+from conftest import SCENES, world
+
+import cltrace
+from cltrace.device import Device
+from cltrace.reference import byte_of, primary_ray, trace
+
+
+def test_there_are_scenes_and_they_are_small() -> None:
+    assert len(SCENES) >= 12
+    assert all(path.stat().st_size < 500_000 for path in SCENES)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_scene_says_what_it_shows_and_names_its_picture(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert re.match(r"<\?xml[^>]*\?>\s*(<!DOCTYPE[^>]*>\s*)?<!--", text)
+    assert cltrace.load(path).output_file == f"{path.stem}.png"
+    assert answers(path)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_answers_of_the_reference(path: Path) -> None:
+    scene = cltrace.load(path)
+    for (x, y), rgb in answers(path):
+        color, _ = trace(world(scene), primary_ray(scene.camera, x, y))
+        assert tuple(byte_of(c) for c in color) == rgb, (x, y)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("precision", ["accurate", "double", "single"])
+def test_answers_of_the_kernel(device: Device, path: Path, precision: str) -> None:
+    image = cltrace.render(cltrace.load(path), device, precision)
+    assert image.rgb8 is not None
+    for (x, y), rgb in answers(path):
+        assert tuple(image.rgb8[y, x].tolist()) == rgb, (x, y)
