@@ -1,0 +1,523 @@
+"""The exact oracle: which sphere a ray hits, where, and whether that point sees a light. Nothing here is approximate.
+
+Every float64 is an integer times a power of two, so a scene is a set of integers. The ray is p = o + t d; with
+
+    f = C - o,  a = d.d,  b = f.d,  c = f.f - r^2,  D = b^2 - a c,
+
+the sphere's roots are t = (b -/+ sqrt(D)) / a, and a hit is the smallest root t > 0. All questions are then signs of
+integers, or of p + q sqrt(D) with integers p and q, which squaring decides:
+
+    c > 0 (origin outside):  a hit iff b > 0 and D >= 0, at (b - sqrt(D)) / a = c / (b + sqrt(D))
+    c < 0 (inside):          a hit,                      at (b + sqrt(D)) / a
+    c = 0 (on the surface):  a hit iff b > 0,            at (b + sqrt(D)) / a = 2 b / a    (the root 0 is not a hit)
+
+Touching counts (D = 0), equal roots go to the lowest index, and a zero direction hits nothing.
+
+`closest` puts a filter in front of the integers: double-double arithmetic in numpy, with an error bound. Where the
+bound leaves a doubt, and only there, integers decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from math import isqrt
+from typing import Literal, NamedTuple
+
+import mpmath
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Ints = tuple[int, ...]
+
+
+# ---------------------------------------------------------------------------------------------------------- integers
+
+
+def _integers(values: Sequence[float]) -> tuple[Ints, int]:
+    """Integers n and one k >= 0 with value = n / 2^k, exactly."""
+    ratios = [float(v).as_integer_ratio() for v in values]
+    k = max((q.bit_length() - 1 for _, q in ratios), default=0)
+    return tuple(p << (k - q.bit_length() + 1) for p, q in ratios), k
+
+
+def _sign(n: int) -> int:
+    return (n > 0) - (n < 0)
+
+
+def _sign_surd(p: int, q: int, D: int) -> int:
+    """The sign of p + q sqrt(D), D >= 0: if the terms differ in sign, the one with the larger square has it."""
+    x, y = _sign(p), _sign(q) if D else 0
+    return _sign(x + y) if x * y >= 0 else x * _sign(p * p - q * q * D)
+
+
+def _dot(u: Ints, v: Ints) -> int:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+class _Root(NamedTuple):
+    """The hit at t = (b + s sqrt(D)) / a, in units of the caller's choice; s = -1 from outside, +1 otherwise."""
+
+    a: int
+    b: int
+    c: int
+    s: int
+    D: int
+
+
+def _root(d: Ints, f: Ints, r: int) -> _Root | None:
+    a, b, c = _dot(d, d), _dot(f, d), _dot(f, f) - r * r
+    D = b * b - a * c
+    if a == 0 or D < 0 or (c >= 0 and b <= 0):
+        return None
+    return _Root(a, b, c, -1 if c > 0 else 1, D)
+
+
+def _nearer(x: _Root, y: _Root) -> bool:
+    """Whether x < y, two roots of one ray (one a): the sign of p + v with p = bx - by, v = sx sqrt(Dx) - sy sqrt(Dy).
+
+    v has the sign of sx Dx - sy Dy. Where p and v disagree, |p| - |v| decides: the sign of p^2 - v^2, which is
+    (p^2 - Dx - Dy) + 2 sx sy sqrt(Dx Dy), a surd again.
+    """
+    p, v = x.b - y.b, _sign(x.s * x.D - y.s * y.D)
+    if _sign(p) * v >= 0:
+        return _sign(p) + v < 0
+    return _sign(p) * _sign_surd(p * p - x.D - y.D, 2 * x.s * y.s, x.D * y.D) < 0
+
+
+def _bracket(root: _Root, bits: int) -> Iterator[tuple[int, int]]:
+    """Two quotients (numerator, denominator) that bracket t: less than 2^-bits t apart, equal if sqrt(D) is rational.
+
+    With n = |b| + sqrt(D) >= 1 (b = D = 0 is never a hit), t = n / a if b has the sign s of the root, else |c| / n: no
+    cancellation. N = floor(2^k n) is below 2^k n by less than 1, that is, by less than a share 2^-k.
+    """
+    a, b, c, s, D = root
+    k = bits
+    N, rest = abs(b) << k, isqrt(D << 2 * k)
+    exact = rest * rest == D << 2 * k
+    N += rest
+    for n in (N, N if exact else N + 1):
+        yield (n, a << k) if s > 0 and b >= 0 else (abs(c) << k, n)
+
+
+def _scaled(quotient: tuple[int, int], shift: int) -> tuple[int, int]:
+    """The quotient times 2^shift."""
+    p, q = quotient
+    return (p << shift, q) if shift >= 0 else (p, q << -shift)
+
+
+def _divide(quotient: tuple[int, int]) -> float:
+    """The quotient correctly rounded, as Python's / is for integers of any size."""
+    try:
+        return quotient[0] / quotient[1]
+    except OverflowError:
+        return np.inf
+
+
+def _rounded(root: _Root, shift: int) -> float:
+    """2^shift t correctly rounded: bracketed until both ends round to one double.
+
+    This ends: if sqrt(D) is rational the ends are equal, and otherwise t is irrational, so no midpoint of two doubles.
+    """
+    bits = 128
+    while True:
+        low, high = (_divide(_scaled(end, shift)) for end in _bracket(root, bits))
+        if low == high:
+            return low
+        bits *= 2
+
+
+class _World:
+    """Spheres relative to an origin: f and r as integers over 2^k."""
+
+    def __init__(self, origin: ArrayLike, centers: ArrayLike, radii: ArrayLike, *more: ArrayLike) -> None:
+        parts = [np.asarray(x, np.float64).ravel() for x in (origin, centers, radii, *more)]
+        n, self.k = _integers(np.concatenate(parts).tolist())
+        self.m = len(parts[2])
+        points = [n[i : i + 3] for i in range(0, 3 + 3 * self.m, 3)]
+        self.f = [self.minus(p, points[0]) for p in points[1:]]
+        self.r = n[3 + 3 * self.m : 3 + 4 * self.m]
+        self.more = [self.minus(n[i : i + 3], points[0]) for i in range(3 + 4 * self.m, len(n), 3)]  # also relative
+
+    @staticmethod
+    def minus(u: Ints, v: Ints) -> Ints:
+        return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+    def closest(self, row: Floats) -> tuple[int, float]:
+        d, k = _integers(row.tolist())
+        index, best = -1, None
+        for i, (f, r) in enumerate(zip(self.f, self.r, strict=True)):
+            root = _root(d, f, r)
+            if root and (best is None or _nearer(root, best)):
+                index, best = i, root
+        return (index, _rounded(best, k - self.k)) if best else (-1, np.inf)  # t = f / d: 2^-self.k over 2^-k
+
+
+def closest_exact(
+    origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
+) -> tuple[NDArray[np.int32], Floats]:
+    """What `closest` returns, by integers alone: about 5 us per ray and sphere."""
+    world = _World(origin, centers, radii)
+    hits = [world.closest(row) for row in np.asarray(direction, np.float64)]
+    return np.array([i for i, _ in hits], np.int32), np.array([t for _, t in hits], np.float64)
+
+
+def _hit(origin: ArrayLike, row: ArrayLike, center: ArrayLike, radius: float) -> tuple[_Root, Ints, Ints, int, int]:
+    """The root, d, f and r as integers, and the shift of t; ValueError if there is no hit."""
+    world = _World(origin, center, [radius])
+    d, k = _integers(np.asarray(row, np.float64).tolist())
+    root = _root(d, world.f[0], world.r[0])
+    if root is None:
+        raise ValueError("the ray does not hit the sphere")
+    return root, d, world.f[0], world.r[0], k - world.k
+
+
+def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float, bits: int = 160) -> Fraction:
+    """The hit's t with a relative error below 2^-bits; ValueError if there is no hit."""
+    root, _, _, _, shift = _hit(origin, direction_row, center, radius)
+    return Fraction(*_scaled(next(_bracket(root, bits)), shift))
+
+
+def normal_high(
+    origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float
+) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
+    """The outward unit normal (p - C) / r at the hit, each component to within 1e-50; ValueError if there is no hit.
+
+    a (p - C) = a (t d - f) = (b d - a f) + s d sqrt(D), to be divided by a r. sqrt(D) is cut k bits behind the point,
+    an error of |d| 2^-k / (a r) <= 2^-k.
+    """
+    root, d, f, r, _ = _hit(origin, direction_row, center, radius)
+    a, b, _, s, D = root
+    k = 180
+    rest = isqrt(D << 2 * k)
+    with mpmath.workprec(k + 20):
+        x, y, z = (mpmath.mpf(((b * d[i] - a * f[i]) << k) + s * d[i] * rest) / (a * r << k) for i in range(3))
+    return x, y, z
+
+
+def normal_error(normal: ArrayLike, exact: Sequence[mpmath.mpf]) -> float:
+    """The angle between a normal of any length and one of normal_high(), radians."""
+    with mpmath.workdps(50):
+        n = [mpmath.mpf(float(x)) for x in np.asarray(normal)]
+        cross = [n[i - 2] * exact[i - 1] - n[i - 1] * exact[i - 2] for i in range(3)]
+        dot = mpmath.fsum(x * y for x, y in zip(n, exact, strict=True))
+        return float(mpmath.atan2(mpmath.sqrt(mpmath.fsum(x * x for x in cross)), dot))
+
+
+# ----------------------------------------------------------------------------------------------------------- shadows
+
+Surds = tuple[Ints, Ints]  # a vector p + q sqrt(D): its p and its q
+
+
+def _dot_surds(u: Surds, v: Surds, D: int) -> tuple[int, int]:
+    return _dot(u[0], v[0]) + _dot(u[1], v[1]) * D, _dot(u[0], v[1]) + _dot(u[1], v[0])
+
+
+def occluded(
+    origin: ArrayLike,
+    direction_row: ArrayLike,
+    hit_index: int,
+    centers: ArrayLike,
+    radii: ArrayLike,
+    light: ArrayLike,
+    kind: Literal["point", "parallel"],
+) -> tuple[bool, bool]:
+    """(lit, facing) of the ray's hit point P on the sphere hit_index; ValueError if the ray does not hit that sphere.
+
+    light: a position ("point") or the direction in which the light travels ("parallel"). facing: n.l > 0, where n is
+    the normal that faces the side from which the ray came, and l leads from P to the light. lit: facing, and nothing
+    blocks: neither another sphere, with a point P + x l on its surface, 0 < x < 1 (parallel: 0 < x), nor the own
+    sphere, which blocks iff the ray came from inside (an exit root) and the light is strictly outside.
+
+    Exact: P is o + (b + s sqrt(D)) d / a, so everything below is a vector or number p + q sqrt(D) of integers.
+    """
+    if kind not in ("point", "parallel"):
+        raise ValueError(f"kind: must be 'point' or 'parallel', got {kind!r}")
+    world = _World(origin, centers, radii, *([light] if kind == "point" else []))
+    d, _ = _integers(np.asarray(direction_row, np.float64).tolist())
+    root = _root(d, world.f[hit_index], world.r[hit_index])
+    if root is None:
+        raise ValueError("the ray does not hit the sphere")
+    a, b, _, s, D = root
+    sd = s * d[0], s * d[1], s * d[2]
+
+    def from_hit(g: Ints) -> Surds:
+        """a (G - P) for the point G = o + g."""
+        return (a * g[0] - b * d[0], a * g[1] - b * d[1], a * g[2] - b * d[2]), (-sd[0], -sd[1], -sd[2])
+
+    if kind == "point":
+        to_light = from_hit(world.more[0])
+    else:
+        w, _ = _integers(np.asarray(light, np.float64).tolist())
+        to_light = (-w[0], -w[1], -w[2]), (0, 0, 0)  # not times a: its length does not matter
+
+    # C - P is the inward normal of the sphere, and faces a ray that came from inside.
+    facing = s * _sign_surd(*_dot_surds(from_hit(world.f[hit_index]), to_light, D), D) > 0
+    if not facing:
+        return False, False
+
+    # For every sphere, a^2 (|P + x l - C|^2 - r^2) = A x^2 - 2 B x + E (parallel: with x / a instead of x).
+    A = _dot_surds(to_light, to_light, D)
+    for j, (f, r) in enumerate(zip(world.f, world.r, strict=True)):
+        end = 1  # the sign of phi at the light, which is outside of everything if it is parallel
+        if kind == "point":
+            g = world.minus(world.more[0], f)
+            end = _sign(_dot(g, g) - r * r)
+        if j == hit_index:
+            if s > 0 and end > 0:
+                return False, True
+            continue
+        m = from_hit(f)
+        B = _dot_surds(m, to_light, D)
+        E = _dot_surds(m, m, D)
+        E = E[0] - a * a * r * r, E[1]
+        if _blocks(_sign_surd(*E, D), end, A, B, E, D, segment=kind == "point"):
+            return False, True
+    return True, True
+
+
+def _blocks(
+    start: int, end: int, A: tuple[int, int], B: tuple[int, int], E: tuple[int, int], D: int, segment: bool
+) -> bool:
+    """Whether phi(x) = A x^2 - 2 B x + E, A > 0, has a root in 0 < x < 1 (segment) or in 0 < x.
+
+    start, end: the signs of phi(0) and of phi at the other end.
+    - Opposite: one root lies between.
+    - One of them negative and the other not positive, or both 0: none, since phi is convex.
+    - None negative, one positive: roots between are there iff the minimum is between, 0 < B < A, and not positive,
+      B^2 >= A E. (If phi is 0 at one end, the minimum is negative, and the other root is beyond it, short of the
+      positive end.)
+    """
+    if start * end < 0:
+        return True
+    if start < 0 or (start == 0 and end <= 0) or _sign_surd(*B, D) <= 0:
+        return False
+    if segment and _sign_surd(A[0] - B[0], A[1] - B[1], D) <= 0:
+        return False
+    square = B[0] * B[0] + B[1] * B[1] * D, 2 * B[0] * B[1]
+    product = A[0] * E[0] + A[1] * E[1] * D, A[0] * E[1] + A[1] * E[0]
+    return _sign_surd(square[0] - product[0], square[1] - product[1], D) >= 0
+
+
+# ------------------------------------------------------------------------------------------------------------ filter
+#
+# A pair (h, l) of arrays stands for h + l, with |l| <= u |h|, u = 2^-53. Two lemmas, exact without over- and underflow:
+# two_sum (Knuth) and two_product (Veltkamp, Dekker). For the four operations below, with all terms of order u^3 dropped
+# (which the slack below pays for):
+#
+#   add:   two roundings behind the exact sum of the h: x.l + y.l, and that to the error of the sum:
+#          u u (|x| + |y|) + u (u + u) (|x| + |y|)                                      = 3 u^2 (|x| + |y|)
+#   mul:   l l is dropped (1), two products h l are rounded (2), their sum (2), the sum with the error of h h (3):
+#                                                                                         8 u^2 |x y|
+#   div:   q = x.h / y.h is off by 3 u |x/y|, so R = x - q y <= 3 u |x|, found to 8 + 2 * 3 = 14 u^2 |x|;
+#          R.h / y.h is off by another 3 u of 3 u |x/y|:                             14 + 9 = 23 u^2 |x/y|
+#   sqrt:  q = sqrt(x.h) is off by 1.5 u sqrt(x), so R = x - q^2 <= 3 u x, found to 6 u^2 x;
+#          R.h / (2 q) is off by 3 u of 1.5 u sqrt(x):                              3 + 4.5 = 8 u^2 sqrt(x)
+#
+# All are below EPS = 32 u^2 = 2^-101.
+
+EPS = 2.0**-101
+Pair = tuple[Floats, Floats]
+
+# For inputs in this range, or 0 (float32's is within it): they are multiples of 2^-202, as are f and d; products of two
+# are multiples of 2^-404, and b^2, a c and D of 2^-808. The pairs of b, a, c and D, and the terms on the way, lie on
+# these grids too, so nothing underflows. D, once it exceeds its error bound, 4 EPS (g^2 + a |c|) with g^2 and a |c|
+# either 0 or at least 2^-704, exceeds 2^-803, so the square of its 53-bit root is a multiple of 2^-908.
+# t >= |c| / n >= 2^-404 / 2^306: an underflow, at 2^-1074, is far below EPS t. The largest number is D < 2^612.
+# Rays and spheres out of this range are for the integers.
+LOW, HIGH = 2.0**-150, 2.0**150
+
+
+def _two_sum(x: Floats, y: Floats) -> Pair:
+    s = x + y
+    z = s - x
+    return s, (x - (s - z)) + (y - z)
+
+
+def _halves(x: Floats) -> Pair:
+    z = 134217729.0 * x  # 2^27 + 1
+    h = z - (z - x)
+    return h, x - h
+
+
+def _two_product(x: Floats, y: Floats) -> Pair:
+    p = x * y
+    (a, b), (c, d) = _halves(x), _halves(y)
+    return p, ((a * c - p) + a * d + b * c) + b * d
+
+
+def _add(x: Pair, y: Pair) -> Pair:
+    s, e = _two_sum(x[0], y[0])
+    return _two_sum(s, e + (x[1] + y[1]))
+
+
+def _neg(x: Pair) -> Pair:
+    return -x[0], -x[1]
+
+
+def _where(mask: NDArray[np.bool_], x: Pair, y: Pair) -> Pair:
+    return np.where(mask, x[0], y[0]), np.where(mask, x[1], y[1])
+
+
+def _mul(x: Pair, y: Pair) -> Pair:
+    p, e = _two_product(x[0], y[0])
+    return _two_sum(p, e + (x[0] * y[1] + x[1] * y[0]))
+
+
+def _div(x: Pair, y: Pair) -> Pair:
+    q = x[0] / y[0]
+    rest = _add(x, _neg(_mul((q, np.zeros_like(q)), y)))
+    return _two_sum(q, rest[0] / y[0])
+
+
+def _sqrt(x: Pair) -> Pair:
+    q = np.sqrt(x[0])
+    rest = _add(x, _neg(_two_product(q, q)))
+    return _two_sum(q, rest[0] / (2 * q))
+
+
+class _Sphere(NamedTuple):
+    """What the filter knows of a sphere: f = C - o as pairs (exact), c rounded to a pair, and c's sign (exact)."""
+
+    f: tuple[tuple[float, float], ...]
+    r: float
+    c: tuple[float, float]
+    sign: int
+
+
+def _spheres(origin: Floats, centers: Floats, radii: Floats, world: _World) -> list[_Sphere]:
+    out = []
+    for i in range(world.m):
+        f = [_two_sum(centers[i, j], -origin[j]) for j in range(3)]
+        c = Fraction(_dot(world.f[i], world.f[i]) - world.r[i] ** 2, 1 << 2 * world.k)
+        h = float(c)
+        out.append(
+            _Sphere(
+                tuple((float(x), float(y)) for x, y in f),
+                float(radii[i]),
+                (h, float(c - Fraction(h))),
+                _sign(c.numerator),
+            )
+        )
+    return out
+
+
+def _may_hit(direction: NDArray[np.float64], sphere: _Sphere) -> NDArray[np.bool_]:
+    """False only where D < 0 for sure, in plain doubles: D = a r^2 - |f x d|^2.
+
+    With F = |f| |d|: f is rounded (1 u), so are the products (1) and the difference (1), so that a component of the
+    cross product is off by 3 u F at most, as |fy dz| + |fz dy| <= F. The errors of the squares add up to
+    2 * 3 u * sqrt(3) F^2 (as |x| + |y| + |z| <= sqrt(3) F), squaring and adding to 3 u F^2: 14 u F^2. a r^2 is off by
+    5 u of itself, the difference by 1 u. We take 32 u (F^2 + a r^2).
+    """
+    x, y, z = direction.T
+    fx, fy, fz = (h for h, _ in sphere.f)
+    a, r2 = x * x + y * y + z * z, sphere.r * sphere.r
+    u, v, w = fy * z - fz * y, fz * x - fx * z, fx * y - fy * x
+    ok: NDArray[np.bool_] = a * r2 - (u * u + v * v + w * w) >= -(2.0**-48) * a * (fx * fx + fy * fy + fz * fz + r2)
+    return ok
+
+
+def _estimate(direction: Floats, sphere: _Sphere) -> tuple[NDArray[np.intp], Pair, Floats, NDArray[np.intp]]:
+    """The rows of `direction` that hit for sure, their t with a bound of its error, and the rows in doubt.
+
+    With g = sum |f_i d_i| >= |b|, and every operation off by at most EPS of its operands:
+
+      b:  three products (8 u^2 each) and two sums (3 u^2 of g each): 14 u^2 g                     < EPS g
+      a:  exact products (two_product), two sums: 6 u^2 a                                          < EPS a
+      c:  rounded to a pair: u^2 |c|                                                               < EPS |c|
+      D:  b^2 is off by 2 |b| EPS g + EPS b^2 <= 3 EPS g^2, a c by 3 EPS a |c|, their difference
+          by EPS (b^2 + a |c|)                                                                 < 4 EPS (g^2 + a |c|)
+      n = |b| + sqrt(D):  b is off by EPS g, the root by |error of D| / root + EPS root, the sum by EPS n:
+          as a share of n, `share`; trusted below 2^-20 only
+      t = n / a or |c| / n:  n's share, and EPS each for a or c and for the division           < (2 share + 4 EPS) t
+    """
+    zero = np.zeros(len(direction))
+    d = direction.T
+    products = [_mul((zero + h, zero + low), (d[i], zero)) for i, (h, low) in enumerate(sphere.f)]
+    b = _add(_add(products[0], products[1]), products[2])
+    g = sum(abs(h) * np.abs(d[i]) for i, (h, _) in enumerate(sphere.f))
+    a = _add(_add(_two_product(d[0], d[0]), _two_product(d[1], d[1])), _two_product(d[2], d[2]))
+    c = zero + sphere.c[0], zero + sphere.c[1]
+    D = _add(_mul(b, b), _neg(_mul(a, c)))
+
+    b_error = EPS * g
+    D_error = 4 * EPS * (g * g + a[0] * abs(sphere.c[0]))
+    hit, miss = D[0] > D_error, D[0] < -D_error
+    if sphere.sign >= 0:
+        hit, miss = hit & (b[0] > b_error), miss | (b[0] < -b_error)
+    doubt = np.flatnonzero(~(hit | miss))  # NaN, if there were one, would be in doubt
+
+    rows = np.flatnonzero(hit)
+    if not len(rows):
+        return rows, (zero[:0], zero[:0]), zero[:0], doubt
+    a, b, D = ((x[0][rows], x[1][rows]) for x in (a, b, D))
+    root = _sqrt(D)
+    n = _add(_where(b[0] < 0, _neg(b), b), root)
+    share = (b_error[rows] + D_error[rows] / root[0] + EPS * root[0]) / n[0] + EPS
+    direct = b[0] > 0 if sphere.sign <= 0 else np.zeros(len(rows), bool)  # t = n / a; otherwise |c| / n
+    c = np.abs(sphere.c[0]) + 0 * n[0], np.copysign(1, sphere.c[0]) * sphere.c[1] + 0 * n[0]
+    t = _div(_where(direct, n, c), _where(direct, a, n))
+    error = np.where(share < 2.0**-20, t[0] * (2 * share + 4 * EPS), np.inf)
+    return rows, t, error, doubt
+
+
+def _in_range(*arrays: Floats) -> NDArray[np.bool_]:
+    """Per row of the arrays, side by side: whether every number is 0 or within LOW..HIGH in magnitude."""
+    size = np.abs(np.column_stack(arrays))
+    ok: NDArray[np.bool_] = ((size == 0) | ((size >= LOW) & (size <= HIGH))).all(axis=1)
+    return ok
+
+
+def closest(
+    origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
+) -> tuple[NDArray[np.int32], Floats]:
+    """The nearest hit of every ray: sphere (n,) int32, -1 if none; t (n,), correctly rounded, inf if none.
+
+    origin (3,), direction (n, 3), centers (m, 3), radii (m,): finite float64, taken as exact numbers.
+    """
+    origin, direction, centers, radii = (np.asarray(x, np.float64) for x in (origin, direction, centers, radii))
+    index, t, doubt = filtered(origin, direction, centers, radii)
+    index[doubt], t[doubt] = closest_exact(origin, direction[doubt], centers, radii)
+    return index, t
+
+
+def filtered(
+    origin: Floats, direction: Floats, centers: Floats, radii: Floats
+) -> tuple[NDArray[np.int32], Floats, NDArray[np.bool_]]:
+    """What `closest` returns, but for the rows in the third array, which the filter leaves to the integers."""
+    if not all(np.isfinite(x).all() for x in (origin, direction, centers, radii)):
+        raise ValueError("all inputs must be finite")
+    n, m = len(direction), len(radii)
+    index, t = np.full(n, -1, np.int32), np.full(n, np.inf)
+    if not (_in_range(origin[None]).all() and _in_range(centers, radii).all()):
+        return index, t, np.ones(n, bool)
+    doubt = ~_in_range(direction)
+    spheres = _spheres(origin, centers, radii, _World(origin, centers, radii))
+    first = {(*c, r): i for i, c, r in zip(range(m)[::-1], centers[::-1].tolist(), radii[::-1].tolist(), strict=True)}
+    for start in range(0, n, 1 << 14):  # the temporary arrays stay in the cache
+        part = slice(start, start + (1 << 14))
+        d = np.where(doubt[part, None], 1.0, direction[part])
+        best, best_t, best_l, best_error = index[part], t[part], np.zeros(len(d)), np.zeros(len(d))  # views: written to
+        unsure = doubt[part]
+        for i in sorted(first.values()):  # an equal sphere before it always wins
+            maybe = np.flatnonzero(_may_hit(d, spheres[i]))
+            if not len(maybe):
+                continue
+            rows, (h, low), error, lost = _estimate(d[maybe], spheres[i])
+            unsure[maybe[lost]] = True
+            rows = maybe[rows]
+            # h + low against the best so far. Both errors include 4 EPS t, more than the difference of two pairs loses.
+            found = best[rows] >= 0
+            other = np.where(found, best_t[rows], 0), best_l[rows]
+            gap, doubtful = _add((h, low), _neg(other))[0], 2 * (error + best_error[rows])
+            unsure[rows[~(np.abs(gap) > doubtful) & found | ~np.isfinite(error)]] = True
+            win = ~found | (gap < 0)
+            rows = rows[win]
+            best[rows], best_t[rows], best_l[rows], best_error[rows] = i, h[win], low[win], error[win]
+        # t is in h + low -/+ error: is it rounded to h? (The second error pays for the rounding of low -/+ error.)
+        unsure |= (best >= 0) & ~(
+            (best_t + (best_l - 2 * best_error) == best_t) & (best_t + (best_l + 2 * best_error) == best_t)
+        )
+    return index, t, doubt

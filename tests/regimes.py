@@ -1,0 +1,223 @@
+"""The hostile regimes: scenes of spheres in which float32, or a careless formula, gets decisions wrong.
+
+REGIMES lists (name, function); function(seed, size) is a scene without lights, of one picture of size = (width, height)
+pixels. The camera looks exactly along -z with +y up, so camera space is the world moved by the eye, without a rounding.
+Every coordinate and radius is a float32 value; the float64 arrays of the scene hold it exactly.
+
+Most pictures are zoomed in on limbs: with "spread" w, the rays of the picture pass a sphere of radius r at r (1 +/- w)
+from its centre. w is drawn down to where the regime still is one, so a good share of all rays is close to the decision,
+and where spheres overlap they are about equally far.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.scene import Camera, Scene
+
+Size = tuple[int, int]
+Regime = Callable[..., Scene]
+Floats = NDArray[np.float64]
+
+SIZE = (160, 120)
+
+
+def rays(camera: Camera) -> Floats:
+    """The direction of every pixel, (n, 3), row by row from the top: what kernel and reference use, bit for bit."""
+    (width, height), (tan_x, tan_y) = camera.resolution, camera.image_plane()
+    i, j = np.arange(width), np.arange(height)
+    out = np.empty((height, width, 3))
+    out[..., 0] = (2 * i + 1 - width) * (tan_x / width)
+    out[..., 1] = ((height - 1 - 2 * j) * (tan_y / height))[:, None]
+    out[..., 2] = -1
+    return out.reshape(-1, 3)
+
+
+def camera_space(scene: Scene) -> tuple[Floats, Floats, Floats]:
+    """(origin, centers, radii) for the oracle: the spheres relative to the eye, without forming that difference."""
+    spheres = scene.spheres
+    return np.array(scene.camera.position), spheres["center"].copy(), spheres["radius"].copy()
+
+
+def _camera(eye: Sequence[float], tan: float, size: Size) -> Camera:
+    """tan: half of the longer side of the image plane."""
+    x, y, z = (float(np.float32(v)) for v in eye)
+    return Camera(
+        position=(x, y, z),
+        lookat=(x, y, z - max(1.0, abs(z))),
+        horizontal_fov=math.degrees(math.atan(tan)),
+        resolution=size,
+        square_pixels=True,
+    )
+
+
+def _scene(camera: Camera, centers: NDArray[np.floating], radii: ArrayLike) -> Scene:
+    """The spheres rounded to float32, each of its own colour, so that pictures tell them apart."""
+    r32 = np.asarray(radii, np.float32).astype(float)
+    c32 = np.asarray(centers, np.float32).astype(float)
+    colors = np.linspace(0.1, 1, len(r32))[:, None] * [1.0, 0.5, 0.25]
+    return Scene.from_spheres(camera, [], c32, r32, colors)
+
+
+def _seeded(name: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, *name.encode()])
+
+
+def _log2(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(2 ** rng.uniform(low, high))
+
+
+# 3, 4, 5: the twelve directions in which the distance of integer points is an integer. A sphere of radius 5 s at
+# (3 s, 4 s, -d) from the eye touches the line of sight exactly.
+TANGENT = [(3, 4), (4, 3), (5, 0), (4, -3), (3, -4), (0, -5), (-3, -4), (-4, -3), (-5, 0), (-4, 3), (-3, 4), (0, 5)]
+
+
+def limbs(
+    name: str,
+    radius: float,
+    distance: float,
+    spread: tuple[float, float],
+    seed: int,
+    size: Size = SIZE,
+    *,
+    offset: float = 0,
+    count: int = 4,
+) -> Scene:
+    """Spheres of about this radius at about this distance whose limbs all pass close to the middle of the picture.
+
+    spread: log2 of the least and the greatest w, see above; offset: the magnitude of the eye's coordinates.
+    """
+    rng = _seeded(name, seed)
+    w = _log2(rng, *spread)
+    eye = np.float32(offset * rng.uniform(0.5, 1, 3) * rng.choice([-1, 1], 3)).astype(float)
+    # s is a multiple of what float32 resolves at the eye (or has 20 bits), so that eye + 5 s is exact.
+    grid = max(float(np.spacing(np.float32(offset))) if offset else 0, 2.0 ** (math.floor(math.log2(radius / 5)) - 20))
+    s = np.maximum(np.round(radius / 5 * rng.uniform(0.75, 1.25, count) / grid), 1) * grid
+    # The directions are in one half, so that some of the picture is left to the background.
+    turn = rng.integers(len(TANGENT)) + rng.choice(len(TANGENT) // 2, count, replace=False)
+    toward = np.array(TANGENT)[turn % len(TANGENT)]
+    # In depth the spheres are apart by what the picture is wide, so that they are in front of each other in places.
+    depth = distance * (1 + 0.25 * w * rng.uniform(-1, 1, count) * radius / distance)
+    centers = eye + np.column_stack([toward * s[:, None], -depth])
+    radii = 5 * s * (1 + rng.choice([0, 1, 1]) * 0.3 * w * rng.uniform(-1, 1, count))
+    return _scene(_camera(eye, w * 5 * float(s.max()) / distance, size), centers, radii)
+
+
+def ground(name: str, radius: float, seed: int, size: Size = SIZE) -> Scene:
+    """The eye 1 above a sphere below, balls resting on it, and the horizon in the picture."""
+    rng = _seeded(name, seed)
+    tan = math.sqrt(2 / radius) * _log2(rng, 0.5, 4)
+    # The picture reaches tan * height / width below the eye's level: the ground is seen from a distance of 1 / that.
+    z = -_log2(rng, 0.5, 3) / tan
+    balls = rng.uniform(0.2, 1, 3) * min(0.5, -z * tan)
+    x = rng.uniform(-1, 1, 3) * -z * tan
+    y = balls - (x * x + z * z) / (2 * radius)
+    centers = np.vstack([[0, -radius, 0], np.column_stack([x, y, np.full(3, z)])])
+    return _scene(_camera((0, 1, 0), tan, size), centers, [radius, *balls])
+
+
+def globe(name: str, radius: float, height: tuple[float, float], seed: int, size: Size = SIZE) -> Scene:
+    """The eye above a globe that is anywhere but straight below; the horizon crosses the picture, tilted.
+
+    height: log2 of the least and the greatest. There is a second such globe a few heights to the side.
+    """
+    rng = _seeded(name, seed)
+    h = _log2(rng, *height)
+    dip = math.sqrt(2 * h / radius)
+    pitch, roll = dip * rng.uniform(-1.5, 0), rng.uniform(0, 2 * math.pi)
+    up = np.array([math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll), -math.sin(pitch)])
+    side = np.array([math.cos(roll), -math.sin(roll), 0])
+    centers = -(radius + h) * up + np.outer([0, 4 * h * rng.uniform(-1, 1)], side)
+    return _scene(_camera((0, 0, 0), dip * _log2(rng, 0, 2), size), centers, [radius, radius])
+
+
+def grazing(name: str, seed: int, size: Size = SIZE) -> Scene:
+    """Nested discs whose limbs pass pixel centres at r (1 -/+ 2^-8..2^-26).
+
+    A circle around the middle of the picture passes many pixel centres if the odd numbers 2 i + 1 - W, 2 j + 1 - H have
+    many pairs with one sum of squares. For each of the best such sums there is a sphere on the axis, seen under that
+    circle but for 2^-k; the larger the circle, the farther the sphere, so that none hides the limb of another.
+    (For sizes that are odd, the numbers are even.)
+    """
+    rng = _seeded(name, seed)
+    width, height = size
+    ring: dict[int, int] = {}
+    for i in range(width % 2 ^ 1, width, 2):
+        for j in range(height % 2 ^ 1, height, 2):
+            ring[i * i + j * j] = ring.get(i * i + j * j, 0) + 1
+    best = sorted(sorted(ring, key=lambda n: (-ring[n], n))[:38])
+    tan = rng.uniform(0.3, 1)
+    near = np.repeat(np.arange(8, 27), 2)[: len(best)]
+    off = rng.permutation(2.0**-near * np.resize([1, -1], len(best)))
+    # Seen under the angle atan(q), q the radius of the circle on the image plane: sin of it is q / sqrt(1 + q^2).
+    q = np.sqrt(np.array(best, float)) * tan / max(size)
+    depth = 5 * 1.25 ** np.arange(len(best))
+    radii = np.float32(depth) * q / np.sqrt(1 + q * q) * (1 + off)
+    order = rng.permutation(len(best))
+    centers = np.column_stack([np.zeros((len(best), 2)), -depth])
+    return _scene(_camera((0, 0, 0), tan, size), centers[order], radii[order])
+
+
+def inside(name: str, seed: int, size: Size = SIZE) -> Scene:
+    """The eye within a room of radius 1, 10^-k from the wall (k = 0..6), with balls in it, and a second such room."""
+    rng = _seeded(name, seed)
+    gap, tan = 10.0 ** -rng.integers(0, 7), _log2(rng, -2, 1)
+    out = rng.normal(size=3) * [1, 1, 0.3]  # to the nearest wall: not ahead, where it would hide the rest
+    room = -(1 - gap) * out / np.linalg.norm(out)
+    other = room + rng.uniform(-1, 1, 3) * gap / 4
+    depth = rng.uniform(0.2, 1, 5)
+    balls = depth[:, None] * np.column_stack([rng.uniform(-tan, tan, (5, 2)), -np.ones(5)])
+    radii = [1, 1 + gap * rng.uniform(-0.25, 0.25), *(depth * tan * rng.uniform(0.1, 0.5, 5) / (1 + tan))]
+    return _scene(_camera((0, 0, 0), tan, size), np.vstack([room, other, balls]), radii)
+
+
+def aimed(name: str, half_angle: tuple[float, float], seed: int, size: Size = SIZE, count: int = 24) -> Scene:
+    """A very wide picture, whose rays have a length of 1..tan(89.9) sqrt(2), and unit spheres 5 away all over it.
+
+    Every sphere is moved sideways until the ray of one pixel passes it at 1 -/+ 2^-4..2^-20.
+    """
+    rng = _seeded(name, seed)
+    most, least = (90 - angle for angle in half_angle)
+    camera = _camera((0, 0, 0), math.tan(math.radians(90 - _log2(rng, math.log2(least), math.log2(most)))), size)
+    d = rays(camera)
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    d = d[rng.integers(0, len(d), count)]
+    side = np.cross(d, rng.normal(size=(count, 3)))
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    miss = 1 + rng.choice([-1, 1], count) * 2 ** rng.uniform(-20, -4, count)
+    centers = d * rng.uniform(4, 6, (count, 1)) + side * miss[:, None]
+    return _scene(camera, centers, np.ones(count))
+
+
+def _regime(function: Callable[..., Scene], name: str, *args: object, **more: object) -> tuple[str, Regime]:
+    return name, partial(function, name, *args, **more)
+
+
+REGIMES: list[tuple[str, Regime]] = [
+    _regime(limbs, "benign r=1 d=5", 1.0, 5.0, (-8, 0.5)),
+    _regime(limbs, "far r=1 d=100", 1.0, 100.0, (-10, 0.5)),
+    _regime(limbs, "far r=1 d=4100", 1.0, 4100.0, (-12, 0.5)),
+    _regime(limbs, "far r=1 d=1e4", 1.0, 1e4, (-12, 0.5)),
+    _regime(limbs, "far tiny r=1e-3 d=1e4", 1e-3, 1e4, (-12, 0.5)),
+    _regime(ground, "ground R=1e3 h=1", 1e3),
+    _regime(ground, "ground R=1e5 h=1", 1e5),
+    _regime(ground, "ground R=1e7 h=1", 1e7),
+    _regime(globe, "globe R=1e3 h=1 tilted", 1e3, (0, 0)),
+    _regime(globe, "globe R=1e5 h=1 tilted", 1e5, (0, 0)),
+    _regime(globe, "globe R=1e7 h=1 tilted", 1e7, (0, 0)),
+    _regime(limbs, "offset 1e4 r=1 d=5", 1.0, 5.0, (-8, 0.5), offset=1e4),
+    _regime(limbs, "offset 1e7 r=10 d=50", 10.0, 50.0, (-4, 0.5), offset=1e7),
+    _regime(grazing, "grazing 2^-8..2^-26"),
+    _regime(inside, "inside 1e-6..1"),
+    _regime(globe, "near surface h=1e-6..1e-1", 1.0, (math.log2(1e-6), math.log2(1e-1))),
+    _regime(limbs, "scale 1e-6", 1e-6, 5e-6, (-8, 0.5)),
+    _regime(limbs, "scale 1e6", 1e6, 5e6, (-8, 0.5)),
+    _regime(aimed, "nonunit |d| 1..800", (60.0, 89.9)),
+    _regime(limbs, "huge r=1e20 d=5e20", 1e20, 5e20, (-8, 0.5)),
+    _regime(limbs, "tiny r=1e-25 d=5e-25", 1e-25, 5e-25, (-8, 0.5)),
+]

@@ -1,0 +1,527 @@
+"""The oracle: against mpmath, against itself without its filter, and on cases that are settled by hand."""
+
+from __future__ import annotations
+
+import math
+import time
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import oracle
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from regimes import REGIMES, camera_space, rays
+
+UP, DOWN = np.inf, -np.inf
+O = (0.0, 0.0, 0.0)  # noqa: E741
+AHEAD = (0.0, 0.0, -1.0)
+
+each_regime = pytest.mark.parametrize(("name", "regime"), REGIMES, ids=[name for name, _ in REGIMES])
+
+
+def one(origin, row, centers, radii):
+    """closest() of one ray, after having checked it against the integers; (index, t)."""
+    index, t = oracle.closest(origin, [row], centers, radii)
+    exact = oracle.closest_exact(origin, [row], centers, radii)
+    assert (index[0], t[0]) == (exact[0][0], exact[1][0])
+    return int(index[0]), float(t[0])
+
+
+# ---------------------------------------------------------------------------------------------------- against mpmath
+
+
+def by_mpmath(origin, row, centers, radii, digits=80):
+    """(index, t) from the quadratic formula as in the school book, in `digits` digits."""
+    with mpmath.workdps(digits):
+        o, d = ([mpmath.mpf(float(x)) for x in v] for v in (origin, row))
+        best, index = mpmath.inf, -1
+        for i, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+            v = [x - mpmath.mpf(float(y)) for x, y in zip(o, center, strict=True)]
+            a = sum(x * x for x in d)
+            b = 2 * sum(x * y for x, y in zip(v, d, strict=True))
+            c = sum(x * x for x in v) - mpmath.mpf(float(radius)) ** 2
+            disc = b * b - 4 * a * c
+            if disc >= 0:
+                for t in ((-b - mpmath.sqrt(disc)) / (2 * a), (-b + mpmath.sqrt(disc)) / (2 * a)):
+                    if 0 < t < best:
+                        best, index = t, i
+        return index, best
+
+
+def assert_same(index, t, expected):
+    """t is within half an ulp of the exact one."""
+    j, exact = expected
+    assert index == j
+    if j >= 0:
+        with mpmath.workdps(80):
+            half = mpmath.mpf(max(np.nextafter(t, UP) - t, t - np.nextafter(t, DOWN))) / 2
+            assert abs(mpmath.mpf(float(t)) - exact) <= half
+
+
+def against_mpmath(regime, seed, size, sample):
+    scene = regime(seed, size)
+    origin, centers, radii = camera_space(scene)
+    directions = rays(scene.camera)
+    index, t = oracle.closest(origin, directions, centers, radii)
+    for k in np.random.default_rng(seed).choice(len(directions), sample, replace=False):
+        expected = by_mpmath(origin, directions[k], centers, radii)
+        assert_same(index[k], t[k], expected)
+        if expected[0] >= 0:
+            hit = centers[expected[0]], radii[expected[0]]
+            with mpmath.workdps(80):
+                high = oracle.t_high(origin, directions[k], *hit)
+                assert abs(mpmath.mpf(high.numerator) / high.denominator / expected[1] - 1) < 2.0**-159
+                n = [
+                    (mpmath.mpf(float(o)) + expected[1] * mpmath.mpf(float(d)) - mpmath.mpf(float(c))) / float(hit[1])
+                    for o, d, c in zip(origin, directions[k], hit[0], strict=True)
+                ]
+                normal = oracle.normal_high(origin, directions[k], *hit)
+                assert all(abs(x - y) < 1e-45 for x, y in zip(n, normal, strict=True))
+
+
+@each_regime
+def test_mpmath_agrees(name, regime):
+    for seed in range(4):
+        against_mpmath(regime, seed, (32, 24), 60)
+
+
+@pytest.mark.stress
+@each_regime
+def test_mpmath_agrees_long(name, regime):
+    for seed in range(4, 24):
+        against_mpmath(regime, seed, (64, 48), 500)
+
+
+@pytest.mark.parametrize("scale", [1e-44, 1e-30, 1e30, 6e37, 2.0**-149])
+@pytest.mark.parametrize("length", [1e-44, 1.0, 1e38])
+def test_extreme_ranges(scale, length):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        centers = np.round(rng.uniform(-3, 3, (3, 3))) * scale
+        radii = np.round(rng.uniform(1, 3, 3)) * scale
+        origin = np.round(rng.uniform(-3, 3, 3)) * scale
+        row = rng.normal(size=3) * length
+        index, t = one(origin, row, centers, radii)
+        assert_same(index, t, by_mpmath(origin, row, centers, radii, 400))
+
+
+@pytest.mark.parametrize("length", [1.0, 5e-324, 1e-310, 1e38])
+def test_a_tiny_ball_in_front_of_a_huge_one_and_subnormal_doubles(length):
+    centers, radii = [(0, 0, -3e38), (0, 0, -1e-44), (0, 0, -1e-323)], [1e38, 1e-45, 5e-324]
+    row = (0, 0, -length)
+    for keep, near in ((slice(0, 1), 2e38), (slice(0, 2), 1e-44 - 1e-45), (slice(0, 3), 5e-324)):
+        index, t = one(O, row, centers[keep], radii[keep])
+        assert index == len(radii[keep]) - 1
+        z, r = -Fraction(centers[keep][-1][2]), Fraction(radii[keep][-1])
+        assert math.isclose(near, float(z - r))
+        exact = (z - r) / Fraction(length)
+        assert t == (float(exact) if exact < 2**1024 else math.inf)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused(bad):
+    for case in (((bad, 0, 0), AHEAD, O, 1), (O, (0, bad, 0), O, 1), (O, AHEAD, (0, 0, bad), 1), (O, AHEAD, O, bad)):
+        with pytest.raises(ValueError):
+            oracle.closest(case[0], [case[1]], [case[2]], [case[3]])
+
+
+def test_nothing_there():
+    assert one(O, AHEAD, np.zeros((0, 3)), []) == (-1, np.inf)
+    assert one(O, O, [O, (0, 0, -3)], [1, 1]) == (-1, np.inf)  # a zero direction, from inside as well
+    assert oracle.closest(O, np.zeros((0, 3)), [O], [1])[0].shape == (0,)
+
+
+# ------------------------------------------------------------------------------------------------------- decisions
+
+
+def test_on_the_surface_and_at_the_centre():
+    assert one((0, 0, 1), (0, 0, 1), [O], [1]) == (-1, np.inf)  # outwards
+    assert one((0, 0, 1), (1, 0, 0), [O], [1]) == (-1, np.inf)  # along the surface
+    assert one((0, 0, 1), (0, 0, -1), [O], [1]) == (0, 2)
+    assert one((0, 0, 1), (0, 3, -4), [O], [1]) == (0, 8 / 25)  # 2 b / a
+    assert one(O, (0, 0, -4), [O], [1]) == (0, 0.25)
+    assert one((3, 4, 0), (0, 0, 1), [O], [5]) == (-1, np.inf)
+    # 3, 4, 5 scaled so that the surface point is exact though nothing else is round.
+    k = 1 + 2.0**-40
+    assert one((3 * k, 4 * k, 0), (-3, -4, 0), [O], [5 * k]) == (0, 2 * k)
+
+
+@pytest.mark.parametrize("k", [0, 1, 30, 50])
+@pytest.mark.parametrize("distance", [1.0, 5.0, 1e6, 1e16])
+def test_tangent(k, distance):
+    """D = 0 exactly is a hit; an ulp of the radius, or of the ray, decides."""
+    s = 1 + 2.0**-k
+    center, r = (3 * s, 4 * s, -distance), 5 * s
+    assert one(O, AHEAD, [center], [r]) == (0, distance)
+    assert one(O, AHEAD, [center], [np.nextafter(r, 0)]) == (-1, np.inf)
+    assert one(O, AHEAD, [center], [np.nextafter(r, UP)])[0] == 0
+    assert one(O, (-5e-324, 0, -1), [center], [r]) == (-1, np.inf)  # turned away, by the least there is
+    assert one(O, (5e-324, 0, -1), [center], [r])[0] == 0
+    assert one(O, (0, 0, 1), [center], [r]) == (-1, np.inf)  # behind
+
+
+def test_ties_go_to_the_lowest_index():
+    sphere, r = (0.25, -0.125, -5), 1.1
+    row = (0.01, 0.02, -1)
+    assert one(O, row, [sphere] * 3, [r] * 3)[0] == 0
+    assert one(O, row, [(0, 0, -50), sphere, sphere], [r] * 3)[0] == 1
+    # Mirror images in the plane x = 0, which holds the ray: equal surds from unequal spheres.
+    for row in ((0, 0, -1), (0, 0.1, -1), (0, -0.2, -0.8)):
+        for x in (0.1, 0.5, 1e-20):
+            assert one(O, row, [(x, 0, -5), (-x, 0, -5)], [1.7, 1.7])[0] == 0
+    # b and D both differ, t does not: the roots of (t - 5)(t - 7) and (t - 5)(t - 9).
+    assert one(O, AHEAD, [(0, 0, -7), (0, 0, -6)], [2, 1]) == (0, 5)
+    assert one(O, AHEAD, [(0, 0, -6), (0, 0, -7)], [1, 2]) == (0, 5)
+    # An exit and an entry.
+    assert one(O, AHEAD, [(0, 0, -9), O], [4, 5]) == (0, 5)
+    # Half chords 5, 9, 16, 35 of radii 13, 15, 20, 37 at the height 12: all are met at 5.
+    spheres = [(10, 13), (14, 15), (21, 20), (40, 37)]
+    for turn in range(4):
+        some = spheres[turn:] + spheres[:turn]
+        for length in (1.0, 1.1, 0.3, 7.7, 1e-9):
+            row, t = (0, 0, -length), float(5 / Fraction(length))
+            assert one((0, 12, 0), row, [(0, 0, -z) for z, _ in some], [r for _, r in some]) == (0, t)
+
+
+@given(
+    st.lists(st.tuples(*[st.integers(-6, 6)] * 4), min_size=1, max_size=5),
+    st.tuples(*[st.integers(-3, 3)] * 3),
+    st.tuples(*[st.integers(-3, 3)] * 3),
+)
+@settings(max_examples=300, deadline=None)
+def test_ties_of_small_integers(spheres, origin, row):
+    """With small integers everything coincides often; mpmath's t must agree, and be tied for the index given."""
+    centers = np.array([s[:3] for s in spheres], float)
+    radii = np.abs(np.array([s[3] for s in spheres], float)) + 1
+    index, t = one(origin, row, centers, radii)
+    if any(row):
+        ts = [by_mpmath(origin, row, [c], [r])[1] for c, r in zip(centers, radii, strict=True)]
+        near = [abs(x - min(ts)) < 1e-60 or x == min(ts) for x in ts]
+        assert index == (near.index(True) if min(ts) < mpmath.inf else -1)
+        assert index < 0 or abs(mpmath.mpf(t) - ts[index]) <= ts[index] * 2.0**-53
+
+
+@pytest.mark.parametrize("r", [1.0, 0.3, 1e3, 6.4e6])
+def test_shells_an_ulp_apart(r):
+    bigger = np.nextafter(r, UP)
+    rng = np.random.default_rng(0)
+    origin = np.array([0.1, 0.2, 3]) * r
+    rows = rng.normal(size=(200, 3)) * 0.2 * r - origin
+    for radii, outer in (([r, bigger], 1), ([bigger, r], 0)):
+        for start, expected in ((origin, outer), (O, 1 - outer)):
+            index, t = oracle.closest(start, rows, np.zeros((2, 3)), radii)
+            assert (index == expected).all()
+            np.testing.assert_array_equal(t, oracle.closest_exact(start, rows, np.zeros((2, 3)), radii)[1])
+
+
+# -------------------------------------------------------------------------------------------------------- the filter
+
+
+def assert_filter_is_right(origin, rows, centers, radii):
+    """What the filter is sure of is what the integers say; the share of which it is not sure."""
+    origin, rows, centers, radii = (np.asarray(x, float) for x in (origin, rows, centers, radii))
+    index, t, doubt = oracle.filtered(origin, rows, centers, radii)
+    sure = ~doubt
+    expected = oracle.closest_exact(origin, rows, centers, radii)
+    np.testing.assert_array_equal(index[sure], expected[0][sure])
+    np.testing.assert_array_equal(t[sure], expected[1][sure])
+    return doubt.mean()
+
+
+def filter_against_integers(regime, seed, size):
+    scene = regime(seed, size)
+    return assert_filter_is_right(camera_space(scene)[0], rays(scene.camera), *camera_space(scene)[1:])
+
+
+@each_regime
+def test_filter(name, regime):
+    assert filter_against_integers(regime, 10, (32, 24)) < 0.01
+
+
+@pytest.mark.stress
+@each_regime
+def test_filter_long(name, regime):
+    for seed in range(100, 130):
+        assert filter_against_integers(regime, seed, (64, 48)) < 0.01
+
+
+def near_misses(rng, n):
+    """Rays and spheres made to be close: (origin, rows, centers, radii).
+
+    Two spheres through about the same point of the first ray, radii and the point off by 2^-20 .. 2^-110; a third that
+    the ray about touches.
+    """
+    scale = 2.0 ** rng.uniform(-20, 20, 2)
+    origin, d = rng.normal(size=3) * scale[0], rng.normal(size=3) * scale[1]
+    off = 2.0 ** -rng.uniform(20, 110, 3)
+    p = origin + d * rng.uniform(0.5, 2)
+    n1, n2 = rng.normal(size=(2, 3))
+    n1, n2 = (v / np.linalg.norm(v) * (-1 if v @ d < 0 else 1) for v in (n1, n2))
+    r = scale[0] * 2.0 ** rng.uniform(-10, 10, 3)
+    side = np.cross(d, rng.normal(size=3))
+    side /= np.linalg.norm(side)
+    centers = np.array([p + n1 * r[0], p + n2 * r[1] * (1 + off[1]), p + d + side * r[2]])
+    radii = r * (1 + off)
+    rows = d * (1 + off[0] * rng.normal(size=(n, 3)))
+    rows[1::2] = np.nextafter(d, d * rng.choice([-10, 10], (n // 2, 3)))
+    return origin, rows, centers, radii
+
+
+def test_filter_on_near_misses():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        assert_filter_is_right(*near_misses(rng, 8))
+
+
+@pytest.mark.stress
+def test_filter_on_near_misses_long():
+    rng = np.random.default_rng(6)
+    for _ in range(20_000):
+        assert_filter_is_right(*near_misses(rng, 16))
+
+
+@pytest.mark.parametrize("distance", [1 + 1e-9, 1.01, 2.0, 1e3, 1e6])
+def test_filter_on_tangent_cones(distance):
+    """Every ray touches the sphere but for rounding: the plain doubles in front of the filter must not drop a hit."""
+    rng, hits = np.random.default_rng(8), []
+    for _ in range(20):
+        center, n = rng.normal(size=3), 200
+        radius = float(np.linalg.norm(center)) / distance
+        e = center / np.linalg.norm(center)
+        side = np.cross(e, rng.normal(size=(n, 3)))
+        side /= np.linalg.norm(side, axis=1)[:, None]
+        rows = e * (math.sqrt((distance - 1) * (distance + 1)) / distance) + side / distance
+        rows *= 1 + rng.normal(size=(n, 3)) * 2.0**-53
+        assert_filter_is_right(O, rows, [center], [radius])
+        hits.append((oracle.closest(O, rows, [center], [radius])[0] == 0).mean())
+    assert 0.2 < np.mean(hits) < 0.8
+
+
+@pytest.mark.parametrize("k", [40, 60, 80, 140])
+def test_what_only_integers_can_tell(k):
+    """Distances that differ by about 2^-2k, and ones as close as that to the middle between two doubles."""
+    x = 2.0**-k
+    assert one(O, AHEAD, [(x, 0, -5), (0, 0, -5)], [1, 1]) == (1, 4)  # 5 - sqrt(1 - x^2) is farther than 4
+    assert one(O, AHEAD, [(2 * x, 0, -5), (x, 0, -5), (0, 2 * x, -5)], [1, 1, 1]) == (1, 4)
+    # r - x^2 / 2 r + 1, just below a midpoint, and the midpoint, which goes to the even neighbour.
+    r = 2.0**53 + 2
+    assert one(O, AHEAD, [(x, 0, -1)], [r])[1] == r
+    assert one(O, AHEAD, [(0, 0, -1)], [r])[1] == r + 2
+    # 2^54 - 2 - sqrt(1 - x^2), just above a midpoint.
+    assert one(O, AHEAD, [(x, 0, 2 - 2.0**54)], [1])[1] == 2.0**54 - 2
+    assert one(O, AHEAD, [(0, 0, 2 - 2.0**54)], [1])[1] == 2.0**54 - 4
+
+
+def bound_ratio(origin, rows, centers, radii):
+    """The greatest error of the filter's t as a share of its bound."""
+    world = oracle._World(origin, centers, radii)
+    worst = Fraction(0)
+    for i, sphere in enumerate(oracle._spheres(origin, centers, radii, world)):
+        hits, (high, low), error, _ = oracle._estimate(rows, sphere)
+        for k in np.flatnonzero(np.isfinite(error)):
+            exact = oracle.t_high(origin, rows[hits[k]], centers[i], radii[i], 400)
+            worst = max(worst, abs(Fraction(high[k]) + Fraction(low[k]) - exact) / Fraction(error[k]))
+    return float(worst)
+
+
+def test_error_bound():
+    rng = np.random.default_rng(7)
+    assert 0 < max(bound_ratio(*near_misses(rng, 8)) for _ in range(100)) < 0.5
+
+
+@pytest.mark.stress
+@each_regime
+def test_error_bound_long(name, regime):
+    for seed in range(20):
+        scene = regime(seed, (24, 18))
+        origin, centers, radii = camera_space(scene)
+        assert bound_ratio(origin, rays(scene.camera), centers, radii) < 0.5
+
+
+def test_beyond_the_range_of_the_filter():
+    rows = [AHEAD, (1e-60, 0, -1), (0, 0, -1e-60), (0, 0, -1e60)]
+    doubt = oracle.filtered(np.zeros(3), np.array(rows), np.array([[0, 0, -5.0]]), np.ones(1))[2]
+    assert doubt.tolist() == [False, True, True, True]
+    assert one(O, rows[3], [(0, 0, -5e200)], [1e200]) == (0, 4e140)
+    assert one((1e-200, 0, 0), AHEAD, [(0, 0, -5)], [1])[1] == 4.0
+
+
+def test_speed():
+    regime = dict(REGIMES)["benign r=1 d=5"]
+    scene = regime(0, (500, 400))
+    args = camera_space(scene)
+    start = time.process_time()
+    oracle.closest(args[0], rays(scene.camera), *args[1:])
+    assert time.process_time() - start < 12  # 200,000 rays: 0.1 s on the machine it was written on
+
+
+# ---------------------------------------------------------------------------------------------------------- shadows
+
+
+def shadow(light, *others, kind="point", origin=(0, 0, 5), row=(0, 0, -1), own=((0, 0, 0), 1.0)):
+    """occluded() where the ray down -z meets the unit sphere `own` at (0, 0, 1), with the other (center, radius)."""
+    spheres = [*others[:1], own, *others[1:]]  # not always the first
+    centers, radii = [c for c, _ in spheres], [r for _, r in spheres]
+    return oracle.occluded(origin, row, min(len(others), 1), centers, radii, light, kind)
+
+
+LIT, SHADOWED, AWAY = (True, True), (False, True), (False, False)
+
+
+def test_facing():
+    assert shadow((0, 0, 5)) == LIT
+    assert shadow((9, 9, 1)) == AWAY  # in the tangent plane: n.l = 0
+    assert shadow((9, 9, np.nextafter(1, 2))) == LIT
+    assert shadow((9, 9, np.nextafter(1, 0))) == AWAY
+    assert shadow((0, 0, 1)) == AWAY  # at the point itself
+    assert shadow((0, 0, 1 + 2.0**-52)) == LIT
+    assert shadow((3, 0, -1), kind="parallel") == LIT
+    assert shadow((3, 0, -5e-324), kind="parallel") == LIT
+    assert shadow((3, 0, 0), kind="parallel") == AWAY
+    assert shadow((3, 0, 5e-324), kind="parallel") == AWAY
+
+
+def test_between():
+    ball = ((0, 0, 5), 1.0)  # its surface crosses the axis at 4 and 6; the point is at 1
+    eye = {"origin": (3, 0, 2), "row": (-3, 0, -1)}  # also meets (0, 0, 1)
+    assert one(eye["origin"], eye["row"], [O], [1]) == (0, 1)
+    assert shadow((0, 0, 9), ball, **eye) == SHADOWED
+    assert shadow((0, 0, 6), ball, **eye) == SHADOWED  # on the far side
+    assert shadow((0, 0, 5), ball, **eye) == SHADOWED  # the light is within it
+    assert shadow((0, 0, 4), ball, **eye) == LIT  # on the near side: the root is 1
+    assert shadow((0, 0, np.nextafter(4, 9)), ball, **eye) == SHADOWED
+    assert shadow((0, 0, np.nextafter(4, 0)), ball, **eye) == LIT
+    assert shadow((0, 0, 2), ball, **eye) == LIT
+    assert shadow((0, 0, -1), ball, kind="parallel", **eye) == SHADOWED
+    assert shadow((0, 0, -1), ((0, 0, -5), 1.0), kind="parallel", **eye) == LIT  # behind
+    assert shadow((0, 0, 9), ((0, 0, -5), 1.0), **eye) == LIT
+
+
+def test_touching():
+    side = ((5, 0, 4), 5.0)  # touches the line x = y = 0 at z = 4
+    eye = {"origin": (-3, 0, 2), "row": (3, 0, -1)}
+    assert shadow((0, 0, 9), side, **eye) == SHADOWED  # closed
+    assert shadow((0, 0, 4), side, **eye) == LIT  # but not at the light
+    assert shadow((0, 0, np.nextafter(4, 9)), side, **eye) == SHADOWED
+    assert shadow((0, 0, 9), ((5, 0, 4), np.nextafter(5, 0)), **eye) == LIT
+    assert shadow((0, 0, -1), side, kind="parallel", **eye) == SHADOWED
+    # A ball that touches the own sphere at the very point: the root 0 does not block, but the next one does.
+    rest = ((0, 0, 2), 1.0)
+    assert shadow((0, 0, 9), rest, **eye) == SHADOWED
+    assert shadow((0, 0, 3), rest, **eye) == LIT  # roots 0 and 1
+    assert shadow((0, 0, 2), rest, **eye) == LIT  # roots 0 and 2
+    assert shadow((0, 0, np.nextafter(3, 9)), rest, **eye) == SHADOWED
+    assert shadow((0, 0, -1), rest, kind="parallel", **eye) == SHADOWED
+
+
+@pytest.mark.parametrize("r", [1.0, 0.3, 1e3, 6.4e6])
+def test_shells_shade(r):
+    """An ulp around the sphere is enough to shade it from outside, and from within the same for a light outside."""
+    rng = np.random.default_rng(1)
+    for row in rng.normal(size=(40, 3)) * 0.2:
+        toward = (float(row[0]), float(row[1]), -3.0)
+        for shell, expected in ((np.nextafter(r, UP), SHADOWED), (np.nextafter(r, 0), LIT)):
+            args = {"own": (O, r), "origin": (0, 0, 3 * r), "row": toward}
+            assert shadow((0.1 * r, 0, 9 * r), (O, shell), **args) == expected
+            assert shadow((0.1, 0, -1), (O, shell), kind="parallel", **args) == expected
+        args = {"own": (O, r), "origin": O, "row": toward}
+        assert shadow((0, 0, 0.5 * r), (O, np.nextafter(r, UP)), **args) == LIT
+        # A shell within has its near side between the two, whether the light is within as well or not.
+        assert shadow((0, 0, 0.5 * r), (O, np.nextafter(r, 0)), **args) == SHADOWED
+
+
+def test_own_sphere_from_inside():
+    eye = {"origin": (0, 0, 0)}  # looks down -z and meets (0, 0, -1)
+    assert shadow((0.3, 0.2, 0.1), **eye) == LIT
+    assert shadow((0, 0, 0), **eye) == LIT
+    assert shadow((0, 0, 1), **eye) == LIT  # on the wall, not strictly outside
+    assert shadow((0, 0, np.nextafter(1, 2)), **eye) == SHADOWED
+    assert shadow((0, 0, 9), **eye) == SHADOWED
+    assert shadow((0, 0, -2), **eye) == AWAY
+    assert shadow((0, 0, -1), kind="parallel", **eye) == SHADOWED
+    assert shadow((0, 0, 1), kind="parallel", **eye) == AWAY
+    # From the surface through the inside, the hit is an exit as well.
+    assert shadow((0, 0, 0.5), origin=(0, 0, 1)) == LIT
+    assert shadow((0, 0, 2), origin=(0, 0, 1)) == SHADOWED
+
+
+def test_occluded_refuses():
+    with pytest.raises(ValueError):
+        shadow((0, 0, 5), row=(0, 0, 1))
+    with pytest.raises(ValueError):
+        shadow((0, 0, 5), kind="spot")
+    for function in (oracle.t_high, oracle.normal_high):
+        with pytest.raises(ValueError):
+            function(O, (0, 0, 1), (0, 0, -5), 1.0)
+
+
+@given(st.integers(0, 2**32), st.booleans(), st.booleans())
+@settings(max_examples=150, deadline=None)
+def test_shadows_against_closest(seed, parallel, within):
+    """A ray from the rounded hit point (at random, rounding does not matter) sees what occluded() says."""
+    rng = np.random.default_rng(seed)
+    centers, radii = rng.uniform(-3, 3, (5, 3)), rng.uniform(0.2, 1, 5)
+    if within:
+        centers, radii = np.vstack([centers, [(0, 0, 0)]]), np.append(radii, 4)
+    origin, row = rng.uniform(-3, 3, 3), rng.normal(size=3)
+    light = rng.uniform(-5, 5, 3)
+    index, t = one(origin, row, centers, radii)
+    if index < 0:
+        return
+    lit, facing = oracle.occluded(origin, row, index, centers, radii, light, "parallel" if parallel else "point")
+    p = origin + t * row
+    normal = p - centers[index]
+    inside = np.linalg.norm(origin - centers[index]) < radii[index]
+    to_light = -light if parallel else light - p
+    assert facing == ((normal @ to_light > 0) != inside)
+    # From a little in front of the surface: far enough not to meet it, too little to matter.
+    start = p + 1e-9 * normal * (-1 if inside else 1)
+    _, way = one(start, to_light, centers, radii)
+    assert lit == (facing and not (way < (np.inf if parallel else 1)))
+
+
+def test_normal_error():
+    exact = oracle.normal_high((0, 3, 5), AHEAD, O, 5)  # (0, 3, 4) / 5
+    assert oracle.normal_error((0, 3, 4), exact) == pytest.approx(0, abs=1e-45)
+    assert oracle.normal_error((0, -3, -4), exact) == pytest.approx(math.pi)
+    assert oracle.normal_error((1e-20, 3, 4), exact) == pytest.approx(2e-21)
+    assert oracle.normal_error((0, -4, 3), exact) == pytest.approx(math.pi / 2)
+
+
+# ---------------------------------------------------------------------------------------------------------- regimes
+
+
+@each_regime
+def test_regimes_are_what_they_say(name, regime):
+    scene, again, other = regime(3, (20, 15)), regime(3, (20, 15)), regime(4, (20, 15))
+    np.testing.assert_array_equal(scene.spheres, again.spheres)
+    assert scene.camera == again.camera
+    assert scene.spheres.tobytes() != other.spheres.tobytes()
+    assert scene.camera.basis() == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    assert scene.camera.resolution == (20, 15)
+    for values in camera_space(scene):
+        np.testing.assert_array_equal(values, values.astype(np.float32))
+    assert len(scene.lights) == 0
+    # Over a few seeds, there is more to decide than whether anything is there at all.
+    seen = {-1} if name.startswith("inside") else set()
+    for seed in range(4):
+        scene = regime(seed, (40, 30))
+        origin, centers, radii = camera_space(scene)
+        seen |= set(oracle.closest(origin, rays(scene.camera), centers, radii)[0].tolist())
+    assert -1 in seen
+    assert len(seen) > 2
+
+
+def test_there_are_21_regimes():
+    assert len({name for name, _ in REGIMES}) == len(REGIMES) == 21
+
+
+def test_rays():
+    camera = REGIMES[0][1](0, (3, 2)).camera
+    tan_x, tan_y = camera.image_plane()
+    d = rays(camera).reshape(2, 3, 3)
+    assert d[0, 0].tolist() == [-2 * (tan_x / 3), tan_y / 2, -1]  # left, top
+    assert d[1, 2].tolist() == [2 * (tan_x / 3), -(tan_y / 2), -1]
+    assert d[:, 1, 0].tolist() == [0, 0]
