@@ -81,12 +81,14 @@ class _Space:
     """Spheres (n) and lights (m) in camera space. hi + lo are their exact offsets from the eye, along the world's axes.
 
     center (n, 3) and position (m, 3): rotated, each coordinate rounded once; power: |center|^2 - radius^2 of the exact
-    offset, rounded once, so that no rounding of centres enters it.
+    offset, rounded once, so that no rounding of centres enters it; *_rest: what the rounding cut off.
     """
 
     center: Array
+    center_rest: Array
     radius: Array
     power: Array
+    power_rest: Array
     center_hi: Array
     center_lo: Array
     position: Array
@@ -95,7 +97,9 @@ class _Space:
 
     def times_two_to(self, k: int) -> _Space:
         """All lengths times 2^k, which is exact."""
-        scaled = {f.name: np.ldexp(getattr(self, f.name), 2 * k if f.name == "power" else k) for f in fields(self)}
+        scaled = {
+            f.name: np.ldexp(getattr(self, f.name), 2 * k if f.name.startswith("power") else k) for f in fields(self)
+        }
         return _Space(**scaled)
 
     def largest(self, lights: NDArray[np.bool_]) -> float:
@@ -109,16 +113,9 @@ def _camera_space(scene: Scene, lights: NDArray[np.void], basis: Array) -> _Spac
     hi, lo = two_sum(scene.spheres["center"], -eye)
     at_hi, at_lo = two_sum(lights["position"], -eye)
     radius = scene.spheres["radius"]
-    return _Space(
-        dot_products(basis, hi, lo),
-        radius,
-        square_excess(hi, lo, radius),
-        hi,
-        lo,
-        dot_products(basis, at_hi, at_lo),
-        at_hi,
-        at_lo,
-    )
+    position, _ = dot_products(basis, at_hi, at_lo)
+    center, power = dot_products(basis, hi, lo), square_excess(hi, lo, radius)
+    return _Space(*center, radius, *power, hi, lo, position, at_hi, at_lo)
 
 
 def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), truncate: bool = False) -> Packed:
@@ -142,6 +139,7 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
     arrays: dict[str, NDArray[Any]] = {
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
         "power": exact.power.astype(real),
+        "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
         "material_of": scene.spheres["material"].astype("i4"),
         "material": _materials(scene, ambient, shade),
         "light": packed_lights,
@@ -153,7 +151,7 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
     x, y = scene.camera.image_plane()
     width, height = scene.camera.resolution
     view = np.zeros((), view_dtype(real))
-    view["pixel"][:3] = x / width, y / height, math.ldexp(1.0, unit)
+    view["pixel"] = x / width, y / height, math.ldexp(1.0, unit), math.ldexp(1.0, -unit)
     for name, axis in zip(("right", "up", "back"), basis, strict=True):
         view[name][:3] = axis
     view["background"][:3] = _finite32(np.array(scene.background))
@@ -262,7 +260,7 @@ def _occluders(packed: NDArray[np.void], lights: NDArray[np.void], space: _Space
         hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
         lo, e2 = two_sum(space.position_lo[k], -space.center_lo)
         hi, lo = two_sum(hi, e1 + lo + e2)
-        c = square_excess(hi, lo, radius)
+        c, _ = square_excess(hi, lo, radius)
         f = space.position[k] - space.center
         square = (f * f).sum(axis=1)
         occluder[k, :, :3] = f

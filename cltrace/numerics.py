@@ -32,8 +32,8 @@ def two_product(a: Array, b: Array) -> Pair:
     return p, al * bl - (((p - ah * bh) - al * bh) - ah * bl)
 
 
-def total(terms: list[Array]) -> Array:
-    """The sum of the terms, rounded nearly once: error below 2^-53 of the result + 2^-98 of the sum of magnitudes."""
+def total(terms: list[Array]) -> Pair:
+    """(hi, lo): the sum of the terms with an error below 2^-98 of the sum of their magnitudes; hi is hi + lo rounded."""
     hi = terms[0]
     low = np.zeros_like(hi)
     lower = np.zeros_like(hi)
@@ -41,23 +41,23 @@ def total(terms: list[Array]) -> Array:
         hi, e = two_sum(hi, term)
         low, e = two_sum(low, e)
         lower = lower + e
-    return np.asarray(hi + (low + lower))
+    return two_sum(hi, low + lower)
 
 
-def dot_products(rows: Array, hi: Array, lo: Array) -> Array:
-    """The vectors hi + lo, (n, 3), in the coordinate system of `rows`, (3, 3): (n, 3), each rounded once."""
-    out = np.empty_like(hi)
+def dot_products(rows: Array, hi: Array, lo: Array) -> Pair:
+    """The vectors hi + lo, (n, 3), in the coordinate system of `rows`, (3, 3): a pair of (n, 3)."""
+    out, rest = np.empty_like(hi), np.empty_like(hi)
     for i, row in enumerate(rows):
         terms = []
         for j in range(3):
             factor = np.full(len(hi), row[j])
             terms += [*two_product(factor, hi[:, j]), factor * lo[:, j]]
-        out[:, i] = total(terms)
-    return out
+        out[:, i], rest[:, i] = total(terms)
+    return out, rest
 
 
-def square_excess(hi: Array, lo: Array, r: Array) -> Array:
-    """|hi + lo|^2 - r^2 for vectors (n, 3) and radii (n,): (n,), rounded once, and exact in sign.
+def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
+    """|hi + lo|^2 - r^2 for vectors (n, 3) and radii (n,): a pair of (n,), exact in sign.
 
     Where the terms cancel to less than 2^-45 of their size, which no double-double sum resolves for certain, the few
     sums concerned are done in rational numbers.
@@ -66,12 +66,14 @@ def square_excess(hi: Array, lo: Array, r: Array) -> Array:
     for j in range(3):
         terms += [*two_product(hi[:, j], hi[:, j]), 2 * hi[:, j] * lo[:, j]]
     square, error = two_product(r, r)
-    c = total([*terms, -square, -error])
+    c, rest = total([*terms, -square, -error])
     size = (hi * hi).sum(axis=1) + square
     for i in np.flatnonzero(np.abs(c) < 2.0**-45 * size):
-        exact = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))
-        c[i] = float(exact - Fraction(float(r[i])) ** 2)
-    return c
+        norm = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))
+        exact = norm - Fraction(float(r[i])) ** 2
+        c[i] = float(exact)
+        rest[i] = float(exact - Fraction(float(c[i])))
+    return c, rest
 
 
 def rounded_down(value: Array) -> NDArray[np.float32]:

@@ -137,6 +137,10 @@ class Surface(ABC):
         """The smallest t of the ray, t_min < t < t_max, at which it meets the surface; None if it does not."""
 
     @abstractmethod
+    def exact_distance(self, ray: Ray) -> Fraction:
+        """That t, far beyond double precision."""
+
+    @abstractmethod
     def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
         """Everything about the point at that t."""
 
@@ -148,21 +152,27 @@ class Surface(ABC):
 class Sphere(Surface):
     """The points with |p - center| = radius.
 
-    eye_power: |center|^2 - radius^2, the power of the eye, rounded once from the unrounded scene; > 0 is outside.
-    light_sides: for each light the sign of its own power: 1 outside, 0 on the sphere, -1 inside.
+    exact_center: the centre before it was rounded; exact_power: |center|^2 - radius^2 of the unrounded scene, the power
+    of the eye, > 0 outside; light_sides: for each light the sign of its own power: 1 outside, 0 on the sphere, -1 inside.
     """
 
     def __init__(
-        self, center: Point, radius: float, material: Material, eye_power: float, light_sides: dict[int, int]
+        self,
+        exact_center: tuple[Fraction, Fraction, Fraction],
+        radius: float,
+        material: Material,
+        exact_power: Fraction,
+        light_sides: dict[int, int],
     ) -> None:
-        self.center, self.radius, self.material = center, radius, material
-        self.eye_power, self.light_sides = eye_power, light_sides
+        self.center = Point(*map(float, exact_center))
+        self.radius, self.material, self.eye_power = radius, material, float(exact_power)
+        self.exact_center, self.exact_power, self.light_sides = exact_center, exact_power, light_sides
 
     def _quadratic(self, ray: Ray) -> tuple[float, float, float, Direction, bool]:
         """a, b, discriminant of a t^2 - 2 b t + c = 0, v from the ray's closest point to the centre, and which form.
 
         The tutorial's formula is b^2 - a c. It is kept where it is accurate, for |b| < radius |d|; elsewhere
-        a (radius^2 - |v|^2) is.
+        a (radius^2 - |v|^2) is. Where its sign is in doubt, it is computed without rounding.
         """
         f, d = self.center - ray.origin, ray.direction
         a, b = d.dot(d), f.dot(d)
@@ -171,9 +181,27 @@ class Sphere(Surface):
         vz = -(vx * d.x + vy * d.y) / d.z if a <= 1.0625 * (d.z * d.z) else f.z - k * d.z
         v = Direction(vx, vy, vz)
         rr = self.radius * self.radius
-        by_b = b * b < a * rr
-        discriminant = b * b - a * self.eye_power if by_b else a * (rr - v.dot(v))
+        bb, arr = b * b, a * rr
+        by_b = bb < arr
+        discriminant = bb - a * self.eye_power if by_b else a * (rr - v.dot(v))
+        if abs(discriminant) <= (bb + arr) * 2.0**-48:
+            discriminant = float(self._exact_quadratic(ray)[2])
         return a, b, discriminant, v, by_b
+
+    def _exact_quadratic(self, ray: Ray) -> tuple[Fraction, Fraction, Fraction]:
+        """a, b and the discriminant, not rounded. The ray starts at the eye."""
+        d = [Fraction(x) for x in (ray.direction.x, ray.direction.y, ray.direction.z)]
+        a = _sum(x * x for x in d)
+        b = _sum(x * y for x, y in zip(d, self.exact_center, strict=True))
+        return a, b, b * b - a * self.exact_power
+
+    def exact_distance(self, ray: Ray) -> Fraction:
+        """The t of a ray that hits, to 2^-100 of its value or better: the square root is rounded that late."""
+        a, b, discriminant = self._exact_quadratic(ray)
+        whole = discriminant.numerator * discriminant.denominator
+        root = Fraction(math.isqrt(whole << 400), discriminant.denominator << 200)
+        q = b - root if b < 0 else b + root
+        return self.exact_power / q if self.exact_power > 0 or b < 0 else q / a
 
     def intersect(self, ray: Ray) -> float | None:
         a, b, discriminant, _, _ = self._quadratic(ray)
@@ -295,8 +323,8 @@ def world_of(scene: Scene) -> World:
     def relative(p: Iterable[float]) -> list[Fraction]:
         return [Fraction(a) - Fraction(b) for a, b in zip(p, eye, strict=True)]
 
-    def rotated(p: list[Fraction]) -> tuple[float, float, float]:
-        x, y, z = (float(_sum(Fraction(e) * v for e, v in zip(axis, p, strict=True) if e)) for axis in basis)
+    def rotated(p: list[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
+        x, y, z = (_sum(Fraction(e) * v for e, v in zip(axis, p, strict=True) if e) for axis in basis)
         return x, y, z
 
     def turned(v: Iterable[float]) -> Direction:
@@ -309,7 +337,7 @@ def world_of(scene: Scene) -> World:
         place = None
         if kind != PARALLEL:
             positions[number] = relative(light["position"].tolist())
-            place = Point(*rotated(positions[number]))
+            place = Point(*map(float, rotated(positions[number])))
         lights.append(
             Light(
                 number,
@@ -333,9 +361,7 @@ def world_of(scene: Scene) -> World:
         for number, position in positions.items():
             light_power = _sum((a - b) ** 2 for a, b in zip(position, center, strict=True)) - square
             sides[number] = (light_power > 0) - (light_power < 0)
-        surfaces.append(
-            Sphere(Point(*rotated(center)), float(sphere["radius"]), materials[sphere["material"]], float(power), sides)
-        )
+        surfaces.append(Sphere(rotated(center), float(sphere["radius"]), materials[sphere["material"]], power, sides))
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
 
@@ -374,9 +400,20 @@ def closest_hit(world: World, ray: Ray) -> Intersection | None:
     nearest, index = math.inf, -1
     for i, surface in enumerate(world.surfaces):
         t = surface.intersect(ray)
-        if t is not None and t < nearest:
+        if t is not None and comes_first(ray, surface, t, world.surfaces[index], nearest):
             nearest, index = t, i
     return world.surfaces[index].intersection_at(ray, nearest, index) if index >= 0 else None
+
+
+def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: float) -> bool:
+    """Whether the ray meets a surface, at t, strictly before another one, at `best`.
+
+    Where the two could be equal but for rounding, the unrounded distances decide; closer than 2^-70 is equal.
+    """
+    if best < math.inf and abs(t - best) <= best * 2.0**-12:
+        theirs = other.exact_distance(ray)
+        return surface.exact_distance(ray) < theirs * (1 - Fraction(1, 2**70))
+    return t < best
 
 
 def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:

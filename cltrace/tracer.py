@@ -162,6 +162,7 @@ class Renderer:
             np.int32(frame.width),
             b["center_radius"],
             b["power"],
+            b["rest"],
             b["material_of"],
             b["material"],
             b["light"],

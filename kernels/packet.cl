@@ -118,6 +118,13 @@ static int any_lane(const MASK mask) {
 #endif
 #endif
 
+/* Writes the lanes to an array in memory. */
+#if W == 1
+#define STORE_LANES(value, array) (array)[0] = (value)
+#else
+#define STORE_LANES(value, array) PASTE(vstore, W)(value, 0, array)
+#endif
+
 /* Where the lanes are within the packet: 4 columns, W/4 rows. */
 #if W == 1
 #define PACKET_WIDTH 1
@@ -162,7 +169,7 @@ typedef struct {
 /* ---- What the host packs (cltrace/layout.py); only whole vectors of 4, so that there is nothing to pad. ---- */
 
 typedef struct {
-    real4 pixel;           /* x, y: size of a pixel on the image plane z = -1; z: see Scene.unit in trace.cl */
+    real4 pixel;           /* x, y: size of a pixel on the image plane z = -1; z: see Scene.unit in trace.cl; w: 1/z */
     real4 right, up, back; /* the camera's axes in the world */
     float4 background;     /* rgb, linear */
     float4 quantize;       /* x: what is added to 255 c before it is cut to an integer: 0.5 or 0 */

@@ -16,21 +16,140 @@ typedef struct {
     Real3 center;
     REAL r;
     REAL c; /* |center|^2 - r^2, the power of the eye: from the host, which computes it from the unrounded scene */
+#if REAL_BYTES == 8
+    Real3 center_rest; /* what was cut off when center and c were rounded */
+    REAL c_rest;
+#endif
 } Sphere;
+
+/* The spheres' buffers; rest is in float, in units of which one is `length` scene units. */
+typedef struct {
+    __global const real4 *center_radius;
+    __global const real *power;
+    __global const float4 *rest;
+    real length;
+} Spheres;
+
+static Sphere sphere_at(const Spheres spheres, const int index) {
+    Sphere sphere;
+    const real4 s = spheres.center_radius[index];
+    sphere.center.x = s.x;
+    sphere.center.y = s.y;
+    sphere.center.z = s.z;
+    sphere.r = s.w;
+    sphere.c = spheres.power[index];
+#if REAL_BYTES == 8
+    const float4 rest = spheres.rest[index];
+    sphere.center_rest.x = rest.x * spheres.length;
+    sphere.center_rest.y = rest.y * spheres.length;
+    sphere.center_rest.z = rest.z * spheres.length;
+    sphere.c_rest = rest.w * (spheres.length * spheres.length);
+#endif
+    return sphere;
+}
+
+/* Each lane's sphere. Neighbours mostly have the same one: a run of lanes with the same index is fetched once. Lanes
+ * with a negative index get a harmless sphere ahead. */
+static Sphere spheres_of(const Spheres spheres, const INT index) {
+    Sphere own;
+    own.center.x = own.center.y = 0;
+    own.center.z = -2;
+    own.r = 1;
+    own.c = 3;
+#if REAL_BYTES == 8
+    own.center_rest.x = own.center_rest.y = own.center_rest.z = own.c_rest = 0;
+#endif
+    int each[W], last = -1;
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] == last || each[lane] < 0) continue;
+        last = each[lane];
+        const REAL_MASK here = TO_REAL_MASK(index == last);
+        const Sphere sphere = sphere_at(spheres, last);
+        own.center.x = here ? sphere.center.x : own.center.x;
+        own.center.y = here ? sphere.center.y : own.center.y;
+        own.center.z = here ? sphere.center.z : own.center.z;
+        own.r = here ? sphere.r : own.r;
+        own.c = here ? sphere.c : own.c;
+#if REAL_BYTES == 8
+        own.center_rest.x = here ? sphere.center_rest.x : own.center_rest.x;
+        own.center_rest.y = here ? sphere.center_rest.y : own.center_rest.y;
+        own.center_rest.z = here ? sphere.center_rest.z : own.center_rest.z;
+        own.c_rest = here ? sphere.c_rest : own.c_rest;
+#endif
+    }
+    return own;
+}
+
+#if REAL_BYTES == 8
+/* Where even double is unsure: pairs hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of
+ * Dekker 1971 and of Ogita, Rump and Oishi 2005; their errors are a few 2^-104 of the result. */
+typedef struct {
+    REAL hi, lo;
+} Pair;
+
+static Pair two_sum(const REAL a, const REAL b) {
+    const REAL s = a + b, t = s - a;
+    const Pair sum = {s, (a - (s - t)) + (b - t)};
+    return sum;
+}
+
+static Pair two_product(const REAL a, const REAL b) {
+    const REAL p = a * b;
+    const Pair product = {p, fma(a, b, -p)};
+    return product;
+}
+
+static Pair plus(const Pair a, const Pair b) {
+    const Pair s = two_sum(a.hi, b.hi), e = two_sum(a.lo, b.lo), sum = two_sum(s.hi, s.lo + e.hi);
+    return two_sum(sum.hi, sum.lo + e.lo);
+}
+
+static Pair minus(const Pair a, const Pair b) {
+    const Pair negative = {-b.hi, -b.lo};
+    return plus(a, negative);
+}
+
+static Pair times(const Pair a, const Pair b) {
+    const Pair p = two_product(a.hi, b.hi);
+    return two_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
+}
+
+static Pair over(const Pair a, const Pair b) {
+    const Pair q = {a.hi / b.hi, 0};
+    const Pair rest = minus(a, times(q, b));
+    return two_sum(q.hi, (rest.hi + rest.lo) / b.hi);
+}
+
+static Pair pair(const REAL hi, const REAL lo) {
+    const Pair p = {hi, lo};
+    return p;
+}
+#endif
 
 /* What is needed of the equation a t^2 - 2 b t + c = 0 for the ray t d and the sphere |p - C| = r. */
 typedef struct {
-    REAL b;             /* C.d */
-    Real3 v;            /* from the ray's point closest to the centre, to the centre; orthogonal to d */
-    REAL discriminant;  /* b^2 - a c = a (r^2 - |v|^2) */
-    REAL_MASK by_b;     /* whether it was computed as b^2 - a c */
+    REAL b;            /* C.d */
+    Real3 v;           /* from the ray's point closest to the centre, to the centre; orthogonal to d */
+    REAL discriminant; /* b^2 - a c = a (r^2 - |v|^2) */
+    REAL_MASK by_b;    /* whether it was computed as b^2 - a c */
+#if REAL_BYTES == 8
+    Pair exact_a, exact_b, exact_discriminant; /* only where asked for */
+#endif
 } Quadratic;
 
-static Sphere sphere_at(__global const real4 *center_radius, __global const real *power, const int index) {
-    const real4 s = center_radius[index];
-    const Sphere sphere = {{s.x, s.y, s.z}, s.w, power[index]};
-    return sphere;
+#if REAL_BYTES == 8
+/* The same numbers in pairs. */
+static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
+    const Real3 C = sphere.center, rest = sphere.center_rest;
+    const Pair one = {1, 0}, c = {sphere.c, sphere.c_rest};
+    const Pair xx = two_product(ray.d.x, ray.d.x), yy = two_product(ray.d.y, ray.d.y);
+    const Pair x = times(pair(C.x, rest.x), pair(ray.d.x, 0)), y = times(pair(C.y, rest.y), pair(ray.d.y, 0));
+    e->exact_a = plus(plus(xx, yy), one);
+    e->exact_b = minus(plus(x, y), pair(C.z, rest.z));
+    e->exact_discriminant = minus(times(e->exact_b, e->exact_b), times(e->exact_a, c));
 }
+#endif
 
 /* The discriminant, in the form that is accurate here.
  *
@@ -40,6 +159,10 @@ static Sphere sphere_at(__global const real4 *center_radius, __global const real
  *
  * v.z: as v.d = 0 and d.z = -1, it is also v.x d.x + v.y d.y. That beats C.z + b/a near the view's axis, where C.z and
  * b/a are large and nearly cancel, by as much as d.x and d.y are small, and loses to it where they are large.
+ *
+ * The sign decides between hit and miss. Both forms are off by less than 16 u a |C|^2, u = 2^-53: |b| <= |C||d|, b is
+ * off by 4 u |C||d| and v by 6 u |C|. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant below 2^-48 of that is
+ * computed again in pairs.
  */
 static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     Quadratic e;
@@ -50,9 +173,17 @@ static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     e.v.x = C.x - k * ray.d.x;
     e.v.y = C.y - k * ray.d.y;
     e.v.z = ray.a <= (real)1.0625 ? e.v.x * ray.d.x + e.v.y * ray.d.y : C.z + k;
-    const REAL bb = e.b * e.b;
-    e.by_b = bb < ray.a * rr;
+    const REAL bb = e.b * e.b, arr = ray.a * rr;
+    e.by_b = bb < arr;
     e.discriminant = e.by_b ? bb - ray.a * sphere.c : ray.a * (rr - DOT(e.v, e.v));
+#if REAL_BYTES == 8
+    const REAL bound = (bb + arr) * 0x1p-48;
+    const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound);
+    if (ANY(TO_MASK(unsure))) {
+        refine(&e, ray, sphere);
+        e.discriminant = unsure ? e.exact_discriminant.hi : e.discriminant;
+    }
+#endif
     return e;
 }
 
@@ -71,6 +202,32 @@ static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
     const REAL t = (first ? sphere.c : q) / (first ? q : ray.a);
     return ((e.discriminant >= 0) & (t > 0)) ? t : (REAL)INFINITY;
 }
+
+#if REAL_BYTES == 8
+/* The same in pairs, for a ray that is known to hit. */
+static Pair exact_distance(const Ray ray, const Sphere sphere) {
+    Quadratic e;
+    refine(&e, ray, sphere);
+    const Pair c = {sphere.c, sphere.c_rest}, D = e.exact_discriminant;
+    const REAL_MASK some = D.hi > 0;
+    const REAL near = some ? sqrt(D.hi) : (REAL)0;
+    const Pair rest = minus(D, two_product(near, near));
+    const Pair root = two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
+    const REAL_MASK behind = e.exact_b.hi < 0, first = (c.hi > 0) | behind;
+    const Pair sum = plus(e.exact_b, root), difference = minus(e.exact_b, root);
+    const Pair q = {behind ? difference.hi : sum.hi, behind ? difference.lo : sum.lo};
+    const Pair numerator = {first ? c.hi : q.hi, first ? c.lo : q.lo};
+    const Pair denominator = {first ? q.hi : e.exact_a.hi, first ? q.lo : e.exact_a.lo};
+    return over(numerator, denominator);
+}
+
+/* Whether the ray meets A before B. Distances that differ by less than 2^-70 are equal: then `tie` says. */
+static REAL_MASK comes_first(const Ray ray, const Sphere A, const Sphere B, const REAL_MASK tie) {
+    const Pair a = exact_distance(ray, A), b = exact_distance(ray, B);
+    const REAL gap = (a.hi - b.hi) + (a.lo - b.lo), equal = b.hi * 0x1p-70;
+    return (gap < -equal) | ((gap <= equal) & tie);
+}
+#endif
 
 /* From the sphere's centre to the hit point t d, divided by the radius: the outward unit normal.
  *

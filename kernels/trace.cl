@@ -2,8 +2,7 @@
 
 /* The buffers of a scene. Spheres are numbered as in the scene file everywhere. */
 typedef struct {
-    __global const real4 *center_radius; /* per sphere: centre in camera space, radius */
-    __global const real *power;          /* per sphere: |centre|^2 - radius^2 */
+    Spheres spheres;
     __global const int *material_of;     /* per sphere: index into material */
     __global const shade8 *material;     /* ka La C (rgb), kd C (rgb), ks, exponent */
     __global const Light *light;         /* parallel lights, then point lights, then spot lights */
@@ -78,56 +77,51 @@ static Hit closest_hit(const Scene scene, const Ray ray) {
         if (!ANY(b * magnitude(b) >= a * s.w)) continue;
 #endif
         const int index = scene.candidate_index[k];
-        const REAL t = intersect_sphere(ray, sphere_at(scene.center_radius, scene.power, index));
-        const REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & TO_REAL_MASK(index < hit.id));
+        const Sphere sphere = sphere_at(scene.spheres, index);
+        const REAL t = intersect_sphere(ray, sphere);
+        const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
+        REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
+#if REAL_BYTES == 8
+        /* A distance may be off by more than an ulp where the ray grazes: by the square root of an ulp at the worst,
+         * and more only right above a huge sphere. */
+        const REAL margin = hit.t * 0x1p-12;
+        const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
+        if (ANY(TO_MASK(close))) {
+            const REAL_MASK first = comes_first(ray, sphere, spheres_of(scene.spheres, hit.id), lower);
+            nearer = close ? first : nearer;
+        }
+#endif
         hit.t = nearer ? t : hit.t;
         hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
     }
     return hit;
 }
 
-/* Sphere, normal and material of each lane's hit. Neighbours mostly hit the same sphere: each run of lanes with the
- * same index is fetched once. Lanes without a hit keep harmless values. */
+/* Sphere, normal and material of each lane's hit. Lanes without a hit keep harmless values. */
 static Intersection intersection_at(const Scene scene, const Ray ray, const Hit hit) {
     Intersection at;
     at.hit = hit.id >= 0;
-    at.sphere.center.x = at.sphere.center.y = 0;
-    at.sphere.center.z = -2;
-    at.sphere.r = 1;
-    at.sphere.c = 3;
+    at.sphere = spheres_of(scene.spheres, hit.id);
     at.side = 1;
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;
-    int id[W], last = -1;
-#if W == 1
-    id[0] = hit.id;
-#else
-    PASTE(vstore, W)(hit.id, 0, id);
-#endif
-    for (int lane = 0; lane < W; lane++) {
-        const int index = id[lane];
-        if (index == last || index < 0) continue;
-        last = index;
-        const MASK same = hit.id == index;
-        const REAL_MASK here = TO_REAL_MASK(same);
-        const Sphere sphere = sphere_at(scene.center_radius, scene.power, index);
-        at.sphere.center.x = here ? sphere.center.x : at.sphere.center.x;
-        at.sphere.center.y = here ? sphere.center.y : at.sphere.center.y;
-        at.sphere.center.z = here ? sphere.center.z : at.sphere.center.z;
-        at.sphere.r = here ? sphere.r : at.sphere.r;
-        at.sphere.c = here ? sphere.c : at.sphere.c;
 #ifdef WITH_SHADING
-        const SHADE_MASK of = TO_SHADE_MASK(same);
-        const shade8 m = scene.material[scene.material_of[index]];
-        at.ambient.x = of ? (SHADE)m.s0 : at.ambient.x;
-        at.ambient.y = of ? (SHADE)m.s1 : at.ambient.y;
-        at.ambient.z = of ? (SHADE)m.s2 : at.ambient.z;
-        at.diffuse.x = of ? (SHADE)m.s3 : at.diffuse.x;
-        at.diffuse.y = of ? (SHADE)m.s4 : at.diffuse.y;
-        at.diffuse.z = of ? (SHADE)m.s5 : at.diffuse.z;
-        at.ks = of ? (SHADE)m.s6 : at.ks;
-        at.exponent = of ? (SHADE)m.s7 : at.exponent;
-#endif
+    int each[W], last = -1;
+    STORE_LANES(hit.id, each);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] == last || each[lane] < 0) continue;
+        last = each[lane];
+        const SHADE_MASK here = TO_SHADE_MASK(hit.id == last);
+        const shade8 m = scene.material[scene.material_of[last]];
+        at.ambient.x = here ? (SHADE)m.s0 : at.ambient.x;
+        at.ambient.y = here ? (SHADE)m.s1 : at.ambient.y;
+        at.ambient.z = here ? (SHADE)m.s2 : at.ambient.z;
+        at.diffuse.x = here ? (SHADE)m.s3 : at.diffuse.x;
+        at.diffuse.y = here ? (SHADE)m.s4 : at.diffuse.y;
+        at.diffuse.z = here ? (SHADE)m.s5 : at.diffuse.z;
+        at.ks = here ? (SHADE)m.s6 : at.ks;
+        at.exponent = here ? (SHADE)m.s7 : at.exponent;
     }
+#endif
 #ifdef WITH_NORMAL
     const REAL t = TO_REAL_MASK(at.hit) ? hit.t : (REAL)1;
     at.normal = normal_at(ray, at.sphere, t);
@@ -199,7 +193,7 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
             if (!ANY(lit & other & (FMA(x, x, y * y) <= s.z) & (ps <= s.w))) continue;
         }
 #endif
-        const Sphere sphere = sphere_at(scene.center_radius, scene.power, which.x);
+        const Sphere sphere = sphere_at(scene.spheres, which.x);
         REAL_MASK blocked = blocks(at.start, sphere, w, at_point, which.y);
 #ifdef WITH_INSIDE
         const REAL_MASK self = TO_REAL_MASK(own == which.x);
@@ -360,7 +354,7 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
 #define STORE(type, out, first, pitch, stride, value)                                                             \
     do {                                                                                                          \
         type lane_[W];                                                                                            \
-        PASTE(vstore, W)(value, 0, lane_);                                                                        \
+        STORE_LANES(value, lane_);                                                                                \
         for (int j_ = 0; j_ < W; j_++)                                                                            \
             (out)[((long)(first) + (j_ >> 2) * (pitch) + (j_ & 3)) * (stride)] = lane_[j_];                        \
     } while (0)
@@ -370,7 +364,7 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
  * pixels, a whole number of packets in both directions. */
 __kernel void render(const View view, const int2 size, const int4 region, const int pitch,
                      __global const real4 *center_radius, __global const real *power,
-                     __global const int *material_of, __global const shade8 *material, __global const Light *light,
+                     __global const float4 *rest, __global const int *material_of, __global const shade8 *material, __global const Light *light,
                      const int4 lights, __global const float4 *candidate, __global const int *candidate_index,
                      const int candidates, __global const float4 *occluder, __global const float *occluder_near,
                      __global const int2 *occluder_index, __global const int2 *occluder_range, __global uchar *rgb8,
@@ -379,7 +373,8 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
     const int x = (int)get_global_id(0) * PACKET_WIDTH, y = (int)get_global_id(1) * PACKET_HEIGHT;
     if (x >= region.z || y >= region.w) return;
     const int first = y * pitch + x;
-    const Scene scene = {center_radius, power, material_of, material, light, candidate, candidate_index, occluder,
+    const Spheres spheres = {center_radius, power, rest, view.pixel.w};
+    const Scene scene = {spheres, material_of, material, light, candidate, candidate_index, occluder,
                          occluder_near, occluder_index, occluder_range, candidates, lights, view.pixel.z};
 
     const Ray ray = primary_ray(view, size, region.x + x + LANE_COLUMN, region.y + y + LANE_ROW);
@@ -398,9 +393,11 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
         color.z = any_hit ? own.z : color.z;
 #endif
 #ifdef OUT_NORMAL
-        const REAL side = TO_REAL_MASK(at.hit) ? at.side : (REAL)0;
-        const Real3 facing = {side * at.normal.x, side * at.normal.y, side * at.normal.z};
-        normal = to_world(view, facing);
+        const Real3 facing = {at.side * at.normal.x, at.side * at.normal.y, at.side * at.normal.z};
+        const Float3 world = to_world(view, facing);
+        normal.x = at.hit ? world.x : (FLOAT)0;
+        normal.y = at.hit ? world.y : (FLOAT)0;
+        normal.z = at.hit ? world.z : (FLOAT)0;
 #endif
     }
 #endif
