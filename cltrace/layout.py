@@ -183,8 +183,8 @@ def _lights(scene: Scene, skipped: dict[str, int]) -> NDArray[np.void]:
     black = ~lights["color"].any(axis=1) | dull
     if black.any():
         skipped["lights that add nothing"] = int(black.sum())
-    lights = lights[~black]
-    return lights[np.argsort(lights["kind"], kind="stable")]
+    useful: NDArray[np.void] = lights[~black]
+    return useful[np.argsort(useful["kind"], kind="stable")]
 
 
 def _materials(scene: Scene, ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:

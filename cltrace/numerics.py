@@ -33,7 +33,7 @@ def two_product(a: Array, b: Array) -> Pair:
 
 
 def total(terms: list[Array]) -> Pair:
-    """(hi, lo): the sum of the terms with an error below 2^-98 of the sum of their magnitudes; hi is hi + lo rounded."""
+    """(hi, lo): the sum of the terms, to 2^-98 of the sum of their magnitudes; hi is hi + lo rounded."""
     hi = terms[0]
     low = np.zeros_like(hi)
     lower = np.zeros_like(hi)

@@ -153,7 +153,8 @@ class Sphere(Surface):
     """The points with |p - center| = radius.
 
     exact_center: the centre before it was rounded; exact_power: |center|^2 - radius^2 of the unrounded scene, the power
-    of the eye, > 0 outside; light_sides: for each light the sign of its own power: 1 outside, 0 on the sphere, -1 inside.
+    of the eye, > 0 outside; light_sides: for each light the sign of its own power: 1 outside, 0 on the sphere, -1
+    inside.
     """
 
     def __init__(
@@ -410,7 +411,7 @@ def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: floa
 
     Where the two could be equal but for rounding, the unrounded distances decide; closer than 2^-70 is equal.
     """
-    if best < math.inf and abs(t - best) <= best * 2.0**-12:
+    if best < math.inf and abs(t - best) <= best * 2.0**-22:
         theirs = other.exact_distance(ray)
         return surface.exact_distance(ray) < theirs * (1 - Fraction(1, 2**70))
     return t < best

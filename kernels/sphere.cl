@@ -161,8 +161,10 @@ static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
  * b/a are large and nearly cancel, by as much as d.x and d.y are small, and loses to it where they are large.
  *
  * The sign decides between hit and miss. Both forms are off by less than 16 u a |C|^2, u = 2^-53: |b| <= |C||d|, b is
- * off by 4 u |C||d| and v by 6 u |C|. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant below 2^-48 of that is
- * computed again in pairs.
+ * off by 4 u |C||d| and v by 6 u |C|. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant D below 2^-48 of that
+ * is computed again in pairs. Above it, the error e of D moves sqrt(D) by e / (2 sqrt(D)). In the second form e is at
+ * most 14 u a r |C| and sqrt(D) >= 2^-24 sqrt(a) |C|, so that is below 2^-26 r |d| <= 2^-26 |b|. In the first one e is
+ * 8 u |b| r |d| + 2 u a |c|, which is below 2^-26 of D, or of b^2 where b is larger than sqrt(D).
  */
 static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     Quadratic e;

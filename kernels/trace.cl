@@ -82,9 +82,9 @@ static Hit closest_hit(const Scene scene, const Ray ray) {
         const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
         REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
 #if REAL_BYTES == 8
-        /* A distance may be off by more than an ulp where the ray grazes: by the square root of an ulp at the worst,
-         * and more only right above a huge sphere. */
-        const REAL margin = hit.t * 0x1p-12;
+        /* Where a discriminant is not computed in pairs, its root is off by at most 2^-26 of q (see quadratic), and so
+         * is the distance. */
+        const REAL margin = hit.t * 0x1p-22;
         const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
         if (ANY(TO_MASK(close))) {
             const REAL_MASK first = comes_first(ray, sphere, spheres_of(scene.spheres, hit.id), lower);

@@ -30,9 +30,7 @@ def random_scene(seed: int) -> Scene:
             inner, outer = rng.uniform(0, 30), rng.uniform(30, 60)
             lights.append(cltrace.spot_light(position, middle - position, inner, outer, color))
     size = [(48, 36), (36, 48), (47, 33), (40, 40)][rng.integers(0, 4)]
-    camera = Camera(
-        tuple(eye), tuple(eye + scale * view), tuple(rng.normal(size=3)), float(rng.uniform(5, 60)), size
-    )
+    camera = Camera(tuple(eye), tuple(eye + scale * view), tuple(rng.normal(size=3)), float(rng.uniform(5, 60)), size)
     return Scene.from_spheres(
         camera,
         lights,

@@ -24,8 +24,7 @@ def test_offsets(device: Device, name: str, real: str) -> None:
     text = program.source()
     struct = text[: text.index(f"}} {name};")].rpartition("typedef struct {")[2]
     lines = [
-        f"out[{i}] = (int)((__private char *)&x.{field} - (__private char *)&x);"
-        for i, field in enumerate(fields)
+        f"out[{i}] = (int)((__private char *)&x.{field} - (__private char *)&x);" for i, field in enumerate(fields)
     ]
     source = f"""
     typedef {scalar[real]}4 real4;

@@ -25,7 +25,10 @@ def build(**changed: object) -> Scene:
     [
         ({"centers": [(0, 0), (1, 1)]}, "centers: must have shape (n, 3), got (2, 2)"),
         ({"centers": [(0, 0, 0), (0, math.nan, 0)]}, "spheres.center[1][1]: must be a finite number, got nan"),
-        ({"centers": [(0, 0, 0), (0, 1e39, 0)]}, "spheres.center[1][1]: must not exceed 3.4e38 in magnitude, got 1e+39"),
+        (
+            {"centers": [(0, 0, 0), (0, 1e39, 0)]},
+            "spheres.center[1][1]: must not exceed 3.4e38 in magnitude, got 1e+39",
+        ),
         ({"centers": [("0", "0", "0")]}, "centers: must be numbers, got <U1"),
         ({"radii": [1, 0]}, "spheres.radius[1]: must be > 0, got 0"),
         ({"radii": -1}, "spheres.radius[0]: must be > 0, got -1"),
@@ -38,7 +41,10 @@ def build(**changed: object) -> Scene:
         ({"exponent": -1}, "materials.exponent[0]: must be >= 0, got -1"),
         ({"ks": [0, math.nan]}, "materials.ks[1]: must be a finite number, got nan"),
         ({"lights": [cltrace.parallel_light((0, 0, 0))]}, "lights.direction[0]: must not be 0"),
-        ({"lights": [cltrace.point_light((0, 0, math.inf))]}, "lights.position[0][2]: must be a finite number, got inf"),
+        (
+            {"lights": [cltrace.point_light((0, 0, math.inf))]},
+            "lights.position[0][2]: must be a finite number, got inf",
+        ),
         ({"background": (0, 0, -0.5)}, "background[2]: must be >= 0, got -0.5"),
         (
             {"lights": [cltrace.spot_light((0, 0, 0), (1, 0, 0), 30, 20)]},
