@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .lists import FINE_SLACK, SLACK, Sheet, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets
 from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, two_sum
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
@@ -61,7 +62,7 @@ class Packed:
     view: NDArray[np.void]
     lights: tuple[int, int, int]
     arrays: dict[str, NDArray[Any]]
-    candidates: int
+    count: int
     skipped: dict[str, int]
 
     def options(self) -> list[str]:
@@ -72,6 +73,7 @@ class Packed:
             "SHADE_BYTES": shade.itemsize,
             "View_BYTES": view_dtype(real).itemsize,
             "Light_BYTES": light_dtype(real).itemsize,
+            "Grid_BYTES": grid_dtype(real).itemsize,
         }
         return [f"-D{k}={v}" for k, v in sizes.items()] + [f"-D{name}" for name in sorted(self.features)]
 
@@ -143,15 +145,16 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
         "material_of": scene.spheres["material"].astype("i4"),
         "material": _materials(scene, ambient, shade),
         "light": packed_lights,
-        **_candidates(small),
-        **_occluders(packed_lights, lights, small),
+        "candidate": _candidates(small),
     }
-    arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
-
     x, y = scene.camera.image_plane()
     width, height = scene.camera.resolution
+    step = (x / width, y / height)
+    arrays |= _occluders(packed_lights, lights, small, camera_sheet(small.center, small.radius, step, (width, height)), real)
+    arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
+
     view = np.zeros((), view_dtype(real))
-    view["pixel"] = x / width, y / height, math.ldexp(1.0, unit), math.ldexp(1.0, -unit)
+    view["pixel"] = *step, math.ldexp(1.0, unit), math.ldexp(1.0, -unit)
     for name, axis in zip(("right", "up", "back"), basis, strict=True):
         view[name][:3] = axis
     view["background"][:3] = _finite32(np.array(scene.background))
@@ -165,7 +168,7 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
         view=view,
         lights=(parallel, point, spot),
         arrays=arrays,
-        candidates=len(scene.spheres),
+        count=len(scene.spheres),
         skipped=skipped,
     )
 
@@ -178,8 +181,9 @@ def _finite32(value: Array) -> Array:
 def _lights(scene: Scene, skipped: dict[str, int]) -> NDArray[np.void]:
     """The lights that can add to a colour, by kind: parallel, point, spot."""
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
-    used = scene.materials[np.unique(scene.spheres["material"])]
-    dull = not (used["kd"].any() or used["ks"].any())
+    used = np.zeros(len(scene.materials), bool)
+    used[scene.spheres["material"]] = True
+    dull = not (scene.materials["kd"][used].any() or scene.materials["ks"][used].any())
     black = ~lights["color"].any(axis=1) | dull
     if black.any():
         skipped["lights that add nothing"] = int(black.sum())
@@ -231,50 +235,53 @@ def _filter_constant(c: Array, square: Array) -> NDArray[np.float32]:
     return rounded_down(np.where(bound > 0, bound, -np.inf))
 
 
-def _candidates(space: _Space) -> dict[str, NDArray[Any]]:
-    """What may be seen: see closest_hit in trace.cl."""
+def _candidates(space: _Space) -> NDArray[np.float32]:
+    """For the filter of closest_hit in trace.cl."""
     candidate = np.empty((len(space.center), 4), np.float32)
     candidate[:, :3] = space.center
     candidate[:, 3] = _filter_constant(space.power, (space.center * space.center).sum(axis=1))
-    return {"candidate": candidate, "candidate_index": np.arange(len(candidate), dtype="i4")}
+    return candidate
 
 
-def _occluders(packed: NDArray[np.void], lights: NDArray[np.void], space: _Space) -> dict[str, NDArray[Any]]:
-    """For each light, the spheres that may stand before it: see cast_shadow_ray in trace.cl."""
+def _occluders(
+    packed: NDArray[np.void], lights: NDArray[np.void], space: _Space, picture: Sheet, real: np.dtype[Any]
+) -> dict[str, NDArray[Any]]:
+    """For the filters of cast_shadow_ray in trace.cl, and the lists of all sheets."""
     n, m = len(space.center), len(lights)
     radius = space.radius
-    occluder = np.empty((m, n, 4), np.float32)
-    near = np.full((m, n), -1, np.float32)
-    index = np.empty((m, n, 2), np.int32)
-    index[..., 0] = np.arange(n)
+    slack = SLACK if real.itemsize == 4 else FINE_SLACK
+    occluder = np.zeros((m, n, 4), np.float32)
+    outside = np.ones((m, n), np.int8)
+    sheets, grids = [picture], np.zeros((m, 2), np.int32)
     for k, light in enumerate(lights):
         if light["kind"] == PARALLEL:
-            u, v, s = (space.center @ np.float64(packed[name][k, :3]) for name in ("axis", "across", "position"))
+            axes = np.float64([packed[name][k, :3] for name in ("axis", "across", "position")])
+            u, v = (space.center @ axis for axis in axes[:2])
             reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
             occluder[k, :, 0], occluder[k, :, 1] = u, v
             occluder[k, :, 2] = rounded_up(reach * reach)
-            occluder[k, :, 3] = rounded_up(s + radius + 4 * U * (np.abs(s) + radius) + 2.0**-100)
-            index[k, :, 1] = 1
-            continue
-        # From the centre to the light: the eye cancels, exactly.
-        hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
-        lo, e2 = two_sum(space.position_lo[k], -space.center_lo)
-        hi, lo = two_sum(hi, e1 + lo + e2)
-        c, _ = square_excess(hi, lo, radius)
-        f = space.position[k] - space.center
-        square = (f * f).sum(axis=1)
-        occluder[k, :, :3] = f
-        occluder[k, :, 3] = _filter_constant(c, square)
-        # In units where no coordinate exceeds 1, f and its length are off by less than 2^-46.
-        gap = np.sqrt(square) - radius - 2.0**-46
-        near[k] = np.where(gap > 2.0**-50, rounded_down(gap * gap * (1 - 16 * U)), -1)
-        index[k, :, 1] = np.sign(c)
-    ranges = np.stack([np.arange(m) * n, np.full(m, n)], axis=1).astype(np.int32)
+            more = [parallel_sheet(axes, space.center, radius, slack)] if n else []
+        else:
+            # From the centre to the light: the eye cancels, exactly.
+            hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
+            lo, e2 = two_sum(space.position_lo[k], -space.center_lo)
+            hi, lo = two_sum(hi, e1 + lo + e2)
+            c, _ = square_excess(hi, lo, radius)
+            f = space.position[k] - space.center
+            occluder[k, :, :3] = f
+            occluder[k, :, 3] = _filter_constant(c, (f * f).sum(axis=1))
+            outside[k] = np.sign(c)
+            more = point_sheets(-f, radius, slack)
+        grids[k] = len(sheets), len(more)
+        sheets += more
+    lists = build(sheets, real)
     return {
         "occluder": occluder.reshape(-1, 4),
-        "occluder_near": near.reshape(-1),
-        "occluder_index": index.reshape(-1, 2),
-        "occluder_range": ranges,
+        "outside": outside.reshape(-1),
+        "light_grids": grids,
+        "grid": lists.grid,
+        "start": lists.start,
+        "entry": lists.entry,
     }
 
 

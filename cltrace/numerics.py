@@ -47,13 +47,19 @@ def total(terms: list[Array]) -> Pair:
 def dot_products(rows: Array, hi: Array, lo: Array) -> Pair:
     """The vectors hi + lo, (n, 3), in the coordinate system of `rows`, (3, 3): a pair of (n, 3)."""
     out, rest = np.empty_like(hi), np.empty_like(hi)
-    for i, row in enumerate(rows):
-        terms = []
-        for j in range(3):
-            factor = np.full(len(hi), row[j])
-            terms += [*two_product(factor, hi[:, j]), factor * lo[:, j]]
-        out[:, i], rest[:, i] = total(terms)
+    for block in _blocks(len(hi)):
+        h, e = hi[block], lo[block]
+        for i, row in enumerate(rows):
+            terms = []
+            for j in np.flatnonzero(row):  # an axis-aligned camera has two zeros a row
+                terms += [*two_product(np.float64(row[j]), h[:, j]), row[j] * e[:, j]]
+            out[block, i], rest[block, i] = total(terms)
     return out, rest
+
+
+def _blocks(n: int) -> list[slice]:
+    """Ranges of rows of which the temporary arrays stay in a processor's cache: several times as fast."""
+    return [slice(i, i + 4096) for i in range(0, n, 4096)]
 
 
 def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
@@ -62,13 +68,18 @@ def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
     Where the terms cancel to less than 2^-45 of their size, which no double-double sum resolves for certain, the few
     sums concerned are done in rational numbers.
     """
-    terms = []
-    for j in range(3):
-        terms += [*two_product(hi[:, j], hi[:, j]), 2 * hi[:, j] * lo[:, j]]
-    square, error = two_product(r, r)
-    c, rest = total([*terms, -square, -error])
-    size = (hi * hi).sum(axis=1) + square
-    for i in np.flatnonzero(np.abs(c) < 2.0**-45 * size):
+    c, rest = np.empty_like(r), np.empty_like(r)
+    doubtful = []
+    for block in _blocks(len(r)):
+        h, e = hi[block], lo[block]
+        terms = []
+        for j in range(3):
+            terms += [*two_product(h[:, j], h[:, j]), 2 * h[:, j] * e[:, j]]
+        square, error = two_product(r[block], r[block])
+        c[block], rest[block] = total([*terms, -square, -error])
+        size = (h * h).sum(axis=1) + square
+        doubtful += (block.start + np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size)).tolist()
+    for i in doubtful:
         norm = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))
         exact = norm - Fraction(float(r[i])) ** 2
         c[i] = float(exact)

@@ -13,7 +13,7 @@ import pyopencl as cl
 from .device import Device
 from .errors import BuildError
 
-SOURCES = ("packet.cl", "sphere.cl", "phong.cl", "trace.cl")
+SOURCES = ("packet.cl", "sphere.cl", "lists.cl", "phong.cl", "trace.cl")
 
 
 def source() -> str:

@@ -69,6 +69,8 @@ class Renderer:
         if not outputs or set(outputs) - set(OUTPUTS):
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
         self.region = _region(scene.camera.resolution, crop)
+        # Packets keep to cells of 4x4 pixels of the whole picture.
+        self._margin = (self.region[0] % 4, self.region[1] % 4)
         self.size = scene.camera.resolution
         with self._timed("pack"):
             self.packed: Packed = pack(scene, self.precision, self.outputs, truncate)
@@ -89,7 +91,9 @@ class Renderer:
         with self._lock, self._driver_errors():
             frame = self._frame() if out is None or not hasattr(out, "_frame") else out._frame
             start = time.perf_counter()
-            self._launch(frame, self.region).wait()
+            x, y = self._margin
+            x0, y0, width, height = self.region
+            self._launch(frame, (x0 - x, y0 - y, width + x, height + y)).wait()
             done = time.perf_counter()
             arrays = self._read(frame)
             end = time.perf_counter()
@@ -133,7 +137,8 @@ class Renderer:
     def _frame(self) -> _Frame:
         """Room for the outputs of one frame."""
         columns, rows = (4, self.width // 4) if self.width > 1 else (1, 1)
-        width, height = (-(-self.region[2] // columns) * columns, -(-self.region[3] // rows) * rows)
+        wide, high = (n + margin for n, margin in zip(self.region[2:], self._margin, strict=True))
+        width, height = (-(-wide // columns) * columns, -(-high // rows) * rows)
         types = {"rgb8": "u1", "id": "i4", "shadow_rays": "i4", "depth": real_dtype(self.precision)}
         arrays = {n: np.empty((height, width, CHANNELS[n]), types.get(n, "f4")) for n in self.outputs}
         # On a CPU the kernel writes straight into the host's arrays.
@@ -167,13 +172,14 @@ class Renderer:
             b["material"],
             b["light"],
             _int4((*self.packed.lights, 0)),
+            np.int32(self.packed.count),
             b["candidate"],
-            b["candidate_index"],
-            np.int32(self.packed.candidates),
             b["occluder"],
-            b["occluder_near"],
-            b["occluder_index"],
-            b["occluder_range"],
+            b["outside"],
+            b["light_grids"],
+            b["grid"],
+            b["start"],
+            b["entry"],
             *(frame.buffers.get(name, any_buffer) for name in OUTPUTS),
         )
 
@@ -188,7 +194,8 @@ class Renderer:
                 mapped.base.release(self.queue)
             else:
                 cl.enqueue_copy(self.queue, array, frame.buffers[name])
-            view = array[: self.region[3], : self.region[2]]
+            x, y = self._margin
+            view = array[y : y + self.region[3], x : x + self.region[2]]
             out[name] = view[..., 0] if CHANNELS[name] == 1 else view
         self.queue.finish()
         if "depth" in out and self.packed.scale:

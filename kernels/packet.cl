@@ -19,7 +19,7 @@
  *   WITH_SHADOWS       something may stand between a sphere and a light
  *   WITH_SPECULAR      some sphere shines
  *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS   what to write
- *   View_BYTES, Light_BYTES                sizes that the host packs
+ *   View_BYTES, Light_BYTES, Grid_BYTES    sizes that the host packs
  *
  * Contraction is off and every FMA is spelled out: each other expression is rounded as it stands, so that all devices and the
  * reference compute the same bits where real is double. None of the built-in dot, cross, length, normalize is used:
@@ -93,14 +93,16 @@ typedef SHADE_INT SHADE_MASK;
 #define TO_SHADE_MASK(m) TO_SHADE_INT(m)
 #endif
 
-/* Whether any lane of a mask is set. The built-in any() looks at one lane after the other on the CPU drivers, which cost
+/* Whether any lane of a mask is set, and the largest one of whole numbers. The built-in any() looks at one lane after the other on the CPU drivers, which cost
  * more than all arithmetic: 64 spheres took three times as long. */
 #if W == 1
 #define ANY(mask) (mask)
+#define LARGEST(value) (value)
 #else
 #ifdef __has_builtin
-#if __has_builtin(__builtin_reduce_or)
+#if __has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max)
 #define ANY(mask) (__builtin_reduce_or(mask) != 0)
+#define LARGEST(value) __builtin_reduce_max(value)
 #endif
 #endif
 #ifndef ANY
@@ -115,8 +117,20 @@ static int any_lane(const MASK mask) {
     return (pair.x | pair.y) != 0;
 }
 #define ANY(mask) any_lane(mask)
+static int LARGEST(const INT x) {
+#if W == 16
+    const int8 half = x.lo > x.hi ? x.lo : x.hi;
+#else
+    const int8 half = x;
+#endif
+    const int4 quarter = half.lo > half.hi ? half.lo : half.hi;
+    const int2 pair = quarter.lo > quarter.hi ? quarter.lo : quarter.hi;
+    return pair.x > pair.y ? pair.x : pair.y;
+}
 #endif
 #endif
+/* The largest lane of numbers >= 0, of which float and int are in the same order. */
+#define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
 
 /* Writes the lanes to an array in memory. */
 #if W == 1

@@ -6,13 +6,12 @@ typedef struct {
     __global const int *material_of;     /* per sphere: index into material */
     __global const shade8 *material;     /* ka La C (rgb), kd C (rgb), ks, exponent */
     __global const Light *light;         /* parallel lights, then point lights, then spot lights */
-    __global const float4 *candidate;    /* what may be seen: see closest_hit */
-    __global const int *candidate_index; /* the sphere that it is */
-    __global const float4 *occluder;     /* what may stand before a light, for each light: see cast_shadow_ray */
-    __global const float *occluder_near;
-    __global const int2 *occluder_index;
-    __global const int2 *occluder_range; /* per light: the first of its occluders and their number */
-    int candidates;
+    __global const float4 *candidate;    /* per sphere, for the filter of closest_hit */
+    __global const float4 *occluder;     /* per light and sphere, for the filter of cast_shadow_ray */
+    __global const char *outside;        /* per light and sphere: the sign of the light's power, 1 outside */
+    __global const int2 *light_grids;    /* per light: its first sheet and their number */
+    Lists lists;
+    int count;   /* of spheres */
     int4 lights; /* numbers of parallel, point and spot lights */
     real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
 } Scene;
@@ -51,7 +50,15 @@ static FLOAT magnitude(const FLOAT x) {
     return AS(float, AS(int, x) & 0x7fffffff);
 }
 
+/* A list ends for a ray where it has found something nearer, squared. With doubles that is known to 2^-25. */
+#if REAL_BYTES == 8
+#define REACH_SLACK (1.0f + 0x1p-20f)
+#else
+#define REACH_SLACK (1.0f + 0x1p-8f)
+#endif
+
 /* The nearest sphere along the ray; of equally near ones, that with the lowest index.
+ * tile: the packet's place in the picture, in units of 4x4 pixels.
  *
  * The filter. A candidate is (C, c'), rounded to float, with c' = c - 11 u (|C|^2 + |c|) - 2^-100 rounded down, and
  * c' = -inf where that is <= 0; u = 2^-24, c = |C|^2 - r^2. Claim: if the ray hits, then b |b| >= a c' in float.
@@ -64,35 +71,44 @@ static FLOAT magnitude(const FLOAT x) {
  * A hit from inside or from the surface has c <= 0: likewise. Underflow adds at most 2^-123 to b: as a >= 1 and the
  * scene is scaled to 1, 2^-100 covers it. The filter costs no more than a float tracer's own test.
  */
-static Hit closest_hit(const Scene scene, const Ray ray) {
+static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
     Hit hit = {INFINITY, -1};
-#ifdef WITH_FILTER
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
-#endif
-    for (int k = 0; k < scene.candidates; k++) {
+    float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
+    const Grid grid = scene.lists.grid[0];
+    Level level = first_level(grid);
+    while (level.mask) {
+        level = next_level(grid, level);
+        const int cell = level.first + (tile.y >> level.level) * level.columns + (tile.x >> level.level);
+        for (int k = scene.lists.start[cell], end = scene.lists.start[cell + 1]; k < end; k++) {
+            const int2 entry = scene.lists.entry[k];
+            if (as_float(entry.y) > reach) break;
+            const int index = entry.x;
 #ifdef WITH_FILTER
-        const float4 s = scene.candidate[k];
-        const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
-        if (!ANY(b * magnitude(b) >= a * s.w)) continue;
+            const float4 s = scene.candidate[index];
+            const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
+            if (!ANY(b * magnitude(b) >= a * s.w)) continue;
 #endif
-        const int index = scene.candidate_index[k];
-        const Sphere sphere = sphere_at(scene.spheres, index);
-        const REAL t = intersect_sphere(ray, sphere);
-        const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
-        REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
+            const Sphere sphere = sphere_at(scene.spheres, index);
+            const REAL t = intersect_sphere(ray, sphere);
+            const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
+            REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
 #if REAL_BYTES == 8
-        /* Where a discriminant is not computed in pairs, its root is off by at most 2^-26 of q (see quadratic), and so
-         * is the distance. */
-        const REAL margin = hit.t * 0x1p-22;
-        const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
-        if (ANY(TO_MASK(close))) {
-            const REAL_MASK first = comes_first(ray, sphere, spheres_of(scene.spheres, hit.id), lower);
-            nearer = close ? first : nearer;
-        }
+            /* Where a discriminant is not computed in pairs, its root is off by at most 2^-26 of q (see quadratic), and
+             * so is the distance. */
+            const REAL margin = hit.t * 0x1p-22;
+            const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
+            if (ANY(TO_MASK(close))) {
+                const REAL_MASK first = comes_first(ray, sphere, spheres_of(scene.spheres, hit.id), lower);
+                nearer = close ? first : nearer;
+            }
 #endif
-        hit.t = nearer ? t : hit.t;
-        hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
+            hit.t = nearer ? t : hit.t;
+            hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
+            const FLOAT far = TO_FLOAT(hit.t * scene.unit);
+            reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+        }
     }
     return hit;
 }
@@ -141,28 +157,28 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
  *
  * The filter for a light at a point L: an occluder is (L - C, c'), with c' made from |L - C|^2 - r^2 as in closest_hit:
  * the line from the light to the point is a ray from a fixed origin, too, and the same proof holds with d = -w, where
- * |w|^2 > 2^-40 makes up for a >= 1; shorter ones are left to blocks(). Also, nothing of the sphere is nearer to the
- * light than |L - C| - r, the square of which, rounded down with 8 u to spare, is `near`.
+ * |w|^2 > 2^-40 makes up for a >= 1; shorter ones are left to blocks(). Lists are in the order of the squared distance
+ * of the spheres' nearest points from the light: what is not nearer than P does not matter.
  *
- * The filter for a parallel light: an occluder is (u, v, r'^2, s) in the light's own coordinates, s towards it. A ray
- * that hits is within r of the axis through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates
- * moves the difference by at most u (|u| + |pu|) <= 2.01 u (|u| + r) each, and the sum costs 3 u: r' = r + 8 u (|u| +
- * |v| + r) + 2^-60 is more. s + r, with 4 u (|s| + r) to spare, is the sphere's end that is nearest to the light.
+ * The filter for a parallel light: an occluder is (u, v, r'^2) in the light's own coordinates. A ray that hits is within
+ * r of the axis through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates moves the difference by
+ * at most u (|u| + |pu|) <= 2.01 u (|u| + r) each, and the sum costs 3 u: r' = r + 8 u (|u| + |v| + r) + 2^-60 is more.
+ * Lists are in the order of the end towards the light: what does not reach beyond P does not matter.
  */
 static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
                             const INT own, const Real3 w, const real unit, MASK lit) {
-    const int2 range = scene.occluder_range[number];
-#ifdef WITH_FILTER
-    FLOAT wx = 0, wy = 0, wz = 0, a = 0, pu = 0, pv = 0, ps = 0;
+    const Light light = scene.light[number];
+    FLOAT wx = 0, wy = 0, wz = 0, a = 0, pu = 0, pv = 0, measure = 0;
+    Real3 from = {-w.x, -w.y, -w.z}; /* the sheets' point: the direction from the light, or the place across it */
     int unsure = 0;
     if (at_point) {
         wx = TO_FLOAT(w.x * unit);
         wy = TO_FLOAT(w.y * unit);
         wz = TO_FLOAT(w.z * unit);
         a = FMA(wx, wx, FMA(wy, wy, wz * wz));
+        measure = a;
         unsure = ANY(lit & (a < 0x1p-40f));
     } else {
-        const Light light = scene.light[number];
         const Real3 C = at.sphere.center, p = at.start.p;
         Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};
 #if REAL_BYTES == 4
@@ -170,39 +186,70 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         P.y = at.start.near_eye ? at.start.from_eye.y : P.y;
         P.z = at.start.near_eye ? at.start.from_eye.z : P.z;
 #endif
-        pu = TO_FLOAT(DOT(P, light.axis) * unit);
-        pv = TO_FLOAT(DOT(P, light.across) * unit);
-        ps = TO_FLOAT(DOT(P, light.position) * unit);
+        from.x = P.x * unit;
+        from.y = P.y * unit;
+        from.z = P.z * unit;
+        pu = TO_FLOAT(DOT(from, light.axis));
+        pv = TO_FLOAT(DOT(from, light.across));
+        measure = -TO_FLOAT(DOT(from, light.position));
     }
-#endif
-    for (int k = range.x; k < range.x + range.y; k++) {
-        const int2 which = scene.occluder_index[k];
-#ifdef WITH_INSIDE
-        const MASK other = which.x >= 0; /* the own sphere, too */
-#else
-        const MASK other = own != which.x;
+
+    const int2 grids = scene.light_grids[number];
+    for (int g = grids.x; g < grids.x + grids.y; g++) {
+        const Grid grid = scene.lists.grid[g];
+        FLOAT x = TO_FLOAT(DOT(from, grid.right) + grid.right.w), y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
+        MASK here = lit;
+        if (at_point) {
+            const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead));
+            here = here & (ahead > 0);
+            x /= ahead;
+            y /= ahead;
+        }
+        here = here & (magnitude(x) <= grid.window.x) & (magnitude(y) <= grid.window.y);
+        if (!ANY(here)) continue;
+        /* Cells of level 0; x and y count from the middle. Other lanes get 0, a number that can be converted. */
+        const INT column = TO_INT(here ? (x + grid.window.x) * grid.window.z : (FLOAT)0);
+        const INT row = TO_INT(here ? (y + grid.window.y) * grid.window.w : (FLOAT)0);
+        const INT last_column = grid.cells.x - 1, last_row = grid.cells.y - 1;
+        const INT u = column < last_column ? column : last_column, v = row < last_row ? row : last_row;
+        Level level = first_level(grid);
+        while (level.mask) {
+            level = next_level(grid, level);
+            const INT cell = level.first + (v >> level.level) * level.columns + (u >> level.level);
+            INT pending = here & lit ? cell : (INT)-1;
+            for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
+                const MASK in = pending == c;
+                pending = in ? (INT)-1 : pending;
+                for (int k = scene.lists.start[c], end = scene.lists.start[c + 1]; k < end; k++) {
+                    const int2 entry = scene.lists.entry[k];
+                    const int index = entry.x;
+                    MASK may = in & lit & (measure > as_float(entry.y));
+                    if (!ANY(may)) break;
+#ifndef WITH_INSIDE
+                    may = may & (own != index);
 #endif
 #ifdef WITH_FILTER
-        const float4 s = scene.occluder[k];
-        if (at_point) {
-            const FLOAT b = FMA(wx, (FLOAT)s.x, FMA(wy, (FLOAT)s.y, wz * s.z));
-            const MASK may = lit & other & (b * magnitude(b) >= a * s.w) & (a > scene.occluder_near[k]);
-            if (!unsure && !ANY(may)) continue;
-        } else {
-            const FLOAT x = s.x - pu, y = s.y - pv;
-            if (!ANY(lit & other & (FMA(x, x, y * y) <= s.z) & (ps <= s.w))) continue;
-        }
+                    const float4 s = scene.occluder[(long)number * scene.count + index];
+                    if (at_point) {
+                        const FLOAT b = FMA(wx, (FLOAT)s.x, FMA(wy, (FLOAT)s.y, wz * s.z));
+                        if (!unsure && !ANY(may & (b * magnitude(b) >= a * s.w))) continue;
+                    } else {
+                        const FLOAT du = s.x - pu, dv = s.y - pv;
+                        if (!ANY(may & (FMA(du, du, dv * dv) <= s.z))) continue;
+                    }
 #endif
-        const Sphere sphere = sphere_at(scene.spheres, which.x);
-        REAL_MASK blocked = blocks(at.start, sphere, w, at_point, which.y);
+                    const int outside = scene.outside[(long)number * scene.count + index];
+                    const Sphere sphere = sphere_at(scene.spheres, index);
+                    REAL_MASK blocked = blocks(at.start, sphere, w, at_point, outside);
 #ifdef WITH_INSIDE
-        const REAL_MASK self = TO_REAL_MASK(own == which.x);
-        blocked = (self & (at.side < 0) & ((REAL)which.y > 0)) | (!self & blocked);
-#else
-        blocked = blocked & TO_REAL_MASK(other);
+                    const REAL_MASK self = TO_REAL_MASK(own == index);
+                    blocked = (self & (at.side < 0) & ((REAL)outside > 0)) | (!self & blocked);
 #endif
-        lit = lit & !TO_MASK(blocked);
-        if (!ANY(lit)) break;
+                    lit = lit & !(may & TO_MASK(blocked));
+                }
+                if (!ANY(lit)) return lit;
+            }
+        }
     }
     return lit;
 }
@@ -360,25 +407,28 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     } while (0)
 #endif
 
-/* One packet of pixels of the region (x, y, width, height) of a picture of this size. The outputs have rows of `pitch`
+/* One packet of pixels of the region (x, y, width, height) of a picture of this size; x and y are multiples of 4. The outputs have rows of `pitch`
  * pixels, a whole number of packets in both directions. */
 __kernel void render(const View view, const int2 size, const int4 region, const int pitch,
                      __global const real4 *center_radius, __global const real *power,
                      __global const float4 *rest, __global const int *material_of, __global const shade8 *material, __global const Light *light,
-                     const int4 lights, __global const float4 *candidate, __global const int *candidate_index,
-                     const int candidates, __global const float4 *occluder, __global const float *occluder_near,
-                     __global const int2 *occluder_index, __global const int2 *occluder_range, __global uchar *rgb8,
+                     const int4 lights, const int count, __global const float4 *candidate,
+                     __global const float4 *occluder, __global const char *outside,
+                     __global const int2 *light_grids, __global const Grid *grid, __global const int *start,
+                     __global const int2 *entry, __global uchar *rgb8,
                      __global float *color_out, __global float *normal_out, __global float *direction_out,
                      __global real *depth_out, __global int *id_out, __global int *shadow_rays_out) {
     const int x = (int)get_global_id(0) * PACKET_WIDTH, y = (int)get_global_id(1) * PACKET_HEIGHT;
     if (x >= region.z || y >= region.w) return;
     const int first = y * pitch + x;
     const Spheres spheres = {center_radius, power, rest, view.pixel.w};
-    const Scene scene = {spheres, material_of, material, light, candidate, candidate_index, occluder,
-                         occluder_near, occluder_index, occluder_range, candidates, lights, view.pixel.z};
+    const Lists lists = {grid, start, entry};
+    const Scene scene = {spheres, material_of, material, light,  candidate,
+                         occluder, outside,    light_grids, lists, count, lights, view.pixel.z};
 
     const Ray ray = primary_ray(view, size, region.x + x + LANE_COLUMN, region.y + y + LANE_ROW);
-    const Hit hit = closest_hit(scene, ray);
+    const int2 tile = {(region.x + x) >> 2, (region.y + y) >> 2};
+    const Hit hit = closest_hit(scene, ray, tile);
     Shade3 color = {view.background.x, view.background.y, view.background.z};
     Float3 normal = {0, 0, 0};
     INT rays = 0;

@@ -1,0 +1,34 @@
+/* lists.cl: which spheres a ray can meet at all. cltrace/lists.py says what a sheet is, and makes them. */
+
+typedef struct {
+    real4 right, up, ahead; /* w: what is added to a parallel light's coordinates, so that they count from the middle */
+    float4 window;          /* x, y: half of the sides; z, w: cells in a unit of length */
+    int4 cells;             /* columns, rows on level 0; the first cell's number; which levels hold anything */
+} Grid;
+
+typedef char layout_of_Grid_differs_from_numpy[sizeof(Grid) == Grid_BYTES ? 1 : -1];
+
+typedef struct {
+    __global const Grid *grid;  /* the picture, then the sheets of the lights */
+    __global const int *start;  /* per cell: where its list begins; the next cell's begin is its end */
+    __global const int2 *entry; /* a sphere's number, and the measure by which the list is sorted, as float bits */
+} Lists;
+
+/* The next level of a sheet, from coarse to fine. mask: the levels still to come; first: its first cell's number. */
+typedef struct {
+    int mask, level, columns, first, next;
+} Level;
+
+static Level first_level(const Grid grid) {
+    const Level level = {grid.cells.w, 0, 0, 0, grid.cells.z};
+    return level;
+}
+
+static Level next_level(const Grid grid, Level level) {
+    level.level = 31 - (int)clz(level.mask);
+    level.mask &= ~(1 << level.level);
+    level.columns = ((grid.cells.x - 1) >> level.level) + 1;
+    level.first = level.next;
+    level.next += level.columns * (((grid.cells.y - 1) >> level.level) + 1);
+    return level;
+}
