@@ -20,7 +20,7 @@ from .check import check
 from .device import choose, devices, where_drivers_are
 from .errors import CltraceError, UsageError
 from .image import SHOWS, Image
-from .layout import PRECISIONS
+from .layout import KEEPS, PRECISIONS
 from .reader import read
 from .scene import Scene, check_resolution
 from .tracer import Crop, Renderer
@@ -47,6 +47,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--check", nargs="?", const="default", type=_count, metavar="N|all",
                    help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
     p.add_argument("--stats", nargs="?", const="text", choices=("text", "json"), help="times and counts")
+    p.add_argument(
+        "--keep", action="append", choices=KEEPS, default=[], help="do not skip this, to measure what it saves"
+    )
     p.add_argument("--repeat", type=_positive, default=1, metavar="N", help="render N times, report the fastest")
     p.add_argument("-q", "--quiet", action="store_true", help="only errors")
     p.add_argument("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
@@ -129,7 +132,9 @@ def _run(args: argparse.Namespace) -> int:
     if args.check is not None:
         outputs += ["rgb8", "id"]
     try:
-        renderer = Renderer(scene, device, args.precision, tuple(outputs), args.crop, args.truncate)
+        renderer = Renderer(
+            scene, device, args.precision, tuple(outputs), args.crop, args.truncate, keep=tuple(args.keep)
+        )
     except ValueError as error:
         raise UsageError(str(error)) from None
     image = best = renderer.render()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lists import FINE_SLACK, SLACK, Sheet, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets
+from .lists import FINE_SLACK, SLACK, Sheet, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets, whole_sheet
 from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, two_sum
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
@@ -120,11 +120,26 @@ def _camera_space(scene: Scene, lights: NDArray[np.void], basis: Array) -> _Spac
     return _Space(*center, radius, *power, hi, lo, position, at_hi, at_lo)
 
 
-def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), truncate: bool = False) -> Packed:
-    """Moves the scene into camera space and packs it for one precision and these outputs."""
+# What is left out where it is not needed, and can be kept to measure what that saves.
+KEEPS = ("lists", "filter", "features", "lights")
+
+
+def pack(
+    scene: Scene,
+    precision: str,
+    outputs: tuple[str, ...] = ("rgb8",),
+    truncate: bool = False,
+    keep: tuple[str, ...] = (),
+) -> Packed:
+    """Moves the scene into camera space and packs it for one precision and these outputs.
+
+    keep: what not to leave out, for measuring; no picture depends on it. lists: one list of all spheres for every ray;
+    filter: each test in the precision that decides; features: the code of every feature; lights: lights that are black,
+    or that shine on nothing that reflects.
+    """
     real, shade = real_dtype(precision), shade_dtype(precision)
     skipped: dict[str, int] = {}
-    lights = _lights(scene, skipped)
+    lights = _lights(scene, "lights" in keep, skipped)
     basis = np.array(scene.camera.basis())
     space = _camera_space(scene, lights, basis)
 
@@ -150,7 +165,11 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
     x, y = scene.camera.image_plane()
     width, height = scene.camera.resolution
     step = (x / width, y / height)
-    arrays |= _occluders(packed_lights, lights, small, camera_sheet(small.center, small.radius, step, (width, height)), real)
+    picture = camera_sheet(small.center, small.radius, step, (width, height))
+    skipped["spheres out of the picture"] = len(scene.spheres) - len(picture.member)
+    if "lists" in keep:
+        picture = whole_sheet(len(scene.spheres))
+    arrays |= _occluders(packed_lights, lights, small, picture, "lists" in keep, real)
     arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
 
     view = np.zeros((), view_dtype(real))
@@ -163,7 +182,7 @@ def pack(scene: Scene, precision: str, outputs: tuple[str, ...] = ("rgb8",), tru
     parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
     return Packed(
         precision=precision,
-        features=_features(scene, (parallel, point, spot), bool((space.power <= 0).any()), precision, outputs),
+        features=_features(scene, (parallel, point, spot), bool((space.power <= 0).any()), precision, outputs, keep),
         scale=-k if real.itemsize == 4 else 0,
         view=view,
         lights=(parallel, point, spot),
@@ -178,13 +197,13 @@ def _finite32(value: Array) -> Array:
     return np.minimum(value, float(np.finfo(np.float32).max))
 
 
-def _lights(scene: Scene, skipped: dict[str, int]) -> NDArray[np.void]:
+def _lights(scene: Scene, all_of_them: bool, skipped: dict[str, int]) -> NDArray[np.void]:
     """The lights that can add to a colour, by kind: parallel, point, spot."""
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
     used = np.zeros(len(scene.materials), bool)
     used[scene.spheres["material"]] = True
     dull = not (scene.materials["kd"][used].any() or scene.materials["ks"][used].any())
-    black = ~lights["color"].any(axis=1) | dull
+    black = (~lights["color"].any(axis=1) | dull) & (not all_of_them)
     if black.any():
         skipped["lights that add nothing"] = int(black.sum())
     useful: NDArray[np.void] = lights[~black]
@@ -244,7 +263,12 @@ def _candidates(space: _Space) -> NDArray[np.float32]:
 
 
 def _occluders(
-    packed: NDArray[np.void], lights: NDArray[np.void], space: _Space, picture: Sheet, real: np.dtype[Any]
+    packed: NDArray[np.void],
+    lights: NDArray[np.void],
+    space: _Space,
+    picture: Sheet,
+    whole: bool,
+    real: np.dtype[Any],
 ) -> dict[str, NDArray[Any]]:
     """For the filters of cast_shadow_ray in trace.cl, and the lists of all sheets."""
     n, m = len(space.center), len(lights)
@@ -272,6 +296,7 @@ def _occluders(
             occluder[k, :, 3] = _filter_constant(c, (f * f).sum(axis=1))
             outside[k] = np.sign(c)
             more = point_sheets(-f, radius, slack)
+        more = [whole_sheet(n)] if whole else more
         grids[k] = len(sheets), len(more)
         sheets += more
     lists = build(sheets, real)
@@ -286,23 +311,29 @@ def _occluders(
 
 
 def _features(
-    scene: Scene, numbers: tuple[int, ...], inside: bool, precision: str, outputs: tuple[str, ...]
+    scene: Scene,
+    numbers: tuple[int, ...],
+    inside: bool,
+    precision: str,
+    outputs: tuple[str, ...],
+    keep: tuple[str, ...],
 ) -> frozenset[str]:
     """Which parts of the kernel this scene and these outputs need."""
     shading = not {"rgb8", "color", "shadow_rays"}.isdisjoint(outputs)
-    lit = shading and any(numbers) and len(scene.spheres) > 0
+    full = "features" in keep
+    lit = shading and (full or (any(numbers) and len(scene.spheres) > 0))
     flags = {f"OUT_{name.upper()}": True for name in outputs}
     flags |= {
-        "WITH_FILTER": precision != "double",
+        "WITH_FILTER": precision != "double" and "filter" not in keep,
         "WITH_INTERSECTION": shading or "normal" in outputs,
         "WITH_NORMAL": lit or "normal" in outputs,
-        "WITH_INSIDE": inside,
+        "WITH_INSIDE": inside or full,
         "WITH_SHADING": shading,
         "WITH_LIGHTS": lit,
-        "WITH_PARALLEL": lit and numbers[0] > 0,
-        "WITH_POINT": lit and numbers[1] > 0,
-        "WITH_SPOT": lit and numbers[2] > 0,
-        "WITH_SHADOWS": lit and (len(scene.spheres) > 1 or inside),
-        "WITH_SPECULAR": lit and bool(scene.materials["ks"].any()),
+        "WITH_PARALLEL": lit and (numbers[0] > 0 or full),
+        "WITH_POINT": lit and (numbers[1] > 0 or full),
+        "WITH_SPOT": lit and (numbers[2] > 0 or full),
+        "WITH_SHADOWS": lit and (len(scene.spheres) > 1 or inside or full),
+        "WITH_SPECULAR": lit and (bool(scene.materials["ks"].any()) or full),
     }
     return frozenset(name for name, wanted in flags.items() if wanted)

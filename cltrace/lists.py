@@ -39,6 +39,8 @@ SLACK = 2.0**-20
 FINE_SLACK = 2.0**-44
 # Entries beyond 4 a sphere that a sheet may have: that many make even large discs exact to a finest cell.
 SPARE = 2**18
+# The level of a sheet that is one cell only: wherever a ray is, its cell has the number 0 there.
+WHOLE = 30
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
     starts, entries = [], []
     cells_before = entries_before = 0
     for g, sheet in zip(grid, sheets, strict=False):
-        level = _levels(sheet)
+        level = _levels(sheet) if sheet.cells != (1, 1) else np.full(len(sheet.member), WHOLE, np.int64)
         columns, rows = sheet.cells
         order = np.argsort(sheet.near, kind="stable")
         level = level[order]
@@ -109,7 +111,9 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
         of = np.repeat(np.arange(len(order), dtype=np.int32), counts)
         k = np.arange(len(of), dtype=np.int64) - np.repeat(np.cumsum(counts) - counts, counts)
         down = k // span[of, 0]
-        cell = (base[level] + low[:, 1] * width[level] + low[:, 0])[of] + down * width[level][of] + k - down * span[of, 0]
+        cell = (
+            (base[level] + low[:, 1] * width[level] + low[:, 0])[of] + down * width[level][of] + k - down * span[of, 0]
+        )
         # By cell, and within a cell in the order of `near`: one sort of whole numbers.
         key = np.sort(cell << 32 | of)
         member = order[key & 0xFFFFFFFF]
@@ -126,6 +130,7 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
         g["right"][:3], g["up"][:3], g["ahead"][:3] = right - shear[0] * ahead, up - shear[1] * ahead, ahead
         if not sheet.perspective:
             g["right"][3], g["up"][3] = -sheet.middle
+        g["ahead"][3] = not sheet.axes.any()
         g["window"] = *sheet.half, *(np.array(sheet.cells) / (2 * sheet.half))
         g["cells"] = columns, rows, cells_before, mask
         cells_before += total
@@ -145,6 +150,13 @@ def _levels(sheet: Sheet) -> NDArray[np.int64]:
         if (span[:, 0] * span[:, 1]).sum() <= budget:
             return level[:, 0]
     return np.maximum(bits - 1, 0)
+
+
+def whole_sheet(n: int) -> Sheet:
+    """One list of all spheres, for all rays of any kind: what would be without lists."""
+    none, cells = np.zeros(2), np.zeros((n, 2), np.int32)
+    near = np.full(n, -np.inf, np.float32)
+    return Sheet(np.zeros((3, 3)), none, none + 1, (1, 1), np.arange(n, dtype=np.int32), cells, cells, near, True)
 
 
 def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: tuple[int, int]) -> Sheet:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .device import Device, choose
 from .errors import DeviceError
 from .image import Image
-from .layout import OUTPUTS, PRECISIONS, Packed, pack, real_dtype
+from .layout import KEEPS, OUTPUTS, PRECISIONS, Packed, pack, real_dtype
 from .program import Announcement, build
 from .scene import Scene
 
@@ -36,7 +36,7 @@ class Renderer:
     device: None, a SPEC as on the command line, or a Device; precision: accurate, single, double or None for the
     device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays; crop: (x0, y0, x1, y1),
     exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of rounded;
-    width: pixels in a packet, 1, 8 or 16, None for what is best on the device.
+    width: pixels in a packet, 1, 8 or 16, None for what is best on the device; keep: what not to skip, for measuring.
     One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
     """
 
@@ -49,6 +49,7 @@ class Renderer:
         crop: Crop | None = None,
         truncate: bool = False,
         width: int | None = None,
+        keep: tuple[str, ...] = (),
     ) -> None:
         self.scene = scene
         self.device = device if isinstance(device, Device) else choose(device)
@@ -68,12 +69,14 @@ class Renderer:
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
         if not outputs or set(outputs) - set(OUTPUTS):
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
+        if set(keep) - set(KEEPS):
+            raise ValueError(f"keep: must be some of {', '.join(KEEPS)}, got {keep!r}")
         self.region = _region(scene.camera.resolution, crop)
         # Packets keep to cells of 4x4 pixels of the whole picture.
         self._margin = (self.region[0] % 4, self.region[1] % 4)
         self.size = scene.camera.resolution
         with self._timed("pack"):
-            self.packed: Packed = pack(scene, self.precision, self.outputs, truncate)
+            self.packed: Packed = pack(scene, self.precision, self.outputs, truncate, keep)
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             self.context: Any = cl.Context([self.device.cl])
             self.queue: Any = cl.CommandQueue(self.context)

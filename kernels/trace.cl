@@ -200,7 +200,7 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         FLOAT x = TO_FLOAT(DOT(from, grid.right) + grid.right.w), y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
         MASK here = lit;
         if (at_point) {
-            const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead));
+            const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead) + grid.ahead.w);
             here = here & (ahead > 0);
             x /= ahead;
             y /= ahead;

@@ -14,6 +14,7 @@ import cltrace
 from cltrace import Scene
 from cltrace.check import sample
 from cltrace.device import Device
+from cltrace.layout import KEEPS
 from cltrace.reference import byte_of, primary_ray, trace
 
 RANDOM = range(24)
@@ -136,6 +137,18 @@ def test_packet_width_changes_nothing(device: Device) -> None:
             one = cltrace.Renderer(load(str(seed)), device, precision, ("color", "depth"), width=1).render()
             assert np.array_equal(wide.depth, one.depth)
             assert np.allclose(wide.color, one.color, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_skipped_changes_no_bit(device: Device, name: str) -> None:
+    scene = load(name)
+    for precision in ("accurate", "single", "double"):
+        outputs = ("rgb8", "color", "depth", "id")
+        usual = cltrace.Renderer(scene, device, precision, outputs).render()
+        for keep in KEEPS:
+            other = cltrace.Renderer(scene, device, precision, outputs, keep=(keep,)).render()
+            for output in outputs:
+                assert np.array_equal(getattr(usual, output), getattr(other, output)), (precision, keep, output)
 
 
 def test_shadow_rays_are_counted(device: Device) -> None:

@@ -8,10 +8,10 @@ import pyopencl.tools
 import pytest
 
 import cltrace
-from cltrace import layout, program
+from cltrace import layout, lists, program
 from cltrace.device import Device
 
-STRUCTS = {"View": layout.view_dtype, "Light": layout.light_dtype}
+STRUCTS = {"View": layout.view_dtype, "Light": layout.light_dtype, "Grid": lists.grid_dtype}
 
 
 @pytest.mark.parametrize("name", sorted(STRUCTS))
