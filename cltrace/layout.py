@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .lists import FINE_SLACK, SLACK, Sheet, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets, whole_sheet
-from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, two_sum
+from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, squared_length, two_sum
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 PRECISIONS = ("accurate", "single", "double")
@@ -258,7 +258,7 @@ def _candidates(space: _Space) -> NDArray[np.float32]:
     """For the filter of closest_hit in trace.cl."""
     candidate = np.empty((len(space.center), 4), np.float32)
     candidate[:, :3] = space.center
-    candidate[:, 3] = _filter_constant(space.power, (space.center * space.center).sum(axis=1))
+    candidate[:, 3] = _filter_constant(space.power, squared_length(space.center))
     return candidate
 
 
@@ -279,7 +279,7 @@ def _occluders(
     sheets, grids = [picture], np.zeros((m, 2), np.int32)
     for k, light in enumerate(lights):
         if light["kind"] == PARALLEL:
-            axes = np.float64([packed[name][k, :3] for name in ("axis", "across", "position")])
+            axes = np.array([packed[name][k, :3] for name in ("axis", "across", "position")], np.float64)
             u, v = (space.center @ axis for axis in axes[:2])
             reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
             occluder[k, :, 0], occluder[k, :, 1] = u, v
@@ -293,7 +293,7 @@ def _occluders(
             c, _ = square_excess(hi, lo, radius)
             f = space.position[k] - space.center
             occluder[k, :, :3] = f
-            occluder[k, :, 3] = _filter_constant(c, (f * f).sum(axis=1))
+            occluder[k, :, 3] = _filter_constant(c, squared_length(f))
             outside[k] = np.sign(c)
             more = point_sheets(-f, radius, slack)
         more = [whole_sheet(n)] if whole else more

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .numerics import Array, rounded_down
+from .numerics import Array, rounded_down, squared_length
 
 Ints = NDArray[np.int32]
 
@@ -47,8 +47,8 @@ WHOLE = 30
 class Lists:
     """The lists of several sheets.
 
-    grid: (g,) grid_dtype; start: where the list of each cell begins in entry, and one more for the last one's end; entry:
-    (e, 2): the sphere's number, and the float32 bits of the nearest point's measure, which grows along a list.
+    grid: (g,) grid_dtype; start: where the list of each cell begins in entry, and one more for the last one's end;
+    entry: (e, 2), the sphere's number, and the float32 bits of the nearest point's measure, which grows along a list.
     """
 
     grid: NDArray[np.void]
@@ -60,8 +60,9 @@ class Lists:
 class Sheet:
     """One sheet and what is to be entered on it.
 
-    axes: (3, 3): right, up, ahead; middle: (2,), of the window; half: (2,), half of its sides; cells: (columns, rows) of level 0; member: (n,) numbers
-    of spheres; first, last: (n, 2), the range of cells of level 0 that each one covers; near: (n,) float32.
+    axes: (3, 3): right, up, ahead; middle, half: (2,), of the window and its sides; cells: (columns, rows) of level 0;
+    member: (n,), numbers of spheres; first, last: (n, 2), the range of cells of level 0 that each one covers; near:
+    (n,) float32; perspective: of a point, not of a parallel light.
     """
 
     axes: Array
@@ -92,38 +93,10 @@ def slopes(c: Array, d: Array, r: Array) -> tuple[Array, Array, NDArray[np.bool_
 def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
     """Enters all members of all sheets."""
     grid = np.zeros(max(1, len(sheets)), grid_dtype(real))
-    starts, entries = [], []
-    cells_before = entries_before = 0
+    starts, entries = [], [np.zeros((0, 2), np.int32)]
+    cells = filled = 0
     for g, sheet in zip(grid, sheets, strict=False):
-        level = _levels(sheet) if sheet.cells != (1, 1) else np.full(len(sheet.member), WHOLE, np.int64)
-        columns, rows = sheet.cells
-        order = np.argsort(sheet.near, kind="stable")
-        level = level[order]
-        low = sheet.first[order] >> level[:, None]
-        span = (sheet.last[order] >> level[:, None]) - low + 1
-        base, mask, total = np.zeros(32, np.int64), 0, 0
-        width = np.zeros(32, np.int64)
-        for k in reversed(range(32)):
-            if (level == k).any():
-                width[k] = ((columns - 1) >> k) + 1
-                base[k], mask, total = total, mask | 1 << k, total + width[k] * (((rows - 1) >> k) + 1)
-        counts = span[:, 0] * span[:, 1]
-        of = np.repeat(np.arange(len(order), dtype=np.int32), counts)
-        k = np.arange(len(of), dtype=np.int64) - np.repeat(np.cumsum(counts) - counts, counts)
-        down = k // span[of, 0]
-        cell = (
-            (base[level] + low[:, 1] * width[level] + low[:, 0])[of] + down * width[level][of] + k - down * span[of, 0]
-        )
-        # By cell, and within a cell in the order of `near`: one sort of whole numbers.
-        key = np.sort(cell << 32 | of)
-        member = order[key & 0xFFFFFFFF]
-        start = np.zeros(total, np.int64)
-        np.cumsum(np.bincount(cell, minlength=total)[:-1], out=start[1:]) if total > 1 else None
-        starts.append((start + entries_before).astype(np.int32))
-        entry = np.empty((len(member), 2), np.int32)
-        entry[:, 0] = sheet.member[member]
-        entry[:, 1] = sheet.near[member].view(np.int32)
-        entries.append(entry)
+        start, entry, mask = _enter(sheet)
         # Coordinates count from the window's middle, and are made so before they are rounded to float32.
         right, up, ahead = sheet.axes
         shear = sheet.middle if sheet.perspective else np.zeros(2)
@@ -132,24 +105,56 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
             g["right"][3], g["up"][3] = -sheet.middle
         g["ahead"][3] = not sheet.axes.any()
         g["window"] = *sheet.half, *(np.array(sheet.cells) / (2 * sheet.half))
-        g["cells"] = columns, rows, cells_before, mask
-        cells_before += total
-        entries_before += len(entry)
-    start = np.concatenate([*starts, np.array([entries_before], np.int32)])
-    return Lists(grid, start, np.concatenate([np.zeros((0, 2), np.int32), *entries]))
+        g["cells"] = *sheet.cells, cells, mask
+        starts.append(start + np.int32(filled))
+        entries.append(entry)
+        cells += len(start)
+        filled += len(entry)
+    return Lists(grid, np.concatenate([*starts, np.array([filled], np.int32)]), np.concatenate(entries))
 
 
-def _levels(sheet: Sheet) -> NDArray[np.int64]:
+def _enter(sheet: Sheet) -> tuple[Ints, Ints, int]:
+    """The begins of the lists of all cells of one sheet, their entries, and which levels hold anything."""
+    order = np.argsort(sheet.near).astype(np.int32)
+    level = (_levels(sheet) if sheet.cells != (1, 1) else np.full(len(order), WHOLE, np.int32))[order]
+    columns, rows = sheet.cells
+    base, width = np.zeros(32, np.int32), np.zeros(32, np.int32)
+    total = mask = 0
+    for k in reversed(np.flatnonzero(np.bincount(level)).tolist()):
+        base[k], width[k], mask = total, ((columns - 1) >> k) + 1, mask | 1 << k
+        total += int(width[k]) * (((rows - 1) >> k) + 1)
+    first, last = sheet.first[order] >> level[:, None], sheet.last[order] >> level[:, None]
+    span = last - first + 1
+    counts = span[:, 0] * span[:, 1]
+    # Entry after entry: which sphere, and which of its cells. Spheres stay in the order of `near`.
+    of = np.repeat(np.arange(len(order), dtype=np.int32), counts)
+    nth = np.arange(len(of), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
+    down = nth // span[:, 0][of]
+    corner = base[level] + first[:, 1] * width[level] + first[:, 0]
+    cell = corner[of] + down * (width[level] - span[:, 0])[of] + nth
+    # By cell, and within a cell in that order: a sort of whole numbers.
+    member = order[(np.sort((cell.astype(np.int64) << 32) | of) & 0xFFFFFFFF)]
+    start = np.zeros(total, np.int32)
+    start[1:] = np.cumsum(np.bincount(cell, minlength=total)[: total - 1])
+    entry = np.empty((len(member), 2), np.int32)
+    entry[:, 0], entry[:, 1] = sheet.member[member], sheet.near[member].view(np.int32)
+    return start, entry, mask
+
+
+def _levels(sheet: Sheet) -> Ints:
     """The level of each member: the finest one on which all of them together take few enough entries."""
-    extent = (sheet.last - sheet.first + 1).max(axis=1)
-    bits = np.ceil(np.log2(extent)).astype(np.int64)
+    wide, high = (sheet.last - sheet.first + 1).T
+    extent = np.maximum(wide, high)
+    bits: Ints = np.ceil(np.log2(extent)).astype(np.int32)
     budget = 4 * len(extent) + SPARE
-    for lift in range(int(bits.max(initial=0)), 0, -1) if len(extent) < SPARE else (1,):
-        level = np.maximum(bits - lift, 0)[:, None]
-        span = (sheet.last >> level) - (sheet.first >> level) + 1
-        if (span[:, 0] * span[:, 1]).sum() <= budget:
-            return level[:, 0]
-    return np.maximum(bits - 1, 0)
+    # With many spheres, finding a better share costs more than it saves.
+    for lift in range(int(bits.max(initial=0)), 1, -1) if len(extent) < SPARE else ():
+        finer: Ints = np.maximum(bits - np.int32(lift), 0)
+        span = (sheet.last >> finer[:, None]) - (sheet.first >> finer[:, None]) + 1
+        if (span[:, 0].astype(np.int64) * span[:, 1]).sum() <= budget:
+            return finer
+    coarse: Ints = np.maximum(bits - np.int32(1), 0)
+    return coarse
 
 
 def whole_sheet(n: int) -> Sheet:
@@ -185,7 +190,7 @@ def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: 
 def nearest(center: Array, radius: Array) -> NDArray[np.float32]:
     """A lower bound of the squared distance of the nearest point of each sphere; -1 from inside. Lengths at most 4."""
     # A distance is off by less than 2^-46, and a float32 square of one, or of the kernel, by 16 units of 2^-24.
-    gap = np.sqrt((center * center).sum(axis=1)) - radius - 2.0**-46
+    gap = np.sqrt(squared_length(center)) - radius - 2.0**-46
     return np.where(gap > 2.0**-50, rounded_down(gap * gap * (1 - 2.0**-20)), np.float32(-1)).astype(np.float32)
 
 
@@ -193,13 +198,16 @@ def point_sheets(offset: Array, radius: Array, slack: float) -> list[Sheet]:
     """The sides of a cube around a point light. offset: (n, 3), from the light to the centres; slack: of the kernel."""
     sheets = []
     near = nearest(offset, radius)
+    x, y, z = np.abs(offset).T
+    # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
+    reach = radius * np.sqrt(2.0) * (1 + SLACK) + SLACK * np.maximum(np.maximum(x, y), z)
     for axis in range(3):
         for sign in (1.0, -1.0):
             right, up = (axis + 1) % 3, (axis + 2) % 3
             d, c, e = sign * offset[:, axis], offset[:, right], offset[:, up]
-            # Spheres that reach into the pyramid |c| <= d, |e| <= d: those not beyond one of its sides.
-            reach = radius * np.sqrt(2.0) * (1 + SLACK) + SLACK * np.abs(offset).max(axis=1)
-            member = np.flatnonzero((np.abs(c) - d <= reach) & (np.abs(e) - d <= reach)).astype(np.int32)
+            # The side of the cube is the pyramid |c| <= d, |e| <= d.
+            limit = d + reach
+            member = np.flatnonzero((np.abs(c) <= limit) & (np.abs(e) <= limit)).astype(np.int32)
             if not len(member):
                 continue
             bounds = []

@@ -52,7 +52,7 @@ def dot_products(rows: Array, hi: Array, lo: Array) -> Pair:
         for i, row in enumerate(rows):
             terms = []
             for j in np.flatnonzero(row):  # an axis-aligned camera has two zeros a row
-                terms += [*two_product(np.float64(row[j]), h[:, j]), row[j] * e[:, j]]
+                terms += [*two_product(row[j : j + 1], h[:, j]), row[j] * e[:, j]]
             out[block, i], rest[block, i] = total(terms)
     return out, rest
 
@@ -77,7 +77,7 @@ def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
             terms += [*two_product(h[:, j], h[:, j]), 2 * h[:, j] * e[:, j]]
         square, error = two_product(r[block], r[block])
         c[block], rest[block] = total([*terms, -square, -error])
-        size = (h * h).sum(axis=1) + square
+        size = squared_length(h) + square
         doubtful += (block.start + np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size)).tolist()
     for i in doubtful:
         norm = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))
@@ -85,6 +85,12 @@ def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
         c[i] = float(exact)
         rest[i] = float(exact - Fraction(float(c[i])))
     return c, rest
+
+
+def squared_length(v: Array) -> Array:
+    """|v|^2 of vectors (n, 3): (n,), to a few ulp."""
+    x, y, z = v.T
+    return np.asarray(x * x + y * y + z * z)
 
 
 def rounded_down(value: Array) -> NDArray[np.float32]:
