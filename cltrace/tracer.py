@@ -201,8 +201,9 @@ class Renderer:
             view = array[y : y + self.region[3], x : x + self.region[2]]
             out[name] = view[..., 0] if CHANNELS[name] == 1 else view
         self.queue.finish()
-        if "depth" in out and self.packed.scale:
-            out["depth"] = np.ldexp(out["depth"], self.packed.scale)
+        if "depth" in out and self.precision == "single":
+            # In scene units a distance may exceed float32's range.
+            out["depth"] = np.ldexp(out["depth"].astype(np.float64), self.packed.scale)
         return out
 
 

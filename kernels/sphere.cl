@@ -202,7 +202,11 @@ static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
     const REAL q = behind ? e.b - root : e.b + root;
     const REAL_MASK first = (sphere.c > 0) | behind;
     const REAL t = (first ? sphere.c : q) / (first ? q : ray.a);
-    return ((e.discriminant >= 0) & (t > 0)) ? t : (REAL)INFINITY;
+    REAL_MASK hit = (e.discriminant >= 0) & (t > 0);
+#if REAL_BYTES == 4
+    hit = hit & (sphere.r * sphere.r > 0); /* in float, the square of a radius may vanish beside the scene's size */
+#endif
+    return hit ? t : (REAL)INFINITY;
 }
 
 #if REAL_BYTES == 8
