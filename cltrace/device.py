@@ -39,9 +39,9 @@ class Driver:
 # Measured on 2 cores with AVX-512; the figures are in the README. PoCL 3.0 must stay at width 8: with LLVM 14,
 # sqrt(float16) aborts the whole process. It also calls a function for each fma, and so spills all registers.
 DRIVERS = (
-    Driver(r"Intel|LINUX", 16, 0),
+    Driver(r"Intel|LINUX", 16, 1),
     Driver(r"PoCL 3\.0", 8, 2, ("NO_FMA",)),
-    Driver(r"PoCL", 16, 1),
+    Driver(r"PoCL", 16, 0),
 )
 OTHER_CPU = Driver("", 8, 3)
 
