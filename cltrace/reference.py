@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -30,6 +30,9 @@ class Direction:
     x: float
     y: float
     z: float
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.x, self.y, self.z))
 
     def __add__(self, other: Direction) -> Direction:
         return Direction(self.x + other.x, self.y + other.y, self.z + other.z)
@@ -177,6 +180,8 @@ class Sphere(Surface):
         """
         f, d = self.center - ray.origin, ray.direction
         a, b = d.dot(d), f.dot(d)
+        if a == 0:
+            return 0.0, 0.0, -1.0, f, True  # no direction: no hit
         k = b * (1 / a)
         vx, vy = f.x - k * d.x, f.y - k * d.y
         vz = -(vx * d.x + vy * d.y) / d.z if a <= 1.0625 * (d.z * d.z) else f.z - k * d.z
@@ -185,13 +190,18 @@ class Sphere(Surface):
         bb, arr = b * b, a * rr
         by_b = bb < arr
         discriminant = bb - a * self.eye_power if by_b else a * (rr - v.dot(v))
-        if abs(discriminant) <= (bb + arr) * 2.0**-48:
-            discriminant = float(self._exact_quadratic(ray)[2])
+        tiny = arr < bb * 2.0**-42
+        if abs(discriminant) <= (bb + arr) * 2.0**-48 or tiny:
+            exact_a, exact_b, exact_discriminant = self._exact_quadratic(ray)
+            discriminant = float(exact_discriminant)
+            if tiny:
+                k_exact = exact_b / exact_a
+                v = Direction(*(float(c - k_exact * Fraction(x)) for c, x in zip(self.exact_center, d, strict=True)))
         return a, b, discriminant, v, by_b
 
     def _exact_quadratic(self, ray: Ray) -> tuple[Fraction, Fraction, Fraction]:
         """a, b and the discriminant, not rounded. The ray starts at the eye."""
-        d = [Fraction(x) for x in (ray.direction.x, ray.direction.y, ray.direction.z)]
+        d = [Fraction(x) for x in ray.direction]
         a = _sum(x * x for x in d)
         b = _sum(x * y for x, y in zip(d, self.exact_center, strict=True))
         return a, b, b * b - a * self.exact_power
@@ -251,7 +261,10 @@ class Sphere(Surface):
         centers = self.center - own.center
         f = centers - p
         a, b = w.dot(w), f.dot(w)
-        c = centers.dot(f - p) + (own.radius - self.radius) * (own.radius + self.radius)
+        # |f|^2 - radius^2, or the same by way of the centres: the one with the smaller terms has the smaller error.
+        ff, rr = f.dot(f), self.radius * self.radius
+        shift, step = centers.dot(f - p), (own.radius - self.radius) * (own.radius + self.radius)
+        c = shift + step if abs(shift) + abs(step) < ff + rr else ff - rr
         side = 1 if light.parallel else self.light_sides[light.number]
         if side < 0:
             return c > 0

@@ -91,7 +91,7 @@ CONE = Rule("within [0, 180]", low=0, high=180)
 
 def _require(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """`value` as a new array of doubles of this shape (a -1 stands for any length); ValueError names the culprit."""
-    if np.asarray(value).dtype.kind not in "iuf":
+    if not _is_numbers(value):
         raise ValueError(f"{name}: must be numbers, got {value!r}")
     array = np.array(value, np.float64)
     if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
@@ -103,6 +103,15 @@ def _require(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) ->
         index = "".join(f"[{i}]" for i in where)
         raise ValueError(f"{name}{index}: {rule.fault(float(array[tuple(where)]))}")
     return array
+
+
+def _is_numbers(value: ArrayLike) -> bool:
+    """Whether these are numbers and nothing else: not texts, and not bools, which numpy would turn into numbers."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind in "iuf"
+    return all(
+        isinstance(x, (int, float, np.number)) and not isinstance(x, bool) for x in np.asarray(value, object).ravel()
+    )
 
 
 def _vector(name: str, value: Sequence[float], rule: Rule = ANY) -> Vector:
@@ -134,7 +143,9 @@ class Camera:
         fov = _require("camera.horizontal_fov", FOV, self.horizontal_fov, ())
         object.__setattr__(self, "horizontal_fov", float(fov))
         object.__setattr__(self, "resolution", check_resolution(self.resolution))
-        if not isinstance(self.max_bounces, int) or not 0 <= self.max_bounces <= MAX_BOUNCES:
+        if not isinstance(self.square_pixels, bool):
+            raise ValueError(f"camera.square_pixels: must be True or False, got {self.square_pixels!r}")
+        if type(self.max_bounces) is not int or not 0 <= self.max_bounces <= MAX_BOUNCES:
             raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {self.max_bounces}")
         self.basis()
 
@@ -250,6 +261,11 @@ def _light(
     alpha1: float = 0,
     alpha2: float = 0,
 ) -> NDArray[np.void]:
+    given = {"color": color, "position": position, "direction": direction, "alpha1": alpha1, "alpha2": alpha2}
+    for name, value in given.items():
+        if not _is_numbers(value) or np.asarray(value).shape != LIGHT[name].shape:
+            shape = "3 numbers" if LIGHT[name].shape else "numbers"
+            raise ValueError(f"light.{name}: must be {shape}, got {value!r}")
     return np.array([(kind, tuple(color), tuple(position), tuple(direction), alpha1, alpha2)], LIGHT)
 
 
@@ -331,13 +347,12 @@ class Scene:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"centers: must have shape (n, 3), got {points.shape}")
         n = len(points)
-        shade = {"color": (colors, (n, 3))} | {
-            k: (v, (n,)) for k, v in (("ka", ka), ("kd", kd), ("ks", ks), ("exponent", exponent))
-        }
+        coefficients = (("ka", ka), ("kd", kd), ("ks", ks), ("exponent", exponent))
+        shade = {"colors": (colors, (n, 3))} | {k: (v, (n,)) for k, v in coefficients}
         for name, (value, shape) in {"centers": (points, (n, 3)), "radii": (radii, (n,)), **shade}.items():
+            if not _is_numbers(value):
+                raise ValueError(f"{name}: must be numbers, got {np.asarray(value).dtype}")
             array = np.asarray(value)
-            if array.dtype.kind not in "iuf":
-                raise ValueError(f"{name}: must be numbers, got {array.dtype}")
             try:
                 np.broadcast_to(array, shape)
             except ValueError:
@@ -345,7 +360,7 @@ class Scene:
         one = all(np.asarray(value).ndim == len(shape) - 1 for value, shape in shade.values())
         materials = np.empty(1 if one else n, MATERIAL)
         for name, (value, _) in shade.items():
-            materials[name] = value
+            materials["color" if name == "colors" else name] = value
         spheres = np.empty(n, SPHERE)
         spheres["center"], spheres["radius"] = points, radii
         spheres["material"] = 0 if one else np.arange(n)

@@ -135,19 +135,28 @@ typedef struct {
     REAL_MASK by_b;    /* whether it was computed as b^2 - a c */
 #if REAL_BYTES == 8
     Pair exact_a, exact_b, exact_discriminant; /* only where asked for */
+    Real3 exact_v;
 #endif
 } Quadratic;
 
 #if REAL_BYTES == 8
-/* The same numbers in pairs. */
+/* The same numbers in pairs, with the discriminant in the same form. */
 static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
-    const Real3 C = sphere.center, rest = sphere.center_rest;
-    const Pair one = {1, 0}, c = {sphere.c, sphere.c_rest};
-    const Pair xx = two_product(ray.d.x, ray.d.x), yy = two_product(ray.d.y, ray.d.y);
-    const Pair x = times(pair(C.x, rest.x), pair(ray.d.x, 0)), y = times(pair(C.y, rest.y), pair(ray.d.y, 0));
-    e->exact_a = plus(plus(xx, yy), one);
-    e->exact_b = minus(plus(x, y), pair(C.z, rest.z));
-    e->exact_discriminant = minus(times(e->exact_b, e->exact_b), times(e->exact_a, c));
+    const Pair x = pair(sphere.center.x, sphere.center_rest.x), dx = pair(ray.d.x, 0);
+    const Pair y = pair(sphere.center.y, sphere.center_rest.y), dy = pair(ray.d.y, 0);
+    const Pair z = pair(sphere.center.z, sphere.center_rest.z);
+    const Pair a = plus(plus(times(dx, dx), times(dy, dy)), pair(1, 0)), b = minus(plus(times(x, dx), times(y, dy)), z);
+    const Pair k = over(b, a), vx = minus(x, times(k, dx)), vy = minus(y, times(k, dy)), vz = plus(z, k);
+    const Pair vv = plus(plus(times(vx, vx), times(vy, vy)), times(vz, vz));
+    const Pair far = times(a, minus(two_product(sphere.r, sphere.r), vv));
+    const Pair near = minus(times(b, b), times(a, pair(sphere.c, sphere.c_rest)));
+    e->exact_a = a;
+    e->exact_b = b;
+    e->exact_v.x = vx.hi;
+    e->exact_v.y = vy.hi;
+    e->exact_v.z = vz.hi;
+    e->exact_discriminant.hi = e->by_b ? near.hi : far.hi;
+    e->exact_discriminant.lo = e->by_b ? near.lo : far.lo;
 }
 #endif
 
@@ -165,6 +174,8 @@ static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
  * is computed again in pairs. Above it, the error e of D moves sqrt(D) by e / (2 sqrt(D)). In the second form e is at
  * most 14 u a r |C| and sqrt(D) >= 2^-24 sqrt(a) |C|, so that is below 2^-26 r |d| <= 2^-26 |b|. In the first one e is
  * 8 u |b| r |d| + 2 u a |c|, which is below 2^-26 of D, or of b^2 where b is larger than sqrt(D).
+ *
+ * v is off by 6 u |C|, which turns the normal by 6 u |C| / r. From |C| = 2^21 r on it comes from pairs, too.
  */
 static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     Quadratic e;
@@ -180,10 +191,13 @@ static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     e.discriminant = e.by_b ? bb - ray.a * sphere.c : ray.a * (rr - DOT(e.v, e.v));
 #if REAL_BYTES == 8
     const REAL bound = (bb + arr) * 0x1p-48;
-    const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound);
-    if (ANY(TO_MASK(unsure))) {
+    const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound), tiny = arr < bb * 0x1p-42;
+    if (ANY(TO_MASK(unsure | tiny))) {
         refine(&e, ray, sphere);
-        e.discriminant = unsure ? e.exact_discriminant.hi : e.discriminant;
+        e.discriminant = (unsure | tiny) ? e.exact_discriminant.hi : e.discriminant;
+        e.v.x = tiny ? e.exact_v.x : e.v.x;
+        e.v.y = tiny ? e.exact_v.y : e.v.y;
+        e.v.z = tiny ? e.exact_v.z : e.v.z;
     }
 #endif
     return e;
@@ -212,7 +226,7 @@ static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
 #if REAL_BYTES == 8
 /* The same in pairs, for a ray that is known to hit. */
 static Pair exact_distance(const Ray ray, const Sphere sphere) {
-    Quadratic e;
+    Quadratic e = quadratic(ray, sphere);
     refine(&e, ray, sphere);
     const Pair c = {sphere.c, sphere.c_rest}, D = e.exact_discriminant;
     const REAL_MASK some = D.hi > 0;
@@ -288,13 +302,16 @@ static Real3 towards(const Start P, const Real3 point) {
     return w;
 }
 
-/* |B.center - P|^2 - B.r^2, the power of P, given f = B.center - P. With D = B.center - C it is
- * D.(D - 2p) + (R - r)(R + r), as |p| = R: exact for concentric spheres, even one ulp apart. */
+/* |f|^2 - r^2, the power of P, given f = B.center - P. With D = B.center - C it is also D.(D - 2p) + (R - r)(R + r), as
+ * |p| = R: exact for concentric spheres, even one ulp apart. The errors go with the size of the terms. */
 static REAL power_of(const Start P, const Sphere B, const Real3 f) {
     const Real3 C = P.own.center;
     const Real3 D = {B.center.x - C.x, B.center.y - C.y, B.center.z - C.z};
     const Real3 g = {f.x - P.p.x, f.y - P.p.y, f.z - P.p.z};
-    const REAL c = DOT(D, g) + (P.own.r - B.r) * (P.own.r + B.r);
+    const REAL ff = DOT(f, f), rr = B.r * B.r;
+    const REAL shift = DOT(D, g), step = (P.own.r - B.r) * (P.own.r + B.r);
+    const REAL size = (shift < 0 ? -shift : shift) + (step < 0 ? -step : step);
+    const REAL c = size < ff + rr ? shift + step : ff - rr;
 #if REAL_BYTES == 4
     /* |B.center|^2 - r^2 comes from the host: what is added to it is small where P is near the eye. */
     const Real3 h = {P.from_eye.x - 2 * B.center.x, P.from_eye.y - 2 * B.center.y, P.from_eye.z - 2 * B.center.z};
