@@ -261,7 +261,13 @@ def _light(
     alpha1: float = 0,
     alpha2: float = 0,
 ) -> NDArray[np.void]:
-    given = {"color": color, "position": position, "direction": direction, "alpha1": alpha1, "alpha2": alpha2}
+    given: dict[str, ArrayLike] = {
+        "color": color,
+        "position": position,
+        "direction": direction,
+        "alpha1": alpha1,
+        "alpha2": alpha2,
+    }
     for name, value in given.items():
         if not _is_numbers(value) or np.asarray(value).shape != LIGHT[name].shape:
             shape = "3 numbers" if LIGHT[name].shape else "numbers"
