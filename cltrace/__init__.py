@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import warnings
 
+from . import caches as caches  # before anything imports pyopencl
 from .device import Device, devices
 from .errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
 from .image import Image

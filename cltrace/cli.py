@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import re
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -58,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
+    match = re.fullmatch(r"([0-9]{1,9})x([0-9]{1,9})", text)
     if not match:
         raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
     try:
@@ -68,14 +70,16 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _crop(text: str) -> Crop:
-    if not re.fullmatch(r"\d{1,9}(,\d{1,9}){3}", text):
+    if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9}){3}", text):
         raise argparse.ArgumentTypeError(f"must be X0,Y0,X1,Y1, such as 0,0,64,64, got {text!r}")
     x0, y0, x1, y1 = map(int, text.split(","))
     return (x0, y0, x1, y1)
 
 
 def _positive(text: str) -> int:
-    if not re.fullmatch(r"\d{1,9}", text) or int(text) < 1:
+    if text.endswith(".xml"):
+        raise argparse.ArgumentTypeError(f"put the scene first, or say --check=N; {text!r} is not a number")
+    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text!r}")
     return int(text)
 
@@ -87,9 +91,17 @@ def _count(text: str) -> str | int:
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
     args = argparse.Namespace(verbose=False)
+    # A closed stderr is None, and print() would then take stdout for it.
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         args = parser().parse_args(argv, args)
-        return _run(args)
+        status = _run(args)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
     except CltraceError as error:
         if args.verbose:
             traceback.print_exc()
@@ -98,14 +110,35 @@ def main(argv: list[str] | None = None) -> int:
         return _fail("interrupted", 128 + signal.SIGINT)
     except BrokenPipeError:
         # The reader of stdout has gone; keep Python from failing once more when it flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence_stdout()
         return 128 + signal.SIGPIPE
+    except OSError as error:
+        _silence_stdout()
+        return _fail(f"cannot write: {error.strerror or error}", 2)
     except MemoryError:
         return _fail("not enough memory", 2)
 
 
+def _terminate(*_: object) -> NoReturn:
+    """SIGTERM ends the command as an exception does, so that nothing half-written is left."""
+    raise SystemExit(128 + signal.SIGTERM)
+
+
+def _silence_stdout() -> None:
+    """Keeps Python from failing once more when it flushes at its end."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _tell(message: str) -> None:
+    """A message on stderr. Control characters of file names are shown, not sent; a full disk changes nothing."""
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
+    with contextlib.suppress(OSError):
+        print(shown, file=sys.stderr, flush=True)
+
+
 def _fail(message: str, status: int, prefixed: bool = True) -> int:
-    print(f"cltrace: {message}" if prefixed else message, file=sys.stderr)
+    _tell(f"cltrace: {message}" if prefixed else message)
     return status
 
 
@@ -118,7 +151,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.scene is None:
         raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
 
-    say: Callable[[str], None] = (lambda text: None) if args.quiet else (lambda text: print(text, file=sys.stderr))
+    say: Callable[[str], None] = (lambda text: None) if args.quiet else _tell
     start = time.perf_counter()
     scene, warnings = read(args.scene)
     read_seconds = time.perf_counter() - start
@@ -180,6 +213,9 @@ def _adapted(scene: Scene, args: argparse.Namespace) -> Scene:
 def _target(scene: Scene, args: argparse.Namespace) -> str:
     """Where the picture goes; what can be known to fail is found before the work."""
     target: str = scene.output_file if args.output is None else args.output
+    origin = "output_file" if args.output is None else "-o"
+    if sys.stdout is None and (target == "-" or args.stats == "json"):
+        raise UsageError("stdout is closed")
     if target == "-":
         if args.stats == "json":
             raise UsageError("-o - and --stats=json both want stdout")
@@ -187,12 +223,15 @@ def _target(scene: Scene, args: argparse.Namespace) -> str:
             raise UsageError("-o - writes a PNG: send stdout to a file or a program")
         return target
     path = Path(target)
-    if not target or path.is_dir():
-        raise UsageError(f"-o: {target!r} is a folder" if target else "-o: must not be empty")
-    if path.suffix.lower() != ".png":
-        raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")
-    if not path.parent.is_dir():
-        raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
+    try:
+        if not target or path.is_dir():
+            raise UsageError(f"{origin}: {target!r} is a folder" if target else "-o: must not be empty")
+        if path.suffix.lower() != ".png":
+            raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")
+        if not path.parent.is_dir():
+            raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
+    except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte
+        raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
     return target
 
 
@@ -205,8 +244,8 @@ def _write(image: Image, target: str, show: str) -> None:
             image.save(target, show)
     except BrokenPipeError:
         raise
-    except OSError as error:
-        raise UsageError(f"cannot write {target}: {error.strerror or error}") from None
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
@@ -228,16 +267,16 @@ def _print_stats(stats: dict[str, Any], form: str) -> None:
     if form == "json":
         print(json.dumps(stats), flush=True)
         return
-    print(f"device     {stats['device']}", file=sys.stderr)
-    print(f"precision  {stats['precision']}", file=sys.stderr)
-    print(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres", file=sys.stderr)
-    print(f"features   {' '.join(stats['features'])}", file=sys.stderr)
+    _tell(f"device     {stats['device']}")
+    _tell(f"precision  {stats['precision']}")
+    _tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres")
+    _tell(f"features   {' '.join(stats['features'])}")
     for name, value in stats["seconds"].items():
-        print(f"{name:<10} {value * 1e3:10.2f} ms", file=sys.stderr)
+        _tell(f"{name:<10} {value * 1e3:10.2f} ms")
     for name, value in stats["rays"].items():
-        print(f"rays       {value:10d} {name}", file=sys.stderr)
+        _tell(f"rays       {value:10d} {name}")
     for name, value in stats["skipped"].items():
-        print(f"skipped    {value:10d} {name}", file=sys.stderr)
+        _tell(f"skipped    {value:10d} {name}")
 
 
 def _progress(quiet: bool) -> Callable[[float], None]:

@@ -19,7 +19,8 @@ ADVICE = """Ways to get an OpenCL driver:
     apt-get install pocl-opencl-icd             the same for Debian and Ubuntu, newer and faster
     conda install -c conda-forge pocl           Linux and macOS
 A GPU's driver brings its own. Drivers are looked for in {where};
-with OCL_ICD_VENDORS=FOLDER, in that folder; OCL_ICD_DEBUG=7 shows the search."""
+OCL_ICD_VENDORS=FOLDER names another folder, OCL_ICD_DEBUG=7 shows the search. A driver that was installed with pip is
+found beside pyopencl. PoCL shows no device where it cannot write its kernel cache: POCL_CACHE_DIR names a folder."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,22 @@ class Device:
         return f"{self.spec:<5} {self.kind:<5} {double:<9}  {self.name}"
 
 
+_process: list[int] = []  # the process that has started OpenCL
+
+
+def check_process() -> None:
+    """Raises DeviceError in a fork of a process that has used OpenCL: drivers lose their threads there."""
+    if not _process:
+        _process.append(os.getpid())
+    if _process[0] != os.getpid():
+        raise DeviceError(
+            "OpenCL does not survive a fork: use multiprocessing.get_context('spawn'), or fork before the first picture"
+        )
+
+
 def devices() -> list[Device]:
     """All devices of all platforms, in the order of the OpenCL loader; none is an empty list."""
+    check_process()
     found = []
     try:
         platforms = cl.get_platforms()
@@ -124,6 +139,8 @@ def choose(spec: str | None = None) -> Device:
     Without one, the environment's PYOPENCL_CTX counts; without that, the fastest CPU driver, by DRIVERS.
     Raises DeviceError, with the list of devices, if there is none such or it could be several.
     """
+    if spec is not None and not isinstance(spec, str):
+        raise TypeError(f"device: must be a text such as 'cpu' or '0:1', got {spec!r}")
     every = devices()
     if not every:
         raise DeviceError(f"no OpenCL device found\n{where_drivers_are()}")

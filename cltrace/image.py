@@ -17,7 +17,7 @@ from PIL import Image as Picture
 SHOWS = ("color", "normal", "direction", "depth", "id")
 
 
-@dataclass
+@dataclass(eq=False)
 class Image:
     """A rendered picture. Row 0 is the top. What was not asked for is None.
 
@@ -36,6 +36,10 @@ class Image:
     id: NDArray[np.int32] | None = None
     shadow_rays: NDArray[np.int32] | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+    frame: Any = field(default=None, repr=False)  # the buffers it lives in, for Renderer.render(out)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"frame": None}  # buffers stay with their process
 
     def as_rgb8(self, show: str = "color") -> NDArray[np.uint8]:
         """(h, w, 3) bytes that show one of the outputs: what the debugging hints of the course ask for.
@@ -66,8 +70,14 @@ class Image:
         return _distinct(np.asarray(value, np.int32))
 
     def save(self, path: str | os.PathLike[str], show: str = "color") -> None:
-        """Writes a PNG: completely, or not at all. OSError if that fails; the old file is then untouched."""
+        """Writes a PNG: completely, or not at all. OSError if that fails; the old file is then untouched.
+
+        ValueError if the name does not end in .png. A link is written through.
+        """
         target = Path(path)
+        if target.suffix.lower() != ".png":
+            raise ValueError(f"path: the picture is a PNG and its name must end in .png, got {str(path)!r}")
+        target = target.resolve()
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:64]}-", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -94,13 +104,14 @@ class Image:
 
 
 def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Depths as grey: the nearest 255, the farthest 32, nothing 0."""
+    """Depths as grey: the nearest 255, the farthest 32, nothing 0; linear in 1/depth."""
     hit = np.isfinite(depth)
     if not hit.any():
         return np.zeros((*depth.shape, 3), np.uint8)
-    near, far = depth[hit].min(), depth[hit].max()
-    share = (np.where(hit, depth, far) - near) / (far - near if far > near else 1.0)
-    grey = np.where(hit, np.rint(255 - 223 * share), 0).astype(np.uint8)
+    # In the reciprocal, what is near keeps its contrast, however far the horizon is.
+    near, far = 1 / depth[hit].min(), 1 / depth[hit].max()
+    share = (1 / np.where(hit, depth, 1 / far) - far) / (near - far if near > far else 1.0)
+    grey = np.where(hit, np.rint(32 + 223 * share), 0).astype(np.uint8)
     return np.repeat(grey[..., None], 3, axis=-1)
 
 

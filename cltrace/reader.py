@@ -772,8 +772,8 @@ def _chunks(path: str) -> Iterator[bytes]:
                 yield chunk
     except OSError as error:
         raise _FatalError(0, f"cannot be read: {error.strerror}") from None
-    except ValueError as error:  # a NUL in the path
-        raise _FatalError(0, f"cannot be read: {error}") from None
+    except ValueError:
+        raise _FatalError(0, "cannot be read: the name contains a NUL") from None
 
 
 def _check_prologue(first: bytes) -> None:

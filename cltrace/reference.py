@@ -231,7 +231,7 @@ class Sphere(Surface):
         d = ray.direction
         near, far = d * t - (self.center - ray.origin), -(v + d * (math.sqrt(discriminant) * (1 / a)))
         from_center = near if by_b else far
-        outward = from_center / self.radius
+        outward = from_center * (1 / self.radius)
         outward = outward * (0.5 * (3 - outward.dot(outward)))
         inside = not self.eye_power > 0
         return Intersection(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -145,7 +146,8 @@ class Camera:
         object.__setattr__(self, "resolution", check_resolution(self.resolution))
         if not isinstance(self.square_pixels, bool):
             raise ValueError(f"camera.square_pixels: must be True or False, got {self.square_pixels!r}")
-        if type(self.max_bounces) is not int or not 0 <= self.max_bounces <= MAX_BOUNCES:
+        whole = isinstance(self.max_bounces, (int, np.integer)) and not isinstance(self.max_bounces, bool)
+        if not whole or not 0 <= self.max_bounces <= MAX_BOUNCES:
             raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {self.max_bounces}")
         self.basis()
 
@@ -200,6 +202,8 @@ class Camera:
 
 def check_resolution(resolution: Sequence[int]) -> tuple[int, int]:
     """(width, height) if a picture may have that size; ValueError if not."""
+    if not isinstance(resolution, Sequence):
+        raise ValueError(f"camera.resolution: must be two integers (width, height), got {resolution!r}")
     whole = [isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in resolution]
     if whole != [True, True]:
         raise ValueError(f"camera.resolution: must be two integers (width, height), got {resolution!r}")
@@ -295,7 +299,13 @@ class Scene:
     background: Vector = (0.0, 0.0, 0.0)
     output_file: str = field(default="scene.png")
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, _frozen(value) if isinstance(value, np.ndarray) else value)
+
     def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera: must be a cltrace.Camera, got {self.camera!r}")
         object.__setattr__(self, "background", _vector("background", self.background, NOT_NEGATIVE))
         for name, dtype in (("lights", LIGHT), ("spheres", SPHERE), ("materials", MATERIAL)):
             array = np.array(getattr(self, name), dtype, ndmin=1)
@@ -331,7 +341,7 @@ class Scene:
     def from_spheres(
         cls,
         camera: Camera,
-        lights: Iterable[NDArray[np.void]],
+        lights: Iterable[NDArray[np.void]] | NDArray[np.void],
         centers: ArrayLike,
         radii: ArrayLike,
         colors: ArrayLike = (1.0, 1.0, 1.0),
@@ -370,5 +380,7 @@ class Scene:
         spheres = np.empty(n, SPHERE)
         spheres["center"], spheres["radius"] = points, radii
         spheres["material"] = 0 if one else np.arange(n)
+        if isinstance(lights, np.ndarray):
+            lights = [lights]
         every = [np.zeros(0, LIGHT), *lights]
         return cls(camera, np.concatenate(every), spheres, materials, background, output_file)

@@ -12,7 +12,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from .device import Device, choose
+from .device import Device, check_process, choose
 from .errors import DeviceError
 from .image import Image
 from .layout import KEEPS, OUTPUTS, PRECISIONS, Packed, pack, real_dtype
@@ -22,6 +22,8 @@ from .scene import Scene
 # One local size for all pictures: PoCL compiles the kernel anew for each. A group is a row of packets.
 GROUP = {1: (16, 4), 8: (8, 1), 16: (8, 1)}
 CHANNELS = {"rgb8": 3, "color": 3, "normal": 3, "direction": 3, "depth": 1, "id": 1, "shadow_rays": 1}
+# Pixels of one launch: 1080p is one, larger pictures are several.
+STRIP = 2**22
 Crop = tuple[int, int, int, int]
 
 
@@ -51,6 +53,8 @@ class Renderer:
         width: int | None = None,
         keep: tuple[str, ...] = (),
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
         self.scene = scene
         self.device = device if isinstance(device, Device) else choose(device)
         self.precision = precision or default_precision(self.device)
@@ -87,22 +91,27 @@ class Renderer:
             self.queue.finish()
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             # PoCL generates the code at the first launch: one that returns at once, with the same sizes.
-            self._launch(self._frame(), (0, 0, 0, 0)).wait()
+            self._launch(self._frame(), (0, 0, 0, 0), 0, 1).wait()
 
     def render(self, out: Image | None = None) -> Image:
-        """One frame. With `out`, an Image of an earlier render() of this Renderer, its arrays are written over."""
+        """One frame. With `out`, an Image of an earlier render() of this Renderer, its arrays are written over.
+
+        Raises ValueError if `out` is none of those, DeviceError if the driver fails or in a forked process.
+        """
+        check_process()
+        if out is not None and getattr(out.frame, "owner", None) is not self:
+            raise ValueError("out: must be an image that this Renderer has rendered")
         with self._lock, self._driver_errors():
-            frame = self._frame() if out is None or not hasattr(out, "_frame") else out._frame
+            frame = self._frame() if out is None else out.frame
             start = time.perf_counter()
             x, y = self._margin
             x0, y0, width, height = self.region
-            self._launch(frame, (x0 - x, y0 - y, width + x, height + y)).wait()
+            self._draw(frame, (x0 - x, y0 - y, width + x, height + y))
             done = time.perf_counter()
             arrays = self._read(frame)
             end = time.perf_counter()
-        image = Image(**arrays, seconds=self.seconds | {"kernel": done - start, "readback": end - done})
-        image._frame = frame  # type: ignore[attr-defined]
-        return image
+        seconds = self.seconds | {"kernel": done - start, "readback": end - done}
+        return Image(**arrays, seconds=seconds, frame=frame)
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -152,11 +161,17 @@ class Renderer:
             else cl.Buffer(self.context, write, a.nbytes)
             for n, a in arrays.items()
         }
-        return _Frame(width, height, arrays, buffers)
+        return _Frame(self, width, height, arrays, buffers)
 
-    def _launch(self, frame: _Frame, region: Crop) -> Any:
+    def _draw(self, frame: _Frame, region: Crop) -> None:
+        """Renders a region, in strips that are short enough for Ctrl-C to be heard between them."""
+        rows = max(64, STRIP // frame.width // 64 * 64)
+        for row in range(0, region[3], rows):
+            self._launch(frame, region, row, min(rows, frame.height - row)).wait()
+
+    def _launch(self, frame: _Frame, region: Crop, row: int, rows: int) -> Any:
         group = GROUP[self.width]
-        packets = (frame.width // (4 if self.width > 1 else 1), frame.height // max(1, self.width // 4))
+        packets = (frame.width // (4 if self.width > 1 else 1), -(-rows // max(1, self.width // 4)))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, group, strict=True))
         b = self._buffers
         any_buffer = b["power"]
@@ -167,6 +182,7 @@ class Renderer:
             self.packed.view[()],
             _int2(self.size),
             _int4(region),
+            np.int32(row),
             np.int32(frame.width),
             b["center_radius"],
             b["power"],
@@ -208,8 +224,10 @@ class Renderer:
 
 
 class _Frame:
-    def __init__(self, width: int, height: int, arrays: dict[str, NDArray[Any]], buffers: dict[str, Any]) -> None:
-        self.width, self.height, self.arrays, self.buffers = width, height, arrays, buffers
+    def __init__(
+        self, owner: Renderer, width: int, height: int, arrays: dict[str, NDArray[Any]], buffers: dict[str, Any]
+    ) -> None:
+        self.owner, self.width, self.height, self.arrays, self.buffers = owner, width, height, arrays, buffers
 
 
 def _int2(values: tuple[int, ...]) -> Any:
@@ -224,7 +242,9 @@ def _region(size: tuple[int, int], crop: Crop | None) -> Crop:
     """(x, y, width, height) of a crop; ValueError if it is not within the picture."""
     if crop is None:
         return (0, 0, *size)
-    x0, y0, x1, y1 = crop
+    if len(crop) != 4 or not all(isinstance(n, (int, np.integer)) for n in crop):
+        raise ValueError(f"crop: must be 4 whole numbers (x0, y0, x1, y1), got {crop!r}")
+    x0, y0, x1, y1 = (int(n) for n in crop)
     if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):
         raise ValueError(f"crop: must be within 0,0,{size[0]},{size[1]} and not empty, got {x0},{y0},{x1},{y1}")
     return (x0, y0, x1 - x0, y1 - y0)

@@ -11,54 +11,32 @@ typedef struct {
     Real3 d;
 } Ray;
 
-/* One sphere in all lanes, or each lane's own one. */
-typedef struct {
-    Real3 center;
-    REAL r;
-    REAL c; /* |center|^2 - r^2, the power of the eye: from the host, which computes it from the unrounded scene */
-#if REAL_BYTES == 8
-    Real3 center_rest; /* what was cut off when center and c were rounded */
-    REAL c_rest;
-#endif
-} Sphere;
-
 /* The spheres' buffers; rest is in float, in units of which one is `length` scene units. */
 typedef struct {
-    __global const real4 *center_radius;
-    __global const real *power;
-    __global const float4 *rest;
+    __global const real4 *center_radius; /* centre in camera space, radius */
+    __global const real *power;          /* |centre|^2 - radius^2: computed by the host from the unrounded scene */
+    __global const float4 *rest;         /* what was cut off when centre and power were rounded */
     real length;
 } Spheres;
 
+/* One sphere in all lanes, or each lane's own one. */
+typedef struct {
+    INT index;
+    Real3 center;
+    REAL r;
+    REAL c; /* |center|^2 - r^2, the power of the eye */
+} Sphere;
+
 static Sphere sphere_at(const Spheres spheres, const int index) {
-    Sphere sphere;
     const real4 s = spheres.center_radius[index];
-    sphere.center.x = s.x;
-    sphere.center.y = s.y;
-    sphere.center.z = s.z;
-    sphere.r = s.w;
-    sphere.c = spheres.power[index];
-#if REAL_BYTES == 8
-    const float4 rest = spheres.rest[index];
-    sphere.center_rest.x = rest.x * spheres.length;
-    sphere.center_rest.y = rest.y * spheres.length;
-    sphere.center_rest.z = rest.z * spheres.length;
-    sphere.c_rest = rest.w * (spheres.length * spheres.length);
-#endif
+    const Sphere sphere = {index, {s.x, s.y, s.z}, s.w, spheres.power[index]};
     return sphere;
 }
 
 /* Each lane's sphere. Neighbours mostly have the same one: a run of lanes with the same index is fetched once. Lanes
  * with a negative index get a harmless sphere ahead. */
 static Sphere spheres_of(const Spheres spheres, const INT index) {
-    Sphere own;
-    own.center.x = own.center.y = 0;
-    own.center.z = -2;
-    own.r = 1;
-    own.c = 3;
-#if REAL_BYTES == 8
-    own.center_rest.x = own.center_rest.y = own.center_rest.z = own.c_rest = 0;
-#endif
+    Sphere own = {index, {0, 0, -2}, 1, 3};
     int each[W], last = -1;
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++) {
@@ -71,12 +49,6 @@ static Sphere spheres_of(const Spheres spheres, const INT index) {
         own.center.z = here ? sphere.center.z : own.center.z;
         own.r = here ? sphere.r : own.r;
         own.c = here ? sphere.c : own.c;
-#if REAL_BYTES == 8
-        own.center_rest.x = here ? sphere.center_rest.x : own.center_rest.x;
-        own.center_rest.y = here ? sphere.center_rest.y : own.center_rest.y;
-        own.center_rest.z = here ? sphere.center_rest.z : own.center_rest.z;
-        own.c_rest = here ? sphere.c_rest : own.c_rest;
-#endif
     }
     return own;
 }
@@ -125,6 +97,28 @@ static Pair pair(const REAL hi, const REAL lo) {
     const Pair p = {hi, lo};
     return p;
 }
+
+/* What was cut off of each lane's sphere. */
+typedef struct {
+    REAL x, y, z, c;
+} Rest;
+
+static Rest rest_of(const Spheres spheres, const INT index) {
+    Rest own = {0, 0, 0, 0};
+    int each[W], last = -1;
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] == last || each[lane] < 0) continue;
+        last = each[lane];
+        const REAL_MASK here = TO_REAL_MASK(index == last);
+        const float4 rest = spheres.rest[last];
+        own.x = here ? rest.x * spheres.length : own.x;
+        own.y = here ? rest.y * spheres.length : own.y;
+        own.z = here ? rest.z * spheres.length : own.z;
+        own.c = here ? rest.w * (spheres.length * spheres.length) : own.c;
+    }
+    return own;
+}
 #endif
 
 /* What is needed of the equation a t^2 - 2 b t + c = 0 for the ray t d and the sphere |p - C| = r. */
@@ -133,30 +127,34 @@ typedef struct {
     Real3 v;           /* from the ray's point closest to the centre, to the centre; orthogonal to d */
     REAL discriminant; /* b^2 - a c = a (r^2 - |v|^2) */
     REAL_MASK by_b;    /* whether it was computed as b^2 - a c */
-#if REAL_BYTES == 8
-    Pair exact_a, exact_b, exact_discriminant; /* only where asked for */
-    Real3 exact_v;
-#endif
 } Quadratic;
 
 #if REAL_BYTES == 8
-/* The same numbers in pairs, with the discriminant in the same form. */
-static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
-    const Pair x = pair(sphere.center.x, sphere.center_rest.x), dx = pair(ray.d.x, 0);
-    const Pair y = pair(sphere.center.y, sphere.center_rest.y), dy = pair(ray.d.y, 0);
-    const Pair z = pair(sphere.center.z, sphere.center_rest.z);
-    const Pair a = plus(plus(times(dx, dx), times(dy, dy)), pair(1, 0)), b = minus(plus(times(x, dx), times(y, dy)), z);
-    const Pair k = over(b, a), vx = minus(x, times(k, dx)), vy = minus(y, times(k, dy)), vz = plus(z, k);
+/* The same numbers in pairs; by_b says which form of the discriminant. Rarely needed and long: kept out of line. */
+typedef struct {
+    Pair a, b, c, discriminant;
+    Real3 v;
+} Exact;
+
+static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere, const REAL_MASK by_b) {
+    Exact e;
+    const Rest rest = rest_of(spheres, sphere.index);
+    const Pair x = pair(sphere.center.x, rest.x), dx = pair(ray.d.x, 0);
+    const Pair y = pair(sphere.center.y, rest.y), dy = pair(ray.d.y, 0);
+    const Pair z = pair(sphere.center.z, rest.z);
+    e.c = pair(sphere.c, rest.c);
+    e.a = plus(plus(times(dx, dx), times(dy, dy)), pair(1, 0));
+    e.b = minus(plus(times(x, dx), times(y, dy)), z);
+    const Pair k = over(e.b, e.a), vx = minus(x, times(k, dx)), vy = minus(y, times(k, dy)), vz = plus(z, k);
     const Pair vv = plus(plus(times(vx, vx), times(vy, vy)), times(vz, vz));
-    const Pair far = times(a, minus(two_product(sphere.r, sphere.r), vv));
-    const Pair near = minus(times(b, b), times(a, pair(sphere.c, sphere.c_rest)));
-    e->exact_a = a;
-    e->exact_b = b;
-    e->exact_v.x = vx.hi;
-    e->exact_v.y = vy.hi;
-    e->exact_v.z = vz.hi;
-    e->exact_discriminant.hi = e->by_b ? near.hi : far.hi;
-    e->exact_discriminant.lo = e->by_b ? near.lo : far.lo;
+    const Pair far = times(e.a, minus(two_product(sphere.r, sphere.r), vv));
+    const Pair near = minus(times(e.b, e.b), times(e.a, e.c));
+    e.v.x = vx.hi;
+    e.v.y = vy.hi;
+    e.v.z = vz.hi;
+    e.discriminant.hi = by_b ? near.hi : far.hi;
+    e.discriminant.lo = by_b ? near.lo : far.lo;
+    return e;
 }
 #endif
 
@@ -177,7 +175,7 @@ static void refine(Quadratic *e, const Ray ray, const Sphere sphere) {
  *
  * v is off by 6 u |C|, which turns the normal by 6 u |C| / r. From |C| = 2^21 r on it comes from pairs, too.
  */
-static Quadratic quadratic(const Ray ray, const Sphere sphere) {
+static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sphere) {
     Quadratic e;
     const Real3 C = sphere.center;
     const REAL rr = sphere.r * sphere.r;
@@ -193,11 +191,11 @@ static Quadratic quadratic(const Ray ray, const Sphere sphere) {
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound), tiny = arr < bb * 0x1p-42;
     if (ANY(TO_MASK(unsure | tiny))) {
-        refine(&e, ray, sphere);
-        e.discriminant = (unsure | tiny) ? e.exact_discriminant.hi : e.discriminant;
-        e.v.x = tiny ? e.exact_v.x : e.v.x;
-        e.v.y = tiny ? e.exact_v.y : e.v.y;
-        e.v.z = tiny ? e.exact_v.z : e.v.z;
+        const Exact exact = exact_quadratic(spheres, ray, sphere, e.by_b);
+        e.discriminant = (unsure | tiny) ? exact.discriminant.hi : e.discriminant;
+        e.v.x = tiny ? exact.v.x : e.v.x;
+        e.v.y = tiny ? exact.v.y : e.v.y;
+        e.v.z = tiny ? exact.v.z : e.v.z;
     }
 #endif
     return e;
@@ -209,8 +207,8 @@ static Quadratic quadratic(const Ray ray, const Sphere sphere) {
  * both roots have the sign of b, and c/q is the nearer one if b > 0. With c < 0 one root is positive: q/a if b >= 0,
  * else c/q. With c = 0 the eye is on the sphere, where the root 0 is no hit. Written such that a NaN is a miss.
  */
-static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
-    const Quadratic e = quadratic(ray, sphere);
+static REAL intersect_sphere(const Spheres spheres, const Ray ray, const Sphere sphere) {
+    const Quadratic e = quadratic(spheres, ray, sphere);
     const REAL root = sqrt(e.discriminant);
     const REAL_MASK behind = e.b < 0;
     const REAL q = behind ? e.b - root : e.b + root;
@@ -225,25 +223,27 @@ static REAL intersect_sphere(const Ray ray, const Sphere sphere) {
 
 #if REAL_BYTES == 8
 /* The same in pairs, for a ray that is known to hit. */
-static Pair exact_distance(const Ray ray, const Sphere sphere) {
-    Quadratic e = quadratic(ray, sphere);
-    refine(&e, ray, sphere);
-    const Pair c = {sphere.c, sphere.c_rest}, D = e.exact_discriminant;
+static __attribute__((noinline)) Pair exact_distance(const Spheres spheres, const Ray ray, const Sphere sphere) {
+    const Real3 C = sphere.center;
+    const REAL b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
+    const Exact e = exact_quadratic(spheres, ray, sphere, b * b < ray.a * (sphere.r * sphere.r));
+    const Pair c = e.c, D = e.discriminant;
     const REAL_MASK some = D.hi > 0;
     const REAL near = some ? sqrt(D.hi) : (REAL)0;
     const Pair rest = minus(D, two_product(near, near));
     const Pair root = two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
-    const REAL_MASK behind = e.exact_b.hi < 0, first = (c.hi > 0) | behind;
-    const Pair sum = plus(e.exact_b, root), difference = minus(e.exact_b, root);
+    const REAL_MASK behind = e.b.hi < 0, first = (c.hi > 0) | behind;
+    const Pair sum = plus(e.b, root), difference = minus(e.b, root);
     const Pair q = {behind ? difference.hi : sum.hi, behind ? difference.lo : sum.lo};
     const Pair numerator = {first ? c.hi : q.hi, first ? c.lo : q.lo};
-    const Pair denominator = {first ? q.hi : e.exact_a.hi, first ? q.lo : e.exact_a.lo};
+    const Pair denominator = {first ? q.hi : e.a.hi, first ? q.lo : e.a.lo};
     return over(numerator, denominator);
 }
 
 /* Whether the ray meets A before B. Distances that differ by less than 2^-70 are equal: then `tie` says. */
-static REAL_MASK comes_first(const Ray ray, const Sphere A, const Sphere B, const REAL_MASK tie) {
-    const Pair a = exact_distance(ray, A), b = exact_distance(ray, B);
+static REAL_MASK comes_first(const Spheres spheres, const Ray ray, const Sphere A, const Sphere B,
+                             const REAL_MASK tie) {
+    const Pair a = exact_distance(spheres, ray, A), b = exact_distance(spheres, ray, B);
     const REAL gap = (a.hi - b.hi) + (a.lo - b.lo), equal = b.hi * 0x1p-70;
     return (gap < -equal) | ((gap <= equal) & tie);
 }
@@ -254,13 +254,14 @@ static REAL_MASK comes_first(const Ray ray, const Sphere A, const Sphere B, cons
  * Where the discriminant came from v, t = (b - root)/a and t d - C = -(v + root/a d), without the cancellation of t d
  * and C. Its length is 1 but for rounding, so one Newton step n (3 - n.n)/2 makes it unit to the last digits.
  */
-static Real3 normal_at(const Ray ray, const Sphere sphere, const REAL t) {
-    const Quadratic e = quadratic(ray, sphere);
+static Real3 normal_at(const Spheres spheres, const Ray ray, const Sphere sphere, const REAL t) {
+    const Quadratic e = quadratic(spheres, ray, sphere);
     const REAL s = sqrt(e.discriminant) * ray.over_a;
     Real3 n;
-    n.x = (e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x)) / sphere.r;
-    n.y = (e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y)) / sphere.r;
-    n.z = (e.by_b ? -t - sphere.center.z : s - e.v.z) / sphere.r;
+    const REAL over_r = 1 / sphere.r;
+    n.x = (e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x)) * over_r;
+    n.y = (e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y)) * over_r;
+    n.z = (e.by_b ? -t - sphere.center.z : s - e.v.z) * over_r;
     const REAL unit = (real)0.5 * ((real)3 - DOT(n, n));
     n.x *= unit;
     n.y *= unit;

@@ -91,7 +91,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
             if (!ANY(b * magnitude(b) >= a * s.w)) continue;
 #endif
             const Sphere sphere = sphere_at(scene.spheres, index);
-            const REAL t = intersect_sphere(ray, sphere);
+            const REAL t = intersect_sphere(scene.spheres, ray, sphere);
             const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
             REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
 #if REAL_BYTES == 8
@@ -100,7 +100,8 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
             const REAL margin = hit.t * 0x1p-22;
             const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
             if (ANY(TO_MASK(close))) {
-                const REAL_MASK first = comes_first(ray, sphere, spheres_of(scene.spheres, hit.id), lower);
+                const Sphere best = spheres_of(scene.spheres, hit.id);
+                const REAL_MASK first = comes_first(scene.spheres, ray, sphere, best, lower);
                 nearer = close ? first : nearer;
             }
 #endif
@@ -140,7 +141,7 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 #endif
 #ifdef WITH_NORMAL
     const REAL t = TO_REAL_MASK(at.hit) ? hit.t : (REAL)1;
-    at.normal = normal_at(ray, at.sphere, t);
+    at.normal = normal_at(scene.spheres, ray, at.sphere, t);
     at.start = start_at(ray, at.sphere, at.normal, t);
 #endif
 #ifdef WITH_INSIDE
@@ -407,9 +408,10 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     } while (0)
 #endif
 
-/* One packet of pixels of the region (x, y, width, height) of a picture of this size; x and y are multiples of 4. The outputs have rows of `pitch`
+/* One packet of pixels of the region (x, y, width, height) of a picture of this size; x and y are multiples of 4.
+ * This launch starts at the region's row `row`. The outputs have rows of `pitch`
  * pixels, a whole number of packets in both directions. */
-__kernel void render(const View view, const int2 size, const int4 region, const int pitch,
+__kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
                      __global const real4 *center_radius, __global const real *power,
                      __global const float4 *rest, __global const int *material_of, __global const shade8 *material, __global const Light *light,
                      const int4 lights, const int count, __global const float4 *candidate,
@@ -418,7 +420,7 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
                      __global const int2 *entry, __global uchar *rgb8,
                      __global float *color_out, __global float *normal_out, __global float *direction_out,
                      __global real *depth_out, __global int *id_out, __global int *shadow_rays_out) {
-    const int x = (int)get_global_id(0) * PACKET_WIDTH, y = (int)get_global_id(1) * PACKET_HEIGHT;
+    const int x = (int)get_global_id(0) * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
     if (x >= region.z || y >= region.w) return;
     const int first = y * pitch + x;
     const Spheres spheres = {center_radius, power, rest, view.pixel.w};

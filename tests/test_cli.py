@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -188,6 +190,59 @@ def test_unwritable_folder(tmp_path: Path) -> None:
     done = run(FIRST, "-o", "/proc/x.png", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.decode().startswith("cltrace: cannot write /proc/x.png: ")
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".png", "locked/x.png"])
+def test_names_that_cannot_be_written(tmp_path: Path, name: str) -> None:
+    (tmp_path / "locked").mkdir(mode=0)
+    done = run(FIRST, "-o", name, cwd=tmp_path)
+    if done.returncode == 0:
+        assert os.getuid() == 0  # whom no folder is locked for
+        return
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_full_and_closed_streams(tmp_path: Path) -> None:
+    """Each is told, or harmless; what one stream lacks is never found in the other."""
+
+    def shell(redirection: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+        command = f"{sys.executable} -m cltrace {' '.join(arguments)} {redirection}"
+        return subprocess.run(["sh", "-c", command], cwd=tmp_path, capture_output=True, timeout=120, check=False)
+
+    warned = tmp_path / "warned.xml"
+    warned.write_text(FIRST.read_text().replace("<camera>", "<camera><hat/>"))
+    assert shell("> /dev/full", str(FIRST), "--stats=json").returncode == 2
+    assert shell("> /dev/full", "--list-devices").returncode == 2
+    closed = shell(">&-", str(FIRST), "-o -")
+    assert (closed.returncode, closed.stderr) == (2, b"cltrace: stdout is closed\n")
+    assert shell("2> /dev/full", str(FIRST)).returncode == 0
+    assert pixels(shell("2>&-", "warned.xml", "-o -").stdout).shape == (361, 481, 3)
+    json.loads(shell("2>&-", "warned.xml", "--stats=json").stdout)
+
+
+def test_sigterm_leaves_nothing_behind(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "4000x4000", "-o", "big.png"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as process:
+        while process.poll() is None and not list(tmp_path.glob(".big.png-*.part")):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 128 + signal.SIGTERM
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_link_is_written_through(tmp_path: Path) -> None:
+    (tmp_path / "link.png").symlink_to("real.png")
+    assert run(FIRST, "-o", "link.png", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "link.png").is_symlink()
+    assert pixels(tmp_path / "real.png").shape == (361, 481, 3)
+
+
+def test_unwritable_cache(tmp_path: Path) -> None:
+    """PoCL hides its devices, and pyopencl fails, without a cache folder: another one is found."""
+    (tmp_path / "file").write_text("in the way")
+    done = run(FIRST, "-o", "x.png", cwd=tmp_path, HOME=str(tmp_path / "file"), XDG_CACHE_HOME=str(tmp_path / "file"))
+    assert done.returncode == 0, done.stderr
 
 
 def test_help_fits_one_screen(tmp_path: Path) -> None:

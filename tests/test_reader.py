@@ -735,7 +735,7 @@ def test_files_that_cannot_be_read() -> None:
         read("none.xml")
     with pytest.raises(SceneError, match=r"^\.: is a directory$"):
         read(".")
-    with pytest.raises(SceneError, match="cannot be read: embedded null"):
+    with pytest.raises(SceneError, match="cannot be read: the name contains a NUL"):
         read("a\0b")
     os.mkfifo("pipe.xml")
     with pytest.raises(SceneError, match=r"^pipe\.xml: is not a regular file$"):

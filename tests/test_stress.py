@@ -374,8 +374,8 @@ def test_D5_along_an_axis(device: Device, precision: str, axis: tuple[int, int, 
 def test_I1_inside(device: Device, precision: str, amount: int, k: int) -> None:
     """Close to the wall, r^2 - v^2 cancels; and the normal has to face the eye."""
     rng = np.random.default_rng(k)
-    for axis in AXES[: 2 if amount == 1 else 6]:
-        for w in (np.array(axis), unit(rng))[: 1 if amount == 1 else 2]:
+    for axis in AXES[k % 6 :][:1] if amount == 1 else AXES:
+        for w in (np.array(AHEAD), unit(rng))[: 1 if amount == 1 else 2]:
             eye = w * (1 - 10.0**-k)
             image = check(balls(looking(eye, 3, frame(amount, 300), axis), [((0, 0, 0), 1)]), device, precision, 20)
             assert (image.id == 0).all()
@@ -401,8 +401,8 @@ def test_I2_on_the_surface(device: Device, precision: str, amount: int, axis: tu
 def test_I3_just_above_the_surface(device: Device, precision: str, amount: int, k: int) -> None:
     """c = |C|^2 - r^2 cancels to 10^-k."""
     rng = np.random.default_rng(k)
-    for axis in AXES[: 2 if amount == 1 else 6]:
-        for w in (-np.array(axis), unit(rng))[: 1 if amount == 1 else 2]:
+    for axis in (AXES[3 * (k % 2)],) if amount == 1 else AXES:  # down and, where the horizon is, across
+        for w in (np.array(BACK), unit(rng))[: 1 if amount == 1 else 2]:
             camera = looking(w * (1 + 10.0**-k), 3, frame(amount, 300), axis)
             check(balls(camera, [((0, 0, 0), 1)]), device, precision, 20)
 
@@ -426,7 +426,7 @@ def test_I4_at_the_centre(device: Device, precision: str, amount: int, r: float)
 
 @mostly
 @pytest.mark.parametrize("R", [1e-3, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize("far", [0, 1, 1e3, 1e6])
+@pytest.mark.parametrize("far", [0, *(pytest.param(far, marks=pytest.mark.stress) for far in (1, 1e3)), 1e6])
 def test_L1_own_shadow(device: Device, precision: str, amount: int, R: float, far: float) -> None:
     """A sphere that shades itself: acne."""
     w = unit(np.random.default_rng(int(far)))
@@ -455,7 +455,7 @@ def lit_at_p(device: Device, precision: str, light: Sequence[float], occluder: B
     return bool(image.color[4, 5, 0] > 0)
 
 
-@both
+@mostly
 def test_L2_light_before_and_beyond(device: Device, precision: str) -> None:
     """What is behind the light, or behind the point, casts a shadow."""
     before, behind = (math.nextafter(3.0, 0.0), 0.0, 0.0), (math.nextafter(9.0, 10.0), 0.0, 8.0)
@@ -550,7 +550,7 @@ def test_L7_light_at_the_surface(device: Device, precision: str, amount: int, he
 @mostly
 def test_L8_terminator(device: Device, precision: str, amount: int) -> None:
     """n.l within an ulp of 0: a line of acne. It is the ambient colour, and no shadow ray is cast for n.l <= 0."""
-    for e in (0, 2.0**-52, 2.0**-51, 1e-12, 1e-7, 1e-4, 1e-2):
+    for e in (0, 2.0**-52, 1e-7, 1e-2) if amount == 1 else (0, *2.0 ** -np.arange(52, 5, -1)):
         for s in (1, -1):
             # At the pixel on the axis P = (0, 0, -1) and n = (0, 0, 1): n.l is s e, to rounding, for both lights.
             lights = [
@@ -700,8 +700,8 @@ def test_C3_no_field_of_view(fov: float) -> None:
 
 def stays_within(renderer: Renderer, guard: int = 4096) -> bool:
     """Whether the kernel keeps off the bytes before and behind each of its outputs."""
-    image = renderer.render()
-    frame = image._frame  # type: ignore[attr-defined]
+    image, frame = cltrace.Image(), renderer._frame()
+    image._frame = frame  # type: ignore[attr-defined]
     flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
     outside = np.full(2 * guard, 0xA5, np.uint8)
     parts = {n: np.insert(outside, guard, np.zeros(a.nbytes, np.uint8)) for n, a in frame.arrays.items()}
@@ -710,7 +710,7 @@ def stays_within(renderer: Renderer, guard: int = 4096) -> bool:
     renderer.render(image)
     for name, part in parts.items():
         cl.enqueue_copy(renderer.queue, part, whole[name])
-    assert all(part[guard:-guard].any() for name, part in parts.items() if name == "direction")  # it was written to
+    assert parts["direction"][guard:-guard].any()  # it was written to
     return all((np.delete(part, slice(guard, -guard)) == 0xA5).all() for part in parts.values())
 
 
@@ -722,14 +722,15 @@ def test_C4_sizes(device: Device, width: int, size: tuple[int, int]) -> None:
     base = everything()
     scene = Scene(camera, base.lights, base.spheres, base.materials, base.background)
     renderer = Renderer(scene, device, "accurate", OUTPUTS, width=width)
-    image = renderer.render()
     assert stays_within(renderer)
+    image = renderer.render()
     for crop in {(w // 2, h // 3, w, h), (w // 3, h // 4, w // 3 + 1, h // 4 + 1)}:
         part = Renderer(scene, device, "accurate", OUTPUTS, crop, width=width)
-        x0, y0, x1, y1 = crop
-        for name, value in {name: getattr(part.render(), name) for name in OUTPUTS}.items():
-            assert np.array_equal(value, getattr(image, name)[y0:y1, x0:x1]), name
         assert stays_within(part)
+        x0, y0, x1, y1 = crop
+        cut = part.render()
+        for name in OUTPUTS:
+            assert np.array_equal(getattr(cut, name), getattr(image, name)[y0:y1, x0:x1]), name
     # The tutorial's angles: the longer side has the whole one, the other one its share.
     fov = np.radians([40 * min(1, w / h), 40 * min(1, h / w)])
     x = ((np.arange(w) + 0.5) / w * 2 - 1) * math.tan(fov[0])
@@ -866,7 +867,7 @@ def test_P3_colours(device: Device) -> None:
 def test_normals_everywhere(device: Device, precision: str, amount: int, R: float) -> None:
     """The normal is lost in P: offsets to 1e7, R from 1e-3 to 1e7, distances to 1e7; never off by 1e-7 rad."""
     for gap in (1e-3, 1e7) if amount == 1 else 10.0 ** np.arange(-3, 8):
-        for offset in (0, 1e7) if amount == 1 else (0, 1, 1e4, 1e7):
+        for offset in (1e7,) if amount == 1 else (0, 1, 1e4, 1e7):
             eye = offset * np.array([1, -0.7, 0.3])
             tan = min(3.0, 1.1 * R / math.sqrt(gap * (2 * R + gap)))
             center = eye + (0.1 * R, -0.05 * R, -(R + gap))

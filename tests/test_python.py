@@ -1,0 +1,147 @@
+"""The Python interface: images, renderers, and what they refuse."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_scenes import random_scene
+
+import cltrace
+from cltrace import Image, Renderer
+from cltrace.device import Device
+
+
+def test_only_what_was_asked_for(any_device: Device) -> None:
+    image = cltrace.render(random_scene(1), any_device, outputs=("id", "depth"))
+    assert image.rgb8 is None
+    assert image.color is None
+    assert image.id.dtype == np.int32
+    assert image.depth.dtype == np.float64
+    every = cltrace.render(random_scene(1), any_device, outputs=("rgb8", "color", "normal", "direction"))
+    assert every.rgb8.dtype == np.uint8
+    assert {a.dtype for a in (every.color, every.normal, every.direction)} == {np.dtype("f4")}
+    assert {a.shape for a in (every.rgb8, every.color, every.normal, every.direction)} == {(33, 47, 3)}
+
+
+def test_render_into_an_earlier_image(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    first = renderer.render()
+    kept = first.rgb8.copy()
+    assert np.array_equal(renderer.render(first).rgb8, kept)
+    for other in (Renderer(random_scene(1), any_device), Renderer(random_scene(2), any_device, outputs=("depth",))):
+        with pytest.raises(ValueError, match=r"^out: must be an image that this Renderer has rendered$"):
+            other.render(first)
+    with pytest.raises(ValueError, match="out: "):
+        renderer.render(Image())
+
+
+def test_images_are_independent(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    first = renderer.render()
+    first.rgb8[:] = 0
+    assert renderer.render().rgb8.any()
+
+
+def test_images_and_scenes_travel(any_device: Device, tmp_path: Path) -> None:
+    image = cltrace.render(random_scene(1), any_device)
+    again = pickle.loads(pickle.dumps(image))
+    assert np.array_equal(again.rgb8, image.rgb8)
+    scene = pickle.loads(pickle.dumps(random_scene(1)))
+    with pytest.raises(ValueError, match="read-only"):
+        scene.spheres["radius"][0] = -1
+    assert np.array_equal(cltrace.render(scene, any_device).rgb8, image.rgb8)
+
+
+def test_threads_share_a_renderer(any_device: Device) -> None:
+    renderer = Renderer(random_scene(3), any_device, outputs=("rgb8", "id"))
+    want, got = renderer.render(), []
+    threads = [threading.Thread(target=lambda: got.append(renderer.render())) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(got) == 8
+    assert all(np.array_equal(image.rgb8, want.rgb8) and np.array_equal(image.id, want.id) for image in got)
+
+
+def _in_a_fork(queue: multiprocessing.Queue[str]) -> None:
+    try:
+        cltrace.render(random_scene(1))
+        queue.put("rendered")
+    except cltrace.DeviceError as error:
+        queue.put(str(error))
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_fork_is_told(any_device: Device) -> None:
+    cltrace.render(random_scene(1), any_device)
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_in_a_fork, args=(queue,))
+    process.start()
+    assert queue.get(timeout=60).startswith("OpenCL does not survive a fork")
+    process.join(60)
+
+
+def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
+    image = Image(
+        rgb8=np.full((1, 2, 3), 7, np.uint8),
+        normal=np.array([[[0, 0, 1], [0, 0, 0]]], np.float32),
+        depth=np.array([[2.0, np.inf]]),
+        id=np.array([[3, -1]], np.int32),
+    )
+    assert image.as_rgb8("color").tolist() == [[[7, 7, 7], [7, 7, 7]]]
+    assert image.as_rgb8("normal").tolist() == [[[128, 128, 255], [0, 0, 0]]]
+    assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
+    assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
+    assert image.as_rgb8("id")[0, 0].min() >= 64
+    with pytest.raises(ValueError, match="the image has no direction"):
+        image.as_rgb8("direction")
+    with pytest.raises(ValueError, match="show: must be one of color, normal, direction, depth, id, got 'heat'"):
+        image.as_rgb8("heat")
+    assert image._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    path.write_bytes(b"old")
+    with pytest.raises(ValueError, match="no depth"):
+        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path, "depth")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(ValueError, match=r"must end in \.png"):
+        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(tmp_path / "x.jpg")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"scene": "file.xml"}, TypeError, "scene: must be a cltrace.Scene"),
+        ({"device": 0}, TypeError, "device: must be a text"),
+        ({"precision": "half"}, ValueError, "precision: must be one of accurate, single, double, got 'half'"),
+        ({"outputs": ()}, ValueError, "outputs: must be some of "),
+        ({"outputs": ("heat",)}, ValueError, "outputs: must be some of "),
+        ({"crop": (0, 0, 1)}, ValueError, "crop: must be 4 whole numbers"),
+        ({"crop": (0, 0, 1.5, 2)}, ValueError, "crop: must be 4 whole numbers"),
+        ({"crop": (0, 0, 99, 2)}, ValueError, "crop: must be within 0,0,47,33 and not empty, got 0,0,99,2"),
+    ],
+)
+def test_refused_arguments(arguments: dict[str, object], error: type[Exception], message: str) -> None:
+    with pytest.raises(error) as caught:
+        cltrace.render(**{"scene": random_scene(1), **arguments})  # type: ignore[arg-type]
+    assert str(caught.value).startswith(message)
+
+
+def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = random_scene(1)
+    camera = cltrace.Camera(scene.camera.position, scene.camera.lookat, scene.camera.up, resolution=(5, 300))
+    tall = cltrace.Scene(camera, scene.lights, scene.spheres, scene.materials, scene.background)
+    whole = cltrace.render(tall, any_device).rgb8
+    monkeypatch.setattr(cltrace.tracer, "STRIP", 1)
+    assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
+    assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
