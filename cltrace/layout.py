@@ -155,7 +155,7 @@ def pack(
     packed_lights = _pack_lights(lights, exact.position, basis, real)
     arrays: dict[str, NDArray[Any]] = {
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
-        "power": exact.power.astype(real),
+        "power": np.stack([exact.power, 1 / exact.radius], axis=1).astype(real),
         "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
         "material_of": scene.spheres["material"].astype("i4"),
         "material": _materials(scene, ambient, shade),

@@ -32,3 +32,15 @@ static Level next_level(const Grid grid, Level level) {
     level.next += level.columns * (((grid.cells.y - 1) >> level.level) + 1);
     return level;
 }
+
+/* Whether the picture's lists hold anything for a tile: if not, it is all background. */
+static int has_candidates(const Lists lists, const int2 tile) {
+    const Grid grid = lists.grid[0];
+    Level level = first_level(grid);
+    while (level.mask) {
+        level = next_level(grid, level);
+        const int cell = level.first + (tile.y >> level.level) * level.columns + (tile.x >> level.level);
+        if (lists.start[cell] != lists.start[cell + 1]) return 1;
+    }
+    return 0;
+}

@@ -41,6 +41,7 @@
 /* real: the precision that decides. shade_t: the precision of colours. */
 #if REAL_BYTES == 8
 typedef double real;
+typedef double2 real2;
 typedef double4 real4;
 typedef LANES(double) REAL;
 #define TO_REAL(x) TO(double, x)
@@ -48,6 +49,7 @@ typedef LANES(double) REAL;
 #define TO_REAL_INT(x) TO(long, x)
 #else
 typedef float real;
+typedef float2 real2;
 typedef float4 real4;
 typedef LANES(float) REAL;
 #define TO_REAL(x) TO(float, x)
@@ -159,16 +161,18 @@ static int LARGEST(const INT x) {
 #error "W must be 1, 8 or 16"
 #endif
 
-/* Points and directions of a packet, in camera space. */
+/* Points and directions of a packet, in camera space; colours. */
 typedef struct {
     REAL x, y, z;
 } Real3;
 typedef struct {
     FLOAT x, y, z;
 } Float3;
-typedef struct {
-    SHADE x, y, z;
-} Shade3;
+#if SHADE_BYTES == 8
+typedef Real3 Shade3;
+#else
+typedef Float3 Shade3;
+#endif
 
 /* a b + c in float, where one rounding or two are equally good. */
 #ifdef NO_FMA

@@ -14,7 +14,7 @@ typedef struct {
 /* The spheres' buffers; rest is in float, in units of which one is `length` scene units. */
 typedef struct {
     __global const real4 *center_radius; /* centre in camera space, radius */
-    __global const real *power;          /* |centre|^2 - radius^2: computed by the host from the unrounded scene */
+    __global const real2 *power;         /* |centre|^2 - radius^2, by the host from the unrounded scene; 1 / radius */
     __global const float4 *rest;         /* what was cut off when centre and power were rounded */
     real length;
 } Spheres;
@@ -23,20 +23,21 @@ typedef struct {
 typedef struct {
     INT index;
     Real3 center;
-    REAL r;
+    REAL r, over_r;
     REAL c; /* |center|^2 - r^2, the power of the eye */
 } Sphere;
 
 static Sphere sphere_at(const Spheres spheres, const int index) {
     const real4 s = spheres.center_radius[index];
-    const Sphere sphere = {index, {s.x, s.y, s.z}, s.w, spheres.power[index]};
+    const real2 power = spheres.power[index];
+    const Sphere sphere = {index, {s.x, s.y, s.z}, s.w, power.y, power.x};
     return sphere;
 }
 
 /* Each lane's sphere. Neighbours mostly have the same one: a run of lanes with the same index is fetched once. Lanes
  * with a negative index get a harmless sphere ahead. */
 static Sphere spheres_of(const Spheres spheres, const INT index) {
-    Sphere own = {index, {0, 0, -2}, 1, 3};
+    Sphere own = {index, {0, 0, -2}, 1, 1, 3};
     int each[W], last = -1;
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++) {
@@ -48,6 +49,7 @@ static Sphere spheres_of(const Spheres spheres, const INT index) {
         own.center.y = here ? sphere.center.y : own.center.y;
         own.center.z = here ? sphere.center.z : own.center.z;
         own.r = here ? sphere.r : own.r;
+        own.over_r = here ? sphere.over_r : own.over_r;
         own.c = here ? sphere.c : own.c;
     }
     return own;
@@ -201,13 +203,21 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     return e;
 }
 
-/* The smallest t > 0 where the ray t d meets the sphere, INFINITY if it does not. A discriminant of 0 is a hit.
+/* Where a ray meets a sphere: the smallest t > 0, INFINITY if it does not; and the way there from the centre. */
+typedef struct {
+    REAL t;
+    Real3 from_center; /* any, if there is no such t */
+} Meeting;
+
+/* A discriminant of 0 is a hit. q = b + sign(b) sqrt(discriminant) does not cancel, and the roots are c/q and q/a. With
+ * c > 0 the eye is outside: both roots have the sign of b, and c/q is the nearer one if b > 0. With c < 0 one root is
+ * positive: q/a if b >= 0, else c/q. With c = 0 the eye is on the sphere, where the root 0 is no hit. Written such that
+ * a NaN is a miss.
  *
- * q = b + sign(b) sqrt(discriminant) does not cancel, and the roots are c/q and q/a. With c > 0 the eye is outside:
- * both roots have the sign of b, and c/q is the nearer one if b > 0. With c < 0 one root is positive: q/a if b >= 0,
- * else c/q. With c = 0 the eye is on the sphere, where the root 0 is no hit. Written such that a NaN is a miss.
+ * From the centre to the point is t d - C. Where the discriminant came from v, t = (b - root)/a and it is
+ * -(v + root/a d), without the cancellation of t d and C.
  */
-static REAL intersect_sphere(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static Meeting intersect_sphere(const Spheres spheres, const Ray ray, const Sphere sphere) {
     const Quadratic e = quadratic(spheres, ray, sphere);
     const REAL root = sqrt(e.discriminant);
     const REAL_MASK behind = e.b < 0;
@@ -218,7 +228,13 @@ static REAL intersect_sphere(const Spheres spheres, const Ray ray, const Sphere 
 #if REAL_BYTES == 4
     hit = hit & (sphere.r * sphere.r > 0); /* in float, the square of a radius may vanish beside the scene's size */
 #endif
-    return hit ? t : (REAL)INFINITY;
+    Meeting at;
+    at.t = hit ? t : (REAL)INFINITY;
+    const REAL s = root * ray.over_a;
+    at.from_center.x = e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x);
+    at.from_center.y = e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y);
+    at.from_center.z = e.by_b ? -t - sphere.center.z : s - e.v.z;
+    return at;
 }
 
 #if REAL_BYTES == 8
@@ -249,19 +265,10 @@ static REAL_MASK comes_first(const Spheres spheres, const Ray ray, const Sphere 
 }
 #endif
 
-/* From the sphere's centre to the hit point t d, divided by the radius: the outward unit normal.
- *
- * Where the discriminant came from v, t = (b - root)/a and t d - C = -(v + root/a d), without the cancellation of t d
- * and C. Its length is 1 but for rounding, so one Newton step n (3 - n.n)/2 makes it unit to the last digits.
- */
-static Real3 normal_at(const Spheres spheres, const Ray ray, const Sphere sphere, const REAL t) {
-    const Quadratic e = quadratic(spheres, ray, sphere);
-    const REAL s = sqrt(e.discriminant) * ray.over_a;
-    Real3 n;
-    const REAL over_r = 1 / sphere.r;
-    n.x = (e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x)) * over_r;
-    n.y = (e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y)) * over_r;
-    n.z = (e.by_b ? -t - sphere.center.z : s - e.v.z) * over_r;
+/* The outward unit normal. From the centre to the point is r long but for rounding, so after the division by r one
+ * Newton step n (3 - n.n)/2 makes it unit to the last digits. */
+static Real3 normal_of(const Sphere sphere, const Real3 from_center) {
+    Real3 n = {from_center.x * sphere.over_r, from_center.y * sphere.over_r, from_center.z * sphere.over_r};
     const REAL unit = (real)0.5 * ((real)3 - DOT(n, n));
     n.x *= unit;
     n.y *= unit;

@@ -16,10 +16,11 @@ typedef struct {
     real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
 } Scene;
 
-/* What was hit: the sphere's index, -1 = nothing, and the distance in units of the ray's direction. */
+/* What was hit: the sphere's index, -1 = nothing, the distance in units of the ray's direction, and where on it. */
 typedef struct {
     REAL t;
     INT id;
+    Real3 from_center;
 } Hit;
 
 /* All that is known of the point that was hit. */
@@ -72,7 +73,7 @@ static FLOAT magnitude(const FLOAT x) {
  * scene is scaled to 1, 2^-100 covers it. The filter costs no more than a float tracer's own test.
  */
 static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
-    Hit hit = {INFINITY, -1};
+    Hit hit = {INFINITY, -1, {0, 0, 1}};
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
     float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
@@ -91,7 +92,8 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
             if (!ANY(b * magnitude(b) >= a * s.w)) continue;
 #endif
             const Sphere sphere = sphere_at(scene.spheres, index);
-            const REAL t = intersect_sphere(scene.spheres, ray, sphere);
+            const Meeting at = intersect_sphere(scene.spheres, ray, sphere);
+            const REAL t = at.t;
             const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
             REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
 #if REAL_BYTES == 8
@@ -107,6 +109,9 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
 #endif
             hit.t = nearer ? t : hit.t;
             hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
+            hit.from_center.x = nearer ? at.from_center.x : hit.from_center.x;
+            hit.from_center.y = nearer ? at.from_center.y : hit.from_center.y;
+            hit.from_center.z = nearer ? at.from_center.z : hit.from_center.z;
             const FLOAT far = TO_FLOAT(hit.t * scene.unit);
             reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
         }
@@ -140,9 +145,8 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
     }
 #endif
 #ifdef WITH_NORMAL
-    const REAL t = TO_REAL_MASK(at.hit) ? hit.t : (REAL)1;
-    at.normal = normal_at(scene.spheres, ray, at.sphere, t);
-    at.start = start_at(ray, at.sphere, at.normal, t);
+    at.normal = normal_of(at.sphere, hit.from_center);
+    at.start = start_at(ray, at.sphere, at.normal, hit.t);
 #endif
 #ifdef WITH_INSIDE
     at.side = at.sphere.c > 0 ? (REAL)1 : (REAL)-1;
@@ -153,7 +157,8 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 #ifdef WITH_SHADOWS
 /* Which of the lit lanes stay lit: those without a sphere between the point and the light.
  *
- * w: from the point to the light, or to a parallel light a vector of length 1. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
+ * w: from the point to the light, or to a parallel light a vector of length 1; w32: the same in the float buffers' unit,
+ * a: its square. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
  * Only from its inside it blocks, if and only if the light is outside.
  *
  * The filter for a light at a point L: an occluder is (L - C, c'), with c' made from |L - C|^2 - r^2 as in closest_hit:
@@ -167,19 +172,12 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
  * Lists are in the order of the end towards the light: what does not reach beyond P does not matter.
  */
 static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
-                            const INT own, const Real3 w, const real unit, MASK lit) {
+                            const INT own, const Real3 w, const Float3 w32, const FLOAT a, MASK lit) {
     const Light light = scene.light[number];
-    FLOAT wx = 0, wy = 0, wz = 0, a = 0, pu = 0, pv = 0, measure = 0;
+    FLOAT pu = 0, pv = 0, measure = a;
     Real3 from = {-w.x, -w.y, -w.z}; /* the sheets' point: the direction from the light, or the place across it */
-    int unsure = 0;
-    if (at_point) {
-        wx = TO_FLOAT(w.x * unit);
-        wy = TO_FLOAT(w.y * unit);
-        wz = TO_FLOAT(w.z * unit);
-        a = FMA(wx, wx, FMA(wy, wy, wz * wz));
-        measure = a;
-        unsure = ANY(lit & (a < 0x1p-40f));
-    } else {
+    const int unsure = at_point && ANY(lit & (a < 0x1p-40f));
+    if (!at_point) {
         const Real3 C = at.sphere.center, p = at.start.p;
         Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};
 #if REAL_BYTES == 4
@@ -187,9 +185,9 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         P.y = at.start.near_eye ? at.start.from_eye.y : P.y;
         P.z = at.start.near_eye ? at.start.from_eye.z : P.z;
 #endif
-        from.x = P.x * unit;
-        from.y = P.y * unit;
-        from.z = P.z * unit;
+        from.x = P.x * scene.unit;
+        from.y = P.y * scene.unit;
+        from.z = P.z * scene.unit;
         pu = TO_FLOAT(DOT(from, light.axis));
         pv = TO_FLOAT(DOT(from, light.across));
         measure = -TO_FLOAT(DOT(from, light.position));
@@ -232,7 +230,7 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
 #ifdef WITH_FILTER
                     const float4 s = scene.occluder[(long)number * scene.count + index];
                     if (at_point) {
-                        const FLOAT b = FMA(wx, (FLOAT)s.x, FMA(wy, (FLOAT)s.y, wz * s.z));
+                        const FLOAT b = FMA(w32.x, (FLOAT)s.x, FMA(w32.y, (FLOAT)s.y, w32.z * s.z));
                         if (!unsure && !ANY(may & (b * magnitude(b) >= a * s.w))) continue;
                     } else {
                         const FLOAT du = s.x - pu, dv = s.y - pv;
@@ -280,25 +278,27 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
     if (kind == 2) lit = lit & TO_MASK(-DOT(w, light.axis) >= light.axis.w * sqrt(DOT(w, w)));
 #endif
     if (!ANY(lit)) return color;
+    const real unit = kind != 0 ? scene.unit : (real)1;
+    const Float3 w32 = {TO_FLOAT(w.x * unit), TO_FLOAT(w.y * unit), TO_FLOAT(w.z * unit)};
+    const FLOAT a = FMA(w32.x, w32.x, FMA(w32.y, w32.y, w32.z * w32.z));
 #ifdef WITH_SHADOWS
     *rays += lit ? (INT)1 : (INT)0;
-    lit = cast_shadow_ray(scene, number, kind != 0, at, own, w, scene.unit, lit);
+    lit = cast_shadow_ray(scene, number, kind != 0, at, own, w, w32, a, lit);
     if (!ANY(lit)) return color;
 #endif
 
-    if (kind != 0) {
-        /* In float, |w|^2 must neither vanish nor overflow: not even for a light that all but touches the surface. */
-        w.x *= scene.unit;
-        w.y *= scene.unit;
-        w.z *= scene.unit;
-        const REAL_MASK tiny = DOT(w, w) < (real)0x1p-80f;
-        if (ANY(TO_MASK(tiny) & lit)) {
-            w.x = tiny ? w.x * (real)0x1p80f : w.x;
-            w.y = tiny ? w.y * (real)0x1p80f : w.y;
-            w.z = tiny ? w.z * (real)0x1p80f : w.z;
-        }
-    }
+#if SHADE_BYTES == 8
     Shade3 l = {TO_SHADE(w.x), TO_SHADE(w.y), TO_SHADE(w.z)};
+#else
+    Shade3 l = w32;
+    if (ANY(lit & (a < 0x1p-80f))) {
+        /* A light that all but touches the surface: |w|^2 must not vanish. */
+        const MASK tiny = a < 0x1p-80f;
+        l.x = tiny ? TO_FLOAT(w.x * unit * (real)0x1p80f) : l.x;
+        l.y = tiny ? TO_FLOAT(w.y * unit * (real)0x1p80f) : l.y;
+        l.z = tiny ? TO_FLOAT(w.z * unit * (real)0x1p80f) : l.z;
+    }
+#endif
     const SHADE over = 1 / sqrt(DOT(l, l));
     l.x *= over;
     l.y *= over;
@@ -412,7 +412,7 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
  * This launch starts at the region's row `row`. The outputs have rows of `pitch`
  * pixels, a whole number of packets in both directions. */
 __kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
-                     __global const real4 *center_radius, __global const real *power,
+                     __global const real4 *center_radius, __global const real2 *power,
                      __global const float4 *rest, __global const int *material_of, __global const shade8 *material, __global const Light *light,
                      const int4 lights, const int count, __global const float4 *candidate,
                      __global const float4 *occluder, __global const char *outside,
@@ -428,31 +428,35 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
     const Scene scene = {spheres, material_of, material, light,  candidate,
                          occluder, outside,    light_grids, lists, count, lights, view.pixel.z};
 
-    const Ray ray = primary_ray(view, size, region.x + x + LANE_COLUMN, region.y + y + LANE_ROW);
+    const INT column = region.x + x + LANE_COLUMN, line = region.y + y + LANE_ROW;
     const int2 tile = {(region.x + x) >> 2, (region.y + y) >> 2};
-    const Hit hit = closest_hit(scene, ray, tile);
+    Hit hit = {INFINITY, -1, {0, 0, 1}};
     Shade3 color = {view.background.x, view.background.y, view.background.z};
     Float3 normal = {0, 0, 0};
     INT rays = 0;
+    if (has_candidates(lists, tile)) {
+        const Ray ray = primary_ray(view, size, column, line);
+        hit = closest_hit(scene, ray, tile);
 #ifdef WITH_INTERSECTION
-    if (ANY(hit.id >= 0)) {
-        const Intersection at = intersection_at(scene, ray, hit);
+        if (ANY(hit.id >= 0)) {
+            const Intersection at = intersection_at(scene, ray, hit);
 #ifdef WITH_SHADING
-        const Shade3 own = shade(scene, ray, at, hit.id, &rays);
-        const SHADE_MASK any_hit = TO_SHADE_MASK(at.hit);
-        color.x = any_hit ? own.x : color.x;
-        color.y = any_hit ? own.y : color.y;
-        color.z = any_hit ? own.z : color.z;
+            const Shade3 own = shade(scene, ray, at, hit.id, &rays);
+            const SHADE_MASK any_hit = TO_SHADE_MASK(at.hit);
+            color.x = any_hit ? own.x : color.x;
+            color.y = any_hit ? own.y : color.y;
+            color.z = any_hit ? own.z : color.z;
 #endif
 #ifdef OUT_NORMAL
-        const Real3 facing = {at.side * at.normal.x, at.side * at.normal.y, at.side * at.normal.z};
-        const Float3 world = to_world(view, facing);
-        normal.x = at.hit ? world.x : (FLOAT)0;
-        normal.y = at.hit ? world.y : (FLOAT)0;
-        normal.z = at.hit ? world.z : (FLOAT)0;
+            const Real3 facing = {at.side * at.normal.x, at.side * at.normal.y, at.side * at.normal.z};
+            const Float3 world = to_world(view, facing);
+            normal.x = at.hit ? world.x : (FLOAT)0;
+            normal.y = at.hit ? world.y : (FLOAT)0;
+            normal.z = at.hit ? world.z : (FLOAT)0;
+#endif
+        }
 #endif
     }
-#endif
 
 #ifdef OUT_RGB8
     const shade_t rounding = view.quantize.x;
@@ -467,6 +471,9 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
     STORE(float, normal_out, first, pitch, 3, normal.x);
     STORE(float, normal_out + 1, first, pitch, 3, normal.y);
     STORE(float, normal_out + 2, first, pitch, 3, normal.z);
+#endif
+#if defined(OUT_DIRECTION) || defined(OUT_DEPTH)
+    const Ray ray = primary_ray(view, size, column, line);
 #endif
 #ifdef OUT_DIRECTION
     const REAL over = 1 / sqrt(ray.a);

@@ -289,9 +289,10 @@ def test_D1_grazing(device: Device, precision: str, amount: int) -> None:
     """Rays that pass at r (1 +/- 2^-k), k = 8..26 and on to 52, are decided by noise."""
     rng = np.random.default_rng(3)
     camera = looking(tan=6, size=frame(1, 1200))
-    for low, high in ((8, 26), (27, 52)) * amount:
-        scale = rng.uniform(0.5, 2, 38)
-        check(balls(camera, aimed(camera, 5 * scale, scale, limbs(low, high, 38, rng), rng)), device, precision)
+    for low, high, distance in ((8, 26, 5), (27, 46, 5), (47, 52, 5), (47, 52, 50)) * amount:
+        scale = rng.uniform(0.5, 2, 60)
+        spheres = aimed(camera, distance * scale, scale, limbs(low, high, 60, rng), rng)
+        check(balls(camera, spheres), device, precision)
 
 
 @mostly
@@ -700,8 +701,8 @@ def test_C3_no_field_of_view(fov: float) -> None:
 
 def stays_within(renderer: Renderer, guard: int = 4096) -> bool:
     """Whether the kernel keeps off the bytes before and behind each of its outputs."""
-    image, frame = cltrace.Image(), renderer._frame()
-    image._frame = frame  # type: ignore[attr-defined]
+    frame = renderer._frame()
+    image = cltrace.Image(frame=frame)
     flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
     outside = np.full(2 * guard, 0xA5, np.uint8)
     parts = {n: np.insert(outside, guard, np.zeros(a.nbytes, np.uint8)) for n, a in frame.arrays.items()}
@@ -873,8 +874,11 @@ def test_normals_everywhere(device: Device, precision: str, amount: int, R: floa
             center = eye + (0.1 * R, -0.05 * R, -(R + gap))
             scene = balls(looking(eye, tan, frame(amount, 150)), [(center, R)])
             check(scene, device, precision, 12 if amount == 1 else 60)
-    # Limbs that pass pixels at r (1 +/- 2^-k), as far off as 1e7.
+    # Far off the view's axis, each on the ray of a pixel; and limbs that pass pixels at r (1 +/- 2^-k).
     rng = np.random.default_rng(12)
+    camera = looking(tan=1, size=(65, 49))
+    off_axis = aimed(camera, R + 1e7, R, -rng.uniform(0.01, 1, 12 * amount), rng)
+    check(balls(camera, off_axis), device, precision, 12 * amount)
     camera = looking(tan=3e-7 * R, size=frame(amount, 150))
     check(balls(camera, aimed(camera, R + 1e7, 0.5 * R, limbs(4, 26, 23, rng), rng)), device, precision)
 
