@@ -20,6 +20,9 @@ from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 PRECISIONS = ("accurate", "single", "double")
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 
+# Up to so many spheres, finding the right list for a shadow ray costs more than trying them all.
+FEW = 16
+
 # Unit roundoff of float32: the filters' bounds, derived in kernels/trace.cl, are multiples of it.
 U = 2.0**-24
 
@@ -296,7 +299,7 @@ def _occluders(
             occluder[k, :, 3] = _filter_constant(c, squared_length(f))
             outside[k] = np.sign(c)
             more = point_sheets(-f, radius, slack)
-        more = [whole_sheet(n)] if whole else more
+        more = [whole_sheet(n)] if whole or n <= FEW else more
         grids[k] = len(sheets), len(more)
         sheets += more
     lists = build(sheets, real)

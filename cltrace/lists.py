@@ -103,7 +103,6 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
         g["right"][:3], g["up"][:3], g["ahead"][:3] = right - shear[0] * ahead, up - shear[1] * ahead, ahead
         if not sheet.perspective:
             g["right"][3], g["up"][3] = -sheet.middle
-        g["ahead"][3] = not sheet.axes.any()
         g["window"] = *sheet.half, *(np.array(sheet.cells) / (2 * sheet.half))
         g["cells"] = *sheet.cells, cells, mask
         starts.append(start + np.int32(filled))
@@ -241,12 +240,10 @@ def _windowed(
     high = np.array([min(b[1].max(), limit) for b in bounds])
     middle = (low + high) / 2
     half = np.maximum((high - low) / 2, 2.0**-60) * (1 + SLACK)
-    # As many cells as spheres, in the window's proportion; so few spheres as need none get one.
+    # As many cells as spheres, in the window's proportion. Never one only: that would do without the window.
     low, sides = middle - half, 2 * half
-    wanted = len(member) if len(member) > 16 else 1
-    cell = np.sqrt(sides[0] * sides[1] / wanted)
-    columns, rows = (int(np.clip(np.ceil(s / cell), 1, 2048)) for s in sides)
-    cells = np.array([columns, rows]) if wanted > 1 else np.array([1, 1])
+    cell = np.sqrt(sides[0] * sides[1] / max(2, len(member)))
+    cells = np.array([int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides])
     first, last = np.empty((len(member), 2), np.int32), np.empty((len(member), 2), np.int32)
     for k in (0, 1):
         scale = cells[k] / sides[k]

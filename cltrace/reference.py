@@ -183,9 +183,7 @@ class Sphere(Surface):
         if a == 0:
             return 0.0, 0.0, -1.0, f, True  # no direction: no hit
         k = b * (1 / a)
-        vx, vy = f.x - k * d.x, f.y - k * d.y
-        vz = -(vx * d.x + vy * d.y) / d.z if a <= 1.0625 * (d.z * d.z) else f.z - k * d.z
-        v = Direction(vx, vy, vz)
+        v = Direction(f.x - k * d.x, f.y - k * d.y, f.z - k * d.z)
         rr = self.radius * self.radius
         bb, arr = b * b, a * rr
         by_b = bb < arr

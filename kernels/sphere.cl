@@ -40,6 +40,7 @@ static Sphere spheres_of(const Spheres spheres, const INT index) {
     Sphere own = {index, {0, 0, -2}, 1, 1, 3};
     int each[W], last = -1;
     STORE_LANES(index, each);
+    if (each[0] >= 0 && !ANY(index != each[0])) return sphere_at(spheres, each[0]);
     for (int lane = 0; lane < W; lane++) {
         if (each[lane] == last || each[lane] < 0) continue;
         last = each[lane];
@@ -166,9 +167,6 @@ static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, co
  * a (r^2 - |v|^2) has u (2 r |C| + r^2) a: they are equal at about |b| = r |d|. So the first form is for rays that
  * start near the sphere or inside of it, and the second one for far and small spheres.
  *
- * v.z: as v.d = 0 and d.z = -1, it is also v.x d.x + v.y d.y. That beats C.z + b/a near the view's axis, where C.z and
- * b/a are large and nearly cancel, by as much as d.x and d.y are small, and loses to it where they are large.
- *
  * The sign decides between hit and miss. Both forms are off by less than 16 u a |C|^2, u = 2^-53: |b| <= |C||d|, b is
  * off by 4 u |C||d| and v by 6 u |C|. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant D below 2^-48 of that
  * is computed again in pairs. Above it, the error e of D moves sqrt(D) by e / (2 sqrt(D)). In the second form e is at
@@ -182,13 +180,22 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     const Real3 C = sphere.center;
     const REAL rr = sphere.r * sphere.r;
     e.b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
-    const REAL k = e.b * ray.over_a;
-    e.v.x = C.x - k * ray.d.x;
-    e.v.y = C.y - k * ray.d.y;
-    e.v.z = ray.a <= (real)1.0625 ? e.v.x * ray.d.x + e.v.y * ray.d.y : C.z + k;
     const REAL bb = e.b * e.b, arr = ray.a * rr;
     e.by_b = bb < arr;
-    e.discriminant = e.by_b ? bb - ray.a * sphere.c : ray.a * (rr - DOT(e.v, e.v));
+    e.v.x = e.v.y = e.v.z = 0;
+    e.discriminant = bb - ray.a * sphere.c;
+    if (ANY(!TO_MASK(e.by_b))) {
+        const REAL k = e.b * ray.over_a;
+        e.v.x = C.x - k * ray.d.x;
+        e.v.y = C.y - k * ray.d.y;
+        e.v.z = C.z + k;
+#if REAL_BYTES == 4
+        /* As v.d = 0, v.z is also v.x d.x + v.y d.y. That beats C.z + b/a near the view's axis, where these nearly
+         * cancel, by as much as d.x and d.y are small, and loses to it where they are large. */
+        e.v.z = ray.a <= 1.0625f ? e.v.x * ray.d.x + e.v.y * ray.d.y : e.v.z;
+#endif
+        e.discriminant = e.by_b ? e.discriminant : ray.a * (rr - DOT(e.v, e.v));
+    }
 #if REAL_BYTES == 8
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound), tiny = arr < bb * 0x1p-42;
@@ -231,9 +238,14 @@ static Meeting intersect_sphere(const Spheres spheres, const Ray ray, const Sphe
     Meeting at;
     at.t = hit ? t : (REAL)INFINITY;
     const REAL s = root * ray.over_a;
-    at.from_center.x = e.by_b ? t * ray.d.x - sphere.center.x : -(e.v.x + s * ray.d.x);
-    at.from_center.y = e.by_b ? t * ray.d.y - sphere.center.y : -(e.v.y + s * ray.d.y);
-    at.from_center.z = e.by_b ? -t - sphere.center.z : s - e.v.z;
+    at.from_center.x = -(e.v.x + s * ray.d.x);
+    at.from_center.y = -(e.v.y + s * ray.d.y);
+    at.from_center.z = s - e.v.z;
+    if (ANY(TO_MASK(e.by_b))) {
+        at.from_center.x = e.by_b ? t * ray.d.x - sphere.center.x : at.from_center.x;
+        at.from_center.y = e.by_b ? t * ray.d.y - sphere.center.y : at.from_center.y;
+        at.from_center.z = e.by_b ? -t - sphere.center.z : at.from_center.z;
+    }
     return at;
 }
 

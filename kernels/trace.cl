@@ -76,6 +76,9 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
     Hit hit = {INFINITY, -1, {0, 0, 1}};
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
+#if REAL_BYTES == 8
+    int found = 0; /* whether any lane may have a hit */
+#endif
     float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
     const Grid grid = scene.lists.grid[0];
     Level level = first_level(grid);
@@ -99,13 +102,16 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
 #if REAL_BYTES == 8
             /* Where a discriminant is not computed in pairs, its root is off by at most 2^-26 of q (see quadratic), and
              * so is the distance. */
-            const REAL margin = hit.t * 0x1p-22;
-            const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
-            if (ANY(TO_MASK(close))) {
-                const Sphere best = spheres_of(scene.spheres, hit.id);
-                const REAL_MASK first = comes_first(scene.spheres, ray, sphere, best, lower);
-                nearer = close ? first : nearer;
+            if (found) {
+                const REAL margin = hit.t * 0x1p-22;
+                const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
+                if (ANY(TO_MASK(close))) {
+                    const Sphere best = spheres_of(scene.spheres, hit.id);
+                    const REAL_MASK first = comes_first(scene.spheres, ray, sphere, best, lower);
+                    nearer = close ? first : nearer;
+                }
             }
+            found = 1;
 #endif
             hit.t = nearer ? t : hit.t;
             hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
@@ -196,21 +202,25 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
     const int2 grids = scene.light_grids[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
-        FLOAT x = TO_FLOAT(DOT(from, grid.right) + grid.right.w), y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
         MASK here = lit;
-        if (at_point) {
-            const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead) + grid.ahead.w);
-            here = here & (ahead > 0);
-            x /= ahead;
-            y /= ahead;
+        INT u = 0, v = 0;
+        if (grid.cells.x > 1 || grid.cells.y > 1) {
+            FLOAT x = TO_FLOAT(DOT(from, grid.right) + grid.right.w), y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
+            if (at_point) {
+                const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead));
+                here = here & (ahead > 0);
+                x /= ahead;
+                y /= ahead;
+            }
+            here = here & (magnitude(x) <= grid.window.x) & (magnitude(y) <= grid.window.y);
+            if (!ANY(here)) continue;
+            /* Cells of level 0; x and y count from the middle. Other lanes get 0, a number that can be converted. */
+            const INT column = TO_INT(here ? (x + grid.window.x) * grid.window.z : (FLOAT)0);
+            const INT row = TO_INT(here ? (y + grid.window.y) * grid.window.w : (FLOAT)0);
+            const INT last_column = grid.cells.x - 1, last_row = grid.cells.y - 1;
+            u = column < last_column ? column : last_column;
+            v = row < last_row ? row : last_row;
         }
-        here = here & (magnitude(x) <= grid.window.x) & (magnitude(y) <= grid.window.y);
-        if (!ANY(here)) continue;
-        /* Cells of level 0; x and y count from the middle. Other lanes get 0, a number that can be converted. */
-        const INT column = TO_INT(here ? (x + grid.window.x) * grid.window.z : (FLOAT)0);
-        const INT row = TO_INT(here ? (y + grid.window.y) * grid.window.w : (FLOAT)0);
-        const INT last_column = grid.cells.x - 1, last_row = grid.cells.y - 1;
-        const INT u = column < last_column ? column : last_column, v = row < last_row ? row : last_row;
         Level level = first_level(grid);
         while (level.mask) {
             level = next_level(grid, level);
