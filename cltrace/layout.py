@@ -154,11 +154,14 @@ def pack(
     exact = small if real.itemsize == 4 else space
     unit = 0 if real.itemsize == 4 else k
 
+    # Beyond float32's range is only the reciprocal of a radius that vanishes there: such a sphere is never hit.
+    inverse = _finite32(1 / exact.radius) if real.itemsize == 4 else 1 / exact.radius
+
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     packed_lights = _pack_lights(lights, exact.position, basis, real)
     arrays: dict[str, NDArray[Any]] = {
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
-        "power": np.stack([exact.power, 1 / exact.radius], axis=1).astype(real),
+        "power": np.stack([exact.power, inverse], axis=1).astype(real),
         "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
         "material_of": scene.spheres["material"].astype("i4"),
         "material": _materials(scene, ambient, shade),

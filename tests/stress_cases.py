@@ -229,7 +229,7 @@ def check_shadows(scene: Scene, device: Device, precision: str = "accurate", cou
         certain = [i for i in pixels[shadows] if cosine(scene, i, j) > 2.0**-22]
         assert not certain, f"{len(certain)} false shadows"
     other = channel(image, "shadow_rays")[pixels] != want[:, :, 1].sum(axis=1)
-    assert not other.any(), f"{other.sum()} pixels face other lights"
+    assert not other.any(), f"pixels {pixels[other]} of {scene} face other lights"
     return image
 
 

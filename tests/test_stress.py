@@ -223,7 +223,7 @@ def test_R0_no_radius(r: float) -> None:
 
 
 @mostly
-@pytest.mark.parametrize("r", [1.0, 1e-3, pytest.param(1e6, marks=pytest.mark.stress)])
+@pytest.mark.parametrize("r", [1.0, *(pytest.param(r, marks=pytest.mark.stress) for r in (1e-3, 1e6))])
 def test_R1_concentric_one_ulp_apart(device: Device, precision: str, amount: int, r: float) -> None:
     """The two merge: which one is hit is random, and the inner one is lit through the outer one."""
     inner, outer = ulp32(r, 0), ulp32(r)
@@ -409,7 +409,7 @@ def test_I3_just_above_the_surface(device: Device, precision: str, amount: int, 
 
 
 @mostly
-@pytest.mark.parametrize("r", [1.0, 1e-3, 1e7])
+@pytest.mark.parametrize("r", [1.0, pytest.param(1e-3, marks=pytest.mark.stress), 1e7])
 def test_I4_at_the_centre(device: Device, precision: str, amount: int, r: float) -> None:
     """b = 0 for every ray."""
     eye = (3.0, -5.0, 7.0)
@@ -449,7 +449,7 @@ ENTRY, EXIT = (3.0, 0.0, 0.0), (9.0, 0.0, 8.0)
 
 def lit_at_p(device: Device, precision: str, light: Sequence[float], occluder: Ball = OCCLUDER) -> bool:
     """Whether the light reaches P; all other pixels are checked, too."""
-    scene = lit(looking(tan=0.2, size=(11, 9)), [OWN, occluder], light, (-3, 0, -4))
+    scene = lit(looking(tan=0.19, size=(11, 9)), [OWN, occluder], light, (-3, 0, -4))
     image = check_shadows(scene, device, precision, 60)
     assert image.depth[4, 5] == 4
     assert image.color[4, 5, 1] == 0 or occluder is not OCCLUDER
@@ -484,7 +484,7 @@ def test_L3_light_inside_another_sphere(device: Device, precision: str, amount: 
 
 
 @mostly
-@pytest.mark.parametrize("r", [1.0, 1e-3, 1e6])
+@pytest.mark.parametrize("r", [1.0, *(pytest.param(r, marks=pytest.mark.stress) for r in (1e-3, 1e6))])
 def test_L4_room(device: Device, precision: str, amount: int, r: float) -> None:
     """A room darkens itself; or it does not, with the light outside of it."""
     room: list[Ball] = [((0, 0, 0), r)]
@@ -502,7 +502,7 @@ def test_L4_room(device: Device, precision: str, amount: int, r: float) -> None:
         assert ((image.color[..., 0] > 0) == bright).all()
 
 
-@both
+@mostly
 def test_L5_light_on_an_occluder(device: Device, precision: str) -> None:
     """The light is where the occluder is entered, root = 1: a coin toss. The interval is open: it shines."""
     assert lit_at_p(device, precision, ENTRY)
@@ -600,7 +600,7 @@ def shell_of(R: float, gap: float | str) -> tuple[float, float]:
 @shells
 def test_L9_core(device: Device, precision: str, amount: int, gap: float | str) -> None:
     """The shell from outside, and from far off: a P that is off by more than the gap is inside of it, and dark."""
-    for R, far in ((1.0, 1e6), (1e-3, 1e2), (1e6, 1e4), (1.0, 10))[: 2 if amount == 1 else 4]:
+    for R, far in ((1.0, 1e6), (1e-3, 1e2), (1e6, 1e4), (1.0, 10))[: 1 if amount == 1 else 4]:
         core, shell = shell_of(R, gap)
         C = R * np.array([0.3, -0.2, 0.1])
         camera = looking(C + (0, 0, far * R), 1.2 / far, frame(amount, 150))
@@ -616,7 +616,7 @@ def test_L9_core(device: Device, precision: str, amount: int, gap: float | str) 
 def test_L9_shell(device: Device, precision: str, amount: int, gap: float | str) -> None:
     """Light gets through a shell that is nearer than the epsilon. The eye is between sphere and shell."""
     rng = np.random.default_rng(11)
-    for R, far in ((1.0, 0), (1e-3, 0), (1e3, 1), (1.0, 1e3), (1e6, 0))[: 2 if amount == 1 else 5]:
+    for R, far in ((1.0, 0), (1e-3, 0), (1e3, 1), (1.0, 1e3), (1e6, 0))[: 1 if amount == 1 else 5]:
         C = np.array([far * R, -far * R, 0.5 * far * R])
         for seed in range(1 if amount == 1 else 4):
             if gap == "double":
@@ -725,7 +725,7 @@ def test_C4_sizes(device: Device, width: int, size: tuple[int, int]) -> None:
     renderer = Renderer(scene, device, "accurate", OUTPUTS, width=width)
     assert stays_within(renderer)
     image = renderer.render()
-    for crop in {(w // 2, h // 3, w, h), (w // 3, h // 4, w // 3 + 1, h // 4 + 1)}:
+    for crop in [(w // 2, h // 3, w, h), (w // 3, h // 4, w // 3 + 1, h // 4 + 1)][: 1 if min(size) == 1 else 2]:
         part = Renderer(scene, device, "accurate", OUTPUTS, crop, width=width)
         assert stays_within(part)
         x0, y0, x1, y1 = crop
@@ -813,7 +813,7 @@ def zoomed(exponent: float, size: tuple[int, int]) -> Scene:
     return Scene(camera, base.lights, base.spheres, base.materials)
 
 
-@pytest.mark.parametrize("exponent", [0, 0.5, 20, 1e4, 1e6])
+@pytest.mark.parametrize("exponent", [0, *(pytest.param(n, marks=pytest.mark.stress) for n in (0.5, 20, 1e4)), 1e6])
 def test_P2_never_above_1(device: Device, amount: int, exponent: float) -> None:
     """r.v = 1 + 1e-7 by rounding, to the power of 1e6."""
     for scene in (shiny(exponent, frame(amount, 500), True), zoomed(max(exponent, 20), frame(amount, 300))):
