@@ -182,8 +182,9 @@ def pack(
     view["pixel"] = *step, math.ldexp(1.0, unit), math.ldexp(1.0, -unit)
     for name, axis in zip(("right", "up", "back"), basis, strict=True):
         view[name][:3] = axis
-    view["background"][:3] = _finite32(np.array(scene.background))
-    view["quantize"][0] = 0 if truncate else 0.5
+    rounding = 0.0 if truncate else 0.5
+    view["background"][:3] = [_same_byte(c, rounding, shade) for c in scene.background]
+    view["quantize"][0] = rounding
 
     parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
     return Packed(
@@ -196,6 +197,21 @@ def pack(
         count=len(scene.spheres),
         skipped=skipped,
     )
+
+
+def _same_byte(c: float, rounding: float, shade: np.dtype[Any]) -> np.float32:
+    """A background colour in float32, moved by an ulp if that is what its byte needs to be that of the double.
+
+    0.7 is all but 178.5 of 255: without this, the whole sky could be another level than the reference's.
+    """
+    near = np.float32(min(c, float(np.finfo(np.float32).max)))
+    want = int(min(c, 1.0) * 255 + rounding)
+    one = shade.type(1)
+    for value in (near, np.nextafter(near, np.float32(0)), np.nextafter(near, np.float32(np.inf))):
+        clamped = min(shade.type(value), one)
+        if int(clamped * shade.type(255) + shade.type(rounding)) == want:
+            return np.float32(value)
+    return near
 
 
 def _finite32(value: Array) -> Array:

@@ -1,0 +1,106 @@
+"""Whole pictures of a scene that is put where float32 fails, and shadow rays by the million."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import world
+
+import cltrace
+from cltrace import Camera, Scene
+from cltrace.device import Device
+from cltrace.reference import byte_of, primary_ray, trace
+
+TRANSFORMS = {
+    "R=1e3": (1e3, 0, 1),
+    "R=1e5": (1e5, 0, 1),
+    "R=1e7": (1e7, 0, 1),
+    "moved 1e4": (1e3, 1e4, 1),
+    "moved 1e6": (1e3, 1e6, 1),
+    "scale 1e-6": (1e3, 0, 1e-6),
+    "scale 1e6": (1e3, 0, 1e6),
+}
+
+
+def hostile(name: str, size: tuple[int, int]) -> Scene:
+    """84 balls of three sizes on a ground sphere, one light; the ground's radius, the place and the scale vary."""
+    radius, offset, scale = TRANSFORMS[name]
+    rng = np.random.default_rng(4)
+    small = np.array(
+        [(x + 0.8 * rng.random(), 0.2, z + 0.8 * rng.random()) for x in range(-5, 4) for z in range(-6, 3)]
+    )
+    centers = np.concatenate([[(0, -radius, 0), (0, 1, 0), (-4, 1, 0), (4, 1, 0)], small])
+    radii = np.array([radius, 1, 1, 1, *[0.2] * len(small)])
+    move = offset * np.array([1, -0.7, 0.3])
+    camera = Camera(
+        tuple(scale * (np.array([13, 2, 3]) + move)), tuple(scale * move), horizontal_fov=17, resolution=size
+    )
+    lights = [cltrace.ambient_light(), cltrace.point_light(scale * (np.array([9, 14, 6]) + move))]
+    colors = np.random.default_rng(5).uniform(0.1, 1, (len(radii), 3))
+    return Scene.from_spheres(camera, lights, scale * (centers + move), scale * radii, colors, background=(0.5, 0.7, 1))
+
+
+def compare(device: Device, name: str, size: tuple[int, int]) -> None:
+    scene = hostile(name, size)
+    accurate, double = (cltrace.render(scene, device, p, ("rgb8", "id")) for p in ("accurate", "double"))
+    assert np.array_equal(accurate.id, double.id)
+    levels = np.abs(accurate.rgb8.astype(int) - double.rgb8).max(axis=-1)
+    assert levels.max() <= 1
+    assert (levels > 0).mean() <= 5e-5
+    for i in np.random.default_rng(6).integers(0, size[0] * size[1], 60).tolist():
+        color, at = trace(world(scene), primary_ray(scene.camera, i % size[0], i // size[0]))
+        assert (at.index if at else -1) == double.id.ravel()[i]
+        assert np.abs(double.rgb8.reshape(-1, 3)[i].astype(int) - [byte_of(c) for c in color]).max() <= 1
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_picture(device: Device, name: str) -> None:
+    compare(device, name, (300, 170))
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_large_picture(device: Device, name: str) -> None:
+    compare(device, name, (1800, 1020))
+
+
+def shadows(device: Device, side: int) -> int:
+    """A ball alone never shadows itself, a shell around it always does, from 1e-3 to 1e7; returns the shadow rays."""
+    rays = 0
+    for exponent in range(-3, 8):
+        R = float(np.float32(10.0**exponent))
+        shells = [R * (1 + g) for g in (1e-2, 1e-4, 1e-6)] + [float(np.nextafter(np.float32(R), np.float32(np.inf)))]
+        for offset in (0.0, R, 1e3 * R):
+            center = np.array([offset, -offset, offset])
+            camera = Camera(tuple(center + (0, 0, 3 * R)), tuple(center), horizontal_fov=19, resolution=(side, side))
+            light = cltrace.point_light(center + np.array([4, 7, 9]) * R)
+            far = center + (0, -50 * R, 0)
+            for shell in [0.0, *(s for s in shells if offset == 0)]:
+                # The eye is between ball and shell when there is one, just above the ball: its own shell is around it.
+                if shell:
+                    eye = (0, 0, (R + shell) / 2)
+                    camera = Camera(eye, (0, 0, 0), horizontal_fov=80, resolution=(side, side))
+                    balls, radii = [center, center], [R, shell]
+                else:
+                    balls, radii = [center, far], [R, R]
+                scene = Scene.from_spheres(camera, [light], balls, radii, ka=0, kd=1, ks=0)
+                image = cltrace.render(scene, device, "accurate", ("color", "id", "shadow_rays"))
+                cast = (image.shadow_rays > 0) & (image.id == 0)
+                lit = image.color[..., 0] > 0
+                rays += int(cast.sum())
+                if shell:
+                    assert not lit.any(), (R, shell)
+                else:
+                    # All that face the light, but for those of which n.l vanishes in float32, are lit.
+                    assert (lit | ~cast).mean() == 1, (R, offset)
+                    assert cast.any()
+    return rays
+
+
+def test_no_self_shadow_and_no_leak(device: Device) -> None:
+    assert shadows(device, 64) > 50_000
+
+
+@pytest.mark.stress
+def test_no_self_shadow_and_no_leak_in_ten_million_rays(device: Device) -> None:
+    assert shadows(device, 900) >= 10_000_000
