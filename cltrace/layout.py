@@ -55,7 +55,7 @@ class Packed:
 
     features: the names of the -D flags; scale: depths come out in units of 2^scale; view: () view_dtype; lights:
     numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see kernels/
-    trace.cl), none of them empty; candidates: how many entries of `candidate` count; skipped: what the scene did not
+    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not
     need, and how often.
     """
 

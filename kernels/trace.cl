@@ -181,8 +181,10 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
                             const INT own, const Real3 w, const Float3 w32, const FLOAT a, MASK lit) {
     const Light light = scene.light[number];
     FLOAT pu = 0, pv = 0, measure = a;
-    Real3 from = {-w.x, -w.y, -w.z}; /* the sheets' point: the direction from the light, or the place across it */
     const int unsure = at_point && ANY(lit & (a < 0x1p-40f));
+    /* The sheets' point: the direction from the light, of a length that float can hold, or the place across it. */
+    const real lift = scene.unit * (real)(unsure ? 0x1p80f : 1.0f);
+    Real3 from = {-w.x * lift, -w.y * lift, -w.z * lift};
     if (!at_point) {
         const Real3 C = at.sphere.center, p = at.start.p;
         Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};

@@ -64,6 +64,23 @@ def test_large_picture(device: Device, name: str) -> None:
     compare(device, name, (1800, 1020))
 
 
+@pytest.mark.parametrize("k", [-141, -100, 115])
+def test_picture_at_the_ends_of_the_range(device: Device, k: int) -> None:
+    """Down to radii of 7e-44 and up to coordinates of 5e35, where float32 has no room for a product."""
+    scene = hostile("R=1e3", (200, 113))
+    spheres, lights, camera = scene.spheres.copy(), scene.lights.copy(), scene.camera
+    for array, name in ((spheres, "center"), (spheres, "radius"), (lights, "position")):
+        array[name] = np.ldexp(array[name], k)
+    position, lookat = (tuple(np.ldexp(p, k).tolist()) for p in (camera.position, camera.lookat))
+    moved = Camera(position, lookat, camera.up, camera.horizontal_fov, camera.resolution)
+    scaled = Scene(moved, lights, spheres, scene.materials, scene.background)
+    for precision in ("accurate", "single", "double"):
+        usual, other = (cltrace.render(s, device, precision, ("rgb8", "color", "id")) for s in (scene, scaled))
+        assert np.array_equal(usual.id, other.id)
+        assert np.array_equal(usual.color, other.color)
+        assert np.array_equal(usual.rgb8, other.rgb8)
+
+
 def shadows(device: Device, side: int) -> int:
     """A ball alone never shadows itself, a shell around it always does, from 1e-3 to 1e7; returns the shadow rays."""
     rays = 0
