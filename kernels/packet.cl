@@ -58,7 +58,6 @@ typedef LANES(float) REAL;
 #endif
 #if SHADE_BYTES == 8
 typedef double shade_t;
-typedef double4 shade4;
 typedef double8 shade8;
 typedef LANES(double) SHADE;
 #define TO_SHADE(x) TO(double, x)
@@ -66,7 +65,6 @@ typedef LANES(double) SHADE;
 #define TO_SHADE_INT(x) TO(long, x)
 #else
 typedef float shade_t;
-typedef float4 shade4;
 typedef float8 shade8;
 typedef LANES(float) SHADE;
 #define TO_SHADE(x) TO(float, x)
