@@ -296,6 +296,7 @@ def _occluders(
     n, m = len(space.center), len(lights)
     radius = space.radius
     slack = SLACK if real.itemsize == 4 else FINE_SLACK
+    whole = whole or n <= FEW
     occluder = np.zeros((m, n, 4), np.float32)
     outside = np.ones((m, n), np.int8)
     sheets, grids = [picture], np.zeros((m, 2), np.int32)
@@ -306,7 +307,7 @@ def _occluders(
             reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
             occluder[k, :, 0], occluder[k, :, 1] = u, v
             occluder[k, :, 2] = rounded_up(reach * reach)
-            more = [parallel_sheet(axes, space.center, radius, slack)] if n else []
+            more = [whole_sheet(n)] if whole else [parallel_sheet(axes, space.center, radius, slack)]
         else:
             # From the centre to the light: the eye cancels, exactly.
             hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
@@ -317,8 +318,7 @@ def _occluders(
             occluder[k, :, :3] = f
             occluder[k, :, 3] = _filter_constant(c, squared_length(f))
             outside[k] = np.sign(c)
-            more = point_sheets(-f, radius, slack)
-        more = [whole_sheet(n)] if whole or n <= FEW else more
+            more = [whole_sheet(n)] if whole else point_sheets(-f, radius, slack)
         grids[k] = len(sheets), len(more)
         sheets += more
     lists = build(sheets, real)

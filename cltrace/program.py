@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import warnings
+from functools import cache, lru_cache
 from importlib import resources
 from typing import Any
 
@@ -16,22 +17,38 @@ from .errors import BuildError
 SOURCES = ("packet.cl", "sphere.cl", "lists.cl", "phong.cl", "trace.cl")
 
 
+@cache
+def context_of(device: cl.Device) -> Any:
+    """The one context of a device: programs are shared by all pictures of a process."""
+    return cl.Context([device])
+
+
+@cache
 def source() -> str:
     """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
     folder = resources.files("cltrace.kernels")
     return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in SOURCES)
 
 
-def build(context: Any, device: Device, options: list[str]) -> Any:
-    """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log."""
+def build(device: Device, options: list[str]) -> Any:
+    """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log.
+
+    Building takes most of the time of a small picture, even from the driver's cache: a program is kept for the next
+    one.
+    A kernel holds its arguments, so each caller gets its own.
+    """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
-            # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
-            program = cl.Program(context, source()).build(options=[*options, "-cl-std=CL1.2"], devices=[device.cl])
-        return program.render
+        return cl.Kernel(_program(device.cl, tuple(options)), "render")
     except cl.Error as error:
         raise BuildError(f"the kernel does not build on {device.name}\noptions: {' '.join(options)}\n{error}") from None
+
+
+@lru_cache(maxsize=64)
+def _program(device: cl.Device, options: tuple[str, ...]) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
+        # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
+        return cl.Program(context_of(device), source()).build(options=[*options, "-cl-std=CL1.2"], devices=[device])
 
 
 class Announcement:

@@ -16,7 +16,7 @@ from .device import Device, check_process, choose
 from .errors import DeviceError
 from .image import Image
 from .layout import KEEPS, OUTPUTS, PRECISIONS, Packed, pack, real_dtype
-from .program import Announcement, build
+from .program import Announcement, build, context_of
 from .scene import Scene
 
 # One local size for all pictures: PoCL compiles the kernel anew for each. A group is a row of packets.
@@ -82,10 +82,10 @@ class Renderer:
         with self._timed("pack"):
             self.packed: Packed = pack(scene, self.precision, self.outputs, truncate, keep)
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
-            self.context: Any = cl.Context([self.device.cl])
+            self.context: Any = context_of(self.device.cl)
             self.queue: Any = cl.CommandQueue(self.context)
             options = [f"-D{flag}" for flag in (f"W={self.width}", *self.device.flags)] + self.packed.options()
-            self._kernel = build(self.context, self.device, options)
+            self._kernel = build(self.device, options)
         with self._timed("upload"), self._driver_errors():
             self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
             self.queue.finish()

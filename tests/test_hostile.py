@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import world
+from random_scenes import fuzzed_scene, random_scene
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.device import Device
+from cltrace.device import Device, choose
 from cltrace.reference import byte_of, primary_ray, trace
 
 TRANSFORMS = {
@@ -121,3 +122,24 @@ def test_no_self_shadow_and_no_leak(device: Device) -> None:
 @pytest.mark.stress
 def test_no_self_shadow_and_no_leak_in_ten_million_rays(device: Device) -> None:
     assert shadows(device, 900) >= 10_000_000
+
+
+def look_for_nan(scenes: range, keep: tuple[str, ...] = ()) -> None:
+    """Every pixel of random and of fuzzed scenes is a number, in both precisions that use float32."""
+    outputs = ("color", "normal", "depth", "id")
+    for seed in scenes:
+        scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
+        for precision in ("accurate", "single"):
+            image = cltrace.Renderer(scene, choose(), precision, outputs, keep=keep).render()
+            assert (image.color >= 0).all(), (seed, precision)
+            assert not np.isnan(image.normal).any(), (seed, precision)
+            assert np.array_equal(np.isfinite(image.depth), image.id >= 0), (seed, precision)
+
+
+def test_no_nan() -> None:
+    look_for_nan(range(400), keep=("features",))  # two programs instead of eighty
+
+
+@pytest.mark.stress
+def test_no_nan_in_a_hundred_thousand_scenes() -> None:
+    look_for_nan(range(400, 100_400))

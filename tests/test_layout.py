@@ -48,7 +48,7 @@ def test_build_refuses_another_layout(any_device: Device) -> None:
     packed = layout.pack(cltrace.Scene.from_spheres(cltrace.Camera(), [], [(0, 0, -3)], 1.0), "accurate")
     options = [o if "Light_BYTES" not in o else "-DLight_BYTES=124" for o in packed.options()]
     with pytest.raises(cltrace.BuildError, match="layout_of_Light_differs_from_numpy"):
-        program.build(cl.Context([any_device.cl]), any_device, ["-DW=1", *options])
+        program.build(any_device, ["-DW=1", *options])
 
 
 def test_a_program_for_each_combination_of_features_only() -> None:
