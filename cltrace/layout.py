@@ -307,7 +307,7 @@ def _occluders(
             reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
             occluder[k, :, 0], occluder[k, :, 1] = u, v
             occluder[k, :, 2] = rounded_up(reach * reach)
-            more = [whole_sheet(n)] if whole else [parallel_sheet(axes, space.center, radius, slack)]
+            more = [whole_sheet(n)] if whole else parallel_sheet(axes, space.center, radius, slack)
         else:
             # From the centre to the light: the eye cancels, exactly.
             hi, e1 = two_sum(space.position_hi[k], -space.center_hi)

@@ -17,12 +17,13 @@ sphere in vain, but lacks none, and no list changes a picture.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .numerics import Array, rounded_down, squared_length
+from .numerics import Array, blockwise, concurrently, rounded_down, squared_length
 
 Ints = NDArray[np.int32]
 
@@ -30,13 +31,16 @@ Ints = NDArray[np.int32]
 def grid_dtype(real: np.dtype[Any]) -> np.dtype[Any]:
     """`Grid` of kernels/lists.cl."""
     axes = [(name, real, 4) for name in ("right", "up", "ahead")]
-    return np.dtype([*axes, ("window", "f4", 4), ("cells", "i4", 4)])
+    near = [(f"near_{name}", "f4", 4) for name, _, _ in axes]
+    return np.dtype([*axes, *near, ("window", "f4", 4), ("cells", "i4", 4), ("flags", "i4", 4)])
 
 
 # Of a coordinate's size: what float32 arithmetic in the kernel is off by is less than half of it.
 SLACK = 2.0**-20
 # The same for double, here and in the kernel, with the bits that slopes() may lose.
 FINE_SLACK = 2.0**-44
+# A window at least so wide has no cell (see _windowed) below 2^-15, 32 times SLACK.
+NARROW = 2.0**-4
 # Entries beyond 4 a sphere that a sheet may have: that many make even large discs exact to a finest cell.
 SPARE = 2**18
 # The level of a sheet that is one cell only: wherever a ray is, its cell has the number 0 there.
@@ -61,8 +65,9 @@ class Sheet:
     """One sheet and what is to be entered on it.
 
     axes: (3, 3): right, up, ahead; middle, half: (2,), of the window and its sides; cells: (columns, rows) of level 0;
-    member: (n,), numbers of spheres; first, last: (n, 2), the range of cells of level 0 that each one covers; near:
-    (n,) float32; perspective: of a point, not of a parallel light.
+    member: (n,), numbers of spheres, ascending; covers: (4, n), first and last column, first and last row of the cells
+    of level 0 that each one covers; near: (n,) float32; perspective: of a point, not of a parallel light; coarse:
+    whether that leaves room for coordinates in float32.
     """
 
     axes: Array
@@ -70,10 +75,10 @@ class Sheet:
     half: Array
     cells: tuple[int, int]
     member: Ints
-    first: Ints
-    last: Ints
+    covers: Ints
     near: NDArray[np.float32]
     perspective: bool
+    coarse: bool = False
 
 
 def slopes(c: Array, d: Array, r: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -95,14 +100,17 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
     grid = np.zeros(max(1, len(sheets)), grid_dtype(real))
     starts, entries = [], [np.zeros((0, 2), np.int32)]
     cells = filled = 0
-    for g, sheet in zip(grid, sheets, strict=False):
-        start, entry, mask = _enter(sheet)
+    entered = concurrently([partial(_enter, sheet) for sheet in sheets])
+    for g, sheet, (start, entry, mask) in zip(grid, sheets, entered, strict=False):
         # Coordinates count from the window's middle, and are made so before they are rounded to float32.
         right, up, ahead = sheet.axes
         shear = sheet.middle if sheet.perspective else np.zeros(2)
         g["right"][:3], g["up"][:3], g["ahead"][:3] = right - shear[0] * ahead, up - shear[1] * ahead, ahead
         if not sheet.perspective:
             g["right"][3], g["up"][3] = -sheet.middle
+        for name in ("right", "up", "ahead"):
+            g[f"near_{name}"] = g[name]
+        g["flags"][0] = sheet.coarse
         g["window"] = *sheet.half, *(np.array(sheet.cells) / (2 * sheet.half))
         g["cells"] = *sheet.cells, cells, mask
         starts.append(start + np.int32(filled))
@@ -114,43 +122,74 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
 
 def _enter(sheet: Sheet) -> tuple[Ints, Ints, int]:
     """The begins of the lists of all cells of one sheet, their entries, and which levels hold anything."""
-    order = np.argsort(sheet.near).astype(np.int32)
-    level = (_levels(sheet) if sheet.cells != (1, 1) else np.full(len(order), WHOLE, np.int32))[order]
+    if sheet.cells == (1, 1):
+        order = np.argsort(sheet.near, kind="stable")
+        entry = np.stack([sheet.member, sheet.near.view(np.int32)], axis=1)[order]
+        return np.zeros(1, np.int32), entry, bool(len(order)) << WHOLE
+    if not len(sheet.member):
+        return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
+    level = _levels(sheet)
     columns, rows = sheet.cells
-    base, width = np.zeros(32, np.int32), np.zeros(32, np.int32)
+    base, width = np.zeros(32, np.int64), np.zeros(32, np.int64)
     total = mask = 0
     for k in reversed(np.flatnonzero(np.bincount(level)).tolist()):
         base[k], width[k], mask = total, ((columns - 1) >> k) + 1, mask | 1 << k
         total += int(width[k]) * (((rows - 1) >> k) + 1)
-    first, last = sheet.first[order] >> level[:, None], sheet.last[order] >> level[:, None]
-    span = last - first + 1
-    counts = span[:, 0] * span[:, 1]
-    # Entry after entry: which sphere, and which of its cells. Spheres stay in the order of `near`.
-    of = np.repeat(np.arange(len(order), dtype=np.int32), counts)
-    nth = np.arange(len(of), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
-    down = nth // span[:, 0][of]
-    corner = base[level] + first[:, 1] * width[level] + first[:, 0]
-    cell = corner[of] + down * (width[level] - span[:, 0])[of] + nth
-    # By cell, and within a cell in that order: a sort of whole numbers.
-    member = order[(np.sort((cell.astype(np.int64) << 32) | of) & 0xFFFFFFFF)]
+    # An entry is one whole number: from the top, its cell, the nearest point's measure, rounded down to the bits that
+    # are left, and the sphere. Sorting those sorts the cells, and the list of each.
+    index_bits = int(sheet.member[-1]).bit_length()
+    near_bits = min(32, 63 - index_bits - total.bit_length())
+    cut, shift = 32 - near_bits, index_bits + near_bits
+
+    def enter(block: slice) -> NDArray[np.int64]:
+        at = level[block]
+        key = ((_ascending(sheet.near[block]) >> cut << index_bits) | sheet.member[block]).astype(np.int64)
+        left, right, top, bottom = sheet.covers[:, block] >> at
+        wide, high, pitch = right - left + 1, bottom - top + 1, width[at]
+        key += (base[at] + top * pitch + left) << shift
+        # First an entry for each row of cells, then one for each cell.
+        key = np.repeat(key, high) + (_count_up(high) * np.repeat(pitch, high) << shift)
+        wide = np.repeat(wide, high)
+        return np.repeat(key, wide) + (_count_up(wide) << shift)
+
+    key = np.concatenate(blockwise(len(level), enter))
+    key.sort()
     start = np.zeros(total, np.int32)
-    start[1:] = np.cumsum(np.bincount(cell, minlength=total)[: total - 1])
-    entry = np.empty((len(member), 2), np.int32)
-    entry[:, 0], entry[:, 1] = sheet.member[member], sheet.near[member].view(np.int32)
+    start[1:] = np.cumsum(np.bincount(key >> shift, minlength=total)[: total - 1])
+    entry = np.empty((len(key), 2), np.int32)
+
+    def unpack(block: slice) -> None:
+        entry[block, 0] = key[block] & ((1 << index_bits) - 1)
+        near = (key[block] >> index_bits & ((1 << near_bits) - 1)) << cut
+        entry[block, 1] = _ascending((near - 2**31).astype(np.int32).view(np.float32)) - 2**31
+
+    blockwise(len(key), unpack)
     return start, entry, mask
+
+
+def _count_up(counts: Ints) -> NDArray[np.int64]:
+    """0, 1, ... up to each count, one after the other."""
+    end = np.cumsum(counts)
+    return np.arange(end[-1] if len(end) else 0) - np.repeat(end - counts, counts)
+
+
+def _ascending(x: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Whole numbers from 0 to 2^32 - 1 in the order of these float32 numbers, made of their bits."""
+    bits = x.view(np.int32)
+    return (bits ^ (bits >> 31 & 0x7FFFFFFF)).astype(np.int64) + 2**31
 
 
 def _levels(sheet: Sheet) -> Ints:
     """The level of each member: the finest one on which all of them together take few enough entries."""
-    wide, high = (sheet.last - sheet.first + 1).T
-    extent = np.maximum(wide, high)
+    left, right, top, bottom = sheet.covers
+    extent = np.maximum(right - left, bottom - top) + 1
     bits: Ints = np.ceil(np.log2(extent)).astype(np.int32)
-    budget = 4 * len(extent) + SPARE
-    # With many spheres, finding a better share costs more than it saves.
-    for lift in range(int(bits.max(initial=0)), 1, -1) if len(extent) < SPARE else ():
+    if len(extent) >= SPARE:
+        return bits  # of a million spheres, finer ones took longer to make, and, more memory, to render
+    for lift in range(int(bits.max(initial=0)), 1, -1):
         finer: Ints = np.maximum(bits - np.int32(lift), 0)
-        span = (sheet.last >> finer[:, None]) - (sheet.first >> finer[:, None]) + 1
-        if (span[:, 0].astype(np.int64) * span[:, 1]).sum() <= budget:
+        left, right, top, bottom = (sheet.covers >> finer).astype(np.int64)
+        if ((right - left + 1) * (bottom - top + 1)).sum() <= 4 * len(extent) + SPARE:
             return finer
     coarse: Ints = np.maximum(bits - np.int32(1), 0)
     return coarse
@@ -158,9 +197,9 @@ def _levels(sheet: Sheet) -> Ints:
 
 def whole_sheet(n: int) -> Sheet:
     """One list of all spheres, for all rays of any kind: what would be without lists."""
-    none, cells = np.zeros(2), np.zeros((n, 2), np.int32)
-    near = np.full(n, -np.inf, np.float32)
-    return Sheet(np.zeros((3, 3)), none, none + 1, (1, 1), np.arange(n, dtype=np.int32), cells, cells, near, True)
+    none, near = np.zeros(2), np.full(n, -np.inf, np.float32)
+    member, covers = np.arange(n, dtype=np.int32), np.zeros((4, n), np.int32)
+    return Sheet(np.zeros((3, 3)), none, none + 1, (1, 1), member, covers, near, True)
 
 
 def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: tuple[int, int]) -> Sheet:
@@ -168,92 +207,132 @@ def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: 
 
     Left out is what cannot be seen: spheres behind the eye, beside the picture, or between the centres of its pixels.
     """
-    first, last = np.empty((len(center), 2), np.int32), np.empty((len(center), 2), np.int32)
-    ahead = -center[:, 2]
-    seen = ahead > -radius
-    for k, sign in ((0, 1.0), (1, -1.0)):
-        low, high, clear = slopes(sign * center[:, k], ahead, radius)
-        slack = SLACK * (np.abs(low) + np.abs(high))
-        # Pixel i is at slope (2i + 1 - n) step; 1/16 of a pixel more, for pictures a few ulp wide.
-        i = [((s / step[k]) + size[k] - 1) / 2 for s in (low - slack, high + slack)]
-        begin = np.where(clear, np.clip(np.ceil(i[0] - 1 / 16), 0, size[k]), 0)
-        end = np.where(clear, np.clip(np.floor(i[1] + 1 / 16), -1, size[k] - 1), size[k] - 1)
-        seen &= begin <= end
-        first[:, k], last[:, k] = begin.astype(np.int32) >> 2, end.astype(np.int32) >> 2
-    member = np.flatnonzero(seen).astype(np.int32)
+
+    def see(block: slice) -> tuple[NDArray[Any], ...]:
+        c, r = np.ascontiguousarray(center[block].T), radius[block]
+        covers = np.empty((4, len(r)), np.int32)
+        ahead = -c[2]
+        seen = ahead > -r
+        for k, sign in ((0, 1.0), (1, -1.0)):
+            low, high, clear = slopes(sign * c[k], ahead, r)
+            slack = SLACK * (np.abs(low) + np.abs(high))
+            # Pixel i is at slope (2i + 1 - n) step; 1/16 of a pixel more, for pictures a few ulp wide.
+            i = [((s / step[k]) + size[k] - 1) / 2 for s in (low - slack, high + slack)]
+            begin = np.where(clear, np.clip(np.ceil(i[0] - 1 / 16), 0, size[k]), 0)
+            end = np.where(clear, np.clip(np.floor(i[1] + 1 / 16), -1, size[k] - 1), size[k] - 1)
+            seen &= begin <= end
+            covers[2 * k], covers[2 * k + 1] = begin, end
+        which = np.flatnonzero(seen)
+        near = nearest(c[:, which], r[which])
+        return (block.start + which).astype(np.int32), covers[:, which] >> 2, near
+
+    nothing = (np.zeros(0, np.int32), np.zeros((4, 0), np.int32), np.zeros(0, np.float32))
+    member, covers, near = _joined([nothing, *blockwise(len(center), see)])
     cells = (-(-size[0] // 4), -(-size[1] // 4))
-    near = nearest(center[member], radius[member])
-    return Sheet(np.eye(3), np.zeros(2), np.ones(2), cells, member, first[member], last[member], near, True)
+    return Sheet(np.eye(3), np.zeros(2), np.ones(2), cells, member, covers, near, True)
+
+
+def _joined(parts: list[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
+    return [np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)]
 
 
 def nearest(center: Array, radius: Array) -> NDArray[np.float32]:
-    """A lower bound of the squared distance of the nearest point of each sphere; -1 from inside. Lengths at most 4."""
-    # A distance is off by less than 2^-46, and a float32 square of one, or of the kernel, by 16 units of 2^-24.
-    gap = np.sqrt(squared_length(center)) - radius - 2.0**-46
-    return np.where(gap > 2.0**-50, rounded_down(gap * gap * (1 - 2.0**-20)), np.float32(-1)).astype(np.float32)
+    """A lower bound of the squared distance of each sphere's nearest point; -1 from inside. center: (3, n)."""
+    # Lengths are at most 4. A distance is off by less than 2^-46, and a float32 square of one, or of the kernel, by 16
+    # units of 2^-24.
+    gap = np.sqrt(squared_length(center.T)) - radius - 2.0**-46
+    near = rounded_down(gap * gap * (1 - SLACK))
+    return np.where(gap > 2.0**-50, near, np.float32(-1))
 
 
 def point_sheets(offset: Array, radius: Array, slack: float) -> list[Sheet]:
     """The sides of a cube around a point light. offset: (n, 3), from the light to the centres; slack: of the kernel."""
-    sheets = []
-    near = nearest(offset, radius)
-    x, y, z = np.abs(offset).T
-    # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
-    reach = radius * np.sqrt(2.0) * (1 + SLACK) + SLACK * np.maximum(np.maximum(x, y), z)
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            right, up = (axis + 1) % 3, (axis + 2) % 3
-            d, c, e = sign * offset[:, axis], offset[:, right], offset[:, up]
+    sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
+
+    def look(block: slice) -> list[_Discs]:
+        f, r = np.ascontiguousarray(offset[block].T), radius[block]
+        near = nearest(f, r)
+        x, y, z = np.abs(f)
+        # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
+        reach = r * (np.sqrt(2.0) * (1 + SLACK)) + SLACK * np.maximum(np.maximum(x, y), z)
+        found = []
+        for axis, sign in sides:
             # The side of the cube is the pyramid |c| <= d, |e| <= d.
-            limit = d + reach
-            member = np.flatnonzero((np.abs(c) <= limit) & (np.abs(e) <= limit)).astype(np.int32)
-            if not len(member):
-                continue
-            bounds = []
-            for other in (c[member], e[member]):
-                low, high, clear = slopes(other, d[member], radius[member])
-                loose = slack * (1 + np.abs(low) + np.abs(high))
-                bounds.append((np.where(clear, low - loose, -2), np.where(clear, high + loose, 2)))
-            axes = np.eye(3)[[right, up, axis]] * np.array([1, 1, sign])[:, None]
-            sheets.append(_windowed(axes, bounds, member, near[member], True))
+            limit = sign * f[axis] + reach
+            right, up = (axis + 1) % 3, (axis + 2) % 3
+            i = np.flatnonzero((np.abs(f[right]) <= limit) & (np.abs(f[up]) <= limit))
+            d, radii = sign * f[axis, i], r[i]
+            left_right, low_high = (
+                (np.where(clear, low, -2.0), np.where(clear, high, 2.0))
+                for low, high, clear in (slopes(c, d, radii) for c in (f[right, i], f[up, i]))
+            )
+            found.append(_Discs((block.start + i).astype(np.int32), *left_right, *low_high, near[i]))
+        return found
+
+    sheets = []
+    for (axis, sign), discs in zip(sides, zip(*blockwise(len(radius), look), strict=True), strict=True):
+        axes = np.eye(3)[[(axis + 1) % 3, (axis + 2) % 3, axis]] * np.array([1, 1, sign])[:, None]
+        sheets += _windowed(axes, list(discs), slack, True)
     return sheets
 
 
-def parallel_sheet(axes: Array, center: Array, radius: Array, slack: float) -> Sheet:
+def parallel_sheet(axes: Array, center: Array, radius: Array, slack: float) -> list[Sheet]:
     """The plane across a parallel light. axes: (3, 3), the two across and the one towards the light."""
-    bounds = []
-    for axis in axes[:2]:
-        c = center @ axis
-        loose = radius + slack * (1 + np.abs(c) + radius)
-        bounds.append((c - loose, c + loose))
-    s = center @ axes[2]
-    near = rounded_down(-(s + radius) - SLACK * (np.abs(s) + radius) - 2.0**-100)
-    return _windowed(axes, bounds, np.arange(len(center), dtype=np.int32), near, False)
+
+    def look(block: slice) -> _Discs:
+        c, r = center[block], radius[block]
+        u, v, s = (c @ axis for axis in axes)
+        near = rounded_down(-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100)
+        return _Discs(np.arange(block.start, block.stop, dtype=np.int32), u - r, u + r, v - r, v + r, near)
+
+    return _windowed(axes, blockwise(len(radius), look), slack, False)
 
 
-def _windowed(
-    axes: Array, bounds: list[tuple[Array, Array]], member: Ints, near: NDArray[np.float32], perspective: bool
-) -> Sheet:
-    """A sheet whose window is as large as the discs on it; the side of a cube, but for SLACK, ends at +-1."""
+class _Discs(NamedTuple):
+    """Some spheres as seen on a sheet: their numbers, their lowest and highest coordinates and their nearest points."""
+
+    member: Ints
+    left: Array
+    right: Array
+    low: Array
+    high: Array
+    near: NDArray[np.float32]
+
+
+def _windowed(axes: Array, discs: list[_Discs], slack: float, perspective: bool) -> list[Sheet]:
+    """A sheet whose window is as large as the discs on it, if there are any; the side of a cube ends at +-1."""
+    discs = [part for part in discs if len(part.member)]
+    if not discs:
+        return []
     limit = 1 + SLACK if perspective else np.inf
-    low = np.array([max(b[0].min(), -limit) for b in bounds])
-    high = np.array([min(b[1].max(), limit) for b in bounds])
+    least = np.array([min(part[k].min() for part in discs) for k in (1, 3)])
+    most = np.array([max(part[k].max() for part in discs) for k in (2, 4)])
+    # Where the discs fill little of the cube's side, float32 would be too coarse for its cells.
+    coarse = perspective and bool((most - least > NARROW).all())
+    slack = SLACK if coarse else slack
+    loose = slack * (1 + 2 * np.maximum(np.abs(least), np.abs(most)))
+    low, high = np.maximum(least - loose, -limit), np.minimum(most + loose, limit)
     middle = (low + high) / 2
     half = np.maximum((high - low) / 2, 2.0**-60) * (1 + SLACK)
     # As many cells as spheres, in the window's proportion. Never one only: that would do without the window.
-    low, sides = middle - half, 2 * half
-    cell = np.sqrt(sides[0] * sides[1] / max(2, len(member)))
+    low, high = middle - half, middle + half
+    sides = 2 * half
+    cell = np.sqrt(sides[0] * sides[1] / max(2, sum(len(part.member) for part in discs)))
     cells = np.array([int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides])
-    first, last = np.empty((len(member), 2), np.int32), np.empty((len(member), 2), np.int32)
-    for k in (0, 1):
-        scale = cells[k] / sides[k]
-        # A 64th of a cell more: the kernel's float32 cell number may be off by that.
-        first[:, k] = np.clip(np.floor((bounds[k][0] - low[k]) * scale - 1 / 64), 0, cells[k] - 1)
-        last[:, k] = np.clip(np.floor((bounds[k][1] - low[k]) * scale + 1 / 64), 0, cells[k] - 1)
-    # Whoever lies wholly beside the window is not met by any ray that has its number there.
-    beside = np.zeros(len(member), bool)
-    for k in (0, 1):
-        beside |= (bounds[k][1] < low[k]) | (bounds[k][0] > low[k] + sides[k])
-    i = ~beside
-    size = (int(cells[0]), int(cells[1]))
-    return Sheet(axes, middle, half, size, member[i], first[i], last[i], near[i], perspective)
+    scale = cells / sides
+
+    def place(part: _Discs) -> tuple[NDArray[Any], ...]:
+        # Whoever lies wholly beside the window is not met by any ray that has its number there.
+        within = np.ones(len(part.member), bool)
+        covers = np.empty((4, len(within)), np.int32)
+        for k, (begin, end) in enumerate(((part.left, part.right), (part.low, part.high))):
+            loose = slack * (1 + np.abs(begin) + np.abs(end))
+            begin, end = begin - loose, end + loose
+            within &= (end >= low[k]) & (begin <= high[k])
+            # A 64th of a cell more: the kernel's float32 cell number may be off by that.
+            covers[2 * k] = np.clip((begin - low[k]) * scale[k] - 1 / 64, 0, cells[k] - 1)
+            covers[2 * k + 1] = np.clip((end - low[k]) * scale[k] + 1 / 64, 0, cells[k] - 1)
+        return part.member[within], covers[:, within], part.near[within]
+
+    member, covers, near = _joined(concurrently([partial(place, part) for part in discs]))
+    return [Sheet(axes, middle, half, (int(cells[0]), int(cells[1])), member, covers, near, perspective, coarse)]

@@ -213,15 +213,19 @@ class Sphere(Surface):
         return self.exact_power / q if self.exact_power > 0 or b < 0 else q / a
 
     def intersect(self, ray: Ray) -> float | None:
-        a, b, discriminant, _, _ = self._quadratic(ray)
+        a, b, discriminant, _, by_b = self._quadratic(ray)
         c = self.eye_power
         if not discriminant >= 0:
             return None
         root = math.sqrt(discriminant)
-        q = b - root if b < 0 else b + root
-        # The roots are c/q and q/a. Outside, both have the sign of b and c/q is the nearer one.
-        numerator, denominator = (c, q) if c > 0 or b < 0 else (q, a)
-        t = numerator / denominator if denominator else math.nan
+        if by_b or a * c <= 2.0**-10 * (b * b):
+            # b - root might cancel: with q = b + root, or b - root if b < 0, the roots are c/q and q/a. Outside, both
+            # have the sign of b and c/q is the nearer one.
+            q = b - root if b < 0 else b + root
+            numerator, denominator = (c, q) if c > 0 or b < 0 else (q, a)
+            t = numerator / denominator if denominator else math.nan
+        else:
+            t = (b - root) * (1 / a)
         return t if ray.t_min < t < ray.t_max else None
 
     def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:

@@ -19,8 +19,10 @@ from .layout import KEEPS, OUTPUTS, PRECISIONS, Packed, pack, real_dtype
 from .program import Announcement, build, context_of
 from .scene import Scene
 
-# One local size for all pictures: PoCL compiles the kernel anew for each. A group is a row of packets.
-GROUP = {1: (16, 4), 8: (8, 1), 16: (8, 1)}
+# One local size for all pictures: PoCL compiles the kernel anew for each.
+GROUP = {1: (16, 4), 8: (1, 1), 16: (1, 1)}
+# Packets that a work-item renders one after the other.
+RUN = {1: 1, 8: 8, 16: 8}
 CHANNELS = {"rgb8": 3, "color": 3, "normal": 3, "direction": 3, "depth": 1, "id": 1, "shadow_rays": 1}
 # Pixels of one launch: 1080p is one, larger pictures are several.
 STRIP = 2**22
@@ -84,7 +86,9 @@ class Renderer:
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             self.context: Any = context_of(self.device.cl)
             self.queue: Any = cl.CommandQueue(self.context)
-            options = [f"-D{flag}" for flag in (f"W={self.width}", *self.device.flags)] + self.packed.options()
+            options = [
+                f"-D{flag}" for flag in (f"W={self.width}", f"RUN={RUN[self.width]}", *self.device.flags)
+            ] + self.packed.options()
             self._kernel = build(self.device, options)
         with self._timed("upload"), self._driver_errors():
             self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
@@ -171,7 +175,10 @@ class Renderer:
 
     def _launch(self, frame: _Frame, region: Crop, row: int, rows: int) -> Any:
         group = GROUP[self.width]
-        packets = (frame.width // (4 if self.width > 1 else 1), -(-rows // max(1, self.width // 4)))
+        packets = (
+            -(-frame.width // (RUN[self.width] * (4 if self.width > 1 else 1))),
+            -(-rows // max(1, self.width // 4)),
+        )
         grid = tuple(-(-n // g) * g for n, g in zip(packets, group, strict=True))
         b = self._buffers
         any_buffer = b["power"]
@@ -190,7 +197,7 @@ class Renderer:
             b["material_of"],
             b["material"],
             b["light"],
-            _int4((*self.packed.lights, 0)),
+            _int4((*self.packed.lights, sum(self.packed.lights))),
             np.int32(self.packed.count),
             b["candidate"],
             b["occluder"],

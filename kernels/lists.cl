@@ -2,8 +2,10 @@
 
 typedef struct {
     real4 right, up, ahead; /* w: what is added to a coordinate, so that those of a parallel light count from the middle */
+    float4 near_right, near_up, near_ahead; /* the same in float */
     float4 window;          /* x, y: half of the sides; z, w: cells in a unit of length */
     int4 cells;             /* columns, rows on level 0; the first cell's number; which levels hold anything */
+    int4 flags;             /* x: whether float is fine enough for the cells */
 } Grid;
 
 typedef char layout_of_Grid_differs_from_numpy[sizeof(Grid) == Grid_BYTES ? 1 : -1];

@@ -6,6 +6,7 @@
  *
  * Set by the host as -D flags, all derived from scene, outputs and device (cltrace/layout.py):
  *   W              pixels in a packet: 1, 8 or 16
+ *   RUN            packets that a work-item renders
  *   REAL_BYTES     8: geometry is decided in double; 4: in float
  *   SHADE_BYTES    8: Phong's formula in double; 4: in float
  *   NO_FMA         the driver calls a function for each fma

@@ -12,7 +12,7 @@ typedef struct {
     __global const int2 *light_grids;    /* per light: its first sheet and their number */
     Lists lists;
     int count;   /* of spheres */
-    int4 lights; /* numbers of parallel, point and spot lights */
+    int4 lights; /* numbers of parallel, point and spot lights, and of all */
     real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
 } Scene;
 
@@ -100,8 +100,8 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
             const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
             REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
 #if REAL_BYTES == 8
-            /* Where a discriminant is not computed in pairs, its root is off by at most 2^-26 of q (see quadratic), and
-             * so is the distance. */
+            /* Where a discriminant is not computed in pairs, the distance is off by at most 2^-25 (see
+             * intersect_sphere). */
             if (found) {
                 const REAL margin = hit.t * 0x1p-22;
                 const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
@@ -207,12 +207,25 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         MASK here = lit;
         INT u = 0, v = 0;
         if (grid.cells.x > 1 || grid.cells.y > 1) {
-            FLOAT x = TO_FLOAT(DOT(from, grid.right) + grid.right.w), y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
-            if (at_point) {
-                const FLOAT ahead = TO_FLOAT(DOT(from, grid.ahead));
+            FLOAT x, y, ahead = 1;
+            if (grid.flags.x && !unsure) {
+                ahead = -FMA(w32.x, (FLOAT)grid.near_ahead.x, FMA(w32.y, (FLOAT)grid.near_ahead.y, w32.z * grid.near_ahead.z));
                 here = here & (ahead > 0);
-                x /= ahead;
-                y /= ahead;
+                if (!ANY(here)) continue;
+                x = -FMA(w32.x, (FLOAT)grid.near_right.x, FMA(w32.y, (FLOAT)grid.near_right.y, w32.z * grid.near_right.z));
+                y = -FMA(w32.x, (FLOAT)grid.near_up.x, FMA(w32.y, (FLOAT)grid.near_up.y, w32.z * grid.near_up.z));
+            } else {
+                x = TO_FLOAT(DOT(from, grid.right) + grid.right.w);
+                y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
+                if (at_point) {
+                    ahead = TO_FLOAT(DOT(from, grid.ahead));
+                    here = here & (ahead > 0);
+                }
+            }
+            if (at_point) {
+                const FLOAT over = 1 / ahead;
+                x *= over;
+                y *= over;
             }
             here = here & (magnitude(x) <= grid.window.x) & (magnitude(y) <= grid.window.y);
             if (!ANY(here)) continue;
@@ -267,8 +280,25 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
 #endif
 
 #ifdef WITH_LIGHTS
+/* 0 parallel, 1 point, 2 spot. One loop over all lights calls illuminate() from one place, where it is inlined: else
+ * compilers copy an Intersection for each call, which took a fifth of the time. */
+static int kind_of(const int4 lights, const int number) {
+#ifdef WITH_PARALLEL
+    if (number < lights.x) return 0;
+#endif
+#if defined(WITH_POINT) && defined(WITH_SPOT)
+    return number < lights.x + lights.y ? 1 : 2;
+#elif defined(WITH_POINT)
+    return 1;
+#elif defined(WITH_SPOT)
+    return 2;
+#else
+    return 0;
+#endif
+}
+
 /* What one light adds to the colour: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
- * kind: 0 parallel, 1 point, 2 spot. view: the ray's unit direction. rays: the shadow rays cast so far. */
+ * kind: of kind_of(). view: the ray's unit direction. rays: the shadow rays cast so far. */
 static Shade3 illuminate(const Scene scene, const int number, const int kind, const Intersection at, const INT own,
                          const Shade3 view, Shade3 color, INT *rays) {
     const Light light = scene.light[number];
@@ -349,18 +379,8 @@ static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, con
 #ifdef WITH_LIGHTS
     const SHADE over = 1 / sqrt(TO_SHADE(ray.a));
     const Shade3 view = {TO_SHADE(ray.d.x) * over, TO_SHADE(ray.d.y) * over, -over};
-    int number = 0;
-#ifdef WITH_PARALLEL
-    for (; number < scene.lights.x; number++) color = illuminate(scene, number, 0, at, own, view, color, rays);
-#endif
-#ifdef WITH_POINT
-    for (; number < scene.lights.x + scene.lights.y; number++)
-        color = illuminate(scene, number, 1, at, own, view, color, rays);
-#endif
-#ifdef WITH_SPOT
-    for (; number < scene.lights.x + scene.lights.y + scene.lights.z; number++)
-        color = illuminate(scene, number, 2, at, own, view, color, rays);
-#endif
+    for (int number = 0; number < scene.lights.w; number++)
+        color = illuminate(scene, number, kind_of(scene.lights, number), at, own, view, color, rays);
 #endif
     return color;
 }
@@ -420,33 +440,26 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     } while (0)
 #endif
 
-/* One packet of pixels of the region (x, y, width, height) of a picture of this size; x and y are multiples of 4.
- * This launch starts at the region's row `row`. The outputs have rows of `pitch`
- * pixels, a whole number of packets in both directions. */
-__kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
-                     __global const real4 *center_radius, __global const real2 *power,
-                     __global const float4 *rest, __global const int *material_of, __global const shade8 *material, __global const Light *light,
-                     const int4 lights, const int count, __global const float4 *candidate,
-                     __global const float4 *occluder, __global const char *outside,
-                     __global const int2 *light_grids, __global const Grid *grid, __global const int *start,
-                     __global const int2 *entry, __global uchar *rgb8,
-                     __global float *color_out, __global float *normal_out, __global float *direction_out,
-                     __global real *depth_out, __global int *id_out, __global int *shadow_rays_out) {
-    const int x = (int)get_global_id(0) * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
-    if (x >= region.z || y >= region.w) return;
-    const int first = y * pitch + x;
-    const Spheres spheres = {center_radius, power, rest, view.pixel.w};
-    const Lists lists = {grid, start, entry};
-    const Scene scene = {spheres, material_of, material, light,  candidate,
-                         occluder, outside,    light_grids, lists, count, lights, view.pixel.z};
+/* Where to write, each as the OUT_ flags say. Rows have `pitch` pixels, a whole number of packets in both directions. */
+typedef struct {
+    __global uchar *rgb8;
+    __global float *color, *normal, *direction;
+    __global real *depth;
+    __global int *id, *shadow_rays;
+    int pitch;
+} Outputs;
 
+/* The packet at (x, y) of the region (x, y, width, height) of a picture of this size; all of them multiples of 4. */
+static void render_packet(const View view, const Scene scene, const int2 size, const int4 region, const int x,
+                          const int y, const Outputs out) {
+    const int pitch = out.pitch, first = y * pitch + x;
     const INT column = region.x + x + LANE_COLUMN, line = region.y + y + LANE_ROW;
     const int2 tile = {(region.x + x) >> 2, (region.y + y) >> 2};
     Hit hit = {INFINITY, -1, {0, 0, 1}};
     Shade3 color = {view.background.x, view.background.y, view.background.z};
     Float3 normal = {0, 0, 0};
     INT rays = 0;
-    if (has_candidates(lists, tile)) {
+    if (has_candidates(scene.lists, tile)) {
         const Ray ray = primary_ray(view, size, column, line);
         hit = closest_hit(scene, ray, tile);
 #ifdef WITH_INTERSECTION
@@ -472,17 +485,17 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
 
 #ifdef OUT_RGB8
     const shade_t rounding = view.quantize.x;
-    store_rgb8(rgb8, first, pitch, byte_of(color.x, rounding), byte_of(color.y, rounding), byte_of(color.z, rounding));
+    store_rgb8(out.rgb8, first, pitch, byte_of(color.x, rounding), byte_of(color.y, rounding), byte_of(color.z, rounding));
 #endif
 #ifdef OUT_COLOR
-    STORE(float, color_out, first, pitch, 3, TO_FLOAT(color.x));
-    STORE(float, color_out + 1, first, pitch, 3, TO_FLOAT(color.y));
-    STORE(float, color_out + 2, first, pitch, 3, TO_FLOAT(color.z));
+    STORE(float, out.color, first, pitch, 3, TO_FLOAT(color.x));
+    STORE(float, out.color + 1, first, pitch, 3, TO_FLOAT(color.y));
+    STORE(float, out.color + 2, first, pitch, 3, TO_FLOAT(color.z));
 #endif
 #ifdef OUT_NORMAL
-    STORE(float, normal_out, first, pitch, 3, normal.x);
-    STORE(float, normal_out + 1, first, pitch, 3, normal.y);
-    STORE(float, normal_out + 2, first, pitch, 3, normal.z);
+    STORE(float, out.normal, first, pitch, 3, normal.x);
+    STORE(float, out.normal + 1, first, pitch, 3, normal.y);
+    STORE(float, out.normal + 2, first, pitch, 3, normal.z);
 #endif
 #if defined(OUT_DIRECTION) || defined(OUT_DEPTH)
     const Ray ray = primary_ray(view, size, column, line);
@@ -491,17 +504,38 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
     const REAL over = 1 / sqrt(ray.a);
     const Real3 unit = {ray.d.x * over, ray.d.y * over, -over};
     const Float3 direction = to_world(view, unit);
-    STORE(float, direction_out, first, pitch, 3, direction.x);
-    STORE(float, direction_out + 1, first, pitch, 3, direction.y);
-    STORE(float, direction_out + 2, first, pitch, 3, direction.z);
+    STORE(float, out.direction, first, pitch, 3, direction.x);
+    STORE(float, out.direction + 1, first, pitch, 3, direction.y);
+    STORE(float, out.direction + 2, first, pitch, 3, direction.z);
 #endif
 #ifdef OUT_DEPTH
-    STORE(real, depth_out, first, pitch, 1, hit.t * sqrt(ray.a));
+    STORE(real, out.depth, first, pitch, 1, hit.t * sqrt(ray.a));
 #endif
 #ifdef OUT_ID
-    STORE(int, id_out, first, pitch, 1, hit.id);
+    STORE(int, out.id, first, pitch, 1, hit.id);
 #endif
 #ifdef OUT_SHADOW_RAYS
-    STORE(int, shadow_rays_out, first, pitch, 1, rays);
+    STORE(int, out.shadow_rays, first, pitch, 1, rays);
 #endif
+}
+
+/* A run of packets of the region; this launch starts at its row `row`. The run is a loop of ours, not a work-group:
+ * for one of several work-items, PoCL keeps all variables in memory, which took a tenth of the time. */
+__kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
+                     __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest,
+                     __global const int *material_of, __global const shade8 *material, __global const Light *light,
+                     const int4 lights, const int count, __global const float4 *candidate,
+                     __global const float4 *occluder, __global const char *outside, __global const int2 *light_grids,
+                     __global const Grid *grid, __global const int *start, __global const int2 *entry,
+                     __global uchar *rgb8, __global float *color, __global float *normal, __global float *direction,
+                     __global real *depth, __global int *id, __global int *shadow_rays) {
+    const Spheres spheres = {center_radius, power, rest, view.pixel.w};
+    const Lists lists = {grid, start, entry};
+    const Scene scene = {spheres,  material_of, material,    light, candidate, occluder,
+                         outside,  light_grids, lists,       count, lights,    view.pixel.z};
+    const Outputs out = {rgb8, color, normal, direction, depth, id, shadow_rays, pitch};
+    const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
+    if (y >= region.w) return;
+    for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
+        render_packet(view, scene, size, region, x, y, out);
 }
