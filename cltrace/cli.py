@@ -250,6 +250,7 @@ def _write(image: Image, target: str, show: str) -> None:
 
 def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
     width, height = renderer.region[2:]
+    work = renderer.work()
     names = ("read", "pack", "build", "upload", "kernel", "readback", "write", "total")
     return {
         "device": renderer.device.name,
@@ -258,7 +259,8 @@ def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
         "spheres": len(scene.spheres),
         "features": sorted(renderer.packed.features),
         "seconds": {name: image.seconds[name] for name in names},
-        "rays": {"primary": width * height, "shadow": renderer.count_shadow_rays()},
+        "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},
+        "work": work,
         "skipped": renderer.skipped,
     }
 
@@ -275,6 +277,8 @@ def _print_stats(stats: dict[str, Any], form: str) -> None:
         _tell(f"{name:<10} {value * 1e3:10.2f} ms")
     for name, value in stats["rays"].items():
         _tell(f"rays       {value:10d} {name}")
+    for name, value in stats["work"].items():
+        _tell(f"work       {value:10d} {name}")
     for name, value in stats["skipped"].items():
         _tell(f"skipped    {value:10d} {name}")
 

@@ -13,12 +13,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .lists import FINE_SLACK, SLACK, Sheet, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets, whole_sheet
+from .culling import hidden, parallel_shadows, point_shadows
+from .lists import FINE_SLACK, SLACK, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets, whole_sheet
 from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, squared_length, two_sum
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 PRECISIONS = ("accurate", "single", "double")
-OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
+OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays", "work")
+# What the output `work` counts, per pixel, by its last index: see COUNT in kernels/trace.cl.
+WORK = (
+    "shadow rays traced",
+    "shadow rays to lights that shine on the other side or elsewhere",
+    "shadow rays that no sphere can stop",
+    "highlights computed",
+    "highlights too faint for a pixel",
+    "spheres that float32 rules out for a ray",
+    "spheres that are decided in full for a ray",
+    "rays through tiles of background only",
+)
 
 # Up to so many spheres, finding the right list for a shadow ray costs more than trying them all.
 FEW = 16
@@ -124,7 +136,17 @@ def _camera_space(scene: Scene, lights: NDArray[np.void], basis: Array) -> _Spac
 
 
 # What is left out where it is not needed, and can be kept to measure what that saves.
-KEEPS = ("lists", "filter", "features", "lights")
+KEEPS = (
+    "lists",
+    "filter",
+    "features",
+    "lights",
+    "hidden",
+    "receivers",
+    "unstopped",
+    "highlights",
+    "outputs",
+)
 
 
 def pack(
@@ -138,7 +160,9 @@ def pack(
 
     keep: what not to leave out, for measuring; no picture depends on it. lists: one list of all spheres for every ray;
     filter: each test in the precision that decides; features: the code of every feature; lights: lights that are black,
-    or that shine on nothing that reflects.
+    or that shine on nothing that reflects; hidden: spheres inside others; receivers: in a light's lists, spheres that
+    shadow nothing in the picture; unstopped: of few spheres, shadow rays that none can stop; highlights: those too
+    faint for a byte; outputs: whatever the kernel can write.
     """
     real, shade = real_dtype(precision), shade_dtype(precision)
     skipped: dict[str, int] = {}
@@ -159,6 +183,11 @@ def pack(
 
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     packed_lights = _pack_lights(lights, exact.position, basis, real)
+    if shade.itemsize == 4:
+        # The exponent of a highlight of 2^-20 of a byte's level: fainter ones are none. Not so in double, which is the
+        # reference's formula throughout.
+        brightest = _finite32(lights["color"]).max(axis=1, initial=0) * scene.materials["ks"].max(initial=0)
+        packed_lights["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(brightest, 1))
     arrays: dict[str, NDArray[Any]] = {
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, inverse], axis=1).astype(real),
@@ -171,11 +200,7 @@ def pack(
     x, y = scene.camera.image_plane()
     width, height = scene.camera.resolution
     step = (x / width, y / height)
-    picture = camera_sheet(small.center, small.radius, step, (width, height))
-    skipped["spheres out of the picture"] = len(scene.spheres) - len(picture.member)
-    if "lists" in keep:
-        picture = whole_sheet(len(scene.spheres))
-    arrays |= _occluders(packed_lights, lights, small, picture, "lists" in keep, real)
+    arrays |= _lists(packed_lights, lights, small, step, (width, height), real, keep, skipped)
     arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
 
     view = np.zeros((), view_dtype(real))
@@ -224,12 +249,17 @@ def _lights(scene: Scene, all_of_them: bool, skipped: dict[str, int]) -> NDArray
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
     used = np.zeros(len(scene.materials), bool)
     used[scene.spheres["material"]] = True
-    dull = not (scene.materials["kd"][used].any() or scene.materials["ks"][used].any())
-    black = (~lights["color"].any(axis=1) | dull) & (not all_of_them)
+    black = (~lights["color"].any(axis=1) | bool(_dull(scene)[used].all())) & (not all_of_them)
     if black.any():
         skipped["lights that add nothing"] = int(black.sum())
     useful: NDArray[np.void] = lights[~black]
     return useful[np.argsort(useful["kind"], kind="stable")]
+
+
+def _dull(scene: Scene) -> NDArray[np.bool_]:
+    """Which materials reflect nothing of any light."""
+    m = scene.materials
+    return np.asarray((m["ks"] == 0) & ((m["kd"] == 0) | ~m["color"].any(axis=1)))
 
 
 def _materials(scene: Scene, ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:
@@ -251,6 +281,7 @@ def _unit(v: Array) -> Array:
 def _pack_lights(lights: NDArray[np.void], position: Array, basis: Array, real: np.dtype[Any]) -> NDArray[np.void]:
     out = np.zeros(len(lights), light_dtype(real))
     out["color"][:, :3] = _finite32(lights["color"])
+    out["cone"][:, 2] = -np.inf
     for k, light in enumerate(lights):
         direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
         if light["kind"] == PARALLEL:
@@ -284,30 +315,29 @@ def _candidates(space: _Space) -> NDArray[np.float32]:
     return candidate
 
 
-def _occluders(
+def _lists(
     packed: NDArray[np.void],
     lights: NDArray[np.void],
     space: _Space,
-    picture: Sheet,
-    whole: bool,
+    step: tuple[float, float],
+    size: tuple[int, int],
     real: np.dtype[Any],
+    keep: tuple[str, ...],
+    skipped: dict[str, int],
 ) -> dict[str, NDArray[Any]]:
     """For the filters of cast_shadow_ray in trace.cl, and the lists of all sheets."""
     n, m = len(space.center), len(lights)
     radius = space.radius
     slack = SLACK if real.itemsize == 4 else FINE_SLACK
-    whole = whole or n <= FEW
     occluder = np.zeros((m, n, 4), np.float32)
     outside = np.ones((m, n), np.int8)
-    sheets, grids = [picture], np.zeros((m, 2), np.int32)
     for k, light in enumerate(lights):
         if light["kind"] == PARALLEL:
-            axes = np.array([packed[name][k, :3] for name in ("axis", "across", "position")], np.float64)
+            axes = _axes(packed[k])
             u, v = (space.center @ axis for axis in axes[:2])
             reach = radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
             occluder[k, :, 0], occluder[k, :, 1] = u, v
             occluder[k, :, 2] = rounded_up(reach * reach)
-            more = [whole_sheet(n)] if whole else parallel_sheet(axes, space.center, radius, slack)
         else:
             # From the centre to the light: the eye cancels, exactly.
             hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
@@ -318,9 +348,45 @@ def _occluders(
             occluder[k, :, :3] = f
             occluder[k, :, 3] = _filter_constant(c, squared_length(f))
             outside[k] = np.sign(c)
-            more = [whole_sheet(n)] if whole else point_sheets(-f, radius, slack)
-        grids[k] = len(sheets), len(more)
+
+    seen = np.ones(n, bool)
+    if "hidden" not in keep and n > 1:
+        seen = ~hidden(space.center, radius, (space.power > 0) & (outside > 0).all(axis=0), slack)
+        skipped["spheres inside others"] = n - int(seen.sum())
+    picture = camera_sheet(space.center, radius, step, size, seen)
+    skipped["spheres out of the picture"] = n - len(picture.member)
+    receiver = np.zeros(n, bool)
+    receiver[picture.member] = True
+    if "receivers" in keep:
+        receiver[:] = True
+    if "lists" in keep:
+        picture = whole_sheet(np.ones(n, bool))
+
+    sheets, grids, idle = [picture], np.zeros((m, 4), np.int32), 0
+    for k, light in enumerate(lights):
+        axes, offset = _axes(packed[k]), space.center - space.position[k]
+        parallel, stops = bool(light["kind"] == PARALLEL), -1
+        if n <= FEW:
+            if parallel:
+                shadows = parallel_shadows(axes, space.center, radius, slack)
+            else:
+                shadows = point_shadows(offset, radius, slack)
+            shadows &= receiver[:, None] & seen
+            # From outside a sphere never stands in its own way, from inside it may.
+            np.fill_diagonal(shadows, space.power <= 0)
+            casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
+            stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
+            more = [whole_sheet(casting)] if casting.any() else []
+        elif parallel:
+            more = parallel_sheet(axes, space.center, radius, seen, receiver, slack)
+        else:
+            more = point_sheets(offset, radius, seen, receiver, slack)
+        idle += n - len(np.unique(np.concatenate([np.zeros(0, np.int32), *(sheet.member for sheet in more)])))
+        if "lists" in keep:
+            more = [whole_sheet(np.ones(n, bool))]
+        grids[k] = len(sheets), len(more), stops, 0
         sheets += more
+    skipped["spheres that shadow nothing seen, per light"] = idle
     lists = build(sheets, real)
     return {
         "occluder": occluder.reshape(-1, 4),
@@ -332,6 +398,11 @@ def _occluders(
     }
 
 
+def _axes(light: np.void) -> Array:
+    """(3, 3): two axes across a parallel light, and the one towards it."""
+    return np.array([light[name][:3] for name in ("axis", "across", "position")], np.float64)
+
+
 def _features(
     scene: Scene,
     numbers: tuple[int, ...],
@@ -341,7 +412,7 @@ def _features(
     keep: tuple[str, ...],
 ) -> frozenset[str]:
     """Which parts of the kernel this scene and these outputs need."""
-    shading = not {"rgb8", "color", "shadow_rays"}.isdisjoint(outputs)
+    shading = not {"rgb8", "color", "shadow_rays", "work"}.isdisjoint(outputs)
     full = "features" in keep
     lit = shading and (full or (any(numbers) and len(scene.spheres) > 0))
     flags = {f"OUT_{name.upper()}": True for name in outputs}
@@ -357,5 +428,7 @@ def _features(
         "WITH_SPOT": lit and (numbers[2] > 0 or full),
         "WITH_SHADOWS": lit and (len(scene.spheres) > 1 or inside or full),
         "WITH_SPECULAR": lit and (bool(scene.materials["ks"].any()) or full),
+        "WITH_DULL": lit and (full or bool(_dull(scene).any())),
+        "KEEP_HIGHLIGHTS": lit and "highlights" in keep,
     }
     return frozenset(name for name, wanted in flags.items() if wanted)

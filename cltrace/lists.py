@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from .numerics import Array, blockwise, concurrently, rounded_down, squared_length
 
 Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
 
 
 def grid_dtype(real: np.dtype[Any]) -> np.dtype[Any]:
@@ -195,15 +196,16 @@ def _levels(sheet: Sheet) -> Ints:
     return coarse
 
 
-def whole_sheet(n: int) -> Sheet:
-    """One list of all spheres, for all rays of any kind: what would be without lists."""
-    none, near = np.zeros(2), np.full(n, -np.inf, np.float32)
-    member, covers = np.arange(n, dtype=np.int32), np.zeros((4, n), np.int32)
+def whole_sheet(members: Mask) -> Sheet:
+    """One list of spheres for all rays of any kind: what would be without lists. members: (n,), which spheres."""
+    member = np.flatnonzero(members).astype(np.int32)
+    none, near = np.zeros(2), np.full(len(member), -np.inf, np.float32)
+    covers = np.zeros((4, len(member)), np.int32)
     return Sheet(np.zeros((3, 3)), none, none + 1, (1, 1), member, covers, near, True)
 
 
-def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: tuple[int, int]) -> Sheet:
-    """The picture, in cells of 4x4 pixels. center (n, 3) in camera space; step: size of a pixel at z = -1.
+def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: tuple[int, int], among: Mask) -> Sheet:
+    """The picture, in cells of 4x4 pixels. center: (n, 3) in camera space; step: a pixel's size at z = -1; among: (n,).
 
     Left out is what cannot be seen: spheres behind the eye, beside the picture, or between the centres of its pixels.
     """
@@ -212,7 +214,7 @@ def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: 
         c, r = np.ascontiguousarray(center[block].T), radius[block]
         covers = np.empty((4, len(r)), np.int32)
         ahead = -c[2]
-        seen = ahead > -r
+        seen = (ahead > -r) & among[block]
         for k, sign in ((0, 1.0), (1, -1.0)):
             low, high, clear = slopes(sign * c[k], ahead, r)
             slack = SLACK * (np.abs(low) + np.abs(high))
@@ -245,13 +247,15 @@ def nearest(center: Array, radius: Array) -> NDArray[np.float32]:
     return np.where(gap > 2.0**-50, near, np.float32(-1))
 
 
-def point_sheets(offset: Array, radius: Array, slack: float) -> list[Sheet]:
-    """The sides of a cube around a point light. offset: (n, 3), from the light to the centres; slack: of the kernel."""
+def point_sheets(offset: Array, radius: Array, among: Mask, receiver: Mask, slack: float) -> list[Sheet]:
+    """The sides of a cube around a point light. offset: (n, 3), from the light to the centres; slack: of the kernel;
+    among: (n,), what to enter; receiver: (n,), of those, where shadow rays end.
+    """
     sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
 
     def look(block: slice) -> list[_Discs]:
         f, r = np.ascontiguousarray(offset[block].T), radius[block]
-        near = nearest(f, r)
+        near, far = nearest(f, r), (np.sqrt(squared_length(f.T)) + r) ** 2 * (1 + 2.0**-10)
         x, y, z = np.abs(f)
         # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
         reach = r * (np.sqrt(2.0) * (1 + SLACK)) + SLACK * np.maximum(np.maximum(x, y), z)
@@ -260,13 +264,14 @@ def point_sheets(offset: Array, radius: Array, slack: float) -> list[Sheet]:
             # The side of the cube is the pyramid |c| <= d, |e| <= d.
             limit = sign * f[axis] + reach
             right, up = (axis + 1) % 3, (axis + 2) % 3
-            i = np.flatnonzero((np.abs(f[right]) <= limit) & (np.abs(f[up]) <= limit))
+            i = np.flatnonzero((np.abs(f[right]) <= limit) & (np.abs(f[up]) <= limit) & among[block])
             d, radii = sign * f[axis, i], r[i]
             left_right, low_high = (
                 (np.where(clear, low, -2.0), np.where(clear, high, 2.0))
                 for low, high, clear in (slopes(c, d, radii) for c in (f[right, i], f[up, i]))
             )
-            found.append(_Discs((block.start + i).astype(np.int32), *left_right, *low_high, near[i]))
+            member = (block.start + i).astype(np.int32)
+            found.append(_Discs(member, *left_right, *low_high, near[i], far[i], receiver[block][i]))
         return found
 
     sheets = []
@@ -276,20 +281,30 @@ def point_sheets(offset: Array, radius: Array, slack: float) -> list[Sheet]:
     return sheets
 
 
-def parallel_sheet(axes: Array, center: Array, radius: Array, slack: float) -> list[Sheet]:
-    """The plane across a parallel light. axes: (3, 3), the two across and the one towards the light."""
+def parallel_sheet(axes: Array, center: Array, radius: Array, among: Mask, receiver: Mask, slack: float) -> list[Sheet]:
+    """The plane across a parallel light. axes: (3, 3), the two across and the one towards the light; as above."""
 
     def look(block: slice) -> _Discs:
-        c, r = center[block], radius[block]
+        i = np.flatnonzero(among[block])
+        c, r = center[block][i], radius[block][i]
         u, v, s = (c @ axis for axis in axes)
         near = rounded_down(-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100)
-        return _Discs(np.arange(block.start, block.stop, dtype=np.int32), u - r, u + r, v - r, v + r, near)
+        member = (block.start + i).astype(np.int32)
+        return _Discs(member, u - r, u + r, v - r, v + r, near, r - s + 2.0**-10, receiver[block][i])
 
     return _windowed(axes, blockwise(len(radius), look), slack, False)
 
 
+def _extent(discs: list[_Discs]) -> tuple[Array, Array]:
+    """The lowest and the highest coordinates of any disc, (2,) each."""
+    least = np.array([min(part[k].min() for part in discs) for k in (1, 3)])
+    return least, np.array([max(part[k].max() for part in discs) for k in (2, 4)])
+
+
 class _Discs(NamedTuple):
-    """Some spheres as seen on a sheet: their numbers, their lowest and highest coordinates and their nearest points."""
+    """Some spheres as seen on a sheet: their numbers, their lowest and highest coordinates, bounds of the measure of
+    their nearest and furthest points, and whether shadow rays end there.
+    """
 
     member: Ints
     left: Array
@@ -297,16 +312,30 @@ class _Discs(NamedTuple):
     low: Array
     high: Array
     near: NDArray[np.float32]
+    far: Array
+    receiver: Mask
+
+    def only(self, which: Mask) -> _Discs:
+        return self._replace(**{name: column[which] for name, column in self._asdict().items()})
 
 
 def _windowed(axes: Array, discs: list[_Discs], slack: float, perspective: bool) -> list[Sheet]:
-    """A sheet whose window is as large as the discs on it, if there are any; the side of a cube ends at +-1."""
+    """A sheet whose window is as large as the discs on it, if there are any, and as those where shadow rays end; the
+    side of a cube ends at +-1.
+    """
     discs = [part for part in discs if len(part.member)]
-    if not discs:
+    receivers = [part.only(part.receiver) for part in discs if part.receiver.any()]
+    if not receivers:
         return []
     limit = 1 + SLACK if perspective else np.inf
-    least = np.array([min(part[k].min() for part in discs) for k in (1, 3)])
-    most = np.array([max(part[k].max() for part in discs) for k in (2, 4)])
+    (least, most), (first, last) = _extent(discs), _extent(receivers)
+    furthest = max(part.far.max() for part in receivers)
+    # Where a ray ends is known to 256 slack, at 2^-8 and more from a light; nearer to one it may be seen anywhere.
+    if not perspective or min(part.near.min() for part in receivers) > 2.0**-16:
+        room = 256 * slack * (1 + np.maximum(np.abs(first), np.abs(last)))
+        least, most = np.maximum(least, first - room), np.minimum(most, last + room)
+        if (least > most).any():
+            return []
     # Where the discs fill little of the cube's side, float32 would be too coarse for its cells.
     coarse = perspective and bool((most - least > NARROW).all())
     slack = SLACK if coarse else slack
@@ -323,7 +352,7 @@ def _windowed(axes: Array, discs: list[_Discs], slack: float, perspective: bool)
 
     def place(part: _Discs) -> tuple[NDArray[Any], ...]:
         # Whoever lies wholly beside the window is not met by any ray that has its number there.
-        within = np.ones(len(part.member), bool)
+        within = part.near < furthest
         covers = np.empty((4, len(within)), np.int32)
         for k, (begin, end) in enumerate(((part.left, part.right), (part.low, part.high))):
             loose = slack * (1 + np.abs(begin) + np.abs(end))

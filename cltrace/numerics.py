@@ -97,8 +97,8 @@ def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
         square, error = two_product(r[block], r[block])
         c[block], rest[block] = total([*terms, -square, -error])
         size = squared_length(h) + square
-        doubtful: Ints = np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size) + block.start
-        return doubtful.tolist()
+        doubtful: list[int] = (np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size) + block.start).tolist()
+        return doubtful
 
     for i in chain.from_iterable(blockwise(len(r), excess)):
         norm = sum((Fraction(float(h)) + Fraction(float(e))) ** 2 for h, e in zip(hi[i], lo[i], strict=True))

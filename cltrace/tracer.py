@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .device import Device, check_process, choose
 from .errors import DeviceError
 from .image import Image
-from .layout import KEEPS, OUTPUTS, PRECISIONS, Packed, pack, real_dtype
+from .layout import KEEPS, OUTPUTS, PRECISIONS, WORK, Packed, pack, real_dtype
 from .program import Announcement, build, context_of
 from .scene import Scene
 
@@ -23,7 +23,16 @@ from .scene import Scene
 GROUP = {1: (16, 4), 8: (1, 1), 16: (1, 1)}
 # Packets that a work-item renders one after the other.
 RUN = {1: 1, 8: 8, 16: 8}
-CHANNELS = {"rgb8": 3, "color": 3, "normal": 3, "direction": 3, "depth": 1, "id": 1, "shadow_rays": 1}
+CHANNELS = {
+    "rgb8": 3,
+    "color": 3,
+    "normal": 3,
+    "direction": 3,
+    "depth": 1,
+    "id": 1,
+    "shadow_rays": 1,
+    "work": len(WORK),
+}
 # Pixels of one launch: 1080p is one, larger pictures are several.
 STRIP = 2**22
 Crop = tuple[int, int, int, int]
@@ -77,9 +86,10 @@ class Renderer:
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
         if set(keep) - set(KEEPS):
             raise ValueError(f"keep: must be some of {', '.join(KEEPS)}, got {keep!r}")
-        self.region = _region(scene.camera.resolution, crop)
-        # Packets keep to cells of 4x4 pixels of the whole picture.
-        self._margin = (self.region[0] % 4, self.region[1] % 4)
+        self.keep = keep
+        if "outputs" in keep:
+            self.outputs = OUTPUTS[: OUTPUTS.index("shadow_rays")]
+        self._move_to(_region(scene.camera.resolution, crop))
         self.size = scene.camera.resolution
         with self._timed("pack"):
             self.packed: Packed = pack(scene, self.precision, self.outputs, truncate, keep)
@@ -122,14 +132,22 @@ class Renderer:
         """What this scene did not need, and how often."""
         return self.packed.skipped
 
-    def count_shadow_rays(self) -> int:
-        """How many shadow rays a frame casts: renders one more, with a kernel that counts them."""
+    def work(self) -> dict[str, int]:
+        """How often a frame does what WORK names: renders one more, in strips, with a kernel that counts."""
         x, y, width, height = self.region
-        crop = (x, y, x + width, y + height)
-        counter = Renderer(self.scene, self.device, self.precision, ("shadow_rays",), crop, width=self.width)
-        counts = counter.render().shadow_rays
-        assert counts is not None
-        return int(counts.sum(dtype=np.int64))
+        counter = Renderer(self.scene, self.device, self.precision, ("work",), width=self.width, keep=self.keep)
+        total = np.zeros(len(WORK), np.int64)
+        rows = max(1, STRIP // width)
+        for row in range(0, height, rows):
+            counter._move_to((x, y + row, width, min(rows, height - row)))
+            total += np.asarray(counter.render().work).sum(axis=(0, 1), dtype=np.int64)
+        return dict(zip(WORK, total.tolist(), strict=True))
+
+    def _move_to(self, region: Crop) -> None:
+        """Renders this part of the picture, (x, y, width, height), from now on."""
+        self.region = region
+        # Packets keep to cells of 4x4 pixels of the whole picture.
+        self._margin = (region[0] % 4, region[1] % 4)
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
@@ -155,7 +173,7 @@ class Renderer:
         columns, rows = (4, self.width // 4) if self.width > 1 else (1, 1)
         wide, high = (n + margin for n, margin in zip(self.region[2:], self._margin, strict=True))
         width, height = (-(-wide // columns) * columns, -(-high // rows) * rows)
-        types = {"rgb8": "u1", "id": "i4", "shadow_rays": "i4", "depth": real_dtype(self.precision)}
+        types = {"rgb8": "u1", "id": "i4", "shadow_rays": "i4", "work": "i4", "depth": real_dtype(self.precision)}
         arrays = {n: np.empty((height, width, CHANNELS[n]), types.get(n, "f4")) for n in self.outputs}
         # On a CPU the kernel writes straight into the host's arrays.
         write, use = cl.mem_flags.WRITE_ONLY, cl.mem_flags.USE_HOST_PTR

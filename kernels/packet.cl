@@ -19,7 +19,9 @@
  *   WITH_PARALLEL, WITH_POINT, WITH_SPOT   kinds of light that are there
  *   WITH_SHADOWS       something may stand between a sphere and a light
  *   WITH_SPECULAR      some sphere shines
- *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS   what to write
+ *   WITH_DULL          some sphere reflects nothing
+ *   KEEP_HIGHLIGHTS    those that no pixel shows are computed, too
+ *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS, OUT_WORK   what to write
  *   View_BYTES, Light_BYTES, Grid_BYTES    sizes that the host packs
  *
  * Contraction is off and every FMA is spelled out: each other expression is rounded as it stands, so that all devices and the
@@ -92,6 +94,12 @@ typedef SHADE_INT SHADE_MASK;
 #define TO_MASK(m) TO_INT(m)
 #define TO_REAL_MASK(m) TO_REAL_INT(m)
 #define TO_SHADE_MASK(m) TO_SHADE_INT(m)
+#endif
+
+#if W == 1
+#define ALL_LANES 1
+#else
+#define ALL_LANES ((MASK)(-1))
 #endif
 
 /* Whether any lane of a mask is set, and the largest one of whole numbers. The built-in any() looks at one lane after the other on the CPU drivers, which cost
@@ -197,7 +205,7 @@ typedef struct {
     real4 axis;     /* spot: unit vector in which it points; w: cosine of alpha2. parallel: u axis of light space */
     real4 across;   /* parallel: v axis of light space. spot: w: cosine of alpha1 */
     float4 color;   /* rgb, linear */
-    float4 cone;    /* spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians; 0 if they are equal */
+    float4 cone;    /* spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians; 0 if they are equal. z: see illuminate() */
 } Light;
 
 /* The build fails here, by name, if the host lays a struct out differently. */

@@ -9,12 +9,31 @@ typedef struct {
     __global const float4 *candidate;    /* per sphere, for the filter of closest_hit */
     __global const float4 *occluder;     /* per light and sphere, for the filter of cast_shadow_ray */
     __global const char *outside;        /* per light and sphere: the sign of the light's power, 1 outside */
-    __global const int2 *light_grids;    /* per light: its first sheet and their number */
+    __global const int4 *light_grids;    /* per light: its first sheet, their number; z: see may_be_blocked() */
     Lists lists;
     int count;   /* of spheres */
     int4 lights; /* numbers of parallel, point and spot lights, and of all */
     real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
 } Scene;
+
+/* What was done and what was skipped, counted in each lane for --stats; the order is that of WORK in cltrace/layout.py. */
+#ifdef OUT_WORK
+typedef struct {
+    INT count[8];
+} Work;
+#define COUNT(kind, mask) work->count[kind] += (mask) ? (INT)1 : (INT)0
+#else
+typedef int Work;
+#define COUNT(kind, mask)
+#endif
+#define SHADOW_RAYS 0
+#define FACING_AWAY 1
+#define UNBLOCKED 2
+#define HIGHLIGHTS 3
+#define FAINT_HIGHLIGHTS 4
+#define FILTERED 5
+#define DECIDED 6
+#define BACKGROUND 7
 
 /* What was hit: the sphere's index, -1 = nothing, the distance in units of the ray's direction, and where on it. */
 typedef struct {
@@ -26,6 +45,9 @@ typedef struct {
 /* All that is known of the point that was hit. */
 typedef struct {
     MASK hit;
+#ifdef WITH_DULL
+    MASK dull; /* reflects no light at all */
+#endif
     Sphere sphere;
     Real3 normal;   /* outward unit normal of the sphere */
     Start start;    /* where its shadow rays start */
@@ -72,7 +94,7 @@ static FLOAT magnitude(const FLOAT x) {
  * A hit from inside or from the surface has c <= 0: likewise. Underflow adds at most 2^-123 to b: as a >= 1 and the
  * scene is scaled to 1, 2^-100 covers it. The filter costs no more than a float tracer's own test.
  */
-static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
+static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = {INFINITY, -1, {0, 0, 1}};
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
@@ -92,8 +114,12 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile) {
 #ifdef WITH_FILTER
             const float4 s = scene.candidate[index];
             const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
-            if (!ANY(b * magnitude(b) >= a * s.w)) continue;
+            if (!ANY(b * magnitude(b) >= a * s.w)) {
+                COUNT(FILTERED, ALL_LANES);
+                continue;
+            }
 #endif
+            COUNT(DECIDED, ALL_LANES);
             const Sphere sphere = sphere_at(scene.spheres, index);
             const Meeting at = intersect_sphere(scene.spheres, ray, sphere);
             const REAL t = at.t;
@@ -150,6 +176,9 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
         at.exponent = here ? (SHADE)m.s7 : at.exponent;
     }
 #endif
+#ifdef WITH_DULL
+    at.dull = TO_MASK((at.diffuse.x <= 0) & (at.diffuse.y <= 0) & (at.diffuse.z <= 0) & (at.ks <= 0));
+#endif
 #ifdef WITH_NORMAL
     at.normal = normal_of(at.sphere, hit.from_center);
     at.start = start_at(ray, at.sphere, at.normal, hit.t);
@@ -161,6 +190,12 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 }
 
 #ifdef WITH_SHADOWS
+/* Whether anything can stand between a sphere and a light at all: one bit for each of few spheres, which the host knows;
+ * of many spheres, all bits are set. */
+static MASK may_be_blocked(const Scene scene, const int number, const INT own) {
+    return -(((INT)scene.light_grids[number].z >> (own & 31)) & 1);
+}
+
 /* Which of the lit lanes stay lit: those without a sphere between the point and the light.
  *
  * w: from the point to the light, or to a parallel light a vector of length 1; w32: the same in the float buffers' unit,
@@ -178,7 +213,7 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
  * Lists are in the order of the end towards the light: what does not reach beyond P does not matter.
  */
 static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
-                            const INT own, const Real3 w, const Float3 w32, const FLOAT a, MASK lit) {
+                            const INT own, const Real3 w, const Float3 w32, const FLOAT a, MASK lit, Work *work) {
     const Light light = scene.light[number];
     FLOAT pu = 0, pv = 0, measure = a;
     const int unsure = at_point && ANY(lit & (a < 0x1p-40f));
@@ -201,7 +236,7 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         measure = -TO_FLOAT(DOT(from, light.position));
     }
 
-    const int2 grids = scene.light_grids[number];
+    const int4 grids = scene.light_grids[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
         MASK here = lit;
@@ -256,12 +291,19 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
                     const float4 s = scene.occluder[(long)number * scene.count + index];
                     if (at_point) {
                         const FLOAT b = FMA(w32.x, (FLOAT)s.x, FMA(w32.y, (FLOAT)s.y, w32.z * s.z));
-                        if (!unsure && !ANY(may & (b * magnitude(b) >= a * s.w))) continue;
+                        if (!unsure && !ANY(may & (b * magnitude(b) >= a * s.w))) {
+                            COUNT(FILTERED, may);
+                            continue;
+                        }
                     } else {
                         const FLOAT du = s.x - pu, dv = s.y - pv;
-                        if (!ANY(may & (FMA(du, du, dv * dv) <= s.z))) continue;
+                        if (!ANY(may & (FMA(du, du, dv * dv) <= s.z))) {
+                            COUNT(FILTERED, may);
+                            continue;
+                        }
                     }
 #endif
+                    COUNT(DECIDED, may);
                     const int outside = scene.outside[(long)number * scene.count + index];
                     const Sphere sphere = sphere_at(scene.spheres, index);
                     REAL_MASK blocked = blocks(at.start, sphere, w, at_point, outside);
@@ -300,7 +342,7 @@ static int kind_of(const int4 lights, const int number) {
 /* What one light adds to the colour: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
  * kind: of kind_of(). view: the ray's unit direction. rays: the shadow rays cast so far. */
 static Shade3 illuminate(const Scene scene, const int number, const int kind, const Intersection at, const INT own,
-                         const Shade3 view, Shade3 color, INT *rays) {
+                         const Shade3 view, Shade3 color, INT *rays, Work *work) {
     const Light light = scene.light[number];
     const Real3 n = at.normal;
     const Real3 to = {light.position.x, light.position.y, light.position.z};
@@ -319,14 +361,23 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
 #ifdef WITH_SPOT
     if (kind == 2) lit = lit & TO_MASK(-DOT(w, light.axis) >= light.axis.w * sqrt(DOT(w, w)));
 #endif
+#ifdef WITH_DULL
+    lit = lit & !at.dull;
+#endif
+    COUNT(FACING_AWAY, at.hit & !lit);
     if (!ANY(lit)) return color;
     const real unit = kind != 0 ? scene.unit : (real)1;
     const Float3 w32 = {TO_FLOAT(w.x * unit), TO_FLOAT(w.y * unit), TO_FLOAT(w.z * unit)};
     const FLOAT a = FMA(w32.x, w32.x, FMA(w32.y, w32.y, w32.z * w32.z));
 #ifdef WITH_SHADOWS
     *rays += lit ? (INT)1 : (INT)0;
-    lit = cast_shadow_ray(scene, number, kind != 0, at, own, w, w32, a, lit);
-    if (!ANY(lit)) return color;
+    const MASK unsure = lit & may_be_blocked(scene, number, own);
+    COUNT(SHADOW_RAYS, unsure);
+    COUNT(UNBLOCKED, lit & !unsure);
+    if (ANY(unsure)) {
+        lit = (lit & !unsure) | cast_shadow_ray(scene, number, kind != 0, at, own, w, w32, a, unsure, work);
+        if (!ANY(lit)) return color;
+    }
 #endif
 
 #if SHADE_BYTES == 8
@@ -363,7 +414,15 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
 #ifdef WITH_SPECULAR
     /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
     const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
-    highlight = at.ks * lobe((shade_t)-0.5 * DOT(e, e), at.exponent) * strength;
+    const SHADE z = (shade_t)-0.5 * DOT(e, e);
+    /* As log(1 + z) <= z, the lobe is at most exp(exponent z): below light.cone.z that is nothing that a pixel shows. */
+    const SHADE_MASK shines = on & (at.ks > 0) & (at.exponent * z >= (shade_t)light.cone.z);
+    COUNT(HIGHLIGHTS, TO_MASK(shines));
+    COUNT(FAINT_HIGHLIGHTS, TO_MASK(on & !shines));
+#ifndef KEEP_HIGHLIGHTS
+    if (ANY(TO_MASK(shines)))
+#endif
+        highlight = shines ? at.ks * lobe(z, at.exponent) * strength : (SHADE)0;
 #endif
     const SHADE amount = cosine_nl * strength;
     color.x = on ? color.x + (at.diffuse.x * amount + highlight) * light.color.x : color.x;
@@ -374,13 +433,13 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
 #endif
 
 /* The colour of a ray that hit, and how many shadow rays it took. */
-static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, const INT own, INT *rays) {
+static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, const INT own, INT *rays, Work *work) {
     Shade3 color = at.ambient;
 #ifdef WITH_LIGHTS
     const SHADE over = 1 / sqrt(TO_SHADE(ray.a));
     const Shade3 view = {TO_SHADE(ray.d.x) * over, TO_SHADE(ray.d.y) * over, -over};
     for (int number = 0; number < scene.lights.w; number++)
-        color = illuminate(scene, number, kind_of(scene.lights, number), at, own, view, color, rays);
+        color = illuminate(scene, number, kind_of(scene.lights, number), at, own, view, color, rays, work);
 #endif
     return color;
 }
@@ -445,7 +504,7 @@ typedef struct {
     __global uchar *rgb8;
     __global float *color, *normal, *direction;
     __global real *depth;
-    __global int *id, *shadow_rays;
+    __global int *id, *shadow_rays, *work;
     int pitch;
 } Outputs;
 
@@ -459,14 +518,19 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
     Shade3 color = {view.background.x, view.background.y, view.background.z};
     Float3 normal = {0, 0, 0};
     INT rays = 0;
+    Work counts, *work = &counts;
+#ifdef OUT_WORK
+    for (int k = 0; k < 8; k++) counts.count[k] = 0;
+    if (!has_candidates(scene.lists, tile)) COUNT(BACKGROUND, ALL_LANES);
+#endif
     if (has_candidates(scene.lists, tile)) {
         const Ray ray = primary_ray(view, size, column, line);
-        hit = closest_hit(scene, ray, tile);
+        hit = closest_hit(scene, ray, tile, work);
 #ifdef WITH_INTERSECTION
         if (ANY(hit.id >= 0)) {
             const Intersection at = intersection_at(scene, ray, hit);
 #ifdef WITH_SHADING
-            const Shade3 own = shade(scene, ray, at, hit.id, &rays);
+            const Shade3 own = shade(scene, ray, at, hit.id, &rays, work);
             const SHADE_MASK any_hit = TO_SHADE_MASK(at.hit);
             color.x = any_hit ? own.x : color.x;
             color.y = any_hit ? own.y : color.y;
@@ -517,6 +581,9 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
 #ifdef OUT_SHADOW_RAYS
     STORE(int, out.shadow_rays, first, pitch, 1, rays);
 #endif
+#ifdef OUT_WORK
+    for (int k = 0; k < 8; k++) STORE(int, out.work + k, first, pitch, 8, counts.count[k]);
+#endif
 }
 
 /* A run of packets of the region; this launch starts at its row `row`. The run is a loop of ours, not a work-group:
@@ -525,15 +592,15 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
                      __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest,
                      __global const int *material_of, __global const shade8 *material, __global const Light *light,
                      const int4 lights, const int count, __global const float4 *candidate,
-                     __global const float4 *occluder, __global const char *outside, __global const int2 *light_grids,
+                     __global const float4 *occluder, __global const char *outside, __global const int4 *light_grids,
                      __global const Grid *grid, __global const int *start, __global const int2 *entry,
                      __global uchar *rgb8, __global float *color, __global float *normal, __global float *direction,
-                     __global real *depth, __global int *id, __global int *shadow_rays) {
+                     __global real *depth, __global int *id, __global int *shadow_rays, __global int *work) {
     const Spheres spheres = {center_radius, power, rest, view.pixel.w};
     const Lists lists = {grid, start, entry};
     const Scene scene = {spheres,  material_of, material,    light, candidate, occluder,
                          outside,  light_grids, lists,       count, lights,    view.pixel.z};
-    const Outputs out = {rgb8, color, normal, direction, depth, id, shadow_rays, pitch};
+    const Outputs out = {rgb8, color, normal, direction, depth, id, shadow_rays, work, pitch};
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
     if (y >= region.w) return;
     for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)

@@ -83,7 +83,7 @@ def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     done = run(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
     stats = json.loads(done.stdout)
     assert done.stdout.count(b"\n") == 1
-    assert set(stats) == {"device", "precision", "size", "spheres", "features", "seconds", "rays", "skipped"}
+    assert set(stats) == {"device", "precision", "size", "spheres", "features", "seconds", "rays", "work", "skipped"}
     assert stats["precision"] == "accurate"
     assert stats["size"] == [481, 361]
     assert set(stats["seconds"]) == {"read", "pack", "build", "upload", "kernel", "readback", "write", "total"}

@@ -169,6 +169,8 @@ def test_shadow_rays_are_counted(device: Device) -> None:
     two = Scene.from_spheres(camera, [light, light], [(-0.6, 0, 0), (0.6, 0, 0)], 0.5)
     ids = cltrace.render(two, device, outputs=("id",)).id
     assert ids is not None
-    assert cltrace.Renderer(two, device).count_shadow_rays() == 2 * (ids >= 0).sum()
+    work = cltrace.Renderer(two, device).work()
+    asked = work["shadow rays traced"] + work["shadow rays that no sphere can stop"]
+    assert asked == 2 * (ids >= 0).sum()
     one = Scene.from_spheres(camera, [light], [(0, 0, 0)], 1.0)
-    assert cltrace.Renderer(one, device).count_shadow_rays() == 0
+    assert cltrace.Renderer(one, device).work()["shadow rays traced"] == 0

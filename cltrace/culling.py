@@ -1,0 +1,63 @@
+"""What cannot matter: spheres inside others, and spheres that cannot stand between another one and a light.
+
+All tests are made with every sphere larger by more than any rounding, here or in the kernel, can amount to: a sphere is
+left out only if no ray could ever tell, so no picture changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .numerics import Array, squared_length
+
+Mask = NDArray[np.bool_]
+# Spheres that others are looked for in: the largest ones.
+SHELLS = 16
+
+
+def larger(radius: Array, slack: float) -> Array:
+    """Radii with room for rounding. slack: relative to lengths, of 4 at most; in a discriminant it moves the silhouette
+    of a sphere of radius r at such a distance by 16 slack / r.
+    """
+    return radius + 16 * slack * (1 + 1 / radius)
+
+
+def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
+    """Which spheres lie inside a larger one, one of the SHELLS largest, that has the eye and all lights outside of it.
+
+    Whoever looks at such a sphere, eye or light, sees the larger one: all spheres are opaque. center: (n, 3), lengths
+    at most 4; outside: (n,), whether eye and lights are outside of this sphere.
+    """
+    out = np.zeros(len(radius), bool)
+    roomy = larger(radius, slack)
+    least = radius.min(initial=np.inf)
+    for shell in np.argsort(-radius, kind="stable")[:SHELLS]:
+        inner = 2 * radius[shell] - roomy[shell]
+        if outside[shell] and inner > least:
+            out |= np.sqrt(squared_length(center - center[shell])) + roomy < inner
+    return out
+
+
+def point_shadows(offset: Array, radius: Array, slack: float) -> Mask:
+    """(n, n): whether sphere [j] can stand between a light and any point of sphere [i]. offset: light to centres."""
+    roomy = larger(radius, slack)
+    distance = np.sqrt(squared_length(offset))
+    # A light inside of a sphere, or all but, sees it everywhere.
+    clear = distance > roomy
+    safe = np.where(clear, distance, 1.0)
+    half = np.where(clear, np.arcsin(np.minimum(roomy / safe, 1)), np.pi)
+    direction = offset / safe[:, None]
+    cross = np.cross(direction[:, None], direction[None])
+    angle = np.arctan2(np.sqrt((cross * cross).sum(axis=-1)), direction @ direction.T)
+    loose = 16 * slack * (1 + 1 / safe)
+    overlap = angle <= (half + loose)[:, None] + (half + loose)[None]
+    return np.asarray(overlap & ((distance - roomy)[None] < (distance + roomy)[:, None]))
+
+
+def parallel_shadows(axes: Array, center: Array, radius: Array, slack: float) -> Mask:
+    """The same for a parallel light. axes: (3, 3), two across the light and one towards it."""
+    roomy = larger(radius, slack) + slack * 16
+    u, v, s = axes @ center.T
+    gap = np.hypot(u[:, None] - u[None], v[:, None] - v[None])
+    return np.asarray((gap <= roomy[:, None] + roomy[None]) & ((s + roomy)[None] > (s - roomy)[:, None]))
