@@ -16,32 +16,34 @@ import mpmath
 import numpy as np
 import pyopencl as cl
 import pytest
-from oracle import normal_error
-from regimes import TANGENT, globe
 from stress_cases import (
-    AHEAD,
-    AXES,
-    BACK,
     OUTPUTS,
-    RIGHT,
-    Ball,
-    aimed,
-    balls,
     channel,
     check,
     check_colors,
     check_shadows,
-    directions,
-    frame,
     lighting,
-    limbs,
-    lit,
-    looking,
     picture,
 )
 
 import cltrace
 from cltrace import Camera, Renderer, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.bench.cases import (
+    AHEAD,
+    AXES,
+    BACK,
+    RIGHT,
+    Ball,
+    aimed,
+    balls,
+    directions,
+    frame,
+    limbs,
+    lit,
+    looking,
+)
+from cltrace.bench.oracle import normal_error
+from cltrace.bench.regimes import TANGENT, globe
 from cltrace.device import Device
 from cltrace.reference import EYE, Direction, Ray, world_of
 
