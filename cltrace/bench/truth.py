@@ -24,7 +24,7 @@ from .oracle import closest, normal_high, occluded
 Floats = NDArray[np.float64]
 
 # Up to so many spheres all of them are tried for every ray.
-MANY = 64
+MANY = 128
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
 
