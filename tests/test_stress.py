@@ -911,6 +911,13 @@ def test_N1_spheres_and_materials(field: str, value: object, text: str) -> None:
         assert str(caught.value) == f"{names.get(field, f'materials.{field}')}[1]{'[2]' if vector else ''}: {text}"
 
 
+def test_N1_a_bool_among_numbers() -> None:
+    """As numpy would turn it into a number."""
+    with pytest.raises(ValueError) as caught:
+        Scene.from_spheres(Camera(), [], [(0, 0, True)], [1])
+    assert str(caught.value) == "centers: must be numbers, got a bool among them"
+
+
 @pytest.mark.parametrize(("value", "text"), BAD)
 def test_N1_background(value: object, text: str) -> None:
     """As for the camera."""
