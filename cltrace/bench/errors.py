@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from .truth import Answer
 
-# A lit surface may be black where n.l is below what float32 resolves in a unit vector.
+# A lit surface may be black where n.l is below what float32 resolves in a unit vector, and, if its highlight has the
+# exponent 0, be without it there.
 CERTAIN = 2.0**-22
 
 
@@ -22,7 +23,7 @@ class Errors:
     the sphere is right (0.5 is its rounding); normal: largest angle between normals, rad; arriving: lights that arrive
     or should, over all pixels; false_shadows, leaks: of them, those that were held up, or that got through; color_max,
     color_rms: of linear colours; bytes_differ, bytes_off: pixels of which a byte differs at all, and by more than a
-    level; not_finite: pixels with a NaN or an infinity.
+    level, but not where it is that doubtful whether a surface faces a light; not_finite: pixels with a NaN or an infinity.
     """
 
     pixels: int
@@ -64,7 +65,7 @@ def compare(got: Answer, want: Answer) -> Errors:
     leaks = got.lit[hit] & ~want.lit[hit]
     finite = np.isfinite(got.color).all(axis=1) & ~np.isnan(got.depth) & np.isfinite(got.normal).all(axis=1)
     color = np.abs(np.where(np.isfinite(got.color), got.color, 0) - want.color)
-    differ, off = bytes_apart(got.rgb8, want.rgb8)
+    sure = ~(want.lit & (want.light <= CERTAIN)).any(axis=1)
     return Errors(
         pixels=len(wrong),
         wrong_ids=int(wrong.sum()),
@@ -77,8 +78,8 @@ def compare(got: Answer, want: Answer) -> Errors:
         leaks=int(leaks.sum()),
         color_max=float(color.max(initial=0)),
         color_rms=float(np.sqrt(np.mean(color.astype(np.float64) ** 2))) if color.size else 0.0,
-        bytes_differ=differ,
-        bytes_off=off,
+        bytes_differ=bytes_apart(got.rgb8, want.rgb8)[0],
+        bytes_off=bytes_apart(got.rgb8[sure], want.rgb8[sure])[1],
         not_finite=int((~finite).sum()),
     )
 
