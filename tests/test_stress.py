@@ -352,6 +352,7 @@ def test_I2_on_the_surface(device: Device, precision: str, amount: int, axis: tu
     for center, r in surfaces[: 2 if amount == 1 else 4]:
         camera = looking((0, 0, 0), 0.9 / math.sqrt(2), frame(amount, 200), axis)
         image = check(balls(camera, [(center, r)]), device, precision, 10)
+        assert ((image.normal * image.direction).sum(axis=-1)[image.id >= 0] < 0).all()
         b = float(np.dot(center, axis))
         middle = image.id.shape[0] // 2, image.id.shape[1] // 2
         assert image.id[middle] == (0 if b > 0 else -1)
