@@ -23,7 +23,7 @@ class Errors:
     the sphere is right (0.5 is its rounding); normal: largest angle between normals, rad; arriving: lights that arrive
     or should, over all pixels; false_shadows, leaks: of them, those that were held up, or that got through; color_max,
     color_rms: of linear colours; bytes_differ, bytes_off: pixels of which a byte differs at all, and by more than a
-    level, but not where it is that doubtful whether a surface faces a light; not_finite: pixels with a NaN or an infinity.
+    level, but not where it is doubtful whether a surface faces a light; not_finite: pixels with a NaN or an infinity.
     """
 
     pixels: int

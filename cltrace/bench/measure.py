@@ -6,7 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,8 +33,8 @@ class Plan:
     errors: whether to look for them; sample: pixels that are checked exactly.
     """
 
-    rounds: int = 7
-    seconds: float = 12.0
+    rounds: int = 5
+    seconds: float = 5.0
     errors: bool = True
     sample: int = SAMPLE
 
@@ -46,7 +46,7 @@ class Row:
     kernel, whole: seconds, as of tracers.Run, of all frames and rounds; picture: errors of the whole picture against
     cltrace's double precision; sample: errors of some pixels against exact arithmetic; differ, off: shares of the
     picture's pixels of which a byte differs from that of double precision at all, and by more than a level; keep: what
-    cltrace did not skip; note: why something is missing.
+    cltrace did not skip; work: of tracers.Run; note: why something is missing.
     """
 
     case: Case
@@ -60,6 +60,7 @@ class Row:
     sample: Errors | None = None
     differ: float | None = None
     off: float | None = None
+    work: object = None
     note: str = ""
 
     @property
@@ -73,8 +74,15 @@ class Row:
 
     @property
     def errors(self) -> Errors | None:
-        """Of the whole picture; of the sample, where the picture is what others are held against."""
-        return self.picture or self.sample
+        """Of the whole picture, but with the largest errors of the sample where they are larger, as those of an exact
+        normal are; of the sample alone, where the picture is what others are held against.
+        """
+        if not self.picture or not self.sample:
+            return self.picture or self.sample
+        p, s = self.picture, self.sample
+        return replace(
+            p, t_ulp=max(p.t_ulp, s.t_ulp), normal=max(p.normal, s.normal), color_max=max(p.color_max, s.color_max)
+        )
 
 
 def configurations(device: Device, precisions: Sequence[str], quick: bool) -> list[Tracer]:
@@ -125,7 +133,7 @@ def measure(
             live.remove((tracer, row))
             continue
         frames[id(tracer)] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(run.kernel, default=1)))))
-        pictures[id(tracer)] = run.rgb8
+        pictures[id(tracer)], row.work = run.rgb8, run.work
     if plan.errors:
         _errors(case, live, pictures, reference, plan, say)
 

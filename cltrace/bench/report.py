@@ -118,7 +118,7 @@ def complete(rows: Sequence[Row], group: Sequence[Row]) -> bool:
 
 def summary(rows: Sequence[Row], about: dict[str, Any]) -> str:
     """The table of the README, in Markdown: for each tracer time and error in each class, and its worst errors."""
-    rows = [row for row in rows if not row.variant and row.case.group in GROUPS]
+    rows = [row for row in rows if row.kernel and not row.variant and row.case.group in GROUPS]
     groups = by_group(rows)
     head = ["", *groups, "wrong spheres", "distance off by", "false shadows, leaks"]
     lines = []

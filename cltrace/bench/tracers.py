@@ -40,12 +40,14 @@ PEER_SECONDS = 120
 @dataclass(frozen=True)
 class Run:
     """One measurement: kernel, seconds of each frame, with readback; whole: seconds from the scene in memory to the
-    first picture in memory, with everything compiled; rgb8 (h, w, 3): that picture.
+    first picture in memory, with everything compiled; rgb8 (h, w, 3): that picture; work: what the host has prepared,
+    the same for the same work.
     """
 
     kernel: list[float]
     whole: float
     rgb8: NDArray[np.uint8]
+    work: object = None
 
 
 class Tracer(ABC):
@@ -89,7 +91,9 @@ class Product(Tracer):
             image = renderer.render(image)
             kernel.append(_frame_seconds(image))
         assert image.rgb8 is not None
-        return Run(kernel, whole, image.rgb8)
+        packed = renderer.packed
+        work = packed.options(), packed.lights, {name: array.shape for name, array in packed.arrays.items()}
+        return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:
         dull = [self._picture(lamp, "color", "normal", "depth", "id") for lamp in lamps(scene)]
@@ -161,7 +165,7 @@ def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
 
 def _one_light(scene: Scene) -> str:
     """Why a scene cannot be handed to the peers; empty if it can. Embree's program knows one kind of scene."""
-    lights = scene.lights[scene.lights["kind"] != AMBIENT]
+    lights = _shining(scene)
     used = scene.materials[np.unique(scene.spheres["material"])]
     if len(lights) != 1 or lights["kind"][0] != POINT or (lights["color"] != 1).any():
         return "not one white point light"
@@ -170,6 +174,12 @@ def _one_light(scene: Scene) -> str:
     if used["exponent"][0] != 50 or (used["ka"][0] > 0 and (_ambient(scene) != 1).any()):
         return "another exponent than 50, or another ambient light than 1"
     return ""
+
+
+def _shining(scene: Scene) -> NDArray[np.void]:
+    """The lights that are neither ambient nor black."""
+    lights: NDArray[np.void] = scene.lights[(scene.lights["kind"] != AMBIENT) & scene.lights["color"].any(axis=1)]
+    return lights
 
 
 def _ambient(scene: Scene) -> NDArray[np.float64]:
@@ -227,10 +237,9 @@ class Embree(_Peer):
         """Size, count, image plane, light, background, ka, kd, ks; (x, y, z, r) of all spheres; (r, g, b, 1)."""
         width, height = scene.camera.resolution
         spheres, material = scene.spheres, scene.materials[scene.spheres["material"]]
-        light = scene.lights[scene.lights["kind"] == POINT]
         head = (
             *scene.camera.image_plane(),
-            *_seen_from_the_eye(scene, light["position"])[0],
+            *_seen_from_the_eye(scene, _shining(scene)["position"])[0],
             *scene.background,
             *(material[name][0] for name in ("ka", "kd", "ks")),
         )
@@ -266,7 +275,7 @@ class PovRay(_Peer):
     def _write(self, scene: Scene, path: Path) -> None:
         x, y = scene.camera.image_plane()
         material = scene.materials[scene.spheres["material"]]
-        light = _seen_from_the_eye(scene, scene.lights["position"][scene.lights["kind"] == POINT])[0]
+        light = _seen_from_the_eye(scene, _shining(scene)["position"])[0]
         centers = _seen_from_the_eye(scene, scene.spheres["center"])
 
         def vector(v: NDArray[np.float64]) -> str:
