@@ -211,6 +211,9 @@ def test_a_peer(tmp_path: Path) -> None:
     assert done.rgb8[5, 7].tolist() == [0, 1, 2]
     with pytest.raises(tracers.PeerError, match="peer failed with status 1: AssertionError"):
         peer.run(scenes.cloud(17, SMALL), 3)
+    program.write_text("#!/bin/sh\necho hello\n")
+    with pytest.raises(tracers.PeerError, match="peer: cannot read what it wrote: "):
+        peer.run(scene, 3)
 
 
 # --------------------------------------------------------------------------------------------------------- the report

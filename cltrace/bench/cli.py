@@ -235,7 +235,10 @@ def _run(args: argparse.Namespace) -> int:
     )
     bench.tracers([])  # finds what cannot be before the work
     about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.timezone.utc).date().isoformat())
-    print(report.machine_line(about), end="\n\n")
+    print(report.machine_line(about))
+    for k, device in enumerate(chosen if len(chosen) > 1 else []):
+        print(f"[{k}] is {device.spec}, {device.name}")
+    print(flush=True)
     progress = Progress(args.quiet, len(bench.cases) + len(bench.growth))
     finished = False
     try:

@@ -437,6 +437,12 @@ CATALOGUE: list[Case | Refusal] = [
 
 # ------------------------------------------------------------------------------------------------------------- report
 
+ABOUT = """
+Every pixel is held against exact arithmetic. `required` is the most that is allowed to accurate and double; single and
+the textbook's tracer promise nothing but to draw numbers. wrong ids: another sphere, or none, or one where none is; t:
+largest error of a distance in ulp of float32, of which 0.5 is its rounding; false shadows and leaks: lights that do not
+arrive, or that must not; off by 2: pixels of which a byte is off by two levels or more; moved: pixels that differ
+from the first picture of the case."""
 HEAD = (
     "tracer",
     "verdict",
@@ -485,17 +491,21 @@ def _line(cells: Sequence[str]) -> str:
     )
 
 
+def _text(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else number(value)
+
+
 def _required(limits: Limits) -> list[str]:
     bounds = [limits.wrong_ids, limits.t_ulp, limits.normal, limits.false_shadows, limits.leaks, limits.bytes_off,
               limits.not_finite, limits.same]  # fmt: skip
-    return ["required", "", "", *("" if b is None else number(float(b)) for b in bounds)]
+    return ["required", "", "", *("" if b is None else _text(b) for b in bounds)]
 
 
 def _found(label: str, verdict: str, found: Found, limits: Limits) -> list[str]:
     values = [(found.wrong_ids, 0), (found.t_ulp, 0), (found.normal, 0), (found.false_shadows, limits.false_shadows),
               (found.leaks, limits.leaks), (found.bytes_off, limits.bytes_off), (found.not_finite, 0),
               (found.same, limits.same)]  # fmt: skip
-    return [label, verdict, f"{found.pixels:,}", *("" if limit is None else number(float(x)) for x, limit in values)]
+    return [label, verdict, f"{found.pixels:,}", *("" if limit is None else _text(x) for x, limit in values)]
 
 
 def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
@@ -518,6 +528,7 @@ def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
     ]
     for device in devices:
         print(f"{device.spec}  {device.name}")
+    print(ABOUT)
     failed, passed, textbook = 0, 0, 0
     for case in CATALOGUE[::7] if quick else CATALOGUE:
         progress.step(f"{case.name} {case.what}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -11,6 +12,7 @@ import struct
 import subprocess
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -227,11 +229,12 @@ class Embree(_Peer):
     def run(self, scene: Scene, frames: int) -> Run:
         path, out = self._file(scene, ".bin"), self._folder / "embree.rgb"
         done = _call([self._program, str(path), str(frames), str(out)])
-        report = json.loads(done.stdout)
         width, height = scene.camera.resolution
-        best = report["best_ms"] / 1e3
-        rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
-        return Run([best], best + report["build_ms"] / 1e3, rgb8)
+        with _understood(self._program):
+            report = json.loads(done.stdout)
+            best, build = (float(report[name]) / 1e3 for name in ("best_ms", "build_ms"))
+            rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
+        return Run([best], best + build, rgb8)
 
     def _write(self, scene: Scene, path: Path) -> None:
         """Size, count, image plane, light, background, ka, kd, ks; (x, y, z, r) of all spheres; (r, g, b, 1)."""
@@ -267,10 +270,11 @@ class PovRay(_Peer):
         start = time.perf_counter()
         done = _call([self._program, f"+I{path}", f"+O{out}", *options])
         whole = time.perf_counter() - start
-        with Picture.open(out) as picture:
-            rgb8 = np.asarray(picture.convert("RGB"))
-        traced = re.search(r"Trace Time:.*\(([0-9.]+) seconds\)", done.stderr)
-        return Run([float(traced[1])] if traced else [], whole, rgb8)
+        with _understood(self._program):
+            with Picture.open(out) as picture:
+                rgb8 = np.asarray(picture.convert("RGB")).reshape(height, width, 3)
+            traced = re.findall(r"Trace Time:.*\(([0-9.]+) seconds\)", done.stderr)
+            return Run([float(traced[-1])], whole, rgb8)
 
     def _write(self, scene: Scene, path: Path) -> None:
         x, y = scene.camera.image_plane()
@@ -296,6 +300,15 @@ class PovRay(_Peer):
 
 class PeerError(Exception):
     """A peer's program failed; str() is one line."""
+
+
+@contextlib.contextmanager
+def _understood(program: str) -> Iterator[None]:
+    """Reading what a peer has written."""
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, OSError) as error:
+        raise PeerError(f"{Path(program).name}: cannot read what it wrote: {error}") from None
 
 
 def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
