@@ -338,3 +338,31 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     assert "16 balls" in measured
     assert "1,000,000 balls" not in measured
     assert "| accurate | " in (tmp_path / "out" / "table.md").read_text()
+
+
+def test_plots_show_what_was_measured() -> None:
+    """Marks are where time and error are; an error of 0 has its own place; the front holds what nothing beats."""
+    pytest.importorskip("matplotlib")
+    from cltrace.bench import plots
+
+    case = scenes.Case("16 balls", scenes.ORDINARY, scenes.cloud(16, SMALL))
+    rows = [
+        measure.Row(case, "accurate", "", "d", kernel=[0.002, 0.003], whole=[0.01], differ=1e-5),
+        measure.Row(case, "accurate", "no lists", "d", ("lists",), [0.008], [0.02], differ=1e-5, work=1),
+        measure.Row(case, "double", "", "d", kernel=[0.004], whole=[0.01], differ=0.0),
+        measure.Row(case, "textbook", "", "d", kernel=[0.1], whole=[0.1], differ=0.5),
+        measure.Row(case, "accurate", "", "another", kernel=[1e-9], whole=[1e-9], differ=0.9),
+    ]
+    for grown in scenes.growing()[:3]:
+        rows.append(measure.Row(grown, "accurate", "", "d", kernel=[0.001], whole=[0.002]))
+    figures = plots.figures(rows, "d", "about")
+    assert set(figures) == {"time-error", "skipped", "growth"}  # of distances, nothing is known
+    panel = figures["time-error"].axes[0]
+    rings, *marks = panel.collections
+    where = {tuple(offset) for mark in marks for offset in mark.get_offsets().tolist()}
+    assert {(x, y) for x, y in where if y > 1e-6} == {(2.0, 1e-5), (8.0, 1e-5), (100.0, 0.5)}
+    assert {x for x, y in where if y <= 1e-6} == {4.0}
+    assert [x for x, _ in rings.get_offsets().tolist()] == [2.0, 4.0]
+    assert plots.saved(rows) == {"lists": {"ordinary": pytest.approx(4)}}
+    line = figures["growth"].axes[0].lines[0]
+    assert (list(line.get_xdata()), list(line.get_ydata())) == ([1, 10, 100], [1, 1, 1])

@@ -292,7 +292,8 @@ def _save(bench: Bench, about: dict[str, Any], folder: Path, plots: bool, finish
 
         for device in bench.devices:
             suffix = f"-{device.spec.replace(':', '.')}" if len(bench.devices) > 1 else ""
-            for name, figure in figures.figures(bench.rows, device.name, report.machine_line(about)).items():
+            where = report.machine_line(about | {"devices": [device.name]})
+            for name, figure in figures.figures(bench.rows, device.name, where).items():
                 for kind in ("svg", "png"):
                     with whole_file(folder / f"{name}{suffix}.{kind}") as file:
                         figure.savefig(file, format=kind)

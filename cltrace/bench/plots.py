@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 
 import matplotlib as mpl
@@ -27,6 +28,8 @@ COLORS = {
 }
 SHAPES = {"textbook": "D", "Embree": "P", "POV-Ray": "X"}
 VARIANTS = {"": "o", "no lists": "s", "no skipping": "^", "neither": "v"}
+# What the whole time of those is whose growth with the scene is of interest.
+WHOLE = {"accurate": "with packing and making lists", "Embree": "with building its tree"}
 GROUP_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#555555")
 
 mpl.rcParams.update(
@@ -49,29 +52,27 @@ mpl.rcParams.update(
 def figures(rows: Sequence[Row], device: str, about: str) -> dict[str, Figure]:
     """By file name: those figures for which there is something on this device. Peers are on all devices."""
     rows = [row for row in rows if row.device in (device, "") and row.kernel]
-    out = {}
-    if by_group(rows):
-        out["time-error"] = time_against(
+    out = {
+        "time-error": time_against(
             rows,
             worst_share,
             "pixels that differ from the reference",
             percent_tick,
             "Run time against wrong pixels",
             about,
-        )
-        out["time-distance"] = time_against(
+        ),
+        "time-distance": time_against(
             rows,
             lambda some: worst(some, "t_ulp"),
             "largest error of a distance (ulp of float32)",
             lambda y: f"{y:g}" if 1e-3 < y < 1e4 else f"$10^{{{round(math.log10(y))}}}$",
             "Run time against error of distances; 0.5 ulp is rounding to float32",
             about,
-        )
-    if saved(rows):
-        out["skipped"] = bars(rows, about)
-    if any(row.case.group in (GROWTH_SPHERES, GROWTH_PIXELS) for row in rows):
-        out["growth"] = growth(rows, about)
-    return out
+        ),
+        "skipped": bars(rows, about) if saved(rows) else None,
+        "growth": growth(rows, about) if {GROWTH_SPHERES, GROWTH_PIXELS} & {row.case.group for row in rows} else None,
+    }
+    return {name: figure for name, figure in out.items() if figure}
 
 
 def percent_tick(y: float) -> str:
@@ -79,16 +80,14 @@ def percent_tick(y: float) -> str:
     return f"{100 * y:g} %" if y >= 1e-5 else f"$10^{{{round(math.log10(y)) + 2}}}$ %"
 
 
-def _figure(width: float, height: float) -> Figure:
-    """An empty figure of this size in inches, with room for a line at its foot."""
-    return Figure(
-        figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, 0.25 / height, 1, 1 - 0.25 / height))
-    )
-
-
-def _foot(figure: Figure, title: str, about: str) -> None:
+def _figure(width: float, height: float, title: str, about: str) -> Figure:
+    """A figure of this size in inches, with a title and, at its foot, where it comes from."""
+    foot = textwrap.wrap(about, int(16 * width))
+    room = (0.1 + 0.15 * len(foot)) / height
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, room, 1, 1 - room)))
     figure.suptitle(title, fontsize=14, x=0.02, ha="left", weight="bold")
-    figure.text(0.02, 0.006, about, fontsize=8, color="#555555")
+    figure.text(0.02, 0.05 / height, "\n".join(foot), fontsize=8, color="#555555", va="bottom")
+    return figure
 
 
 def time_against(
@@ -98,8 +97,11 @@ def time_against(
     tick: Callable[[float], str],
     title: str,
     about: str,
-) -> Figure:
-    """One panel for each class of scenes: kernel time and this error of each tracer, and the Pareto front."""
+) -> Figure | None:
+    """One panel for each class of scenes: kernel time and this error of each tracer, and the Pareto front.
+
+    None if that error is not known of anything.
+    """
     groups = by_group(rows)
     panels = {
         group: [
@@ -109,7 +111,10 @@ def time_against(
         ]
         for group, some in groups.items()
     }
+    panels = {group: points for group, points in panels.items() if points}
     every = [point for points in panels.values() for point in points]
+    if not every:
+        return None
     positive = [y for *_, y in every if 0 < y < math.inf]
     # An error of exactly 0 has its own place, below the smallest one of the logarithmic scale.
     low = math.floor(math.log10(min(positive, default=1e-6)))
@@ -117,7 +122,9 @@ def time_against(
     zero = 10.0 ** (low - 1)
     columns = min(3, len(panels) + 1)
     lines = math.ceil((len(panels) + 1) / columns)
-    figure = _figure(4.4 * columns, 3.6 * lines + 0.9)
+    if any(len({row.case.name for row in some}) > 1 for some in groups.values()):
+        about = f"A mark: the geometric mean of the times of the class's scenes, and the worst of their errors. {about}"
+    figure = _figure(4.4 * columns, 3.6 * lines + 0.9, title, about)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     left, right = min(x for _, _, x, _ in every), max(x for _, _, x, _ in every)
     for ax, (group, points) in zip(axes, panels.items(), strict=False):
@@ -136,9 +143,6 @@ def time_against(
     for ax in axes[len(panels) :]:
         ax.axis("off")
     _legend(axes[len(panels)], {(name, variant) for name, variant, *_ in every})
-    if any(len({row.case.name for row in some}) > 1 for some in groups.values()):
-        about = f"A mark: the geometric mean of the times of the class's scenes, and the worst of their errors. {about}"
-    _foot(figure, title, about)
     return figure
 
 
@@ -225,17 +229,22 @@ def bars(rows: Sequence[Row], about: str) -> Figure:
     """What each skipped piece of work saved, by class of scenes."""
     ratios = saved(rows)
     groups = [g for g in by_group(rows) if any(g in some for some in ratios.values())]
-    figure = _figure(10, 1.2 + len(ratios) * (0.35 + 0.27 * len(groups)))
+    # From the top: a block of bars for each name, and half a bar between two blocks.
+    count = sum(map(len, ratios.values())) + 0.5 * len(ratios)
+    figure = _figure(10, 1.6 + 0.3 * count, "What each piece of work that is skipped would cost", about)
     ax = figure.subplots()
-    height = 0.8 / len(groups)
-    for k, group in enumerate(groups):
-        places = [i + (k - (len(groups) - 1) / 2) * height for i, some in enumerate(ratios.values()) if group in some]
-        values = [some[group] for some in ratios.values() if group in some]
-        color = GROUP_COLORS[k % len(GROUP_COLORS)]
-        ax.barh(places, [v - 1 for v in values], height * 0.9, left=1, color=color, label=group)
-        for place, v in zip(places, values, strict=True):
+    place, ticks, labelled = 0.0, [], set()
+    for some in ratios.values():
+        ticks.append(place + (len(some) - 1) / 2)
+        for group in (g for g in groups if g in some):
+            v = some[group]
+            color = GROUP_COLORS[groups.index(group) % len(GROUP_COLORS)]
+            ax.barh(place, v - 1, 0.9, left=1, color=color, label="" if group in labelled else group)
+            labelled.add(group)
             text = f"{number(v, 3 if v >= 1 else 2)}x"
             ax.annotate(text, (max(v, 1), place), (4, 0), textcoords="offset points", va="center", fontsize=9)
+            place += 1
+        place += 0.5
     ax.set_xscale("log")
     most = max(v for some in ratios.values() for v in some.values())
     least = min(v for some in ratios.values() for v in some.values())
@@ -243,14 +252,14 @@ def bars(rows: Sequence[Row], about: str) -> Figure:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}x"))
     ax.xaxis.set_minor_formatter(FuncFormatter(lambda x, _: f"{x:g}x" if most < 10 else ""))
     ax.axvline(1, color="#555555", linewidth=1)
-    ax.set_yticks(range(len(ratios)), [f"--keep {name}" for name in ratios])
+    ax.set_yticks(ticks, [f"--keep {name}" for name in ratios])
+    ax.set_ylim(-0.7, place - 0.3)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(
         f"kernel time with this work, in multiples of that without it ({_first(rows)}; mean of scenes that have any)"
     )
     ax.legend(frameon=False, loc="lower right", fontsize=10)
-    _foot(figure, "What each piece of work that is skipped would cost", about)
     return figure
 
 
@@ -258,9 +267,9 @@ def growth(rows: Sequence[Row], about: str) -> Figure:
     """Kernel time and, dotted, whole time by the number of spheres and of pixels."""
     kinds = [(GROWTH_SPHERES, "spheres (640x360 pixels)"), (GROWTH_PIXELS, "pixels (300 spheres)")]
     shown = [(group, text) for group, text in kinds if any(row.case.group == group for row in rows)]
-    figure = _figure(5.6 * len(shown), 5.2)
-    axes = figure.subplots(1, len(shown), squeeze=False)[0]
-    for ax, (group, text) in zip(axes, shown, strict=True):
+    figure = _figure(5.2 * len(shown) + 3, 5, "Kernel time by spheres and by pixels", about)
+    axes = figure.subplots(1, len(shown) + 1, width_ratios=[1.0] * len(shown) + [0.5])
+    for ax, (group, text) in zip(axes, shown, strict=False):
         for (label, _), mine in tracers_of(row for row in rows if row.case.group == group).items():
             name, variant = mine[0].name, mine[0].variant
             x = [_extent(row, group) for row in mine]
@@ -272,18 +281,16 @@ def growth(rows: Sequence[Row], about: str) -> Figure:
             if variant:
                 style["markerfacecolor"] = "none"
             ax.plot(x, [1e3 * row.best for row in mine], label=label, linewidth=1.6, **style)
-            if name == "accurate" and not variant:
+            if name in WHOLE and not variant:
                 whole = [1e3 * min(row.whole) for row in mine]
-                ax.plot(
-                    x, whole, linestyle=":", label=f"{label}, with packing and making lists", linewidth=1.4, **style
-                )
+                ax.plot(x, whole, linestyle=":", label=f"{label}, {WHOLE[name]}", linewidth=1.4, **style)
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel(text)
         ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axes[0].set_ylabel("time (ms)")
-    axes[0].legend(frameon=False, fontsize=9.5, loc="upper left")
-    _foot(figure, "Kernel time by spheres and by pixels", about)
+    axes[-1].axis("off")
+    axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="center left", frameon=False, fontsize=10.5)
     return figure
 
 
