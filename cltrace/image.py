@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,6 +11,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
+
+from .files import whole_file
 
 SHOWS = ("color", "normal", "direction", "depth", "id")
 
@@ -78,19 +78,8 @@ class Image:
         target = Path(path)
         if target.suffix.lower() != ".png":
             raise ValueError(f"path: the picture is a PNG and its name must end in .png, got {str(path)!r}")
-        target = target.resolve()
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:64]}-", suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                self.write_png(file, show)
-            mask = os.umask(0)
-            os.umask(mask)
-            Path(name).chmod(0o666 & ~mask)  # mkstemp's 0600 is not what a picture should have
-            Path(name).replace(target)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                Path(name).unlink()
-            raise
+        with whole_file(target) as file:
+            self.write_png(file, show)
 
     def write_png(self, file: BinaryIO, show: str = "color") -> None:
         """Writes a PNG to an open binary file."""

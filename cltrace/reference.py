@@ -175,8 +175,8 @@ class Sphere(Surface):
     def _quadratic(self, ray: Ray) -> tuple[float, float, float, Direction, bool]:
         """a, b, discriminant of a t^2 - 2 b t + c = 0, v from the ray's closest point to the centre, and which form.
 
-        The tutorial's formula is b^2 - a c. It is kept where it is accurate, for |b| < radius |d|; elsewhere
-        a (radius^2 - |v|^2) is. Where its sign is in doubt, it is computed without rounding.
+        The tutorial's formula is b^2 - a c. It is kept where it is accurate, for |b| < radius |d| and from inside;
+        elsewhere a (radius^2 - |v|^2) is. Where its sign is in doubt, it is computed without rounding.
         """
         f, d = self.center - ray.origin, ray.direction
         a, b = d.dot(d), f.dot(d)
@@ -186,7 +186,7 @@ class Sphere(Surface):
         v = Direction(f.x - k * d.x, f.y - k * d.y, f.z - k * d.z)
         rr = self.radius * self.radius
         bb, arr = b * b, a * rr
-        by_b = bb < arr
+        by_b = bb < arr or self.eye_power <= 0
         discriminant = bb - a * self.eye_power if by_b else a * (rr - v.dot(v))
         tiny = arr < bb * 2.0**-42
         if abs(discriminant) <= (bb + arr) * 2.0**-48 or tiny:

@@ -365,9 +365,11 @@ class Scene:
         n = len(points)
         coefficients = (("ka", ka), ("kd", kd), ("ks", ks), ("exponent", exponent))
         shade = {"colors": (colors, (n, 3))} | {k: (v, (n,)) for k, v in coefficients}
-        for name, (value, shape) in {"centers": (points, (n, 3)), "radii": (radii, (n,)), **shade}.items():
+        for name, (value, shape) in {"centers": (centers, (n, 3)), "radii": (radii, (n,)), **shade}.items():
             if not _is_numbers(value):
-                raise ValueError(f"{name}: must be numbers, got {np.asarray(value).dtype}")
+                kind = np.asarray(value).dtype
+                got = "a bool among them" if kind.kind in "iuf" else kind
+                raise ValueError(f"{name}: must be numbers, got {got}")
             array = np.asarray(value)
             try:
                 np.broadcast_to(array, shape)

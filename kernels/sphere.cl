@@ -182,6 +182,10 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     e.b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
     const REAL bb = e.b * e.b, arr = ray.a * rr;
     e.by_b = bb < arr;
+#ifdef WITH_INSIDE
+    /* Beyond is only the near root's normal; from inside, rounding may find |b| = r |d| where a ray meets the centre. */
+    e.by_b = e.by_b | (sphere.c <= 0);
+#endif
     e.v.x = e.v.y = e.v.z = 0;
     e.discriminant = bb - ray.a * sphere.c;
     if (ANY(!TO_MASK(e.by_b))) {

@@ -1,92 +1,25 @@
-"""What the stress cases share: cameras whose rays are known exactly, and pictures held against oracle and reference.
-
-A camera here looks along a coordinate axis with up along another one: its basis holds 0, 1 and -1 only, so the world is
-camera space without a rounding, and the exact oracle can say what every pixel must be.
-"""
+"""Pictures held against oracle and reference, with assertions. The scenes are made by cltrace.bench.cases."""
 
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import mpmath
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from oracle import closest, normal_error, normal_high, occluded, t_high
-from regimes import rays
 
-from cltrace import Camera, Image, Renderer, Scene, parallel_light, point_light
+from cltrace import Image, Renderer, Scene
+from cltrace.bench import truth
+from cltrace.bench.oracle import normal_error, t_high
 from cltrace.check import sample
 from cltrace.device import Device
 from cltrace.reference import byte_of, primary_ray, trace, world_of
-from cltrace.scene import PARALLEL, POINT
-
-Floats = NDArray[np.float64]
-Ball = tuple[Sequence[float], float]
+from cltrace.scene import POINT
 
 # Always the same outputs: one program for all scenes of one kind.
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
-LEFT, RIGHT, DOWN, UP, AHEAD, BACK = (-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)
-AXES = (AHEAD, BACK, LEFT, RIGHT, DOWN, UP)
-
-
-def looking(
-    eye: Sequence[float] = (0, 0, 0), tan: float = 1.0, size: tuple[int, int] = (32, 24), axis: Sequence[int] = AHEAD
-) -> Camera:
-    """A camera along an axis; tan: half of the longer side of its image plane at distance 1."""
-    at = [e + a * max(1.0, abs(e)) for e, a in zip(eye, axis, strict=True)]
-    camera = Camera(
-        position=tuple(map(float, eye)),
-        lookat=tuple(at),
-        up=BACK if axis in (UP, DOWN) else UP,
-        horizontal_fov=math.degrees(math.atan(tan)),
-        resolution=size,
-        square_pixels=True,
-    )
-    assert set(np.ravel(camera.basis())) == {0.0, 1.0} or set(np.ravel(camera.basis())) == {0.0, 1.0, -1.0}
-    return camera
-
-
-def frame(amount: int, pixels: int = 800) -> tuple[int, int]:
-    """The size of a picture of 4:3 with about pixels * amount pixels; odd, so that one pixel is on the axis."""
-    height = math.isqrt(pixels * amount * 3 // 4)
-    return (height * 4 // 3 | 1, height | 1)
-
-
-def balls(camera: Camera, spheres: Iterable[Ball], lights: Iterable[np.ndarray] = (), **material: ArrayLike) -> Scene:
-    """A scene of (center, radius)."""
-    centers, radii = zip(*spheres, strict=True)
-    return Scene.from_spheres(camera, lights, np.array(centers, float), np.array(radii, float), **material)  # type: ignore[arg-type]
-
-
-def lit(camera: Camera, spheres: Iterable[Ball], point: Sequence[float], travels: Sequence[float]) -> Scene:
-    """White dull spheres without ambient light: red is what the point light adds, green what the parallel one does."""
-    lights = [point_light(point, (1, 0, 0)), parallel_light(travels, (0, 1, 0))]
-    return balls(camera, spheres, lights, ka=0, kd=1, ks=0)
-
-
-def directions(camera: Camera) -> Floats:
-    """Every pixel's ray in the world, exactly: (n, 3)."""
-    return np.asarray(rays(camera) @ np.array(camera.basis()))
-
-
-def aimed(camera: Camera, distance: ArrayLike, radius: ArrayLike, near: Floats, rng: np.random.Generator) -> list[Ball]:
-    """Spheres this far from the eye (the origin), each passed by the ray of some pixel at radius (1 + near)."""
-    d = directions(camera)[rng.integers(0, camera.resolution[0] * camera.resolution[1], len(near))]
-    d /= np.linalg.norm(d, axis=1)[:, None]
-    side = np.cross(d, rng.normal(size=d.shape))
-    side /= np.linalg.norm(side, axis=1)[:, None]
-    distance, radius = (np.broadcast_to(np.asarray(x, float), len(near)) for x in (distance, radius))
-    centers = d * distance[:, None] + side * (radius * (1 + near))[:, None]
-    return list(zip(centers.tolist(), radius.tolist(), strict=True))
-
-
-def limbs(low: int, high: int, count: int, rng: np.random.Generator) -> Floats:
-    """+/-2^-k, each k of low..high equally often."""
-    return np.resize(2.0 ** -np.arange(low, high + 1), count) * rng.choice([-1, 1], count)
 
 
 def picture(scene: Scene, device: Device, precision: str = "accurate", width: int | None = None) -> Image:
@@ -120,47 +53,23 @@ def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
     return answer
 
 
-class Truth(NamedTuple):
-    """What the exact oracle says of every pixel, and whether the eye is outside of each sphere."""
-
-    d: Floats
-    index: NDArray[np.int32]
-    depth: np.ndarray  # long double: the distance is rounded once more than t
-    outside: list[bool]
+@remembered
+def hits(scene: Scene) -> truth.Hits:
+    """What the oracle says of every pixel."""
+    return truth.hits(scene)
 
 
 @remembered
-def truth(scene: Scene) -> Truth:
-    eye, spheres = scene.camera.position, scene.spheres
-    d = directions(scene.camera)
-    index, t = closest(eye, d, spheres["center"], spheres["radius"])
-    power = [
-        sum((Fraction(c) - Fraction(e)) ** 2 for c, e in zip(center, eye, strict=True)) - Fraction(radius) ** 2
-        for center, radius in zip(spheres["center"].tolist(), spheres["radius"].tolist(), strict=True)
-    ]
-    length = np.sqrt((d.astype(np.longdouble) ** 2).sum(axis=1))
-    return Truth(d, index, t * length, [p > 0 for p in power])
-
-
-def facing_normal(scene: Scene, pixel: int) -> tuple[mpmath.mpf, ...]:
-    """The exact normal at a pixel's hit, facing the eye."""
-    want, spheres = truth(scene), scene.spheres
-    i = want.index[pixel]
-    n = normal_high(scene.camera.position, want.d[pixel], spheres["center"][i], spheres["radius"][i])
-    return n if want.outside[i] else tuple(-x for x in n)
-
-
-@remembered
-def normals_of(scene: Scene, count: int) -> dict[int, tuple[mpmath.mpf, ...]]:
-    """facing_normal() of some pixels that hit: limbs first, where a normal loses its digits."""
-    index, (width, height) = truth(scene).index, scene.camera.resolution
-    pixels = [i for i in sample(index.reshape(height, width), 2 * count) if index[i] >= 0][:count]
-    return {int(i): facing_normal(scene, i) for i in pixels}
+def normals_of(scene: Scene, count: int) -> dict[int, tuple[Fraction, ...]]:
+    """The exact normals of some pixels that hit: limbs first, where a normal loses its digits."""
+    seen, (width, height) = hits(scene), scene.camera.resolution
+    pixels = [i for i in sample(seen.index.reshape(height, width), 2 * count) if seen.index[i] >= 0][:count]
+    return {int(i): truth.facing_normal(scene, seen, i) for i in pixels}
 
 
 def check(scene: Scene, device: Device, precision: str = "accurate", normals: int = 0) -> Image:
     """Every id is exact, no t is off by more than 0.52 ulp of float32 and 1e-8, no sampled normal by 1e-7 rad."""
-    image, want = picture(scene, device, precision), truth(scene)
+    image, want = picture(scene, device, precision), hits(scene)
     ids, depth, normal = channel(image, "id"), channel(image, "depth"), channel(image, "normal")
     wrong = np.flatnonzero(ids != want.index)
     assert len(wrong) == 0, f"{len(wrong)} wrong ids"
@@ -184,32 +93,24 @@ def check(scene: Scene, device: Device, precision: str = "accurate", normals: in
 @remembered
 def lighting(scene: Scene, image: Image, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Some pixels that hit, edges of spheres and shadows first, and (lit, facing) of each for each light."""
-    want, spheres = truth(scene), scene.spheres
+    seen = hits(scene)
     parts = image.id * 8 + (image.color > 0) @ [1, 2, 4]
-    pixels = np.array([i for i in sample(parts, 2 * count) if want.index[i] >= 0][:count], int)
-    out = np.zeros((len(pixels), len(scene.lights), 2), bool)
-    for j, light in enumerate(scene.lights):
-        kind = {POINT: "point", PARALLEL: "parallel"}[int(light["kind"])]
-        where = light["position" if kind == "point" else "direction"]
-        for row, i in enumerate(pixels):
-            out[row, j] = occluded(
-                scene.camera.position, want.d[i], want.index[i], spheres["center"], spheres["radius"], where, kind
-            )
-    return pixels, out
+    pixels = np.array([i for i in sample(parts, 2 * count) if seen.index[i] >= 0][:count], int)
+    return pixels, np.array([truth.reached(scene, seen, i) for i in pixels])
 
 
 def cosine(scene: Scene, pixel: int, number: int) -> float:
     """n.l of a pixel's hit and a light, to all digits."""
-    want, light = truth(scene), scene.lights[number]
-    sphere = scene.spheres[want.index[pixel]]
+    seen, light = hits(scene), scene.lights[number]
+    sphere = scene.spheres[seen.index[pixel]]
+    l = [-Fraction(float(x)) for x in light["direction"]]  # noqa: E741
+    if light["kind"] == POINT:
+        t = t_high(scene.camera.position, seen.d[pixel], sphere["center"], float(sphere["radius"]))
+        p = [Fraction(o) + t * Fraction(x) for o, x in zip(scene.camera.position, seen.d[pixel], strict=True)]
+        l = [Fraction(float(x)) - y for x, y in zip(light["position"], p, strict=True)]  # noqa: E741
     with mpmath.workdps(50):
-        l = [-mpmath.mpf(float(x)) for x in light["direction"]]  # noqa: E741
-        if light["kind"] == POINT:
-            t = t_high(scene.camera.position, want.d[pixel], sphere["center"], float(sphere["radius"]))
-            p = [Fraction(o) + t * Fraction(x) for o, x in zip(scene.camera.position, want.d[pixel], strict=True)]
-            way = [Fraction(float(x)) - y for x, y in zip(light["position"], p, strict=True)]
-            l = [mpmath.mpf(x.numerator) / x.denominator for x in way]  # noqa: E741
-        n = facing_normal(scene, pixel)
+        n, l = ([mpmath.mpf(x.numerator) / x.denominator for x in v]  # noqa: E741
+                for v in (truth.facing_normal(scene, seen, pixel), l))  # fmt: skip
         return float(mpmath.fdot(n, l) / mpmath.sqrt(mpmath.fdot(l, l)))
 
 

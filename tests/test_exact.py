@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracle import closest
-from regimes import REGIMES, camera_space, rays
 
 import cltrace
+from cltrace.bench.oracle import closest
+from cltrace.bench.regimes import REGIMES, camera_space, rays
 from cltrace.device import Device
 
 THINNED = (8_000, 2)

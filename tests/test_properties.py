@@ -15,11 +15,11 @@ import pyopencl as cl
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from oracle import closest
-from regimes import REGIMES, rays
 
 import cltrace
 from cltrace import Camera, Scene
+from cltrace.bench.oracle import closest
+from cltrace.bench.regimes import REGIMES, rays
 from cltrace.device import Device, choose
 from cltrace.numerics import dot_products, square_excess, two_product, two_sum
 from cltrace.reference import closest_hit as reference_hit

@@ -7,41 +7,45 @@ exact oracle, colours against the reference. Each docstring says what could go w
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
-from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pyopencl as cl
 import pytest
-from oracle import normal_error
-from regimes import TANGENT, globe
 from stress_cases import (
-    AHEAD,
-    AXES,
-    BACK,
     OUTPUTS,
-    RIGHT,
-    Ball,
-    aimed,
-    balls,
     channel,
     check,
     check_colors,
     check_shadows,
-    directions,
-    frame,
     lighting,
-    limbs,
-    lit,
-    looking,
     picture,
 )
 
 import cltrace
 from cltrace import Camera, Renderer, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.bench.cases import (
+    AHEAD,
+    AXES,
+    BACK,
+    RIGHT,
+    Ball,
+    aimed,
+    balls,
+    between_doubles,
+    directions,
+    everything,
+    frame,
+    limbs,
+    lit,
+    looking,
+    ulp32,
+    unit,
+)
+from cltrace.bench.oracle import normal_error
+from cltrace.bench.regimes import TANGENT, globe
 from cltrace.device import Device
 from cltrace.reference import EYE, Direction, Ray, world_of
 
@@ -54,49 +58,6 @@ mostly = pytest.mark.parametrize("precision", ["accurate", pytest.param("double"
 def amount(request: pytest.FixtureRequest) -> int:
     """How many times as much as in the ordinary run."""
     return int(request.param)
-
-
-def ulp32(x: float, steps: int = 1) -> float:
-    """The float32 so many steps beyond x."""
-    y = np.float32(x)
-    for _ in range(abs(steps)):
-        y = np.nextafter(y, np.float32(math.copysign(np.inf, steps)))
-    return float(y)
-
-
-def unit(rng: np.random.Generator, n: int | None = None) -> np.ndarray:
-    v = rng.normal(size=3 if n is None else (n, 3))
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
-
-
-@functools.cache
-def everything(offset: tuple[float, ...] = (0, 0, 0), factor: float = 1, order: tuple[int, ...] = ()) -> Scene:
-    """Ground, overlapping spheres and all kinds of light, seen aslant, all on a grid of 2^-20.
-
-    Moved by `offset`, then times `factor`, with the spheres in this order.
-    """
-    rng = np.random.default_rng(5)
-
-    def place(p: Sequence[float]) -> tuple[float, ...]:
-        grid = np.round(np.asarray(p, float) * 2**20) / 2**20
-        return tuple(((grid + offset) * factor).tolist())
-
-    n = 10
-    centers = [(0, -50, -6), *(rng.uniform(-2, 2, (n - 1, 3)) + (0, 0, -6))]
-    radii = np.round(np.array([48.5, *rng.uniform(0.3, 1.2, n - 1)]) * 2**20) / 2**20
-    colors, shine = rng.uniform(0.2, 1, (n, 3)), rng.choice([0, 0.5, 20, 1e4], n)
-    lights = [
-        ambient_light((0.1, 0.1, 0.2)),
-        parallel_light((-1, -3, -2), (0.5, 0.5, 0.3)),
-        point_light(place((3, 4, 0)), (0.4, 0.3, 0.2)),
-        spot_light(place((-3, 5, -2)), (2, -4, -4), 10, 30, (0.2, 0.6, 0.6)),
-    ]
-    at = list(order or range(n))
-    camera = Camera(place((1, 1.5, 2)), place((0, 0.25, -6)), (0.1, 1, 0.2), 28, (44, 33))
-    where = np.array([place(p) for p in centers])
-    return Scene.from_spheres(
-        camera, lights, where[at], (radii * factor)[at], colors[at], exponent=shine[at], background=(0.2, 0.3, 0.4)
-    )
 
 
 def same(a: cltrace.Image, b: cltrace.Image, *names: str) -> bool:
@@ -391,6 +352,7 @@ def test_I2_on_the_surface(device: Device, precision: str, amount: int, axis: tu
     for center, r in surfaces[: 2 if amount == 1 else 4]:
         camera = looking((0, 0, 0), 0.9 / math.sqrt(2), frame(amount, 200), axis)
         image = check(balls(camera, [(center, r)]), device, precision, 10)
+        assert ((image.normal * image.direction).sum(axis=-1)[image.id >= 0] < 0).all()
         b = float(np.dot(center, axis))
         middle = image.id.shape[0] // 2, image.id.shape[1] // 2
         assert image.id[middle] == (0 if b > 0 else -1)
@@ -569,18 +531,6 @@ def test_L8_terminator(device: Device, precision: str, amount: int) -> None:
     spheres = [((0, 0, 0), 1), ((0, -9, 0), 1)]
     scene = lit(looking((0, 0, 3), 0.4, frame(amount)), spheres, (5, 0, 1e-3), (-1, 1e-3, 1e-3))
     check_shadows(scene, device, precision, 200 * amount)
-
-
-@functools.cache
-def between_doubles(seed: int) -> tuple[float, ...]:
-    """A point strictly between the spheres of radius 1 and 1 + 2^-52, near (0, 0, 1): |p|^2 by exact arithmetic."""
-    rng = np.random.default_rng(seed)
-    while True:
-        w = unit(rng) * (0.1, 0.1, 1)
-        p = w / np.linalg.norm(w) * math.copysign(1 + 2.0**-53, w[2])
-        square = sum(Fraction(float(x)) ** 2 for x in p)
-        if 1 < square < (1 + Fraction(1, 2**52)) ** 2 and p[2] > 0:
-            return tuple(p.tolist())
 
 
 GAPS = [pytest.param(g, id=f"{g:g}") for g in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)]
@@ -960,6 +910,13 @@ def test_N1_spheres_and_materials(field: str, value: object, text: str) -> None:
         refused(field, "", text, caught.value)
     else:
         assert str(caught.value) == f"{names.get(field, f'materials.{field}')}[1]{'[2]' if vector else ''}: {text}"
+
+
+def test_N1_a_bool_among_numbers() -> None:
+    """As numpy would turn it into a number."""
+    with pytest.raises(ValueError) as caught:
+        Scene.from_spheres(Camera(), [], [(0, 0, True)], [1])
+    assert str(caught.value) == "centers: must be numbers, got a bool among them"
 
 
 @pytest.mark.parametrize(("value", "text"), BAD)

@@ -21,10 +21,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from math import isqrt
+from math import atan2, isqrt, sqrt
 from typing import Literal, NamedTuple
 
-import mpmath
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -181,7 +180,7 @@ def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radiu
 
 def normal_high(
     origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float
-) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
+) -> tuple[Fraction, Fraction, Fraction]:
     """The outward unit normal (p - C) / r at the hit, each component to within 1e-50; ValueError if there is no hit.
 
     a (p - C) = a (t d - f) = (b d - a f) + s d sqrt(D), to be divided by a r. sqrt(D) is cut k bits behind the point,
@@ -191,18 +190,16 @@ def normal_high(
     a, b, _, s, D = root
     k = 180
     rest = isqrt(D << 2 * k)
-    with mpmath.workprec(k + 20):
-        x, y, z = (mpmath.mpf(((b * d[i] - a * f[i]) << k) + s * d[i] * rest) / (a * r << k) for i in range(3))
+    x, y, z = (Fraction(((b * d[i] - a * f[i]) << k) + s * d[i] * rest, a * r << k) for i in range(3))
     return x, y, z
 
 
-def normal_error(normal: ArrayLike, exact: Sequence[mpmath.mpf]) -> float:
+def normal_error(normal: ArrayLike, exact: Sequence[Fraction]) -> float:
     """The angle between a normal of any length and one of normal_high(), radians."""
-    with mpmath.workdps(50):
-        n = [mpmath.mpf(float(x)) for x in np.asarray(normal)]
-        cross = [n[i - 2] * exact[i - 1] - n[i - 1] * exact[i - 2] for i in range(3)]
-        dot = mpmath.fsum(x * y for x, y in zip(n, exact, strict=True))
-        return float(mpmath.atan2(mpmath.sqrt(mpmath.fsum(x * x for x in cross)), dot))
+    n = [Fraction(float(x)) for x in np.asarray(normal)]
+    cross = [n[i - 2] * exact[i - 1] - n[i - 1] * exact[i - 2] for i in range(3)]
+    dot = sum((x * y for x, y in zip(n, exact, strict=True)), Fraction(0))
+    return atan2(sqrt(sum(x * x for x in cross)), dot)
 
 
 # ----------------------------------------------------------------------------------------------------------- shadows

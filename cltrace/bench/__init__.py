@@ -1,0 +1,1 @@
+"""The benchmark: run time against error. Nothing in cltrace itself imports it."""

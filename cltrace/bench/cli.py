@@ -1,0 +1,301 @@
+"""The command `cltrace-bench`: options, progress, tables, files, exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import datetime
+import importlib.util
+import math
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NoReturn
+
+from cltrace.device import Device, choose, devices
+from cltrace.errors import CltraceError, UsageError
+from cltrace.files import whole_file
+from cltrace.layout import PRECISIONS
+from cltrace.reader import read
+from cltrace.scene import check_resolution
+from cltrace.tracer import default_precision
+
+from . import report
+from .measure import Plan, Row, configurations, measure
+from .scenes import GIVEN, Case, Size, few, generated, growing
+from .tracers import Baseline, Embree, Product, Tracer, peers
+
+SIZE, QUICK_SIZE = (960, 540), (320, 180)
+FULL, QUICK = Plan(), Plan(rounds=3, seconds=1, sample=100)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see cltrace-bench --help")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = _Parser(
+        prog="cltrace-bench",
+        description="Measure run time against error: cltrace in each precision with and without what it skips, the "
+        "textbook's tracer, and Embree and POV-Ray where they are installed.",
+        allow_abbrev=False,
+    )
+    p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help="scenes to draw (default: a set of its own)")
+    p.add_argument("-d", "--device", action="append", metavar="SPEC",
+                   help="cpu, gpu, P:D or part of a name; may be repeated (default: the fastest CPU)")  # fmt: skip
+    p.add_argument("--precision", action="append", choices=PRECISIONS,
+                   help="only this one; may be repeated (default: all that the device has)")  # fmt: skip
+    p.add_argument("--size", type=_size, metavar="WxH", help=f"picture size (default: {SIZE[0]}x{SIZE[1]})")
+    p.add_argument("--rounds", type=_positive, metavar="N", help=f"measure each up to N times (default: {FULL.rounds})")
+    p.add_argument("-o", "--output", default="bench-results", metavar="FOLDER",
+                   help="where results.json, table.md and the plots go (default: %(default)s)")  # fmt: skip
+    p.add_argument("--no-plots", action="store_true", help="tables and results.json only; needs no matplotlib")
+    p.add_argument("--embree", metavar="PATH", help="the program of the Embree peer (default: embree_spheres on PATH)")
+    p.add_argument("--quick", action="store_true", help="three small scenes, in less than half a minute")
+    p.add_argument(
+        "--stress", action="store_true", help="the stress catalogue instead: required and found, case by case"
+    )
+    p.add_argument("-q", "--quiet", action="store_true", help="no progress")
+    p.add_argument("--version", action="version", version=f"cltrace-bench {metadata.version('cltrace')}")
+    return p
+
+
+def _size(text: str) -> Size:
+    width, _, height = text.partition("x")
+    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
+        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
+    try:
+        return check_resolution((int(width), int(height)))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix("camera.resolution: ")) from None
+
+
+def _positive(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text!r}")
+    return int(text)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command. Returns its exit status: 0 ok, 1 a stress case failed, 2 usage or scene, 3 device."""
+    if sys.stderr is None:  # print() would take stdout for it
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+    try:
+        return _run(parser().parse_args(argv))
+    except CltraceError as error:
+        return _fail(str(error), error.exit_code, prefixed=type(error).__name__ != "SceneError")
+    except KeyboardInterrupt:
+        return _fail("interrupted; what was measured is kept", 128 + signal.SIGINT)
+    except BrokenPipeError:
+        # The reader of stdout has gone; keep Python from failing once more when it flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    except OSError as error:
+        return _fail(f"cannot write: {error.strerror or error}", 2)
+    except MemoryError:
+        return _fail("not enough memory", 2)
+
+
+def _terminate(*_: object) -> NoReturn:
+    raise SystemExit(128 + signal.SIGTERM)
+
+
+def _tell(message: str) -> None:
+    """A message on stderr. Control characters of file names are shown, not sent."""
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
+    with contextlib.suppress(OSError):
+        print(shown, file=sys.stderr, flush=True)
+
+
+def _fail(message: str, status: int, prefixed: bool = True) -> int:
+    _tell(f"cltrace-bench: {message}" if prefixed else message)
+    return status
+
+
+class Progress:
+    """One line on a terminal, written over and over, and how far the whole is; nothing elsewhere."""
+
+    def __init__(self, quiet: bool, steps: int) -> None:
+        self._shown = not quiet and sys.stderr.isatty()
+        self._steps, self._done, self._start, self._what = steps, 0, time.monotonic(), ""
+
+    def step(self, what: str) -> None:
+        """The next step begins."""
+        self._done, self._what = self._done + 1, what
+        self.say("")
+
+    def say(self, detail: str) -> None:
+        if self._shown:
+            seconds = int(time.monotonic() - self._start)
+            line = f"[{self._done}/{self._steps}, {seconds // 60}:{seconds % 60:02d}] {self._what}  {detail}"
+            print(f"\r\x1b[K{line[:110]}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Before something else is printed."""
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@dataclass
+class Bench:
+    """A whole run: what is measured on what, and what came out of it so far."""
+
+    cases: list[Case]
+    growth: list[Case]
+    devices: list[Device]
+    precisions: list[str] | None
+    plan: Plan
+    quick: bool
+    rows: list[Row] = field(default_factory=list)
+
+    def tracers(self, peers: list[Tracer]) -> list[Tracer]:
+        """On all devices."""
+        own = [t for d in self.devices for t in configurations(d, self.precisions_of(d), self.quick)]
+        return [*own, *peers]
+
+    def precisions_of(self, device: Device) -> list[str]:
+        """The device's default first. UsageError if it has none of those that were asked for."""
+        first = default_precision(device)
+        has = [first, *(p for p in ("single", "double") if p != first and (device.has_double or p == "single"))]
+        chosen = [p for p in has if self.precisions is None or p in self.precisions]
+        if not chosen:
+            raise UsageError(f"{device.name} has no double precision, which --precision {self.precisions[0]} needs")  # type: ignore[index]
+        return chosen
+
+    def reference(self) -> Product | None:
+        """In double precision, on the first device that has it, or on any other."""
+        able = next((d for d in [*self.devices, *devices()] if d.has_double), None)
+        return Product(able, "double") if able else None
+
+    def run(self, peers: list[Tracer], progress: Progress) -> None:
+        """Measures everything. Prints a table as soon as its scene is done."""
+        tracers, reference = self.tracers(peers), self.reference()
+        for case in self.cases:
+            progress.step(f"{case.group}: {case.name}")
+            first = len(self.rows)
+            measure(case, tracers, reference, self.plan, self.rows, progress.say)
+            progress.clear()
+            print(report.scene_table(self.rows[first:]), end="\n\n", flush=True)
+        plan = replace(self.plan, errors=False, rounds=3, seconds=3)
+        few_tracers = [t for t in tracers if _grows(t)]
+        for case in self.growth:
+            progress.step(f"{case.group}: {case.name}")
+            measure(case, few_tracers, None, plan, self.rows, progress.say)
+        progress.clear()
+
+
+def _grows(tracer: Tracer) -> bool:
+    """Whether the growth of a tracer's time is measured: of all that are a point of view of their own."""
+    if isinstance(tracer, Product):
+        default = default_precision(tracer.on)
+        return tracer.precision == default and tracer.variant in ("", "no lists")
+    return isinstance(tracer, (Baseline, Embree))
+
+
+def _run(args: argparse.Namespace) -> int:
+    if sys.stdout is None:
+        raise UsageError("stdout is closed")
+    if args.stress and (args.scenes or args.size):
+        raise UsageError("--stress has scenes of its own")
+    chosen = list({d.spec: d for d in map(choose, args.device or [None])}.values())
+    if args.stress:
+        from . import stress
+
+        return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.CATALOGUE)))
+    if not args.no_plots and not importlib.util.find_spec("matplotlib"):
+        raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
+    if args.embree and not os.access(args.embree, os.X_OK):
+        raise UsageError(f"--embree: cannot be run: {args.embree!r}")
+    folder = _folder(args.output)
+
+    size = args.size or (QUICK_SIZE if args.quick else SIZE)
+    plan = QUICK if args.quick else FULL
+    if args.rounds:
+        # All of them, whatever they take.
+        plan = replace(plan, rounds=args.rounds, seconds=math.inf)
+    own = few(size) if args.quick else generated(size)
+    bench = Bench(
+        cases=_given(args.scenes, args.size) if args.scenes else own,
+        growth=[] if args.scenes or args.quick else growing(),
+        devices=chosen,
+        precisions=args.precision,
+        plan=plan,
+        quick=args.quick,
+    )
+    bench.tracers([])  # finds what cannot be before the work
+    about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.timezone.utc).date().isoformat())
+    print(report.machine_line(about))
+    for k, device in enumerate(chosen if len(chosen) > 1 else []):
+        print(f"[{k}] is {device.spec}, {device.name}")
+    print(flush=True)
+    progress = Progress(args.quiet, len(bench.cases) + len(bench.growth))
+    finished = False
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            bench.run(peers(args.embree, Path(scratch)), progress)
+        finished = True
+    finally:
+        # What was measured is kept, whatever ended it.
+        progress.clear()
+        if any(row.kernel for row in bench.rows):
+            _save(bench, about, folder, not args.no_plots, finished)
+    return 0
+
+
+def _given(paths: Sequence[str], size: Size | None) -> list[Case]:
+    """The scenes of these files."""
+    cases = []
+    for path in paths:
+        scene, warnings = read(path)
+        for warning in warnings:
+            _tell(warning)
+        if size:
+            scene = replace(scene, camera=replace(scene.camera, resolution=size))
+        cases.append(Case(Path(path).stem, GIVEN, scene))
+    return cases
+
+
+def _folder(name: str) -> Path:
+    """The folder for the files, made if it is not there; UsageError if nothing can be written there."""
+    path = Path(name)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            return path
+    except (OSError, ValueError) as error:
+        raise UsageError(f"-o: {getattr(error, 'strerror', None) or error}: {name!r}") from None
+
+
+def _save(bench: Bench, about: dict[str, Any], folder: Path, plots: bool, finished: bool) -> None:
+    """Writes all files, each of them whole."""
+    texts = {
+        "results.json": report.as_json(bench.rows, about, finished),
+        "table.md": report.summary(bench.rows, about),
+    }
+    for name, text in texts.items():
+        with whole_file(folder / name) as file:
+            file.write(text.encode())
+    names = list(texts)
+    if plots:
+        from . import plots as figures  # matplotlib takes a second to load, and need not be there
+
+        for device in bench.devices:
+            suffix = f"-{device.spec.replace(':', '.')}" if len(bench.devices) > 1 else ""
+            where = report.machine_line(about | {"devices": [device.name]})
+            for name, figure in figures.figures(bench.rows, device.name, where).items():
+                for kind in ("svg", "png"):
+                    with whole_file(folder / f"{name}{suffix}.{kind}") as file:
+                        figure.savefig(file, format=kind)
+                names.append(f"{name}{suffix}.svg/.png")
+    _tell(f"cltrace-bench: wrote {', '.join(names)} in {folder}")

@@ -1,0 +1,205 @@
+"""Times and errors: all tracers on one scene, in turn, round by round."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cltrace.check import sample
+from cltrace.device import Device
+
+from .errors import Errors, bytes_apart, compare
+from .scenes import Case
+from .tracers import ACCELERATION, SKIPS, Baseline, PeerError, Product, Tracer
+from .truth import Answer, answer
+
+# Short frames are repeated until a measurement takes about this long, in seconds.
+ENOUGH = 0.05
+MOST_FRAMES = 5
+
+# The exact sample: so many pixels, but fewer where there are so many spheres that the search for those near a pixel's
+# rays takes long.
+SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 500, 100, 50_000_000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much to measure. rounds: the most; seconds: after which a scene gets no further round, once it has had two;
+    errors: whether to look for them; sample: pixels that are checked exactly.
+    """
+
+    rounds: int = 5
+    seconds: float = 5.0
+    errors: bool = True
+    sample: int = SAMPLE
+
+
+@dataclass
+class Row:
+    """What was measured of one tracer on one scene.
+
+    kernel, whole: seconds, as of tracers.Run, of all frames and rounds; picture: errors of the whole picture against
+    cltrace's double precision; sample: errors of some pixels against exact arithmetic; differ, off: shares of the
+    picture's pixels of which a byte differs from that of double precision at all, and by more than a level; keep: what
+    cltrace did not skip; work: of tracers.Run; note: why something is missing.
+    """
+
+    case: Case
+    name: str
+    variant: str
+    device: str
+    keep: tuple[str, ...] = ()
+    kernel: list[float] = field(default_factory=list)
+    whole: list[float] = field(default_factory=list)
+    picture: Errors | None = None
+    sample: Errors | None = None
+    differ: float | None = None
+    off: float | None = None
+    work: object = None
+    note: str = ""
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}, {self.variant}" if self.variant else self.name
+
+    @property
+    def best(self) -> float:
+        """Seconds of the fastest frame, kernel and readback."""
+        return min(self.kernel, default=math.nan)
+
+    @property
+    def errors(self) -> Errors | None:
+        """Of the whole picture, but with the largest errors of the sample where they are larger, as those of an exact
+        normal are; of the sample alone, where the picture is what others are held against.
+        """
+        if not self.picture or not self.sample:
+            return self.picture or self.sample
+        p, s = self.picture, self.sample
+        return replace(
+            p, t_ulp=max(p.t_ulp, s.t_ulp), normal=max(p.normal, s.normal), color_max=max(p.color_max, s.color_max)
+        )
+
+
+def configurations(device: Device, precisions: Sequence[str], quick: bool) -> list[Tracer]:
+    """What is measured on a device: each precision with and without acceleration and skipping, and the textbook.
+
+    The first of the precisions is also measured with each single piece of work that is otherwise skipped.
+    """
+    out: list[Tracer] = []
+    for precision in precisions:
+        kept = {(): "", (ACCELERATION,): "no lists"}
+        if not quick:
+            kept |= {SKIPS: "no skipping", (ACCELERATION, *SKIPS): "neither"}
+            if precision == precisions[0]:
+                kept |= {(name,): f"keep {name}" for name in SKIPS}
+        out += [Product(device, precision, keep, variant) for keep, variant in kept.items()]
+    return [*out, Baseline(device)]
+
+
+def measure(
+    case: Case,
+    tracers: Sequence[Tracer],
+    reference: Product | None,
+    plan: Plan,
+    rows: list[Row],
+    say: Callable[[str], None],
+) -> None:
+    """Adds a row for each tracer, and fills them as it goes: whoever is interrupted keeps what there is.
+
+    reference: what whole pictures are held against, in double precision; None: nothing can be that here.
+    """
+    mine = [Row(case, t.name, t.variant, t.device, t.keep if isinstance(t, Product) else ()) for t in tracers]
+    rows += mine
+    live: list[tuple[Tracer, Row]] = []
+    for tracer, row in zip(tracers, mine, strict=True):
+        row.note = tracer.refuses(case.scene)
+        if not row.note:
+            live.append((tracer, row))
+
+    # The first run of each, which may have to compile, is not counted.
+    frames: dict[int, int] = {}
+    pictures = {}
+    for tracer, row in list(live):
+        say(f"{row.label}: first picture")
+        try:
+            run = tracer.run(case.scene, 1)
+        except PeerError as error:
+            row.note = str(error)
+            live.remove((tracer, row))
+            continue
+        frames[id(tracer)] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(run.kernel, default=1)))))
+        pictures[id(tracer)], row.work = run.rgb8, run.work
+    if plan.errors:
+        _errors(case, live, pictures, reference, plan, say)
+
+    start = time.perf_counter()
+    for number in range(plan.rounds):
+        for tracer, row in live:
+            say(f"{row.label}: round {number + 1} of {plan.rounds}")
+            try:
+                run = tracer.run(case.scene, frames[id(tracer)])
+            except PeerError as error:
+                row.note = str(error)
+                continue
+            row.kernel += run.kernel
+            row.whole.append(run.whole)
+        if number and time.perf_counter() - start > plan.seconds:
+            break
+
+
+def _errors(
+    case: Case,
+    live: list[tuple[Tracer, Row]],
+    pictures: dict[int, np.ndarray],
+    reference: Product | None,
+    plan: Plan,
+    say: Callable[[str], None],
+) -> None:
+    """Fills the errors of all rows. What is skipped changes no byte, so one picture of each mode is enough."""
+    answers: dict[object, Answer] = {}
+    true = None
+    if reference:
+        say("double precision, as the reference")
+        true = answers[reference.mode] = reference.answer(case.scene)
+    pixels = np.zeros(0, np.intp)
+    checked: Answer | None = None
+    seen: dict[object, tuple[Errors | None, Errors | None]] = {}
+    for tracer, row in live:
+        mode = tracer.mode if isinstance(tracer, Product) else id(tracer)
+        if mode not in answers:
+            say(f"{row.label}: errors")
+            got = tracer.answer(case.scene)
+            if got is not None:
+                answers[mode] = got
+        if checked is None and mode in answers:
+            say("exact arithmetic, on a sample")
+            width, height = case.scene.camera.resolution
+            count = min(plan.sample, max(LEAST_SAMPLE, SAMPLE_TESTS // max(1, len(case.scene.spheres))))
+            chosen_by = true or answers[mode]
+            pixels = sample(chosen_by.id.reshape(height, width), count)
+            checked = answer(case.scene, pixels)
+        if mode in answers and checked is not None:
+            if mode not in seen:
+                is_reference = answers[mode] is true
+                whole = compare(answers[mode], true) if true and not is_reference else None
+                seen[mode] = whole, compare(answers[mode].at(pixels), checked)
+            if np.array_equal(pictures[id(tracer)].reshape(-1, 3), answers[mode].rgb8):
+                row.picture, row.sample = seen[mode]
+            else:
+                row.note = "another picture than with all outputs: its errors are not known"
+        if true is not None:
+            differ, off = bytes_apart(pictures[id(tracer)], true.rgb8)
+            row.differ, row.off = differ / len(true.id), off / len(true.id)
+        if row.picture is None and row.sample is not None:
+            # Its own picture is the reference, or there is none: the sample has to say.
+            row.differ, row.off = (n / row.sample.pixels for n in (row.sample.bytes_differ, row.sample.bytes_off))
+
+
+def median(values: list[float]) -> float:
+    """NaN of nothing."""
+    return statistics.median(values) if values else math.nan

@@ -1,0 +1,200 @@
+"""What was measured, as tables and as JSON."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from .errors import Errors
+from .measure import Row, median
+from .scenes import GROUPS
+
+COLUMNS = ("kernel ms", "median", "whole ms", "median", "wrong ids", "t ulp", "normal rad", "false sh.", "leaks",
+           "colour max", "RMS", "bytes differ")  # fmt: skip
+
+
+def number(value: float, digits: int = 2) -> str:
+    """Few digits, and as few characters as will do; nothing for NaN."""
+    if math.isnan(value):
+        return ""
+    if value == 0 or math.isinf(value):
+        return "0" if value == 0 else "inf"
+    if 1e-3 <= abs(value) < 1e5:
+        places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        return f"{value:,.{places}f}"
+    return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def percent(share: float | None) -> str:
+    return "" if share is None else f"{number(100 * share)} %"
+
+
+def cells(row: Row) -> list[str]:
+    """A row under COLUMNS; times in ms."""
+    times = [number(1e3 * value, 3) for values in (row.kernel, row.whole) for value in _best_and_median(values)]
+    e = row.errors
+    if e is None:
+        return [*times, *[""] * 7, percent(row.differ)]
+    counts = (e.wrong_ids, e.t_ulp, e.normal, e.false_shadows, e.leaks, e.color_max, e.color_rms)
+    return [*times, *(number(float(x)) if isinstance(x, float) else f"{x:,}" for x in counts), percent(row.differ)]
+
+
+def _best_and_median(values: list[float]) -> tuple[float, float]:
+    return min(values, default=math.nan), median(values)
+
+
+def title(row: Row) -> str:
+    width, height = row.case.scene.camera.resolution
+    spheres = len(row.case.scene.spheres)
+    return f"{row.case.group}: {row.case.name} ({spheres:,} sphere{'s' * (spheres != 1)}, {width}x{height})"
+
+
+def scene_table(rows: Sequence[Row]) -> str:
+    """The rows of one scene, for a terminal."""
+    devices = list(dict.fromkeys(row.device for row in rows if row.device))
+    sample = next((row.sample.pixels for row in rows if row.sample), 0)
+    lines = [["", *COLUMNS]]
+    notes = []
+    for row in rows:
+        where = f" [{devices.index(row.device)}]" if len(devices) > 1 and row.device else ""
+        if row.kernel or row.whole or row.errors:
+            star = "*" if row.picture is None and row.sample is not None else ""
+            lines.append([row.label + where + star, *cells(row)])
+        if row.note:
+            notes.append(f"{row.label}{where}: {row.note}")
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    table = [title(rows[0])]
+    table += [
+        "  "
+        + "  ".join(c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(line, widths, strict=True)))
+        for line in lines
+    ]
+    if any(line[0].endswith("*") for line in lines):
+        table.append(f"  * is what whole pictures are held against; its own errors are those of {sample} exact pixels")
+    return "\n".join([line.rstrip() for line in table] + [f"  {note}" for note in notes])
+
+
+def by_group(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Rows by class of scene, in the order of GROUPS; only of classes that have some."""
+    rows = list(rows)
+    return {group: mine for group in GROUPS if (mine := [r for r in rows if r.case.group == group and r.kernel])}
+
+
+def tracers_of(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Rows by label and device, in the order in which they were measured."""
+    out: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        out.setdefault((row.label, row.device), []).append(row)
+    return out
+
+
+def mean_time(rows: Sequence[Row]) -> float:
+    """The geometric mean of the best kernel times, seconds."""
+    return math.exp(sum(math.log(row.best) for row in rows) / len(rows))
+
+
+def worst(rows: Iterable[Row], name: str) -> float:
+    """The largest of one kind of error, of the field of Errors with that name; NaN if it is not known."""
+    return max((float(getattr(row.errors, name)) for row in rows if row.errors), default=math.nan)
+
+
+def worst_share(rows: Iterable[Row]) -> float:
+    """The largest share of pixels that differ; NaN if it is not known."""
+    return max((row.differ for row in rows if row.differ is not None), default=math.nan)
+
+
+def complete(rows: Sequence[Row], group: Sequence[Row]) -> bool:
+    """Whether a tracer has drawn all scenes of its class: otherwise its mean time is that of other scenes."""
+    return {row.case.name for row in rows} == {row.case.name for row in group}
+
+
+def summary(rows: Sequence[Row], about: dict[str, Any]) -> str:
+    """The table of the README, in Markdown: for each tracer time and error in each class, and its worst errors."""
+    rows = [row for row in rows if row.kernel and not row.variant and row.case.group in GROUPS]
+    groups = by_group(rows)
+    head = ["", *groups, "wrong spheres", "distance off by", "false shadows, leaks"]
+    lines = []
+    devices = list(dict.fromkeys(row.device for row in rows if row.device))
+    for (label, device), mine in tracers_of(rows).items():
+        line = [f"{label}, {device}" if len(devices) > 1 and device else label]
+        for group in groups.values():
+            here = [row for row in mine if row in group]
+            ok = here and complete(here, group)
+            line.append(f"{number(1e3 * mean_time(here))} ms, {percent(worst_share(here))}" if ok else "")
+        known = [row.errors for row in mine if row.errors]
+        ulp = worst(mine, "t_ulp")
+        line += (
+            [f"{sum(e.wrong_ids for e in known):,}", f"{number(ulp)} ulp",
+             f"{sum(e.false_shadows for e in known):,}, {sum(e.leaks for e in known):,}"]
+            if known else [""] * 3
+        )  # fmt: skip
+        lines.append(line)
+    out = ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *lines)]
+    return "\n".join([*out, "", machine_line(about)]) + "\n"
+
+
+def machine_line(about: dict[str, Any]) -> str:
+    """One sentence that names machine, drivers and day."""
+    drivers = "; ".join(about["devices"])
+    where = f"{about['cores']} cores of {about['cpu']}, {drivers}"
+    return f"Measured on {about['date']} with cltrace {about['cltrace']} on {where}."
+
+
+def about(devices: Sequence[str], date: str) -> dict[str, Any]:
+    """The machine, for results.json and the tables."""
+    cpu = platform.processor() or platform.machine()
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                cpu = line.partition(":")[2].strip()
+                break
+    return {
+        "date": date,
+        "cltrace": metadata.version("cltrace"),
+        "cpu": cpu,
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "devices": list(devices),
+    }
+
+
+def as_json(rows: Sequence[Row], about: dict[str, Any], finished: bool) -> str:
+    """Everything. Times are in seconds; what is infinite is null."""
+    everything = {"about": about, "finished": finished, "rows": [_plain(row) for row in rows]}
+    return json.dumps(everything, indent=1, allow_nan=False) + "\n"
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    return {
+        "scene": row.case.name,
+        "class": row.case.group,
+        "spheres": len(row.case.scene.spheres),
+        "size": list(row.case.scene.camera.resolution),
+        "tracer": row.name,
+        "variant": row.variant,
+        "keep": list(row.keep),
+        "device": row.device,
+        "kernel": row.kernel,
+        "whole": row.whole,
+        "errors": {
+            "picture": _numbers(row.picture),
+            "sample": _numbers(row.sample),
+            "bytes_differ": row.differ,
+            "bytes_off": row.off,
+        },
+        "note": row.note,
+    }
+
+
+def _numbers(errors: Errors | None) -> dict[str, float | None] | None:
+    """JSON has no infinity."""
+    return {name: x if math.isfinite(x) else None for name, x in asdict(errors).items()} if errors else None

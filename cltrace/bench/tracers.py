@@ -1,0 +1,335 @@
+"""What is measured: cltrace in each precision with and without what it skips, the textbook's tracer, and the peers."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import shutil
+import struct
+import subprocess
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+
+from cltrace.device import Device
+from cltrace.image import Image
+from cltrace.layout import KEEPS
+from cltrace.scene import AMBIENT, POINT, Scene
+from cltrace.tracer import Renderer
+
+from .textbook import Textbook
+from .truth import Answer, lamps
+
+# The one of KEEPS that is an acceleration structure; the others are work that a scene does not need.
+ACCELERATION = "lists"
+SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
+
+# Without lists every ray tries every sphere: beyond so many tests a frame would take seconds.
+MOST_TESTS = 1_000_000_000
+
+PEER_SECONDS = 120
+
+
+@dataclass(frozen=True)
+class Run:
+    """One measurement: kernel, seconds of each frame, with readback; whole: seconds from the scene in memory to the
+    first picture in memory, with everything compiled; rgb8 (h, w, 3): that picture; work: what the host has prepared,
+    the same for the same work.
+    """
+
+    kernel: list[float]
+    whole: float
+    rgb8: NDArray[np.uint8]
+    work: object = None
+
+
+class Tracer(ABC):
+    """Something that draws scenes. name, variant and device are what tables and plots call it."""
+
+    name: str
+    variant: str = ""
+    device: str = ""
+
+    def refuses(self, scene: Scene) -> str:
+        """Why this scene is not measured; empty if it is."""
+        return ""
+
+    @abstractmethod
+    def run(self, scene: Scene, frames: int) -> Run:
+        """Draws the scene so many times."""
+
+    def answer(self, scene: Scene) -> Answer | None:
+        """All that it says of the pixels; None if it has only bytes."""
+        return None
+
+
+class Product(Tracer):
+    """cltrace on a device. keep: what it does not skip; mode: device and precision, which alone decide the picture."""
+
+    def __init__(self, device: Device, precision: str, keep: tuple[str, ...] = (), variant: str = "") -> None:
+        self.on, self.precision, self.keep = device, precision, keep
+        self.name, self.variant, self.device = precision, variant, device.name
+        self.mode = (device.spec, precision)
+
+    def refuses(self, scene: Scene) -> str:
+        return too_much(scene) if ACCELERATION in self.keep else ""
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        start = time.perf_counter()
+        renderer = Renderer(scene, self.on, self.precision, keep=self.keep)
+        image = renderer.render()
+        whole = time.perf_counter() - start
+        kernel = [_frame_seconds(image)]
+        for _ in range(frames - 1):
+            image = renderer.render(image)
+            kernel.append(_frame_seconds(image))
+        assert image.rgb8 is not None
+        packed = renderer.packed
+        work = packed.options(), packed.lights, {name: array.shape for name, array in packed.arrays.items()}
+        return Run(kernel, whole, image.rgb8, work)
+
+    def answer(self, scene: Scene) -> Answer:
+        dull = [self._picture(lamp, "color", "normal", "depth", "id") for lamp in lamps(scene)]
+        return answer_of(scene, self._picture(scene, "rgb8", "color"), dull)
+
+    def _picture(self, scene: Scene, *outputs: str) -> Image:
+        return Renderer(scene, self.on, self.precision, outputs, keep=self.keep).render()
+
+
+class Baseline(Tracer):
+    """The textbook's tracer on a device."""
+
+    name = "textbook"
+
+    def __init__(self, device: Device) -> None:
+        self._device, self.device = device, device.name
+
+    def refuses(self, scene: Scene) -> str:
+        return too_much(scene)
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        start = time.perf_counter()
+        textbook = Textbook(scene, self._device)
+        image = textbook.render("rgb8")
+        whole = time.perf_counter() - start
+        images = [image, *(textbook.render("rgb8") for _ in range(frames - 1))]
+        assert image.rgb8 is not None
+        return Run([_frame_seconds(image) for image in images], whole, image.rgb8)
+
+    def answer(self, scene: Scene) -> Answer:
+        dull = [Textbook(lamp, self._device).render("color", "normal", "depth", "id") for lamp in lamps(scene)]
+        return answer_of(scene, Textbook(scene, self._device).render("rgb8", "color"), dull)
+
+
+def too_much(scene: Scene) -> str:
+    """Why a scene is not traced sphere by sphere; empty if it is."""
+    tests = len(scene.spheres) * math.prod(scene.camera.resolution)
+    return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
+
+
+def _frame_seconds(image: Image) -> float:
+    return image.seconds["kernel"] + image.seconds["readback"]
+
+
+def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
+    """What pictures of a scene and of its lamps() say of its pixels, row by row.
+
+    image: rgb8 and color; dull: color, normal, depth and id.
+    """
+    assert image.rgb8 is not None
+    first = dull[0]
+    assert first.id is not None
+    assert first.depth is not None
+    count = int((scene.lights["kind"] != AMBIENT).sum())
+    light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]
+    return Answer(
+        id=first.id.ravel(),
+        depth=first.depth.ravel(),
+        normal=np.asarray(first.normal).reshape(-1, 3),
+        lit=light > 0,
+        light=light,
+        color=np.asarray(image.color).reshape(-1, 3),
+        rgb8=image.rgb8.reshape(-1, 3),
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------- peers
+
+
+def _one_light(scene: Scene) -> str:
+    """Why a scene cannot be handed to the peers; empty if it can. Embree's program knows one kind of scene."""
+    lights = _shining(scene)
+    used = scene.materials[np.unique(scene.spheres["material"])]
+    if len(lights) != 1 or lights["kind"][0] != POINT or (lights["color"] != 1).any():
+        return "not one white point light"
+    if not len(used) or any((used[name] != used[name][0]).any() for name in ("ka", "kd", "ks", "exponent")):
+        return "materials that differ"
+    if used["exponent"][0] != 50 or (used["ka"][0] > 0 and (_ambient(scene) != 1).any()):
+        return "another exponent than 50, or another ambient light than 1"
+    return ""
+
+
+def _shining(scene: Scene) -> NDArray[np.void]:
+    """The lights that are neither ambient nor black."""
+    lights: NDArray[np.void] = scene.lights[(scene.lights["kind"] != AMBIENT) & scene.lights["color"].any(axis=1)]
+    return lights
+
+
+def _ambient(scene: Scene) -> NDArray[np.float64]:
+    total: NDArray[np.float64] = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    return total
+
+
+def _seen_from_the_eye(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 3) in camera space: what a careful user of a float32 tracer hands over."""
+    moved: NDArray[np.float64] = (points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T
+    return moved
+
+
+class _Peer(Tracer):
+    """A program that is run on a scene's file. The file is written once for a scene."""
+
+    def __init__(self, program: str, folder: Path) -> None:
+        self._program, self._folder, self._written = program, folder, ""
+
+    def refuses(self, scene: Scene) -> str:
+        return _one_light(scene)
+
+    def _file(self, scene: Scene, suffix: str) -> Path:
+        name = f"{id(scene)}{suffix}"
+        path = self._folder / name
+        if self._written != name:
+            if self._written:
+                (self._folder / self._written).unlink()
+            self._write(scene, path)
+            self._written = name
+        return path
+
+    @abstractmethod
+    def _write(self, scene: Scene, path: Path) -> None: ...
+
+
+class Embree(_Peer):
+    """Embree's spheres in float32, as packets of 16 or as single rays, whichever is faster: the program of the peers.
+
+    whole: building the tree and the fastest frame.
+    """
+
+    name = "Embree"
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        path, out = self._file(scene, ".bin"), self._folder / "embree.rgb"
+        done = _call([self._program, str(path), str(frames), str(out)])
+        width, height = scene.camera.resolution
+        with _understood(self._program):
+            report = json.loads(done.stdout)
+            best, build = (float(report[name]) / 1e3 for name in ("best_ms", "build_ms"))
+            rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
+        return Run([best], best + build, rgb8)
+
+    def _write(self, scene: Scene, path: Path) -> None:
+        """Size, count, image plane, light, background, ka, kd, ks; (x, y, z, r) of all spheres; (r, g, b, 1)."""
+        width, height = scene.camera.resolution
+        spheres, material = scene.spheres, scene.materials[scene.spheres["material"]]
+        head = (
+            *scene.camera.image_plane(),
+            *_seen_from_the_eye(scene, _shining(scene)["position"])[0],
+            *scene.background,
+            *(material[name][0] for name in ("ka", "kd", "ks")),
+        )
+        centers = _seen_from_the_eye(scene, spheres["center"])
+        colors = np.column_stack([material["color"], np.ones(len(spheres))])
+        with path.open("wb") as file:
+            file.write(struct.pack("<3i11f", width, height, len(spheres), *head))
+            file.write(np.column_stack([centers, spheres["radius"]]).astype("<f4").tobytes())
+            file.write(colors.astype("<f4").tobytes())
+
+
+class PovRay(_Peer):
+    """POV-Ray. kernel: what it calls trace time; whole: the process, with reading the scene and writing a PNG."""
+
+    name = "POV-Ray"
+
+    def refuses(self, scene: Scene) -> str:
+        many = "too many spheres to write as text" if len(scene.spheres) > 20_000 else ""
+        return super().refuses(scene) or many
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        path, out = self._file(scene, ".pov"), self._folder / "povray.png"
+        width, height = scene.camera.resolution
+        options = [f"+W{width}", f"+H{height}", "-A", "-D", f"+WT{os.cpu_count() or 1}", "File_Gamma=1.0"]
+        start = time.perf_counter()
+        done = _call([self._program, f"+I{path}", f"+O{out}", *options])
+        whole = time.perf_counter() - start
+        with _understood(self._program):
+            with Picture.open(out) as picture:
+                rgb8 = np.asarray(picture.convert("RGB")).reshape(height, width, 3)
+            traced = re.findall(r"Trace Time:.*\(([0-9.]+) seconds\)", done.stderr)
+            return Run([float(traced[-1])], whole, rgb8)
+
+    def _write(self, scene: Scene, path: Path) -> None:
+        x, y = scene.camera.image_plane()
+        material = scene.materials[scene.spheres["material"]]
+        light = _seen_from_the_eye(scene, _shining(scene)["position"])[0]
+        centers = _seen_from_the_eye(scene, scene.spheres["center"])
+
+        def vector(v: NDArray[np.float64]) -> str:
+            return f"<{','.join(map(repr, v.tolist()))}>"
+
+        with path.open("w", encoding="ascii") as file:
+            file.write(
+                "#version 3.7; global_settings{assumed_gamma 1 ambient_light rgb 1}\n"
+                f"background{{rgb {vector(np.array(scene.background))}}}\n"
+                f"camera{{perspective location 0 direction -z right x*{2 * x!r} up y*{2 * y!r}}}\n"
+                f"light_source{{{vector(light)} rgb 1}}\n"
+            )
+            for center, radius, m in zip(centers, scene.spheres["radius"].tolist(), material, strict=True):
+                finish = f"ambient {m['ka']} diffuse {m['kd']} phong {m['ks']} phong_size {m['exponent']}"
+                look = f"pigment{{rgb {vector(m['color'])}}} finish{{{finish}}}"
+                file.write(f"sphere{{{vector(center)},{radius!r} {look}}}\n")
+
+
+class PeerError(Exception):
+    """A peer's program failed; str() is one line."""
+
+
+@contextlib.contextmanager
+def _understood(program: str) -> Iterator[None]:
+    """Reading what a peer has written."""
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, OSError) as error:
+        raise PeerError(f"{Path(program).name}: cannot read what it wrote: {error}") from None
+
+
+def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
+    name = Path(command[0]).name
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        raise PeerError(f"{name} took more than {PEER_SECONDS} s") from None
+    except OSError as error:
+        raise PeerError(f"{name}: {error.strerror}") from None
+    if done.returncode:
+        last = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
+        raise PeerError(f"{name} failed with status {done.returncode}: {last}")
+    return done
+
+
+def peers(embree: str | None, folder: Path) -> list[Tracer]:
+    """Those that are there. embree: where its program is; None: looked for on the PATH, as is POV-Ray."""
+    found: list[Tracer] = []
+    if program := embree or shutil.which("embree_spheres"):
+        found.append(Embree(program, folder))
+    if program := shutil.which("povray"):
+        found.append(PovRay(program, folder))
+    return found

@@ -1,0 +1,207 @@
+"""What exact arithmetic says about the pixels of a scene: what is hit, where, and which lights reach it.
+
+Where the camera looks along an axis (see cases.py) all of it is the oracle's. Another camera rounds when it turns the
+world, and what is true of its picture is what the reference tracer says.
+
+A scene of many spheres is thinned first: of a million, a ray and its shadow rays come near a few hundred.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.reference import Material, byte_of, cast_shadow_ray, illuminate, primary_ray, trace, world_of
+from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Camera, Scene
+
+from .cases import directions
+from .oracle import closest, normal_high, occluded
+
+Floats = NDArray[np.float64]
+
+# Up to so many spheres all of them are tried for every ray.
+MANY = 128
+
+WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
+
+
+def looks_along_an_axis(camera: Camera) -> bool:
+    """Whether the world is camera space without a rounding."""
+    return set(np.abs(np.ravel(camera.basis()))) == {0.0, 1.0}
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What some pixels show: d (n, 3), their rays in the world; index (n,) int32, of the sphere, -1 = none; depth (n,)
+    long double, the distance in scene units, inf = none; outside (n,), whether the eye is outside of that sphere.
+    """
+
+    d: Floats
+    index: NDArray[np.int32]
+    depth: NDArray[np.longdouble]
+    outside: NDArray[np.bool_]
+
+
+def hits(scene: Scene, pixels: ArrayLike | None = None) -> Hits:
+    """What the oracle says of these pixels, or of all; the camera must look along an axis."""
+    d = directions(scene.camera)
+    d = d if pixels is None else d[np.asarray(pixels, int)]
+    eye, spheres = scene.camera.position, scene.spheres
+    index, t = closest(eye, d, spheres["center"], spheres["radius"])
+    # The distance is rounded once more than t.
+    depth = t * np.sqrt((d.astype(np.longdouble) ** 2).sum(axis=1))
+    outside = np.ones(len(d), bool)
+    for i in np.unique(index[index >= 0]):
+        outside[index == i] = _outside(scene, int(i))
+    return Hits(d, index, depth, outside)
+
+
+def _outside(scene: Scene, i: int) -> bool:
+    center, radius = scene.spheres["center"][i].tolist(), Fraction(float(scene.spheres["radius"][i]))
+    return sum((Fraction(c) - Fraction(e)) ** 2 for c, e in zip(center, scene.camera.position, strict=True)) > radius**2
+
+
+def facing_normal(scene: Scene, seen: Hits, row: int) -> tuple[Fraction, ...]:
+    """The normal at the hit of that row of `seen`, facing the eye, to 50 digits."""
+    sphere = scene.spheres[seen.index[row]]
+    n = normal_high(scene.camera.position, seen.d[row], sphere["center"], float(sphere["radius"]))
+    return n if seen.outside[row] else tuple(-x for x in n)
+
+
+def reached(scene: Scene, seen: Hits, row: int) -> list[tuple[bool, bool]]:
+    """For each light that is not ambient: (lit, facing) of the hit of that row, as oracle.occluded says.
+
+    A spot light is a point here: its cone is not looked at.
+    """
+    spheres, index = scene.spheres, int(seen.index[row])
+    out = []
+    for light in scene.lights[scene.lights["kind"] != AMBIENT]:
+        kind: Literal["point", "parallel"] = "parallel" if light["kind"] == PARALLEL else "point"
+        where = light["direction" if kind == "parallel" else "position"]
+        out.append(
+            occluded(scene.camera.position, seen.d[row], index, spheres["center"], spheres["radius"], where, kind)
+        )
+    return out
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What some pixels must be, to be held against a picture; or what a picture says they are.
+
+    id (n,), -1 = nothing; depth (n,) scene units, inf = nothing; normal (n, 3) unit, in the world, facing the eye, 0 =
+    nothing; lit (n, k), whether each of the k lights of lamps() reaches it; light (n, k), n.l times the strength of a
+    spot light, of a light that is not in the way of anything; color (n, 3) linear; rgb8 (n, 3).
+    """
+
+    id: NDArray[Any]
+    depth: NDArray[Any]
+    normal: NDArray[Any]
+    lit: NDArray[np.bool_]
+    light: NDArray[Any]
+    color: NDArray[Any]
+    rgb8: NDArray[np.uint8]
+
+    def at(self, rows: NDArray[np.intp]) -> Answer:
+        """The same of some rows only."""
+        return Answer(**{name: value[rows] for name, value in self.__dict__.items()})
+
+
+def lamps(scene: Scene) -> list[Scene]:
+    """The scene in dull white, in scenes of up to three of its lights, red, green and blue: a pixel is red exactly if
+    the first light reaches it, by its n.l. There is at least one, if without a light.
+    """
+    lights = scene.lights[scene.lights["kind"] != AMBIENT].copy()
+    lights["color"] = np.resize(np.eye(3), (len(lights), 3))
+    white = np.zeros(1, MATERIAL)
+    white["color"], white["kd"] = 1, 1
+    spheres = scene.spheres.copy()
+    spheres["material"] = 0
+    return [Scene(scene.camera, lights[k : k + 3], spheres, white) for k in range(0, max(1, len(lights)), 3)]
+
+
+def answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
+    """What these pixels, counted row by row, must be; see the module's first lines."""
+    many = len(scene.spheres) > MANY
+    every = np.arange(len(scene.spheres))
+    parts = []
+    for group in np.split(pixels, len(pixels)) if many else [pixels]:
+        chosen = _near(scene, group[0]) if many else every
+        parts.append(_answer(_only(scene, chosen), chosen, group))
+    return Answer(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__dict__})
+
+
+def _only(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
+    """The scene with these spheres only, and with the materials that they have."""
+    spheres = scene.spheres[chosen]
+    used, spheres["material"] = np.unique(spheres["material"], return_inverse=True)
+    return replace(scene, spheres=spheres, materials=scene.materials[used])
+
+
+def _near(scene: Scene, pixel: int) -> NDArray[np.intp]:
+    """The spheres that the pixel's ray may meet, or a shadow ray from where it ends, and a few more."""
+    camera, (center, radius) = scene.camera, (scene.spheres["center"], scene.spheres["radius"])
+    ray = primary_ray(camera, pixel % camera.resolution[0], pixel // camera.resolution[0])
+    eye, d = np.array(camera.position), np.array(tuple(ray.direction)) @ np.array(camera.basis())
+    chosen = _along(eye, d, center, radius)
+    index, t = closest(eye, d[None], center[chosen], radius[chosen])
+    if index[0] < 0:
+        return chosen
+    p = eye + t[0] * d
+    ways = [
+        -light["direction"] if light["kind"] == PARALLEL else light["position"] - p
+        for light in scene.lights[scene.lights["kind"] != AMBIENT]
+    ]
+    return np.unique(np.concatenate([chosen, *(_along(p, way, center, radius) for way in ways)]))
+
+
+def _along(origin: Floats, d: Floats, center: Floats, radius: Floats) -> NDArray[np.intp]:
+    """The spheres that the line may meet: |f x d|^2 <= |d|^2 r^2, but for a margin far above all rounding."""
+    (x, y, z), f = d / np.linalg.norm(d), center - origin
+    across = (f[:, 1] * z - f[:, 2] * y) ** 2 + (f[:, 2] * x - f[:, 0] * z) ** 2 + (f[:, 0] * y - f[:, 1] * x) ** 2
+    margin = 1e-9 * (np.einsum("ij,ij->i", f, f) + float(origin @ origin))
+    return np.flatnonzero(across <= radius**2 * (1 + 1e-6) + margin)
+
+
+def _answer(scene: Scene, chosen: NDArray[np.intp], pixels: NDArray[np.intp]) -> Answer:
+    """answer() by all spheres of the scene; they have these indices in the whole one."""
+    width = scene.camera.resolution[0]
+    world = world_of(scene)
+    # The same lights in white, with nothing in their way.
+    bare = [replace(world_of(lamp), surfaces=[]) for lamp in lamps(_only(scene, np.arange(min(1, len(chosen)))))]
+    n, k = len(pixels), len(world.lights)
+    out = Answer(
+        id=np.full(n, -1, np.int32),
+        depth=np.full(n, np.inf, np.longdouble),
+        normal=np.zeros((n, 3)),
+        lit=np.zeros((n, k), bool),
+        light=np.zeros((n, k)),
+        color=np.zeros((n, 3)),
+        rgb8=np.zeros((n, 3), np.uint8),
+    )
+    basis = np.array(scene.camera.basis())
+    for row, pixel in enumerate(pixels.tolist()):
+        ray = primary_ray(scene.camera, pixel % width, pixel // width)
+        out.color[row], at = trace(world, ray)
+        out.rgb8[row] = [byte_of(c) for c in out.color[row]]
+        if at is None:
+            continue
+        out.id[row], out.depth[row] = at.index, at.distance
+        out.normal[row] = np.array(tuple(at.normal)) @ basis
+        dull = replace(at, material=WHITE)
+        out.light[row] = [max(illuminate(lamp, ray, dull, light)) for lamp in bare for light in lamp.lights]
+        out.lit[row] = [not cast_shadow_ray(world, at, light) for light in world.lights]
+    if looks_along_an_axis(scene.camera):
+        seen = hits(scene, pixels)
+        out.id[:], out.depth[:] = seen.index, seen.depth
+        out.normal[:] = 0
+        for row in np.flatnonzero(seen.index >= 0).tolist():
+            out.normal[row] = [float(x) for x in facing_normal(scene, seen, row)]
+            out.lit[row] = [lit for lit, _ in reached(scene, seen, row)]
+    out.lit[:] &= out.light > 0
+    if len(chosen):
+        out.id[:] = np.where(out.id >= 0, chosen[out.id], -1)
+    return out
