@@ -13,7 +13,7 @@ from .numerics import Array, squared_length
 
 Mask = NDArray[np.bool_]
 # Spheres that others are looked for in: the largest ones.
-SHELLS = 16
+SHELLS = 8
 
 
 def larger(radius: Array, slack: float) -> Array:
@@ -32,10 +32,12 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     out = np.zeros(len(radius), bool)
     roomy = larger(radius, slack)
     least = radius.min(initial=np.inf)
-    for shell in np.argsort(-radius, kind="stable")[:SHELLS]:
+    largest = np.argpartition(-radius, SHELLS)[:SHELLS] if len(radius) > SHELLS else np.arange(len(radius))
+    for shell in largest:
         inner = 2 * radius[shell] - roomy[shell]
         if outside[shell] and inner > least:
-            out |= np.sqrt(squared_length(center - center[shell])) + roomy < inner
+            near = np.flatnonzero(np.abs(center[:, 0] - center[shell, 0]) < inner)
+            out[near] |= np.sqrt(squared_length(center[near] - center[shell])) + roomy[near] < inner
     return out
 
 

@@ -14,8 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .culling import hidden, parallel_shadows, point_shadows
-from .lists import FINE_SLACK, SLACK, build, camera_sheet, grid_dtype, parallel_sheet, point_sheets, whole_sheet
-from .numerics import Array, dot_products, rounded_down, rounded_up, square_excess, squared_length, two_sum
+from .lists import (
+    FINE_SLACK,
+    SLACK,
+    build,
+    camera_sheet,
+    grid_dtype,
+    parallel_sheet,
+    point_sheets,
+    spatial_order,
+    whole_sheet,
+)
+from .numerics import Array, differences, dot_products, rounded_down, rounded_up, square_excess, squared_length, two_sum
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 PRECISIONS = ("accurate", "single", "double")
@@ -34,6 +44,9 @@ WORK = (
 
 # Up to so many spheres, finding the right list for a shadow ray costs more than trying them all.
 FEW = 16
+
+# From so many spheres on, they are sorted by place: below, all that a picture needs stays in a cache anyway.
+MANY = 4096
 
 # Unit roundoff of float32: the filters' bounds, derived in kernels/trace.cl, are multiples of it.
 U = 2.0**-24
@@ -125,14 +138,17 @@ class _Space:
         return max(float(np.abs(part).max(initial=0)) for part in parts)
 
 
-def _camera_space(scene: Scene, lights: NDArray[np.void], basis: Array) -> _Space:
-    eye = np.array(scene.camera.position)
-    hi, lo = two_sum(scene.spheres["center"], -eye)
+def _camera_space(
+    spheres: NDArray[np.void], position: tuple[float, ...], lights: NDArray[np.void], basis: Array
+) -> _Space:
+    eye = np.array(position)
+    zero = np.zeros(3)
+    hi, lo = differences(spheres["center"], np.broadcast_to(zero, spheres["center"].shape), eye, zero)
     at_hi, at_lo = two_sum(lights["position"], -eye)
-    radius = scene.spheres["radius"]
-    position, _ = dot_products(basis, at_hi, at_lo)
+    radius = np.ascontiguousarray(spheres["radius"])
+    place, _ = dot_products(basis, at_hi, at_lo)
     center, power = dot_products(basis, hi, lo), square_excess(hi, lo, radius)
-    return _Space(*center, radius, *power, hi, lo, position, at_hi, at_lo)
+    return _Space(*center, radius, *power, hi, lo, place, at_hi, at_lo)
 
 
 # What is left out where it is not needed, and can be kept to measure what that saves.
@@ -146,6 +162,7 @@ KEEPS = (
     "unstopped",
     "highlights",
     "outputs",
+    "order",
 )
 
 
@@ -162,13 +179,17 @@ def pack(
     filter: each test in the precision that decides; features: the code of every feature; lights: lights that are black,
     or that shine on nothing that reflects; hidden: spheres inside others; receivers: in a light's lists, spheres that
     shadow nothing in the picture; unstopped: of few spheres, shadow rays that none can stop; highlights: those too
-    faint for a byte; outputs: whatever the kernel can write.
+    faint for a byte; outputs: whatever the kernel can write; order: that of the spheres
+    in the scene.
     """
     real, shade = real_dtype(precision), shade_dtype(precision)
     skipped: dict[str, int] = {}
     lights = _lights(scene, "lights" in keep, skipped)
     basis = np.array(scene.camera.basis())
-    space = _camera_space(scene, lights, basis)
+    n = len(scene.spheres)
+    order = np.arange(n) if n < MANY or "order" in keep else spatial_order(scene.spheres["center"])
+    spheres = scene.spheres[order]
+    space = _camera_space(spheres, scene.camera.position, lights, basis)
 
     # float32 has little room for squares. So what is float32 has its lengths times a power of two that makes the
     # largest coordinate about 1: a scene and the same one scaled by a power of two are the same numbers there. Double
@@ -192,7 +213,8 @@ def pack(
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, inverse], axis=1).astype(real),
         "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
-        "material_of": scene.spheres["material"].astype("i4"),
+        "number": order.astype("i4"),
+        "material_of": spheres["material"].astype("i4"),
         "material": _materials(scene, ambient, shade),
         "light": packed_lights,
         "candidate": _candidates(small),
@@ -219,7 +241,7 @@ def pack(
         view=view,
         lights=(parallel, point, spot),
         arrays=arrays,
-        count=len(scene.spheres),
+        count=n,
         skipped=skipped,
     )
 
@@ -339,10 +361,8 @@ def _lists(
             occluder[k, :, 0], occluder[k, :, 1] = u, v
             occluder[k, :, 2] = rounded_up(reach * reach)
         else:
-            # From the centre to the light: the eye cancels, exactly.
-            hi, e1 = two_sum(space.position_hi[k], -space.center_hi)
-            lo, e2 = two_sum(space.position_lo[k], -space.center_lo)
-            hi, lo = two_sum(hi, e1 + lo + e2)
+            # From the light to the centre: the eye cancels, exactly.
+            hi, lo = differences(space.center_hi, space.center_lo, space.position_hi[k], space.position_lo[k])
             c, _ = square_excess(hi, lo, radius)
             f = space.position[k] - space.center
             occluder[k, :, :3] = f
@@ -381,7 +401,10 @@ def _lists(
             more = parallel_sheet(axes, space.center, radius, seen, receiver, slack)
         else:
             more = point_sheets(offset, radius, seen, receiver, slack)
-        idle += n - len(np.unique(np.concatenate([np.zeros(0, np.int32), *(sheet.member for sheet in more)])))
+        entered = np.zeros(n, bool)
+        for sheet in more:
+            entered[sheet.member] = True
+        idle += n - int(entered.sum())
         if "lists" in keep:
             more = [whole_sheet(np.ones(n, bool))]
         grids[k] = len(sheets), len(more), stops, 0

@@ -44,6 +44,14 @@ FINE_SLACK = 2.0**-44
 NARROW = 2.0**-4
 # Entries beyond 4 a sphere that a sheet may have: that many make even large discs exact to a finest cell.
 SPARE = 2**18
+# Spreads the bits of a number to every third place.
+MORTON = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
 # The level of a sheet that is one cell only: wherever a ray is, its cell has the number 0 there.
 WHOLE = 30
 
@@ -80,6 +88,25 @@ class Sheet:
     near: NDArray[np.float32]
     perspective: bool
     coarse: bool = False
+
+
+def spatial_order(center: Array) -> NDArray[np.int64]:
+    """Indices of points (n, 3) along a curve through space on which neighbours are near each other: Morton 1966."""
+    low = center.min(axis=0)
+    # Whole numbers of 20 bits; halves, as the difference of two numbers may be beyond all numbers.
+    size = max(float((center.max(axis=0) / 2 - low / 2).max()), 1e-300)
+
+    def interleaved(block: slice) -> NDArray[np.uint64]:
+        key = np.zeros(len(center[block]), np.uint64)
+        for k in range(3):
+            v = ((center[block, k] / 2 - low[k] / 2) / size * (2.0**20 - 1)).astype(np.uint64)
+            for shift, mask in MORTON:
+                v = (v | v << np.uint64(shift)) & np.uint64(mask)
+            key |= v << np.uint64(k)
+        return key
+
+    key = np.concatenate(blockwise(len(center), interleaved))
+    return np.argsort(key)
 
 
 def slopes(c: Array, d: Array, r: Array) -> tuple[Array, Array, NDArray[np.bool_]]:

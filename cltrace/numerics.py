@@ -52,6 +52,19 @@ def total(terms: list[Array]) -> Pair:
     return two_sum(hi, low + lower)
 
 
+def differences(hi: Array, lo: Array, point_hi: Array, point_lo: Array) -> Pair:
+    """From a point to points hi + lo, (n, 3): a pair of (n, 3), exact but for what is 2^-106 of it."""
+    out, rest = np.empty_like(hi), np.empty_like(hi)
+
+    def subtract(block: slice) -> None:
+        near, e1 = two_sum(hi[block], -point_hi)
+        low, e2 = two_sum(lo[block], -point_lo)
+        out[block], rest[block] = two_sum(near, e1 + low + e2)
+
+    blockwise(len(hi), subtract)
+    return out, rest
+
+
 def dot_products(rows: Array, hi: Array, lo: Array) -> Pair:
     """The vectors hi + lo, (n, 3), in the coordinate system of `rows`, (3, 3): a pair of (n, 3)."""
     out, rest = np.empty_like(hi), np.empty_like(hi)

@@ -212,6 +212,7 @@ class Renderer:
             b["center_radius"],
             b["power"],
             b["rest"],
+            b["number"],
             b["material_of"],
             b["material"],
             b["light"],

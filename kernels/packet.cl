@@ -141,11 +141,13 @@ static int LARGEST(const INT x) {
 /* The largest lane of numbers >= 0, of which float and int are in the same order. */
 #define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
 
-/* Writes the lanes to an array in memory. */
+/* Writes the lanes to an array in memory, and reads them. */
 #if W == 1
 #define STORE_LANES(value, array) (array)[0] = (value)
+#define LOAD_LANES(array) (array)[0]
 #else
 #define STORE_LANES(value, array) PASTE(vstore, W)(value, 0, array)
+#define LOAD_LANES(array) PASTE(vload, W)(0, array)
 #endif
 
 /* Where the lanes are within the packet: 4 columns, W/4 rows. */

@@ -1,8 +1,9 @@
 /* trace.cl: from a pixel to its colour. The names, and their order, are those of cltrace/reference.py. */
 
-/* The buffers of a scene. Spheres are numbered as in the scene file everywhere. */
+/* The buffers of a scene. Spheres are in an order in which neighbours are near each other. */
 typedef struct {
     Spheres spheres;
+    __global const int *number;          /* per sphere: its number in the scene file */
     __global const int *material_of;     /* per sphere: index into material */
     __global const shade8 *material;     /* ka La C (rgb), kd C (rgb), ks, exponent */
     __global const Light *light;         /* parallel lights, then point lights, then spot lights */
@@ -35,7 +36,7 @@ typedef int Work;
 #define DECIDED 6
 #define BACKGROUND 7
 
-/* What was hit: the sphere's index, -1 = nothing, the distance in units of the ray's direction, and where on it. */
+/* What was hit: the sphere's place in the buffers, -1 = nothing, the distance in units of the ray's direction, and where on it. */
 typedef struct {
     REAL t;
     INT id;
@@ -80,7 +81,15 @@ static FLOAT magnitude(const FLOAT x) {
 #define REACH_SLACK (1.0f + 0x1p-8f)
 #endif
 
-/* The nearest sphere along the ray; of equally near ones, that with the lowest index.
+/* The numbers that each lane's sphere has in the scene file; -1 for none. */
+static INT numbers_of(const Scene scene, const INT index) {
+    int each[W];
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.number[each[lane]];
+    return LOAD_LANES(each);
+}
+
+/* The nearest sphere along the ray; of equally near ones, that with the lowest number.
  * tile: the packet's place in the picture, in units of 4x4 pixels.
  *
  * The filter. A candidate is (C, c'), rounded to float, with c' = c - 11 u (|C|^2 + |c|) - 2^-100 rounded down, and
@@ -98,9 +107,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
     Hit hit = {INFINITY, -1, {0, 0, 1}};
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
-#if REAL_BYTES == 8
-    int found = 0; /* whether any lane may have a hit */
-#endif
+    int found = 0;         /* whether any lane may have a hit */
     float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
     const Grid grid = scene.lists.grid[0];
     Level level = first_level(grid);
@@ -123,22 +130,25 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const Sphere sphere = sphere_at(scene.spheres, index);
             const Meeting at = intersect_sphere(scene.spheres, ray, sphere);
             const REAL t = at.t;
-            const REAL_MASK lower = TO_REAL_MASK(index < hit.id);
-            REAL_MASK nearer = (t < hit.t) | ((t == hit.t) & lower);
-#if REAL_BYTES == 8
-            /* Where a discriminant is not computed in pairs, the distance is off by at most 2^-25 (see
-             * intersect_sphere). */
+            REAL_MASK nearer = t < hit.t;
             if (found) {
+#if REAL_BYTES == 8
+                /* Where a discriminant is not computed in pairs, the distance is off by at most 2^-25 (see
+                 * intersect_sphere). */
                 const REAL margin = hit.t * 0x1p-22;
                 const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
+#else
+                const REAL_MASK close = (t == hit.t) & (t < INFINITY);
+#endif
                 if (ANY(TO_MASK(close))) {
-                    const Sphere best = spheres_of(scene.spheres, hit.id);
-                    const REAL_MASK first = comes_first(scene.spheres, ray, sphere, best, lower);
+                    REAL_MASK first = TO_REAL_MASK(scene.number[index] < numbers_of(scene, hit.id));
+#if REAL_BYTES == 8
+                    first = comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first);
+#endif
                     nearer = close ? first : nearer;
                 }
             }
             found = 1;
-#endif
             hit.t = nearer ? t : hit.t;
             hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
             hit.from_center.x = nearer ? at.from_center.x : hit.from_center.x;
@@ -576,7 +586,7 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
     STORE(real, out.depth, first, pitch, 1, hit.t * sqrt(ray.a));
 #endif
 #ifdef OUT_ID
-    STORE(int, out.id, first, pitch, 1, hit.id);
+    STORE(int, out.id, first, pitch, 1, numbers_of(scene, hit.id));
 #endif
 #ifdef OUT_SHADOW_RAYS
     STORE(int, out.shadow_rays, first, pitch, 1, rays);
@@ -589,7 +599,7 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
 /* A run of packets of the region; this launch starts at its row `row`. The run is a loop of ours, not a work-group:
  * for one of several work-items, PoCL keeps all variables in memory, which took a tenth of the time. */
 __kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
-                     __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest,
+                     __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest, __global const int *number,
                      __global const int *material_of, __global const shade8 *material, __global const Light *light,
                      const int4 lights, const int count, __global const float4 *candidate,
                      __global const float4 *occluder, __global const char *outside, __global const int4 *light_grids,
@@ -598,7 +608,7 @@ __kernel void render(const View view, const int2 size, const int4 region, const 
                      __global real *depth, __global int *id, __global int *shadow_rays, __global int *work) {
     const Spheres spheres = {center_radius, power, rest, view.pixel.w};
     const Lists lists = {grid, start, entry};
-    const Scene scene = {spheres,  material_of, material,    light, candidate, occluder,
+    const Scene scene = {spheres,  number, material_of, material,    light, candidate, occluder,
                          outside,  light_grids, lists,       count, lights,    view.pixel.z};
     const Outputs out = {rgb8, color, normal, direction, depth, id, shadow_rays, work, pitch};
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
