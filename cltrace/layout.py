@@ -202,6 +202,10 @@ def pack(
     # Beyond float32's range is only the reciprocal of a radius that vanishes there: such a sphere is never hit.
     inverse = _finite32(1 / exact.radius) if real.itemsize == 4 else 1 / exact.radius
 
+    # Where most spheres have a material of their own, those are in the spheres' order, too.
+    materials, material_of = scene.materials, spheres["material"]
+    if len(materials) > n // 2:
+        materials, material_of = materials[material_of], np.arange(n)
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     packed_lights = _pack_lights(lights, exact.position, basis, real)
     if shade.itemsize == 4:
@@ -214,8 +218,8 @@ def pack(
         "power": np.stack([exact.power, inverse], axis=1).astype(real),
         "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
         "number": order.astype("i4"),
-        "material_of": spheres["material"].astype("i4"),
-        "material": _materials(scene, ambient, shade),
+        "material_of": material_of.astype("i4"),
+        "material": _materials(materials, ambient, shade),
         "light": packed_lights,
         "candidate": _candidates(small),
     }
@@ -284,9 +288,8 @@ def _dull(scene: Scene) -> NDArray[np.bool_]:
     return np.asarray((m["ks"] == 0) & ((m["kd"] == 0) | ~m["color"].any(axis=1)))
 
 
-def _materials(scene: Scene, ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:
+def _materials(m: NDArray[np.void], ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:
     """(m, 8): ka La C (rgb), kd C (rgb), ks, exponent."""
-    m = scene.materials
     out = np.empty((len(m), 8))
     out[:, 0:3] = m["ka"][:, None] * ambient * m["color"]
     out[:, 3:6] = m["kd"][:, None] * m["color"]

@@ -212,14 +212,18 @@ def _levels(sheet: Sheet) -> Ints:
     left, right, top, bottom = sheet.covers
     extent = np.maximum(right - left, bottom - top) + 1
     bits: Ints = np.ceil(np.log2(extent)).astype(np.int32)
-    if len(extent) >= SPARE:
-        return bits  # of a million spheres, finer ones took longer to make, and, more memory, to render
-    for lift in range(int(bits.max(initial=0)), 1, -1):
+    # Of very many spheres all on level 0, or each on the level that has its size: what is between takes longer to make
+    # and saves nothing.
+    many = len(extent) >= SPARE
+    lifts, budget = (
+        ((30,), 4.5 * len(extent)) if many else (range(int(bits.max(initial=0)), 1, -1), 4 * len(extent) + SPARE)
+    )
+    for lift in lifts:
         finer: Ints = np.maximum(bits - np.int32(lift), 0)
         left, right, top, bottom = (sheet.covers >> finer).astype(np.int64)
-        if ((right - left + 1) * (bottom - top + 1)).sum() <= 4 * len(extent) + SPARE:
+        if ((right - left + 1) * (bottom - top + 1)).sum() <= budget:
             return finer
-    coarse: Ints = np.maximum(bits - np.int32(1), 0)
+    coarse: Ints = bits if many else np.maximum(bits - np.int32(1), 0)
     return coarse
 
 
