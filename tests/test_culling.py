@@ -1,0 +1,114 @@
+"""What is left out because it cannot matter: that it is, and that no picture tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from random_scenes import fuzzed_scene, random_scene
+
+import cltrace
+from cltrace import Camera, Scene
+from cltrace.device import Device, choose
+from cltrace.layout import KEEPS, WORK
+
+CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48))
+LAMP = cltrace.point_light((3, 9, 6))
+SUN = cltrace.parallel_light((-0.3, -1, -0.2))
+
+
+def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precision: str, also: tuple[str, ...]) -> None:
+    """The same bits with and without each of these skips. also: what is kept in both."""
+    outputs = ("rgb8", "color", "normal", "depth", "id")
+    want = cltrace.Renderer(scene, device, precision, outputs, keep=also).render()
+    for name in names:
+        image = cltrace.Renderer(scene, device, precision, outputs, keep=(*also, name)).render()
+        for output in outputs:
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (name, precision, output)
+
+
+@pytest.mark.parametrize("lights", [[LAMP], [SUN], [LAMP, SUN]], ids=["point", "parallel", "both"])
+@pytest.mark.parametrize("many", [0, 40], ids=["few", "many"])
+def test_spheres_inside_others_are_left_out(device: Device, lights: list[np.ndarray], many: int) -> None:
+    rng = np.random.default_rng(1)
+    inner = rng.uniform(-0.4, 0.4, (3 + many, 3)) + (0, 1, 0)
+    centers = np.concatenate([[(0, 1, 0), (2.5, 0.5, 0)], inner])
+    scene = Scene.from_spheres(CAMERA, lights, centers, [1.0, 0.5, *[0.2] * len(inner)])
+    for precision in ("accurate", "single", "double"):
+        renderer = cltrace.Renderer(scene, device, precision)
+        assert renderer.skipped["spheres inside others"] == len(inner)
+        compare(scene, device, ("hidden",), precision, ())
+
+
+def test_spheres_inside_one_that_holds_a_light_or_the_eye_stay(device: Device) -> None:
+    centers, radii = [(0, 0, 0), (0.3, 0, 0)], [2.0, 0.2]
+    for light, eye in ((cltrace.point_light((0, 1, 0)), (0, 2, 12)), (LAMP, (0, 0, 1))):
+        camera = Camera(eye, (0, 0, 0), horizontal_fov=25, resolution=(64, 48))
+        assert cltrace.Renderer(Scene.from_spheres(camera, [light], centers, radii), device).skipped[
+            "spheres inside others"
+        ] == 0  # fmt: skip
+    # A sphere that touches from inside shows at that point.
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=25, resolution=(65, 49))
+    touching = Scene.from_spheres(camera, [LAMP], [(0, 0, 0), (0, 0, 1)], [2.0, 1.0])
+    assert cltrace.Renderer(touching, device).skipped["spheres inside others"] == 0
+    compare(touching, device, ("hidden",), "accurate", ())
+
+
+@pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
+def test_shadow_rays_that_nothing_can_stop(device: Device, light: np.ndarray) -> None:
+    """A row of balls across the light stands in nobody's way; one that hangs over the first one does."""
+    row = [(x, 0.0, 0.0) for x in (-4.5, -1.5, 1.5, 4.5)]
+    free = Scene.from_spheres(CAMERA, [light], row, 0.4)
+    work = cltrace.Renderer(free, device).work()
+    assert work[WORK[0]] == 0
+    assert work[WORK[2]] > 0
+    towards = np.array([3, 9, 6]) - row[0] if light is LAMP else np.array([0.3, 1, 0.2])
+    over = tuple(np.array(row[0]) + 2 * towards / np.linalg.norm(towards))
+    shaded = Scene.from_spheres(CAMERA, [light], [*row, over], [0.4] * 4 + [0.3])
+    work = cltrace.Renderer(shaded, device).work()
+    assert 0 < work[WORK[0]] < work[WORK[2]]
+    for scene in (free, shaded):
+        compare(scene, device, ("unstopped", "receivers"), "accurate", ())
+
+
+@pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
+def test_spheres_that_shadow_nothing_seen_are_in_no_list_of_a_light(device: Device, light: np.ndarray) -> None:
+    """A cloud behind the camera, away from what it sees and from the way of the light to it."""
+    rng = np.random.default_rng(2)
+    seen = rng.uniform(-2, 2, (30, 3))
+    away = rng.uniform(-2, 2, (50, 3)) + (0, -10, 60)
+    scene = Scene.from_spheres(CAMERA, [light], np.concatenate([seen, away]), 0.3)
+    renderer = cltrace.Renderer(scene, device)
+    assert renderer.skipped["spheres that shadow nothing seen, per light"] >= 50
+    compare(scene, device, ("receivers",), "accurate", ())
+
+
+def test_highlights_too_faint_for_a_byte(device: Device) -> None:
+    scene = Scene.from_spheres(CAMERA, [LAMP], [(0, 0, 0)], 2.0, ks=1, exponent=500)
+    work = cltrace.Renderer(scene, device).work()
+    assert work["highlights too faint for a pixel"] > work["highlights computed"] > 0
+    accurate, double = (cltrace.render(scene, device, p, ("rgb8", "color")) for p in ("accurate", "double"))
+    assert accurate.color is not None
+    assert double.color is not None
+    assert np.abs(accurate.color - double.color).max() <= 1e-6
+    brighter = Scene.from_spheres(CAMERA, [cltrace.point_light((3, 9, 6), (1e6, 1e6, 1e6))], [(0, 0, 0)], 2.0, ks=1)
+    assert cltrace.Renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
+
+
+# What only changes the packed scene, so that all scenes share two programs when all features are kept.
+PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
+
+
+def scenes(seeds: range) -> None:
+    for seed in seeds:
+        scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
+        for precision in ("accurate", "single"):
+            compare(scene, choose(), PACKED, precision, ("features",))
+
+
+def test_no_scene_tells_what_was_left_out() -> None:
+    scenes(range(100))
+
+
+@pytest.mark.stress
+def test_none_of_ten_thousand_scenes_tells() -> None:
+    scenes(range(100, 10_100))
