@@ -283,9 +283,11 @@ def point_sheets(offset: Array, radius: Array, among: Mask, receiver: Mask, slac
     among: (n,), what to enter; receiver: (n,), of those, where shadow rays end.
     """
     sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
+    cube = _towards(offset)
 
     def look(block: slice) -> list[_Discs]:
-        f, r = np.ascontiguousarray(offset[block].T), radius[block]
+        x, y, z = offset[block].T
+        f, r = np.array([row[0] * x + row[1] * y + row[2] * z for row in cube]), radius[block]
         near, far = nearest(f, r), (np.sqrt(squared_length(f.T)) + r) ** 2 * (1 + 2.0**-10)
         x, y, z = np.abs(f)
         # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
@@ -307,9 +309,22 @@ def point_sheets(offset: Array, radius: Array, among: Mask, receiver: Mask, slac
 
     sheets = []
     for (axis, sign), discs in zip(sides, zip(*blockwise(len(radius), look), strict=True), strict=True):
-        axes = np.eye(3)[[(axis + 1) % 3, (axis + 2) % 3, axis]] * np.array([1, 1, sign])[:, None]
+        axes = cube[[(axis + 1) % 3, (axis + 2) % 3, axis]] * np.array([1, 1, sign])[:, None]
         sheets += _windowed(axes, list(discs), slack, True)
     return sheets
+
+
+def _towards(offset: Array) -> Array:
+    """(3, 3): axes of which the last one points at the middle of points (n, 3), about, or away from it."""
+    some = offset[:: len(offset) // 4096 + 1]
+    middle = some.min(axis=0) / 2 + some.max(axis=0) / 2
+    if np.abs(middle).max() < 2.0**-20:
+        return np.eye(3)
+    # Householder's reflection of the last axis onto that direction, which is orthogonal to the last digits.
+    ahead = middle / np.abs(middle).max()
+    ahead /= np.sqrt((ahead * ahead).sum())
+    v = ahead + np.array([0, 0, np.copysign(1, ahead[2])])
+    return np.asarray(np.eye(3) - 2 * np.outer(v, v) / (v * v).sum())
 
 
 def parallel_sheet(axes: Array, center: Array, radius: Array, among: Mask, receiver: Mask, slack: float) -> list[Sheet]:
