@@ -49,6 +49,19 @@ def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
     return Scene.from_spheres(looking(tan=0.6, size=size), lights, centers, radii, colors, background=(0.1, 0.1, 0.2))
 
 
+def filled(size: Size) -> Scene:
+    """Eight balls with 50 in each, which nobody sees, and 400 behind the eye, which shadow nothing."""
+    rng = np.random.default_rng(2)
+    shells = np.array([(x, y, -8) for x in (-3, -1, 1, 3) for y in (-1, 1)], np.float64)
+    inner = np.repeat(shells, 50, axis=0) + rng.uniform(-0.4, 0.4, (400, 3))
+    behind = rng.uniform(-3, 3, (400, 3)) + (0, -20, 40)
+    centers = np.concatenate([shells, inner, behind]).astype("f4").astype("f8")
+    radii = np.repeat([0.875, 0.0625, 0.25], [8, 400, 400])
+    lights = [ambient_light(), point_light((5, 8, 2))]
+    colors = rng.uniform(0.05, 1, (len(radii), 3))
+    return Scene.from_spheres(looking(tan=0.6, size=size), lights, centers, radii, colors, background=(0.1, 0.1, 0.2))
+
+
 def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) -> Scene:
     """84 balls of two sizes on a ground sphere of this radius, moved by about `offset` in each axis, times `scale`."""
     rng = np.random.default_rng(4)
@@ -74,6 +87,7 @@ def generated(size: Size) -> list[Case]:
         Case("16 balls", ORDINARY, cloud(16, size)),
         Case("100 balls, one light off", ORDINARY, cloud(100, size, point_light((-5, 8, 2), (0, 0, 0)))),
         Case("1,000 balls", ORDINARY, cloud(1000, size)),
+        Case("8 balls, filled", ORDINARY, filled(size)),
         *(Case(f"R = {radius:.0e}", GROUND, field(size, radius)) for radius in (1e3, 1e5, 1e7)),
         *(Case(f"moved by {offset:.0e}", FAR, field(size, offset=offset)) for offset in (1e4, 1e6, 1e7)),
         *(Case(f"times {scale:.0e}", SCALE, field(size, scale=scale)) for scale in (1e-6, 1e6, 1e20)),
