@@ -50,7 +50,12 @@ def parser() -> argparse.ArgumentParser:
                    help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
     p.add_argument("--stats", nargs="?", const="text", choices=("text", "json"), help="times and counts")
     p.add_argument(
-        "--keep", action="append", choices=KEEPS, default=[], help="do not skip this, to measure what it saves"
+        "--keep",
+        metavar="NAME",
+        action="append",
+        choices=KEEPS,
+        default=[],
+        help=f"do not skip this, to measure what it saves: {', '.join(KEEPS)}",
     )
     p.add_argument("--repeat", type=_positive, default=1, metavar="N", help="render N times, report the fastest")
     p.add_argument("-q", "--quiet", action="store_true", help="only errors")

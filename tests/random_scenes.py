@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -45,6 +46,21 @@ def random_scene(seed: int) -> Scene:
         exponent=rng.choice([0, 0.5, 1, 20, 200, 1e4, 1e6], n),
         background=tuple(rng.uniform(0, 1, 3)),
     )
+
+
+def crowded(scene: Scene, seed: int) -> Scene:
+    """The same with 20 to 60 spheres for each one: smaller ones around it, and itself."""
+    rng = np.random.default_rng((seed, 2))
+    spheres = np.repeat(scene.spheres, rng.integers(20, 60))
+    copies = np.ones(len(spheres), bool)
+    copies[:: len(spheres) // len(scene.spheres)] = False
+    shift = rng.normal(size=(len(spheres), 3)) * spheres["radius"][:, None]
+    size = 10.0 ** rng.uniform(-2, 0, len(spheres))
+    limit = 3.4e38
+    center = spheres["center"] + np.where(copies, 1, 0)[:, None] * np.clip(shift, -limit, limit)
+    spheres["center"] = np.where(np.abs(center) < 2.0**-149, 0, np.clip(center, -limit, limit))
+    spheres["radius"] = np.maximum(spheres["radius"] * np.where(copies, size, 1), 2.0**-149)
+    return dataclasses.replace(scene, spheres=spheres)
 
 
 def fuzzed_scene(seed: int) -> Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_scenes import fuzzed_scene, random_scene
+from random_scenes import crowded, fuzzed_scene, random_scene
 
 import cltrace
 from cltrace import Camera, Scene
@@ -94,6 +94,22 @@ def test_highlights_too_faint_for_a_byte(device: Device) -> None:
     assert cltrace.Renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
 
 
+def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> None:
+    """5,000 spheres are sorted by place; every one is there twice."""
+    rng = np.random.default_rng(3)
+    centers, radii = rng.uniform(-2.5, 2.5, (2500, 3)), rng.uniform(0.05, 0.1, 2500)
+    again = rng.permutation(2500)
+    scene = Scene.from_spheres(
+        CAMERA, [LAMP, SUN], np.concatenate([centers, centers[again]]), np.concatenate([radii, radii[again]])
+    )
+    for precision in ("accurate", "single", "double"):
+        ids = cltrace.render(scene, device, precision, ("id",)).id
+        assert ids is not None
+        assert ids.max() < 2500
+        assert len(np.unique(ids)) > 500
+        compare(scene, device, ("order", "lists", "receivers"), precision, ())
+
+
 # What only changes the packed scene, so that all scenes share two programs when all features are kept.
 PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
 
@@ -103,6 +119,9 @@ def scenes(seeds: range) -> None:
         scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
         for precision in ("accurate", "single"):
             compare(scene, choose(), PACKED, precision, ("features",))
+        # In single, a shadow ray may meet a sphere of less than a thousandth of its distance where it is not, and where
+        # no list holds it.
+        compare(crowded(scene, seed), choose(), PACKED, "accurate", ("features",))
 
 
 def test_no_scene_tells_what_was_left_out() -> None:
@@ -110,5 +129,5 @@ def test_no_scene_tells_what_was_left_out() -> None:
 
 
 @pytest.mark.stress
-def test_none_of_ten_thousand_scenes_tells() -> None:
-    scenes(range(100, 10_100))
+def test_none_of_two_thousand_scenes_tells() -> None:
+    scenes(range(100, 2_100))
