@@ -194,9 +194,7 @@ def pack(
     # float32 has little room for squares. So what is float32 has its lengths times a power of two that makes the
     # largest coordinate about 1: a scene and the same one scaled by a power of two are the same numbers there. Double
     # has room for the fourth power of every float32 number, and keeps scene units.
-    # Lights that are kept although they add nothing must not move it.
-    bright = lights["color"].any(axis=1) & (not _all_dull(scene))
-    k = -math.frexp(space.largest(bright & (lights["kind"] != PARALLEL)))[1]
+    k = -math.frexp(space.largest(lights["kind"] != PARALLEL))[1]
     small = space.times_two_to(k)
     exact = small if real.itemsize == 4 else space
     unit = 0 if real.itemsize == 4 else k
@@ -275,7 +273,9 @@ def _finite32(value: Array) -> Array:
 def _lights(scene: Scene, all_of_them: bool, skipped: dict[str, int]) -> NDArray[np.void]:
     """The lights that can add to a colour, by kind: parallel, point, spot."""
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
-    black = (~lights["color"].any(axis=1) | _all_dull(scene)) & (not all_of_them)
+    used = np.zeros(len(scene.materials), bool)
+    used[scene.spheres["material"]] = True
+    black = (~lights["color"].any(axis=1) | bool(_dull(scene)[used].all())) & (not all_of_them)
     if black.any():
         skipped["lights that add nothing"] = int(black.sum())
     useful: NDArray[np.void] = lights[~black]
@@ -286,13 +286,6 @@ def _dull(scene: Scene) -> NDArray[np.bool_]:
     """Which materials reflect nothing of any light."""
     m = scene.materials
     return np.asarray((m["ks"] == 0) & ((m["kd"] == 0) | ~m["color"].any(axis=1)))
-
-
-def _all_dull(scene: Scene) -> bool:
-    """Whether no sphere reflects any light."""
-    used = np.zeros(len(scene.materials), bool)
-    used[scene.spheres["material"]] = True
-    return bool(_dull(scene)[used].all())
 
 
 def _materials(m: NDArray[np.void], ambient: Array, shade: np.dtype[Any]) -> NDArray[Any]:

@@ -117,8 +117,9 @@ PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "hig
 def scenes(seeds: range) -> None:
     for seed in seeds:
         scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
-        for precision in ("accurate", "single"):
-            compare(scene, choose(), PACKED, precision, ("features",))
+        compare(scene, choose(), PACKED, "accurate", ("features",))
+        # In single, a black light may be so far away that nothing else is left of float32's range beside it.
+        compare(scene, choose(), tuple(name for name in PACKED if name != "lights"), "single", ("features",))
         # In single, a shadow ray may meet a sphere of less than a thousandth of its distance where it is not, and where
         # no list holds it.
         compare(crowded(scene, seed), choose(), PACKED, "accurate", ("features",))
