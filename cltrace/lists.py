@@ -245,7 +245,8 @@ def camera_sheet(center: Array, radius: Array, step: tuple[float, float], size: 
         c, r = np.ascontiguousarray(center[block].T), radius[block]
         covers = np.empty((4, len(r)), np.int32)
         ahead = -c[2]
-        seen = (ahead > -r) & among[block]
+        # Not ahead > -r: the eye may be inside by less than a centre's rounding.
+        seen = (ahead > -r * (1 + SLACK)) & among[block]
         for k, sign in ((0, 1.0), (1, -1.0)):
             low, high, clear = slopes(sign * c[k], ahead, r)
             slack = SLACK * (np.abs(low) + np.abs(high))

@@ -110,6 +110,16 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
         compare(scene, device, ("order", "lists", "receivers"), precision, ())
 
 
+def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
+    """1e12 inside of a sphere of 3.4e38, looking away from its centre: of its rounded centre, it is on the surface."""
+    camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7))
+    scene = Scene.from_spheres(camera, [], [(3.4e38, 0, 0)], [3.4e38])
+    for precision in ("accurate", "double"):
+        ids = cltrace.render(scene, device, precision, ("id",)).id
+        assert ids is not None
+        assert (ids == 0).all()
+
+
 # What only changes the packed scene, so that all scenes share two programs when all features are kept.
 PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
 
