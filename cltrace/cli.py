@@ -1,46 +1,37 @@
-"""The command `cltrace`: options, messages, exit codes. The only module that prints."""
+"""The command `cltrace`: options, messages, exit codes. What the tracer has to say is said here."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
-import os
 import re
-import signal
 import sys
-import threading
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from .check import check
+from .console import Parser, command, picture_size, positive, tell
 from .device import choose, devices, where_drivers_are
-from .errors import CltraceError, UsageError
+from .errors import UsageError
 from .image import SHOWS, Image
 from .layout import KEEPS, PRECISIONS
 from .reader import read
-from .scene import Scene, check_resolution
+from .scene import Scene
 from .tracer import Crop, Renderer
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see cltrace --help")
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    p = _Parser(prog="cltrace", description="Render a scene file of spheres with OpenCL.", allow_abbrev=False)
+    p = Parser(prog="cltrace", description="Render a scene file of spheres with OpenCL.", allow_abbrev=False)
     p.add_argument("scene", nargs="?", metavar="SCENE.xml", help="the scene to render")
     p.add_argument("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
     p.add_argument("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D or part of a name (default: fastest CPU)")
     p.add_argument("--list-devices", action="store_true", help="list the devices and stop")
-    p.add_argument("--size", type=_size, metavar="WxH", help="picture size instead of the scene's")
+    p.add_argument("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
     p.add_argument("--crop", type=_crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
     p.add_argument("--precision", choices=PRECISIONS, help="default: accurate; single on a device without doubles")
     p.add_argument("--show", choices=SHOWS, default="color", help="what the picture shows, encoded as colours")
@@ -57,21 +48,11 @@ def parser() -> argparse.ArgumentParser:
         default=[],
         help=f"do not skip this, to measure what it saves: {', '.join(KEEPS)}",
     )
-    p.add_argument("--repeat", type=_positive, default=1, metavar="N", help="render N times, report the fastest")
+    p.add_argument("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
     p.add_argument("-q", "--quiet", action="store_true", help="only errors")
     p.add_argument("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
     p.add_argument("--version", action="version", version=f"cltrace {metadata.version('cltrace')}")
     return p
-
-
-def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"([0-9]{1,9})x([0-9]{1,9})", text)
-    if not match:
-        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
-    try:
-        return check_resolution((int(match[1]), int(match[2])))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error).removeprefix("camera.resolution: ")) from None
 
 
 def _crop(text: str) -> Crop:
@@ -81,70 +62,20 @@ def _crop(text: str) -> Crop:
     return (x0, y0, x1, y1)
 
 
-def _positive(text: str) -> int:
+def _repeats(text: str) -> int:
     if text.endswith(".xml"):
         raise argparse.ArgumentTypeError(f"put the scene first, or say --check=N; {text!r} is not a number")
-    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text!r}")
-    return int(text)
+    return positive(text)
 
 
 def _count(text: str) -> str | int:
-    return text if text in ("all", "default") else _positive(text)
+    return text if text in ("all", "default") else _repeats(text)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
     args = argparse.Namespace(verbose=False)
-    # A closed stderr is None, and print() would then take stdout for it.
-    if sys.stderr is None:
-        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
-    try:
-        args = parser().parse_args(argv, args)
-        status = _run(args)
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return status
-    except CltraceError as error:
-        if args.verbose:
-            traceback.print_exc()
-        return _fail(str(error), error.exit_code, prefixed=type(error).__name__ != "SceneError")
-    except KeyboardInterrupt:
-        return _fail("interrupted", 128 + signal.SIGINT)
-    except BrokenPipeError:
-        # The reader of stdout has gone; keep Python from failing once more when it flushes.
-        _silence_stdout()
-        return 128 + signal.SIGPIPE
-    except OSError as error:
-        _silence_stdout()
-        return _fail(f"cannot write: {error.strerror or error}", 2)
-    except MemoryError:
-        return _fail("not enough memory", 2)
-
-
-def _terminate(*_: object) -> NoReturn:
-    """SIGTERM ends the command as an exception does, so that nothing half-written is left."""
-    raise SystemExit(128 + signal.SIGTERM)
-
-
-def _silence_stdout() -> None:
-    """Keeps Python from failing once more when it flushes at its end."""
-    if sys.stdout is not None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _tell(message: str) -> None:
-    """A message on stderr. Control characters of file names are shown, not sent; a full disk changes nothing."""
-    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
-    with contextlib.suppress(OSError):
-        print(shown, file=sys.stderr, flush=True)
-
-
-def _fail(message: str, status: int, prefixed: bool = True) -> int:
-    _tell(f"cltrace: {message}" if prefixed else message)
-    return status
+    return command("cltrace", lambda: _run(parser().parse_args(argv, args)), verbose=lambda: args.verbose)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -156,7 +87,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.scene is None:
         raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
 
-    say: Callable[[str], None] = (lambda text: None) if args.quiet else _tell
+    say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
     start = time.perf_counter()
     scene, warnings = read(args.scene)
     read_seconds = time.perf_counter() - start
@@ -195,10 +126,8 @@ def _run(args: argparse.Namespace) -> int:
         return 0
     pixels = {"all": renderer.region[2] * renderer.region[3], "default": None}.get(args.check, args.check)
     report = check(scene, image, renderer.precision, pixels, renderer.region[:2], args.truncate, _progress(args.quiet))
-    if report.ok:
-        say(f"cltrace: {report}")
-        return 0
-    return _fail(str(report), 1)
+    (say if report.ok else tell)(f"cltrace: {report}")
+    return 0 if report.ok else 1
 
 
 def _frame_seconds(image: Image) -> float:
@@ -274,18 +203,18 @@ def _print_stats(stats: dict[str, Any], form: str) -> None:
     if form == "json":
         print(json.dumps(stats), flush=True)
         return
-    _tell(f"device     {stats['device']}")
-    _tell(f"precision  {stats['precision']}")
-    _tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres")
-    _tell(f"features   {' '.join(stats['features'])}")
+    tell(f"device     {stats['device']}")
+    tell(f"precision  {stats['precision']}")
+    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres")
+    tell(f"features   {' '.join(stats['features'])}")
     for name, value in stats["seconds"].items():
-        _tell(f"{name:<10} {value * 1e3:10.2f} ms")
+        tell(f"{name:<10} {value * 1e3:10.2f} ms")
     for name, value in stats["rays"].items():
-        _tell(f"rays       {value:10d} {name}")
+        tell(f"rays       {value:10d} {name}")
     for name, value in stats["work"].items():
-        _tell(f"work       {value:10d} {name}")
+        tell(f"work       {value:10d} {name}")
     for name, value in stats["skipped"].items():
-        _tell(f"skipped    {value:10d} {name}")
+        tell(f"skipped    {value:10d} {name}")
 
 
 def _progress(quiet: bool) -> Callable[[float], None]:

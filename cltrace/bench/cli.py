@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import datetime
 import importlib.util
 import math
 import os
-import signal
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.device import Device, choose, devices
-from cltrace.errors import CltraceError, UsageError
+from cltrace.errors import UsageError
 from cltrace.files import whole_file
 from cltrace.layout import PRECISIONS
 from cltrace.reader import read
-from cltrace.scene import check_resolution
 from cltrace.tracer import default_precision
 
 from . import report
@@ -36,14 +33,9 @@ SIZE, QUICK_SIZE = (960, 540), (320, 180)
 FULL, QUICK = Plan(), Plan(rounds=3, seconds=1, sample=100)
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see cltrace-bench --help")
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    p = _Parser(
+    p = Parser(
         prog="cltrace-bench",
         description="Measure run time against error: cltrace in each precision with and without what it skips, the "
         "textbook's tracer, and Embree and POV-Ray where they are installed.",
@@ -54,8 +46,8 @@ def parser() -> argparse.ArgumentParser:
                    help="cpu, gpu, P:D or part of a name; may be repeated (default: the fastest CPU)")  # fmt: skip
     p.add_argument("--precision", action="append", choices=PRECISIONS,
                    help="only this one; may be repeated (default: all that the device has)")  # fmt: skip
-    p.add_argument("--size", type=_size, metavar="WxH", help=f"picture size (default: {SIZE[0]}x{SIZE[1]})")
-    p.add_argument("--rounds", type=_positive, metavar="N", help=f"measure each up to N times (default: {FULL.rounds})")
+    p.add_argument("--size", type=picture_size, metavar="WxH", help=f"picture size (default: {SIZE[0]}x{SIZE[1]})")
+    p.add_argument("--rounds", type=positive, metavar="N", help=f"measure each up to N times (default: {FULL.rounds})")
     p.add_argument("-o", "--output", default="bench-results", metavar="FOLDER",
                    help="where results.json, table.md and the plots go (default: %(default)s)")  # fmt: skip
     p.add_argument("--no-plots", action="store_true", help="tables and results.json only; needs no matplotlib")
@@ -69,58 +61,11 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def _size(text: str) -> Size:
-    width, _, height = text.partition("x")
-    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
-        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
-    try:
-        return check_resolution((int(width), int(height)))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error).removeprefix("camera.resolution: ")) from None
-
-
-def _positive(text: str) -> int:
-    if not (text.isascii() and text.isdigit()) or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text!r}")
-    return int(text)
-
-
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 a stress case failed, 2 usage or scene, 3 device."""
-    if sys.stderr is None:  # print() would take stdout for it
-        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
-    try:
-        return _run(parser().parse_args(argv))
-    except CltraceError as error:
-        return _fail(str(error), error.exit_code, prefixed=type(error).__name__ != "SceneError")
-    except KeyboardInterrupt:
-        return _fail("interrupted; what was measured is kept", 128 + signal.SIGINT)
-    except BrokenPipeError:
-        # The reader of stdout has gone; keep Python from failing once more when it flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + signal.SIGPIPE
-    except OSError as error:
-        return _fail(f"cannot write: {error.strerror or error}", 2)
-    except MemoryError:
-        return _fail("not enough memory", 2)
-
-
-def _terminate(*_: object) -> NoReturn:
-    raise SystemExit(128 + signal.SIGTERM)
-
-
-def _tell(message: str) -> None:
-    """A message on stderr. Control characters of file names are shown, not sent."""
-    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
-    with contextlib.suppress(OSError):
-        print(shown, file=sys.stderr, flush=True)
-
-
-def _fail(message: str, status: int, prefixed: bool = True) -> int:
-    _tell(f"cltrace-bench: {message}" if prefixed else message)
-    return status
+    return command(
+        "cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted="interrupted; what was measured is kept"
+    )
 
 
 class Progress:
@@ -259,7 +204,7 @@ def _given(paths: Sequence[str], size: Size | None) -> list[Case]:
     for path in paths:
         scene, warnings = read(path)
         for warning in warnings:
-            _tell(warning)
+            tell(warning)
         if size:
             scene = replace(scene, camera=replace(scene.camera, resolution=size))
         cases.append(Case(Path(path).stem, GIVEN, scene))
@@ -298,4 +243,4 @@ def _save(bench: Bench, about: dict[str, Any], folder: Path, plots: bool, finish
                     with whole_file(folder / f"{name}{suffix}.{kind}") as file:
                         figure.savefig(file, format=kind)
                 names.append(f"{name}{suffix}.svg/.png")
-    _tell(f"cltrace-bench: wrote {', '.join(names)} in {folder}")
+    tell(f"cltrace-bench: wrote {', '.join(names)} in {folder}")

@@ -1,0 +1,98 @@
+"""What every command owes its user: clear messages, exit codes instead of tracebacks, and calm at a closed pipe."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import re
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+from .errors import CltraceError, UsageError
+from .scene import check_resolution
+
+
+class Parser(argparse.ArgumentParser):
+    """Whose errors are a UsageError."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """An argument's WIDTHxHEIGHT."""
+    match = re.fullmatch(r"([0-9]{1,9})x([0-9]{1,9})", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
+    try:
+        return check_resolution((int(match[1]), int(match[2])))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix("camera.resolution: ")) from None
+
+
+def positive(text: str) -> int:
+    """An argument's whole number, 1 at least."""
+    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number >= 1, got {text!r}")
+    return int(text)
+
+
+def tell(message: str) -> None:
+    """A message on stderr. Control characters of file names are shown, not sent; a full disk changes nothing."""
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
+    with contextlib.suppress(OSError):
+        print(shown, file=sys.stderr, flush=True)
+
+
+def command(
+    name: str, body: Callable[[], int], interrupted: str = "interrupted", verbose: Callable[[], bool] = lambda: False
+) -> int:
+    """Runs a command's body and returns its exit status: the body's own, or 2 for usage, scenes and files, 3 for
+    devices, 130 for Ctrl-C, 141 for a reader of stdout that has gone. verbose: whether to show tracebacks, too.
+    """
+    # A closed stderr is None, and print() would then take stdout for it.
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+    try:
+        status = body()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
+    except CltraceError as error:
+        if verbose():
+            traceback.print_exc()
+        # A SceneError begins with the file's name.
+        tell(str(error) if type(error).__name__ == "SceneError" else f"{name}: {error}")
+        return error.exit_code
+    except KeyboardInterrupt:
+        tell(f"{name}: {interrupted}")
+        return 128 + signal.SIGINT
+    except BrokenPipeError:
+        _silence_stdout()
+        return 128 + signal.SIGPIPE
+    except OSError as error:
+        _silence_stdout()
+        tell(f"{name}: cannot write: {error.strerror or error}")
+        return 2
+    except MemoryError:
+        tell(f"{name}: not enough memory")
+        return 2
+
+
+def _terminate(*_: object) -> NoReturn:
+    """SIGTERM ends a command as an exception does, so that nothing half-written is left."""
+    raise SystemExit(128 + signal.SIGTERM)
+
+
+def _silence_stdout() -> None:
+    """Keeps Python from failing once more when it flushes at its end."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
