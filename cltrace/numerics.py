@@ -21,6 +21,9 @@ Ints = NDArray[np.int64]
 Pair = tuple[Array, Array]
 T = TypeVar("T")
 
+# Rows at a time: of doubles, their temporary arrays stay in a processor's cache.
+BLOCK = 2**15
+
 _SPLIT = 2.0**27 + 1
 
 
@@ -54,14 +57,16 @@ def total(terms: list[Array]) -> Pair:
     return two_sum(hi, low + lower)
 
 
-def differences(hi: Array, lo: Array, point_hi: Array, point_lo: Array) -> Pair:
-    """From a point to points hi + lo, (n, 3): a pair of (n, 3), exact but for what is 2^-106 of it."""
+def differences(hi: Array, lo: Array | None, point_hi: Array, point_lo: Array | None) -> Pair:
+    """From a point to points hi + lo, (n, 3): a pair of (n, 3), exact but for what is 2^-106 of it; None is zero."""
     out, rest = np.empty_like(hi), np.empty_like(hi)
 
     def subtract(block: slice) -> None:
-        near, e1 = two_sum(hi[block], -point_hi)
-        low, e2 = two_sum(lo[block], -point_lo)
-        out[block], rest[block] = two_sum(near, e1 + low + e2)
+        near, error = two_sum(hi[block], -point_hi)
+        if lo is not None and point_lo is not None:
+            low, e = two_sum(lo[block], -point_lo)
+            near, error = two_sum(near, error + low + e)
+        out[block], rest[block] = near, error
 
     blockwise(len(hi), subtract)
     return out, rest
@@ -83,9 +88,22 @@ def dot_products(rows: Array, hi: Array, lo: Array) -> Pair:
     return out, rest
 
 
-def blockwise(n: int, work: Callable[[slice], T]) -> list[T]:
-    """work(slice) for ranges of rows whose temporary arrays stay in a processor's cache, on all processors."""
-    return concurrently([partial(work, slice(i, min(i + 65536, n))) for i in range(0, n, 65536)])
+def rotated(rows: Array, v: Array) -> Array:
+    """The vectors v, (n, 3), in the coordinate system of `rows`, (3, 3): each right to a few ulp of its length."""
+    out = np.empty_like(v)
+
+    def turn(block: slice) -> None:
+        x, y, z = v[block].T
+        for i, row in enumerate(rows):
+            out[block, i] = row[0] * x + row[1] * y + row[2] * z
+
+    blockwise(len(v), turn)
+    return out
+
+
+def blockwise(n: int, work: Callable[[slice], T], rows: int = BLOCK) -> list[T]:
+    """work(slice) for blocks of n rows, one at least, on all processors."""
+    return concurrently([partial(work, slice(i, min(i + rows, n))) for i in range(0, max(n, 1), rows)])
 
 
 def concurrently(jobs: list[Callable[[], T]]) -> list[T]:

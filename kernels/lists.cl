@@ -46,3 +46,24 @@ static int has_candidates(const Lists lists, const int2 tile) {
     }
     return 0;
 }
+
+/* Tells a CPU to fetch what the first entries of a list will ask for: the filter's and the spheres' numbers. With many
+ * spheres those are far apart in memory, and half of the time went into waiting for them. OpenCL's own prefetch() does
+ * nothing on the CPU drivers. As far ahead as AHEAD in cltrace/lists.py. */
+#if defined(WITH_PREFETCH) && W > 1 && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+#define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))
+static void fetch_ahead(const Spheres spheres, const Lists lists, __global const float4 *filter, const int first) {
+    for (int k = first; k < first + 8; k++) {
+        const int index = lists.entry[k].x;
+        FETCH(filter, index);
+        FETCH(spheres.center_radius, index);
+        FETCH(spheres.power, index);
+    }
+}
+#define FETCH_AHEAD(scene, filter, first) fetch_ahead((scene).spheres, (scene).lists, filter, first)
+#endif
+#endif
+#ifndef FETCH_AHEAD
+#define FETCH_AHEAD(scene, filter, first)
+#endif

@@ -20,6 +20,7 @@
  *   WITH_SHADOWS       something may stand between a sphere and a light
  *   WITH_SPECULAR      some sphere shines
  *   WITH_DULL          some sphere reflects nothing
+ *   WITH_PREFETCH      spheres are so many that a cache holds few of them
  *   KEEP_HIGHLIGHTS    those that no pixel shows are computed, too
  *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS, OUT_WORK   what to write
  *   View_BYTES, Light_BYTES, Grid_BYTES    sizes that the host packs

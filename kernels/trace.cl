@@ -114,7 +114,10 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
     while (level.mask) {
         level = next_level(grid, level);
         const int cell = level.first + (tile.y >> level.level) * level.columns + (tile.x >> level.level);
-        for (int k = scene.lists.start[cell], end = scene.lists.start[cell + 1]; k < end; k++) {
+        const int end = scene.lists.start[cell + 1];
+        /* Of the next tile: its list is the next one. */
+        FETCH_AHEAD(scene, scene.candidate, end);
+        for (int k = scene.lists.start[cell]; k < end; k++) {
             const int2 entry = scene.lists.entry[k];
             if (as_float(entry.y) > reach) break;
             const int index = entry.x;
@@ -289,7 +292,9 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
             for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                 const MASK in = pending == c;
                 pending = in ? (INT)-1 : pending;
-                for (int k = scene.lists.start[c], end = scene.lists.start[c + 1]; k < end; k++) {
+                const int first = scene.lists.start[c], end = scene.lists.start[c + 1];
+                FETCH_AHEAD(scene, scene.occluder + (long)number * scene.count, first);
+                for (int k = first; k < end; k++) {
                     const int2 entry = scene.lists.entry[k];
                     const int index = entry.x;
                     MASK may = in & lit & (measure > as_float(entry.y));
