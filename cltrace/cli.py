@@ -109,7 +109,7 @@ def _run(args: argparse.Namespace) -> int:
     image = best = renderer.render()
     for _ in range(args.repeat - 1):
         image = renderer.render(image)
-        if _frame_seconds(image) < _frame_seconds(best):
+        if image.frame_seconds < best.frame_seconds:
             best = image
     image.seconds = {"read": read_seconds, **best.seconds}
 
@@ -128,10 +128,6 @@ def _run(args: argparse.Namespace) -> int:
     report = check(scene, image, renderer.precision, pixels, renderer.region[:2], args.truncate, _progress(args.quiet))
     (say if report.ok else tell)(f"cltrace: {report}")
     return 0 if report.ok else 1
-
-
-def _frame_seconds(image: Image) -> float:
-    return image.seconds["kernel"] + image.seconds["readback"]
 
 
 def _adapted(scene: Scene, args: argparse.Namespace) -> Scene:

@@ -1,7 +1,7 @@
 """What cannot matter: spheres inside others, and spheres that cannot stand between another one and a light.
 
 All tests are made with every sphere larger by more than any rounding, here or in the kernel, can amount to: a sphere is
-left out only if no ray could ever tell, so no picture changes.
+left out only if no ray could ever tell, so no picture changes; of extreme scenes in single, the README tells more.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Driver:
     flags: tuple[str, ...] = ()
 
 
-# Measured on 2 cores with AVX-512; the figures are in the README. PoCL 3.0 must stay at width 8: with LLVM 14,
+# Measured on 2 cores with AVX-512. PoCL 3.0 must stay at width 8: with LLVM 14,
 # sqrt(float16) aborts the whole process. It also calls a function for each fma, and so spills all registers.
 DRIVERS = (
     Driver(r"Intel|LINUX", 16, 1),
@@ -96,6 +96,11 @@ class Device:
     def width(self) -> int:
         """Pixels in a packet: 1 on a GPU."""
         return self.record.width if self.kind == "cpu" else 1
+
+    @property
+    def label(self) -> str:
+        """What tells it from all others, and its name."""
+        return f"{self.spec} {self.name}"
 
     def line(self) -> str:
         """One line for --list-devices."""

@@ -24,7 +24,8 @@ class Image:
     rgb8: (h, w, 3) uint8, linear, no gamma; color: (h, w, 3) float32, linear, not clamped; normal: (h, w, 3) float32,
     unit, in the world, facing the camera, 0 where nothing was hit; direction: (h, w, 3) float32, of the pixel's ray,
     unit, in the world; depth: (h, w) float64, distance from the eye in scene units, inf where nothing was hit; id:
-    (h, w) int32, the sphere's index, -1 = nothing; shadow_rays: (h, w) int32, to how many lights that may shine there;
+    (h, w) int32, the sphere's index, -1 = nothing; shadow_rays: (h, w) int32, to how many lights that may shine there,
+    0 where there is but one sphere;
     work: (h, w, 8) int32, how often was done what layout.WORK names; seconds: what took how long.
     """
 
@@ -38,6 +39,11 @@ class Image:
     work: NDArray[np.int32] | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     frame: Any = field(default=None, repr=False)  # the buffers it lives in, for Renderer.render(out)
+
+    @property
+    def frame_seconds(self) -> float:
+        """Of the kernel and of reading the picture back."""
+        return self.seconds["kernel"] + self.seconds["readback"]
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"frame": None}  # buffers stay with their process

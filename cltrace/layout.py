@@ -7,7 +7,7 @@ size differs, and a test compares every offset on each device.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,8 @@ from .numerics import (
 from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 PRECISIONS = ("accurate", "single", "double")
-OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays", "work")
+PICTURES = ("rgb8", "color", "normal", "direction", "depth", "id")
+OUTPUTS = (*PICTURES, "shadow_rays", "work")
 # What the output `work` counts, per pixel, by its last index: see COUNT in kernels/trace.cl.
 WORK = (
     "shadow rays traced",
@@ -93,8 +94,7 @@ class Packed:
 
     features: the names of the -D flags; scale: depths come out in units of 2^scale; view: () view_dtype; lights:
     numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see kernels/
-    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not
-    need, and how often.
+    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not need, and how often.
     """
 
     precision: str
@@ -115,6 +115,7 @@ class Packed:
             "View_BYTES": view_dtype(real).itemsize,
             "Light_BYTES": light_dtype(real).itemsize,
             "Grid_BYTES": grid_dtype(real).itemsize,
+            "WORK_KINDS": len(WORK),
         }
         return [f"-D{k}={v}" for k, v in sizes.items()] + [f"-D{name}" for name in sorted(self.features)]
 
@@ -160,6 +161,12 @@ def _camera_space(
     return _Space(*place_of_center, radius, *power, hi, lo, place, at_hi, at_lo)
 
 
+def counting(packed: Packed) -> Packed:
+    """The same, for a kernel that does all that it did, but writes only what it has counted."""
+    rest = (name for name in packed.features if not name.startswith("OUT_"))
+    return replace(packed, features=frozenset((*rest, "OUT_WORK")))
+
+
 # What is left out where it is not needed, and can be kept to measure what that saves.
 KEEPS = (
     "lists",
@@ -184,12 +191,12 @@ def pack(
 ) -> Packed:
     """Moves the scene into camera space and packs it for one precision and these outputs.
 
-    keep: what not to leave out, for measuring; no picture depends on it. lists: one list of all spheres for every ray;
-    filter: each test in the precision that decides; features: the code of every feature; lights: lights that are black,
-    or that shine on nothing that reflects; hidden: spheres inside others; receivers: in a light's lists, spheres that
-    shadow nothing in the picture; unstopped: of few spheres, shadow rays that none can stop; highlights: those too
-    faint for a byte; outputs: whatever the kernel can write; order: that of the spheres
-    in the scene.
+    keep: what not to leave out, for measuring; no picture depends on it, but those of some extreme scenes in single, as
+    the README says. lists: one list of all spheres for every ray; filter: each test in the precision that decides;
+    features: the code of every feature; lights: lights that are black, or that shine on nothing that reflects; hidden:
+    spheres inside others; receivers: in a light's lists, spheres that shadow nothing in the picture; unstopped: of few
+    spheres, shadow rays that none can stop; highlights: those too faint for a byte; outputs: all pictures that the
+    kernel can write; order: that of the spheres in the scene.
     """
     real, shade = real_dtype(precision), shade_dtype(precision)
     skipped: dict[str, int] = {}
@@ -393,13 +400,11 @@ def _lists(
         seen = ~hidden(space.center, radius, (space.power > 0) & (outside > 0).all(axis=0), slack)
         skipped["spheres inside others"] = n - int(seen.sum())
     picture = camera_sheet(space.center, radius, space.power, step, size, seen)
-    skipped["spheres out of the picture"] = n - len(picture.member)
-    receiver = np.zeros(n, bool)
+    receiver = np.full(n, "receivers" in keep)
     receiver[picture.member] = True
-    if "receivers" in keep:
-        receiver[:] = True
     if "lists" in keep:
-        picture = whole_sheet(np.ones(n, bool))
+        picture = whole_sheet(seen)
+    skipped["spheres out of the picture"] = n - len(picture.member)
 
     sheets, grids, idle = [picture], np.zeros((m, 4), np.int32), 0
     for k, (light, (offset, power)) in enumerate(zip(lights, from_light, strict=True)):
@@ -420,12 +425,12 @@ def _lists(
             more = parallel_sheet(axes, offset, radius, seen, receiver, slack)
         else:
             more = point_sheets(offset, radius, power, seen, receiver, slack)
+        if "lists" in keep:
+            more = [whole_sheet(seen)]
         entered = np.zeros(n, bool)
         for sheet in more:
             entered[sheet.member] = True
         idle += n - int(entered.sum())
-        if "lists" in keep:
-            more = [whole_sheet(np.ones(n, bool))]
         grids[k] = len(sheets), len(more), stops, 0
         sheets += more
     skipped["spheres that shadow nothing seen, per light"] = idle

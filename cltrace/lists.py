@@ -11,7 +11,7 @@ at one cell of each level that holds anything. Within a cell, the spheres come i
 that a search ends as soon as those lie behind what was found.
 
 Bounds are computed in double and widened by more than all rounding, of the kernel's float32, too: a list may hold a
-sphere in vain, but lacks none, and no list changes a picture.
+sphere in vain, but lacks none that a ray meets: no list changes a picture (in single, some of extreme scenes: README).
 """
 
 from __future__ import annotations

@@ -106,11 +106,16 @@ def blockwise(n: int, work: Callable[[slice], T], rows: int = BLOCK) -> list[T]:
     return concurrently([partial(work, slice(i, min(i + rows, n))) for i in range(0, max(n, 1), rows)])
 
 
+def processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def concurrently(jobs: list[Callable[[], T]]) -> list[T]:
     """What the jobs return, by as many threads as there are processors: numpy works outside of Python's lock."""
     if len(jobs) < 2:
         return [job() for job in jobs]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(processors()) as pool:
         return [future.result() for future in [pool.submit(job) for job in jobs]]
 
 

@@ -24,31 +24,32 @@ def context_of(device: cl.Device) -> Any:
 
 
 @cache
-def source() -> str:
+def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
     folder = resources.files("cltrace.kernels")
-    return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in SOURCES)
+    return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in files)
 
 
-def build(device: Device, options: list[str]) -> Any:
+def build(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Any:
     """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log.
 
     Building takes most of the time of a small picture, even from the driver's cache: a program is kept for the next
-    one.
-    A kernel holds its arguments, so each caller gets its own.
+    one. A kernel holds its arguments, so each caller gets its own.
     """
     try:
-        return cl.Kernel(_program(device.cl, tuple(options)), "render")
+        return cl.Kernel(_program(device.cl, tuple(options), files), "render")
     except cl.Error as error:
         raise BuildError(f"the kernel does not build on {device.name}\noptions: {' '.join(options)}\n{error}") from None
 
 
 @lru_cache(maxsize=64)
-def _program(device: cl.Device, options: tuple[str, ...]) -> Any:
+def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
-        return cl.Program(context_of(device), source()).build(options=[*options, "-cl-std=CL1.2"], devices=[device])
+        return cl.Program(context_of(device), source(files)).build(
+            options=[*options, "-cl-std=CL1.2"], devices=[device]
+        )
 
 
 class Announcement:

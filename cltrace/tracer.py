@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from .device import Device, check_process, choose
 from .errors import DeviceError
 from .image import Image
-from .layout import KEEPS, OUTPUTS, PRECISIONS, WORK, Packed, pack, real_dtype
+from .layout import KEEPS, OUTPUTS, PICTURES, PRECISIONS, WORK, Packed, counting, pack, real_dtype
 from .program import Announcement, build, context_of
 from .scene import Scene
 
@@ -47,10 +48,10 @@ class Renderer:
     """A scene on a device: program and buffers are kept, so that each render() costs only the kernel and the readback.
 
     device: None, a SPEC as on the command line, or a Device; precision: accurate, single, double or None for the
-    device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays; crop: (x0, y0, x1, y1),
-    exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of rounded;
-    width: pixels in a packet, 1, 8 or 16, None for what is best on the device; keep: what not to skip, for measuring.
-    One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
+    device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays, work; crop: (x0, y0, x1,
+    y1), exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of
+    rounded; width: pixels in a packet, 1, 8 or 16, None for what is best on the device; keep: what not to skip, for
+    measuring. One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
     """
 
     def __init__(
@@ -81,14 +82,12 @@ class Renderer:
             )
         if self.width not in GROUP:
             raise ValueError(f"width: must be 1, 8 or 16, got {self.width}")
-        self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        also = PICTURES if "outputs" in keep else ()
+        self.outputs = tuple(name for name in OUTPUTS if name in outputs or name in also)
         if not outputs or set(outputs) - set(OUTPUTS):
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
         if set(keep) - set(KEEPS):
             raise ValueError(f"keep: must be some of {', '.join(KEEPS)}, got {keep!r}")
-        self.keep = keep
-        if "outputs" in keep:
-            self.outputs = OUTPUTS[: OUTPUTS.index("shadow_rays")]
         self._move_to(_region(scene.camera.resolution, crop))
         self.size = scene.camera.resolution
         with self._timed("pack"):
@@ -96,10 +95,7 @@ class Renderer:
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             self.context: Any = context_of(self.device.cl)
             self.queue: Any = cl.CommandQueue(self.context)
-            options = [
-                f"-D{flag}" for flag in (f"W={self.width}", f"RUN={RUN[self.width]}", *self.device.flags)
-            ] + self.packed.options()
-            self._kernel = build(self.device, options)
+            self._kernel = self._built()
         with self._timed("upload"), self._driver_errors():
             self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
             self.queue.finish()
@@ -118,9 +114,7 @@ class Renderer:
         with self._lock, self._driver_errors():
             frame = self._frame() if out is None else out.frame
             start = time.perf_counter()
-            x, y = self._margin
-            x0, y0, width, height = self.region
-            self._draw(frame, (x0 - x, y0 - y, width + x, height + y))
+            self._draw(frame)
             done = time.perf_counter()
             arrays = self._read(frame)
             end = time.perf_counter()
@@ -134,13 +128,19 @@ class Renderer:
 
     def work(self) -> dict[str, int]:
         """How often a frame does what WORK names: renders one more, in strips, with a kernel that counts."""
+        check_process()
         x, y, width, height = self.region
-        counter = Renderer(self.scene, self.device, self.precision, ("work",), width=self.width, keep=self.keep)
+        counter = copy(self)
+        counter.outputs, counter.packed = ("work",), counting(self.packed)
         total = np.zeros(len(WORK), np.int64)
         rows = max(1, STRIP // width)
-        for row in range(0, height, rows):
-            counter._move_to((x, y + row, width, min(rows, height - row)))
-            total += np.asarray(counter.render().work).sum(axis=(0, 1), dtype=np.int64)
+        with self._lock, self._driver_errors():
+            counter._kernel = counter._built()
+            for row in range(0, height, rows):
+                counter._move_to((x, y + row, width, min(rows, height - row)))
+                frame = counter._frame()
+                counter._draw(frame)
+                total += counter._read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
         return dict(zip(WORK, total.tolist(), strict=True))
 
     def _move_to(self, region: Crop) -> None:
@@ -185,8 +185,14 @@ class Renderer:
         }
         return _Frame(self, width, height, arrays, buffers)
 
-    def _draw(self, frame: _Frame, region: Crop) -> None:
-        """Renders a region, in strips that are short enough for Ctrl-C to be heard between them."""
+    def _built(self) -> Any:
+        flags = (f"W={self.width}", f"RUN={RUN[self.width]}", *self.device.flags)
+        return build(self.device, [*(f"-D{flag}" for flag in flags), *self.packed.options()])
+
+    def _draw(self, frame: _Frame) -> None:
+        """Renders the region, in strips that are short enough for Ctrl-C to be heard between them."""
+        (x, y), (x0, y0, width, height) = self._margin, self.region
+        region = (x0 - x, y0 - y, width + x, height + y)
         rows = max(64, STRIP // frame.width // 64 * 64)
         for row in range(0, region[3], rows):
             self._launch(frame, region, row, min(rows, frame.height - row)).wait()

@@ -1,7 +1,7 @@
 /* lists.cl: which spheres a ray can meet at all. cltrace/lists.py says what a sheet is, and makes them. */
 
 typedef struct {
-    real4 right, up, ahead; /* w: what is added to a coordinate, so that those of a parallel light count from the middle */
+    real4 right, up, ahead; /* w: added to a coordinate, so that those of a parallel light count from the middle */
     float4 near_right, near_up, near_ahead; /* the same in float */
     float4 window;          /* x, y: half of the sides; z, w: cells in a unit of length */
     int4 cells;             /* columns, rows on level 0; the first cell's number; which levels hold anything */

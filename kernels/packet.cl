@@ -24,10 +24,11 @@
  *   KEEP_HIGHLIGHTS    those that no pixel shows are computed, too
  *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS, OUT_WORK   what to write
  *   View_BYTES, Light_BYTES, Grid_BYTES    sizes that the host packs
+ *   WORK_KINDS     what OUT_WORK counts
  *
- * Contraction is off and every FMA is spelled out: each other expression is rounded as it stands, so that all devices and the
- * reference compute the same bits where real is double. None of the built-in dot, cross, length, normalize is used:
- * the standard bounds their errors only absolutely.
+ * Contraction is off and every FMA is spelled out: each other expression is rounded as it stands, so that all devices
+ * and the reference compute the same bits where real is double. None of the built-in dot, cross, length, normalize is
+ * used: the standard bounds their errors only absolutely.
  */
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -80,7 +81,7 @@ typedef LANES(int) INT;
 #define TO_FLOAT(x) TO(float, x)
 #define TO_INT(x) TO(int, x)
 
-/* Masks: what a comparison gives, -1 or 0 in each lane, as wide as what was compared. A scalar comparison gives an int. */
+/* Masks: what a comparison gives, -1 or 0 in each lane, as wide as what was compared. A scalar one is an int. */
 #if W == 1
 typedef int MASK;       /* of INT and FLOAT */
 typedef int REAL_MASK;  /* of REAL */
@@ -103,8 +104,8 @@ typedef SHADE_INT SHADE_MASK;
 #define ALL_LANES ((MASK)(-1))
 #endif
 
-/* Whether any lane of a mask is set, and the largest one of whole numbers. The built-in any() looks at one lane after the other on the CPU drivers, which cost
- * more than all arithmetic: 64 spheres took three times as long. */
+/* Whether any lane of a mask is set, and the largest one of whole numbers. The built-in any() looks at one lane after
+ * the other on the CPU drivers, which cost more than all arithmetic: 64 spheres took three times as long. */
 #if W == 1
 #define ANY(mask) (mask)
 #define LARGEST(value) (value)
@@ -206,7 +207,7 @@ typedef struct {
 typedef struct {
     real4 position; /* point, spot: xyz in camera space. parallel: unit vector towards the light */
     real4 axis;     /* spot: unit vector in which it points; w: cosine of alpha2. parallel: u axis of light space */
-    real4 across;   /* parallel: v axis of light space. spot: w: cosine of alpha1 */
+    real4 across;   /* parallel: v axis of light space */
     float4 color;   /* rgb, linear */
     float4 cone;    /* spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians; 0 if they are equal. z: see illuminate() */
 } Light;

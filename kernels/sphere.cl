@@ -2,8 +2,8 @@
  *
  * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. A primary ray is t d
  * with d = (x, y, -1), not normalised: one rounding less, and t comes out in units of d. The host has moved the scene
- * there in more than double precision and has scaled it by a power of two, which is exact, so that its largest
- * coordinate is about 1.
+ * there in more than double precision. Where `real` is float, and in all float buffers, lengths are times a power of
+ * two that makes the largest coordinate about 1.
  */
 
 typedef struct {
@@ -139,7 +139,8 @@ typedef struct {
     Real3 v;
 } Exact;
 
-static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere, const REAL_MASK by_b) {
+static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere,
+                                                       const REAL_MASK by_b) {
     Exact e;
     const Rest rest = rest_of(spheres, sphere.index);
     const Pair x = pair(sphere.center.x, rest.x), dx = pair(ray.d.x, 0);
@@ -183,7 +184,7 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     const REAL bb = e.b * e.b, arr = ray.a * rr;
     e.by_b = bb < arr;
 #ifdef WITH_INSIDE
-    /* Beyond is only the near root's normal; from inside, rounding may find |b| = r |d| where a ray meets the centre. */
+    /* Only the near root's normal is beyond; from inside, |b| may round to r |d| where a ray meets the centre. */
     e.by_b = e.by_b | (sphere.c <= 0);
 #endif
     e.v.x = e.v.y = e.v.z = 0;
@@ -225,8 +226,8 @@ typedef struct {
  * positive: q/a if b >= 0, else c/q. With c = 0 the eye is on the sphere, where the root 0 is no hit. Written such that
  * a NaN is a miss.
  *
- * Double has room to do without the division, which takes as long as all the rest: with a c > 2^-10 b^2 the root is below
- * (1 - 2^-11) b, and b - root loses 11 of 53 bits. Nor does an error of the discriminant D count for more: with
+ * Double has room to do without the division, which takes as long as all the rest: with a c > 2^-10 b^2 the root is
+ * below (1 - 2^-11) b, and b - root loses 11 of 53 bits. Nor does an error of the discriminant D count for more: with
  * D <= b^2 / 4, b - root is b/2 or more, so 2^-26 of b (see quadratic) is 2^-25 of it; above that D is off by less than
  * 20 u b^2, as |C| |d| <= sqrt(2) |b|, and the root by 20 u b, which is below 2^-37 of b - root.
  *
@@ -367,8 +368,9 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
  *
  * w: from P to the light; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
  * (0, 1) counts. outside: the sign of |L - C_B|^2 - r_B^2, computed exactly by the host; 1 for a parallel light.
- * With f = C_B - P the equation is a t^2 - 2 b t + c = 0, a = w.w, b = f.w, c = |f|^2 - r_B^2. No root is computed, only
- * signs: of the product c of the roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the value at t = 1.
+ * With f = C_B - P the equation is a t^2 - 2 b t + c = 0, a = w.w, b = f.w, c = |f|^2 - r_B^2. No root is computed,
+ * only signs: of the product c of the roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the value at
+ * t = 1.
  *   c > 0, P outside: two roots of one sign if the discriminant is >= 0; positive if b > 0; the first is below 1 if
  *          the light is inside, or if their mean b/a is below 1.
  *   c < 0, P inside: one positive root, below 1 if the light is strictly outside.

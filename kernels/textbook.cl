@@ -1,10 +1,13 @@
-/* textbook.cl: the tracer of every textbook, which the benchmark takes as its baseline. It is no part of cltrace itself.
+/* textbook.cl: the tracer of every textbook, which the benchmark takes as its baseline. It is no part of cltrace
+ * itself.
  *
- * float32 in world coordinates, the quadratic formula as it is taught, a small step off the surface for shadow rays, and
- * every ray tries every sphere. One work-item is one pixel. It draws what trace.cl draws, and as well as that recipe can.
+ * float32 in world coordinates, the quadratic formula as it is taught, a small step off the surface for shadow rays,
+ * and every ray tries every sphere. One work-item is one pixel. It draws what trace.cl draws, and as well as that
+ * recipe can.
  */
 
-/* How far a shadow ray must have come before it may hit something, in scene units: against shadows of a surface on itself. */
+/* How far a shadow ray must have come before it may hit something, in scene units: against shadows of a surface on
+ * itself. */
 #define EPSILON 1e-3f
 
 /* Kinds of light, as in cltrace/scene.py. */
@@ -37,13 +40,14 @@ static float hit_sphere(const float3 origin, const float3 direction, const float
     return near > t_min ? near : far > t_min ? far : INFINITY;
 }
 
-static bool in_shadow(__global const float4 *spheres, const int count, const float3 p, const float3 l, const float far) {
+static bool in_shadow(__global const float4 *spheres, const int count, const float3 p, const float3 l,
+                      const float far) {
     for (int i = 0; i < count; i++)
         if (hit_sphere(p, l, spheres[i], EPSILON) < far) return true;
     return false;
 }
 
-__kernel void textbook(const Setup setup, __global const float4 *spheres, __global const int *material_of,
+__kernel void render(const Setup setup, __global const float4 *spheres, __global const int *material_of,
                        __global const float8 *materials, __global const Lamp *lights, __global uchar *rgb8,
                        __global float *color, __global float *normal, __global float *depth, __global int *id) {
     const int x = get_global_id(0), y = get_global_id(1);

@@ -17,10 +17,10 @@ typedef struct {
     real unit;   /* a power of two: times a length, it is what the float buffers hold, which is about 1 at most */
 } Scene;
 
-/* What was done and what was skipped, counted in each lane for --stats; the order is that of WORK in cltrace/layout.py. */
+/* What was done and what was skipped, counted in each lane for --stats, in the order of WORK in cltrace/layout.py. */
 #ifdef OUT_WORK
 typedef struct {
-    INT count[8];
+    INT count[WORK_KINDS];
 } Work;
 #define COUNT(kind, mask) work->count[kind] += (mask) ? (INT)1 : (INT)0
 #else
@@ -36,7 +36,8 @@ typedef int Work;
 #define DECIDED 6
 #define BACKGROUND 7
 
-/* What was hit: the sphere's place in the buffers, -1 = nothing, the distance in units of the ray's direction, and where on it. */
+/* What was hit: the sphere's place in the buffers, -1 = nothing, the distance in units of the ray's direction, and
+ * where on it. */
 typedef struct {
     REAL t;
     INT id;
@@ -94,9 +95,9 @@ static INT numbers_of(const Scene scene, const INT index) {
  *
  * The filter. A candidate is (C, c'), rounded to float, with c' = c - 11 u (|C|^2 + |c|) - 2^-100 rounded down, and
  * c' = -inf where that is <= 0; u = 2^-24, c = |C|^2 - r^2. Claim: if the ray hits, then b |b| >= a c' in float.
- * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and
- * at most three roundings follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from outside
- * has b > 0 and b^2 >= a c. With s = b/|d| <= |C|:
+ * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and at most
+ * three roundings follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from
+ * outside has b > 0 and b^2 >= a c. With s = b/|d| <= |C|:
  *   - if s >= 5.01 u |C|:  b~^2 (1 - u) >= a (s - 5.01 u |C|)^2 (1 - u) >= a (c - 10.02 u |C|^2)(1 - u), and
  *     a~ c' (1 + u) <= a (1 + 6.02 u) c' <= a (c - 10.1 u |C|^2 - 7.1 u c) (1 + 6.02 u), which is less.
  *   - else c <= s^2 < 26 u^2 |C|^2, so c - 11 u |C|^2 < 0 and c' = -inf: always a candidate.
@@ -203,35 +204,41 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
 }
 
 #ifdef WITH_SHADOWS
-/* Whether anything can stand between a sphere and a light at all: one bit for each of few spheres, which the host knows;
- * of many spheres, all bits are set. */
+/* Whether anything can stand between a sphere and a light at all: one bit for each of few spheres, which the host
+ * knows; of many spheres, all bits are set. */
 static MASK may_be_blocked(const Scene scene, const int number, const INT own) {
     return -(((INT)scene.light_grids[number].z >> (own & 31)) & 1);
 }
 
+/* Of a direction with the first three of an occluder or an axis. */
+static FLOAT dot_float(const Float3 w, const float4 s) {
+    return FMA(w.x, (FLOAT)s.x, FMA(w.y, (FLOAT)s.y, w.z * s.z));
+}
+
 /* Which of the lit lanes stay lit: those without a sphere between the point and the light.
  *
- * w: from the point to the light, or to a parallel light a vector of length 1; w32: the same in the float buffers' unit,
- * a: its square. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again.
- * Only from its inside it blocks, if and only if the light is outside.
+ * w: from the point to the light, or to a parallel light a vector of length 1; w32: the same in the float buffers'
+ * unit, a: its square. The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never
+ * meets it again. Only from its inside it blocks, if and only if the light is outside.
  *
  * The filter for a light at a point L: an occluder is (L - C, c'), with c' made from |L - C|^2 - r^2 as in closest_hit:
- * the line from the light to the point is a ray from a fixed origin, too, and the same proof holds with d = -w, where
+ * the line from the light to the point is a ray from a fixed origin, too, and the same proof holds with d = -w (L - C
+ * is rounded from the exact difference; the rotation adds 2^-50 of it, a part of what 5.01 u leaves), where
  * |w|^2 > 2^-40 makes up for a >= 1; shorter ones are left to blocks(). Lists are in the order of the squared distance
  * of the spheres' nearest points from the light: what is not nearer than P does not matter.
  *
- * The filter for a parallel light: an occluder is (u, v, r'^2) in the light's own coordinates. A ray that hits is within
- * r of the axis through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates moves the difference by
- * at most u (|u| + |pu|) <= 2.01 u (|u| + r) each, and the sum costs 3 u: r' = r + 8 u (|u| + |v| + r) + 2^-60 is more.
- * Lists are in the order of the end towards the light: what does not reach beyond P does not matter.
+ * The filter for a parallel light: an occluder is (u, v, r'^2) in the light's own coordinates. A ray that hits is
+ * within r of the axis through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates moves the
+ * difference by at most u (|u| + |pu|) <= 2.01 u (|u| + r) each, and the sum costs 3 u: r' = r + 8 u (|u| + |v| + r) +
+ * 2^-60 is more. Lists are in the order of the end towards the light: what does not reach beyond P does not matter.
  */
 static MASK cast_shadow_ray(const Scene scene, const int number, const int at_point, const Intersection at,
                             const INT own, const Real3 w, const Float3 w32, const FLOAT a, MASK lit, Work *work) {
     const Light light = scene.light[number];
     FLOAT pu = 0, pv = 0, measure = a;
-    const int unsure = at_point && ANY(lit & (a < 0x1p-40f));
+    const int at_light = at_point && ANY(lit & (a < 0x1p-40f));
     /* The sheets' point: the direction from the light, of a length that float can hold, or the place across it. */
-    const real lift = scene.unit * (real)(unsure ? 0x1p80f : 1.0f);
+    const real lift = scene.unit * (real)(at_light ? 0x1p80f : 1.0f);
     Real3 from = {-w.x * lift, -w.y * lift, -w.z * lift};
     if (!at_point) {
         const Real3 C = at.sphere.center, p = at.start.p;
@@ -256,12 +263,12 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
         INT u = 0, v = 0;
         if (grid.cells.x > 1 || grid.cells.y > 1) {
             FLOAT x, y, ahead = 1;
-            if (grid.flags.x && !unsure) {
-                ahead = -FMA(w32.x, (FLOAT)grid.near_ahead.x, FMA(w32.y, (FLOAT)grid.near_ahead.y, w32.z * grid.near_ahead.z));
+            if (grid.flags.x && !at_light) {
+                ahead = -dot_float(w32, grid.near_ahead);
                 here = here & (ahead > 0);
                 if (!ANY(here)) continue;
-                x = -FMA(w32.x, (FLOAT)grid.near_right.x, FMA(w32.y, (FLOAT)grid.near_right.y, w32.z * grid.near_right.z));
-                y = -FMA(w32.x, (FLOAT)grid.near_up.x, FMA(w32.y, (FLOAT)grid.near_up.y, w32.z * grid.near_up.z));
+                x = -dot_float(w32, grid.near_right);
+                y = -dot_float(w32, grid.near_up);
             } else {
                 x = TO_FLOAT(DOT(from, grid.right) + grid.right.w);
                 y = TO_FLOAT(DOT(from, grid.up) + grid.up.w);
@@ -305,8 +312,8 @@ static MASK cast_shadow_ray(const Scene scene, const int number, const int at_po
 #ifdef WITH_FILTER
                     const float4 s = scene.occluder[(long)number * scene.count + index];
                     if (at_point) {
-                        const FLOAT b = FMA(w32.x, (FLOAT)s.x, FMA(w32.y, (FLOAT)s.y, w32.z * s.z));
-                        if (!unsure && !ANY(may & (b * magnitude(b) >= a * s.w))) {
+                        const FLOAT b = dot_float(w32, s);
+                        if (!at_light && !ANY(may & (b * magnitude(b) >= a * s.w))) {
                             COUNT(FILTERED, may);
                             continue;
                         }
@@ -430,7 +437,7 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
     /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
     const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
     const SHADE z = (shade_t)-0.5 * DOT(e, e);
-    /* As log(1 + z) <= z, the lobe is at most exp(exponent z): below light.cone.z that is nothing that a pixel shows. */
+    /* As log(1 + z) <= z, the lobe is at most exp(exponent z): below light.cone.z, no pixel shows that. */
     const SHADE_MASK shines = on & (at.ks > 0) & (at.exponent * z >= (shade_t)light.cone.z);
     COUNT(HIGHLIGHTS, TO_MASK(shines));
     COUNT(FAINT_HIGHLIGHTS, TO_MASK(on & !shines));
@@ -514,7 +521,7 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     } while (0)
 #endif
 
-/* Where to write, each as the OUT_ flags say. Rows have `pitch` pixels, a whole number of packets in both directions. */
+/* Where to write, each as the OUT_ flags say. Rows have `pitch` pixels, whole packets in both directions. */
 typedef struct {
     __global uchar *rgb8;
     __global float *color, *normal, *direction;
@@ -535,7 +542,7 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
     INT rays = 0;
     Work counts, *work = &counts;
 #ifdef OUT_WORK
-    for (int k = 0; k < 8; k++) counts.count[k] = 0;
+    for (int k = 0; k < WORK_KINDS; k++) counts.count[k] = 0;
     if (!has_candidates(scene.lists, tile)) COUNT(BACKGROUND, ALL_LANES);
 #endif
     if (has_candidates(scene.lists, tile)) {
@@ -564,7 +571,8 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
 
 #ifdef OUT_RGB8
     const shade_t rounding = view.quantize.x;
-    store_rgb8(out.rgb8, first, pitch, byte_of(color.x, rounding), byte_of(color.y, rounding), byte_of(color.z, rounding));
+    store_rgb8(out.rgb8, first, pitch, byte_of(color.x, rounding), byte_of(color.y, rounding),
+               byte_of(color.z, rounding));
 #endif
 #ifdef OUT_COLOR
     STORE(float, out.color, first, pitch, 3, TO_FLOAT(color.x));
@@ -597,16 +605,16 @@ static void render_packet(const View view, const Scene scene, const int2 size, c
     STORE(int, out.shadow_rays, first, pitch, 1, rays);
 #endif
 #ifdef OUT_WORK
-    for (int k = 0; k < 8; k++) STORE(int, out.work + k, first, pitch, 8, counts.count[k]);
+    for (int k = 0; k < WORK_KINDS; k++) STORE(int, out.work + k, first, pitch, WORK_KINDS, counts.count[k]);
 #endif
 }
 
 /* A run of packets of the region; this launch starts at its row `row`. The run is a loop of ours, not a work-group:
  * for one of several work-items, PoCL keeps all variables in memory, which took a tenth of the time. */
 __kernel void render(const View view, const int2 size, const int4 region, const int row, const int pitch,
-                     __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest, __global const int *number,
-                     __global const int *material_of, __global const shade8 *material, __global const Light *light,
-                     const int4 lights, const int count, __global const float4 *candidate,
+                     __global const real4 *center_radius, __global const real2 *power, __global const float4 *rest,
+                     __global const int *number, __global const int *material_of, __global const shade8 *material,
+                     __global const Light *light, const int4 lights, const int count, __global const float4 *candidate,
                      __global const float4 *occluder, __global const char *outside, __global const int4 *light_grids,
                      __global const Grid *grid, __global const int *start, __global const int2 *entry,
                      __global uchar *rgb8, __global float *color, __global float *normal, __global float *direction,

@@ -228,8 +228,7 @@ def test_stress_case(any_device: Device, case: stress.Case) -> None:
     assert found.within(case.limits), found
 
 
-def test_the_report_tells_good_from_bad(any_device: Device, capsys: pytest.CaptureFixture[str]) -> None:
-    """The textbook fails what it is known to fail; if that were required, the command would fail."""
+def test_the_textbook_fails_what_it_is_known_to_fail(any_device: Device) -> None:
     case = next(c for c in stress.CATALOGUE if c.name == "G3")
     assert isinstance(case, stress.Case)
     made = list(case.scenes())
@@ -259,7 +258,6 @@ def test_a_failed_case_is_the_exit_status(
 
 
 def test_quick(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     done = run("--quick", "--size", "96x54", "--rounds", 1, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "bench-results"
@@ -342,7 +340,6 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
 
 def test_plots_show_what_was_measured() -> None:
     """Marks are where time and error are; an error of 0 has its own place; the front holds what nothing beats."""
-    pytest.importorskip("matplotlib")
     from cltrace.bench import plots
 
     case = scenes.Case("16 balls", scenes.ORDINARY, scenes.cloud(16, SMALL))

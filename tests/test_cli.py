@@ -16,6 +16,7 @@ import pytest
 from PIL import Image as Picture
 
 import cltrace
+from cltrace.layout import KEEPS
 
 FIRST = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"
 
@@ -77,6 +78,24 @@ def test_show(tmp_path: Path, show: str) -> None:
     image = cltrace.render(cltrace.load(FIRST), outputs=(show,))
     assert np.array_equal(got, image.as_rgb8(show))
     assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
+
+
+def test_all_that_is_kept_is_counted_too(tmp_path: Path) -> None:
+    """The picture is the same, and so is the number of spheres that are decided in full, or larger."""
+    keeps = [option for name in KEEPS for option in ("--keep", name)]
+    lean, full = (
+        json.loads(run(FIRST, "--stats=json", "--crop=200,150,321,210", *more, cwd=tmp_path).stdout)
+        for more in ((), keeps)
+    )
+    assert lean["rays"]["primary"] == full["rays"]["primary"] == 121 * 60
+    assert full["work"]["spheres that are decided in full for a ray"] > lean["work"][
+        "spheres that are decided in full for a ray"
+    ]  # fmt: skip
+    assert full["work"]["spheres that float32 rules out for a ray"] == 0
+    assert full["skipped"]["spheres out of the picture"] == 0
+    # What is not computed is not counted: no light is looked at for a picture of numbers.
+    ids = json.loads(run(FIRST, "--stats=json", "--show=id", cwd=tmp_path).stdout)
+    assert ids["rays"]["shadow"] == ids["work"]["highlights computed"] == 0
 
 
 def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:

@@ -132,7 +132,9 @@ class Bench:
             measure(case, tracers, reference, self.plan, self.rows, progress.say)
             progress.clear()
             print(report.scene_table(self.rows[first:]), end="\n\n", flush=True)
-        plan = replace(self.plan, errors=False, rounds=3, seconds=3)
+        plan = replace(self.plan, errors=False)
+        if math.isfinite(plan.seconds):  # else so many rounds were asked for
+            plan = replace(plan, rounds=3, seconds=3)
         few_tracers = [t for t in tracers if _grows(t)]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
@@ -151,13 +153,13 @@ def _grows(tracer: Tracer) -> bool:
 def _run(args: argparse.Namespace) -> int:
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    if args.stress and (args.scenes or args.size):
-        raise UsageError("--stress has scenes of its own")
+    if args.stress and (args.scenes or args.size or args.precision or args.rounds or args.embree):
+        raise UsageError("--stress has scenes of its own, and measures no times")
     chosen = list({d.spec: d for d in map(choose, args.device or [None])}.values())
     if args.stress:
         from . import stress
 
-        return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.CATALOGUE)))
+        return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.chosen(args.quick))))
     if not args.no_plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
     if args.embree and not os.access(args.embree, os.X_OK):
@@ -169,9 +171,8 @@ def _run(args: argparse.Namespace) -> int:
     if args.rounds:
         # All of them, whatever they take.
         plan = replace(plan, rounds=args.rounds, seconds=math.inf)
-    own = few(size) if args.quick else generated(size)
     bench = Bench(
-        cases=_given(args.scenes, args.size) if args.scenes else own,
+        cases=_given(args.scenes, args.size) if args.scenes else (few if args.quick else generated)(size),
         growth=[] if args.scenes or args.quick else growing(),
         devices=chosen,
         precisions=args.precision,
@@ -182,7 +183,7 @@ def _run(args: argparse.Namespace) -> int:
     about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.timezone.utc).date().isoformat())
     print(report.machine_line(about))
     for k, device in enumerate(chosen if len(chosen) > 1 else []):
-        print(f"[{k}] is {device.spec}, {device.name}")
+        print(f"[{k}] is {device.label}")
     print(flush=True)
     progress = Progress(args.quiet, len(bench.cases) + len(bench.growth))
     finished = False
@@ -224,21 +225,18 @@ def _folder(name: str) -> Path:
 
 def _save(bench: Bench, about: dict[str, Any], folder: Path, plots: bool, finished: bool) -> None:
     """Writes all files, each of them whole."""
-    texts = {
-        "results.json": report.as_json(bench.rows, about, finished),
-        "table.md": report.summary(bench.rows, about),
-    }
-    for name, text in texts.items():
-        with whole_file(folder / name) as file:
-            file.write(text.encode())
-    names = list(texts)
+    names = ["results.json", "table.md"]
+    with whole_file(folder / names[0]) as file:
+        file.write(report.as_json(bench.rows, about, finished).encode())
+    with whole_file(folder / names[1]) as file:
+        file.write(report.summary(bench.rows, about).encode())
     if plots:
         from . import plots as figures  # matplotlib takes a second to load, and need not be there
 
         for device in bench.devices:
             suffix = f"-{device.spec.replace(':', '.')}" if len(bench.devices) > 1 else ""
             where = report.machine_line(about | {"devices": [device.name]})
-            for name, figure in figures.figures(bench.rows, device.name, where).items():
+            for name, figure in figures.figures(bench.rows, device.label, where).items():
                 for kind in ("svg", "png"):
                     with whole_file(folder / f"{name}{suffix}.{kind}") as file:
                         figure.savefig(file, format=kind)

@@ -44,9 +44,11 @@ class Errors:
 
 def ulps(got: NDArray[np.floating], want: NDArray[np.floating]) -> NDArray[np.floating]:
     """How far distances are off, each rounded to float32, in ulp of float32."""
+    # Beyond float32's largest number, in units of that one's.
+    most = np.finfo(np.float32).max
     with np.errstate(over="ignore"):
-        off = np.abs(got.astype(np.float32).astype(np.longdouble) - want)
-        size: NDArray[np.floating] = off / np.spacing(want.astype(np.float32))
+        near = np.where(np.abs(want) > most, got, got.astype(np.float32)).astype(np.longdouble)
+        size: NDArray[np.floating] = np.abs(near - want) / np.spacing(np.minimum(want, most).astype(np.float32))
     return size
 
 

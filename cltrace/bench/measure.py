@@ -139,12 +139,13 @@ def measure(
 
     start = time.perf_counter()
     for number in range(plan.rounds):
-        for tracer, row in live:
+        for tracer, row in list(live):
             say(f"{row.label}: round {number + 1} of {plan.rounds}")
             try:
                 run = tracer.run(case.scene, frames[id(tracer)])
             except PeerError as error:
                 row.note = str(error)
+                live.remove((tracer, row))
                 continue
             row.kernel += run.kernel
             row.whole.append(run.whole)

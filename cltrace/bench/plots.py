@@ -163,7 +163,7 @@ def _panel(ax: Axes, points: Sequence[tuple[str, str, float, float]], zero: floa
             best = y
             front.append((x, max(y, zero)))
     # The front goes down where a tracer is slower and better.
-    along, up = zip(*front, strict=True)
+    along, up = [x for x, _ in front], [y for _, y in front]
     ax.step(along, up, where="post", color="#999999", linewidth=1.2, zorder=1)
     ax.scatter(along, up, s=190, facecolors="none", edgecolors="#999999", linewidths=1.2, zorder=1)
     for name, variant, x, y in points:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from cltrace.numerics import processors
 
 from .errors import Errors
 from .measure import Row, median
@@ -160,7 +161,7 @@ def about(devices: Sequence[str], date: str) -> dict[str, Any]:
         "date": date,
         "cltrace": metadata.version("cltrace"),
         "cpu": cpu,
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": processors(),
         "system": platform.platform(),
         "python": platform.python_version(),
         "devices": list(devices),

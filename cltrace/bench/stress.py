@@ -508,6 +508,11 @@ def _found(label: str, verdict: str, found: Found, limits: Limits) -> list[str]:
     return [label, verdict, f"{found.pixels:,}", *("" if limit is None else _text(x) for x, limit in values)]
 
 
+def chosen(quick: bool) -> Sequence[Case | Refusal]:
+    """The cases of a run: quick is every seventh."""
+    return CATALOGUE[::7] if quick else CATALOGUE
+
+
 def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
     """Prints the report. Returns 1 if a precision that promises to meet all requirements fails one, else 0.
 
@@ -523,14 +528,12 @@ def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
         modes += [(Product(device, name), name != "single") for name in names]
         modes.append((Baseline(device), False))
     several = len(devices) > 1
-    labels = [
-        f"{m.name} [{next(d.spec for d in devices if d.name == m.device)}]" if several else m.name for m, _ in modes
-    ]
+    labels = [f"{m.name} [{m.device.partition(' ')[0]}]" if several else m.name for m, _ in modes]
     for device in devices:
-        print(f"{device.spec}  {device.name}")
+        print(device.label)
     print(ABOUT)
     failed, passed, textbook = 0, 0, 0
-    for case in CATALOGUE[::7] if quick else CATALOGUE:
+    for case in chosen(quick):
         progress.step(f"{case.name} {case.what}")
         if isinstance(case, Refusal):
             every, refused = len(case.calls), sum(_refuses(call) for call in case.calls)

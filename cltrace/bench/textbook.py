@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from functools import lru_cache
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,9 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cltrace.device import Device
-from cltrace.errors import BuildError, DeviceError
+from cltrace.errors import DeviceError
 from cltrace.image import Image
+from cltrace.program import build, context_of
 from cltrace.scene import PARALLEL, SPOT, Scene
 
 # `Setup` and `Lamp` of textbook.cl.
@@ -42,9 +41,8 @@ class Textbook:
             materials.astype("f4"),
             _lamps(scene),
         )
-        program = _program(device)
-        self._kernel = cl.Kernel(program, "textbook")
-        context = program.context
+        self._kernel = build(device, [], ("textbook.cl",))
+        context = context_of(device.cl)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         try:
             self._queue: Any = cl.CommandQueue(context)
@@ -101,12 +99,3 @@ def _lamps(scene: Scene) -> NDArray[np.void]:
             lamp["axis"] = *direction, math.cos(alpha2)
             lamp["color"][3], lamp["cone"][0] = alpha1, alpha2 - alpha1
     return lamps
-
-
-@lru_cache(maxsize=8)
-def _program(device: Device) -> Any:
-    text = (resources.files("cltrace.kernels") / "textbook.cl").read_text("utf-8")
-    try:
-        return cl.Program(cl.Context([device.cl]), text).build(options=["-cl-std=CL1.2"], devices=[device.cl])
-    except cl.Error as error:
-        raise BuildError(f"the textbook's kernel does not build on {device.name}\n{error}") from None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import re
 import shutil
 import struct
@@ -15,6 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from PIL import Image as Picture
 from cltrace.device import Device
 from cltrace.image import Image
 from cltrace.layout import KEEPS
+from cltrace.numerics import processors
 from cltrace.scene import AMBIENT, POINT, Scene
 from cltrace.tracer import Renderer
 
@@ -77,7 +78,7 @@ class Product(Tracer):
 
     def __init__(self, device: Device, precision: str, keep: tuple[str, ...] = (), variant: str = "") -> None:
         self.on, self.precision, self.keep = device, precision, keep
-        self.name, self.variant, self.device = precision, variant, device.name
+        self.name, self.variant, self.device = precision, variant, device.label
         self.mode = (device.spec, precision)
 
     def refuses(self, scene: Scene) -> str:
@@ -88,13 +89,16 @@ class Product(Tracer):
         renderer = Renderer(scene, self.on, self.precision, keep=self.keep)
         image = renderer.render()
         whole = time.perf_counter() - start
-        kernel = [_frame_seconds(image)]
+        kernel = [image.frame_seconds]
         for _ in range(frames - 1):
             image = renderer.render(image)
-            kernel.append(_frame_seconds(image))
+            kernel.append(image.frame_seconds)
         assert image.rgb8 is not None
         packed = renderer.packed
-        work = packed.options(), packed.lights, {name: array.shape for name, array in packed.arrays.items()}
+        # Shapes tell most of it; the order and what nothing can stop are told by values.
+        shapes = {name: array.shape for name, array in packed.arrays.items()}
+        values = [packed.arrays[name].tobytes() for name in ("number", "light_grids")]
+        work = packed.options(), packed.lights, shapes, values
         return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:
@@ -111,7 +115,7 @@ class Baseline(Tracer):
     name = "textbook"
 
     def __init__(self, device: Device) -> None:
-        self._device, self.device = device, device.name
+        self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
         return too_much(scene)
@@ -123,7 +127,7 @@ class Baseline(Tracer):
         whole = time.perf_counter() - start
         images = [image, *(textbook.render("rgb8") for _ in range(frames - 1))]
         assert image.rgb8 is not None
-        return Run([_frame_seconds(image) for image in images], whole, image.rgb8)
+        return Run([image.frame_seconds for image in images], whole, image.rgb8)
 
     def answer(self, scene: Scene) -> Answer:
         dull = [Textbook(lamp, self._device).render("color", "normal", "depth", "id") for lamp in lamps(scene)]
@@ -134,10 +138,6 @@ def too_much(scene: Scene) -> str:
     """Why a scene is not traced sphere by sphere; empty if it is."""
     tests = len(scene.spheres) * math.prod(scene.camera.resolution)
     return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
-
-
-def _frame_seconds(image: Image) -> float:
-    return image.seconds["kernel"] + image.seconds["readback"]
 
 
 def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
@@ -199,19 +199,18 @@ class _Peer(Tracer):
     """A program that is run on a scene's file. The file is written once for a scene."""
 
     def __init__(self, program: str, folder: Path) -> None:
-        self._program, self._folder, self._written = program, folder, ""
+        self._program, self._folder = program, folder
+        self._scene: Scene | None = None
 
     def refuses(self, scene: Scene) -> str:
         return _one_light(scene)
 
     def _file(self, scene: Scene, suffix: str) -> Path:
-        name = f"{id(scene)}{suffix}"
-        path = self._folder / name
-        if self._written != name:
-            if self._written:
-                (self._folder / self._written).unlink()
+        path = self._folder / f"scene{suffix}"
+        if self._scene is not scene:
+            self._scene = None
             self._write(scene, path)
-            self._written = name
+            self._scene = scene
         return path
 
     @abstractmethod
@@ -232,7 +231,7 @@ class Embree(_Peer):
         width, height = scene.camera.resolution
         with _understood(self._program):
             report = json.loads(done.stdout)
-            best, build = (float(report[name]) / 1e3 for name in ("best_ms", "build_ms"))
+            best, build = _seconds(report["best_ms"]) / 1e3, _seconds(report["build_ms"]) / 1e3
             rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
         return Run([best], best + build, rgb8)
 
@@ -266,7 +265,7 @@ class PovRay(_Peer):
     def run(self, scene: Scene, frames: int) -> Run:
         path, out = self._file(scene, ".pov"), self._folder / "povray.png"
         width, height = scene.camera.resolution
-        options = [f"+W{width}", f"+H{height}", "-A", "-D", f"+WT{os.cpu_count() or 1}", "File_Gamma=1.0"]
+        options = [f"+W{width}", f"+H{height}", "-A", "-D", f"+WT{processors()}", "File_Gamma=1.0"]
         start = time.perf_counter()
         done = _call([self._program, f"+I{path}", f"+O{out}", *options])
         whole = time.perf_counter() - start
@@ -274,7 +273,7 @@ class PovRay(_Peer):
             with Picture.open(out) as picture:
                 rgb8 = np.asarray(picture.convert("RGB")).reshape(height, width, 3)
             traced = re.findall(r"Trace Time:.*\(([0-9.]+) seconds\)", done.stderr)
-            return Run([float(traced[-1])], whole, rgb8)
+            return Run([_seconds(traced[-1])], whole, rgb8)
 
     def _write(self, scene: Scene, path: Path) -> None:
         x, y = scene.camera.image_plane()
@@ -311,10 +310,20 @@ def _understood(program: str) -> Iterator[None]:
         raise PeerError(f"{Path(program).name}: cannot read what it wrote: {error}") from None
 
 
+def _seconds(text: Any) -> float:
+    """A time that a peer has measured; ValueError if it is none that can be compared."""
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise ValueError(f"a time of {text}")
+    return value
+
+
 def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
     name = Path(command[0]).name
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_SECONDS, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=PEER_SECONDS, check=False
+        )
     except subprocess.TimeoutExpired:
         raise PeerError(f"{name} took more than {PEER_SECONDS} s") from None
     except OSError as error:
