@@ -181,7 +181,7 @@ def _write(image: Image, target: str, show: str) -> None:
 def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
     width, height = renderer.region[2:]
     work = renderer.work()
-    names = ("read", "pack", "build", "upload", "kernel", "readback", "write", "total")
+    names = ("read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total")
     return {
         "device": renderer.device.name,
         "precision": renderer.precision,

@@ -7,6 +7,7 @@ size differs, and a test compares every offset on each device.
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from .culling import hidden, parallel_shadows, point_shadows
 from .lists import (
     FINE_SLACK,
     SLACK,
+    Lists,
     build,
     camera_sheet,
     grid_dtype,
@@ -94,7 +96,7 @@ class Packed:
 
     features: the names of the -D flags; scale: depths come out in units of 2^scale; view: () view_dtype; lights:
     numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see kernels/
-    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not need, and how often.
+    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not need, and how often; list_seconds: what making the lists took.
     """
 
     precision: str
@@ -105,6 +107,7 @@ class Packed:
     arrays: dict[str, NDArray[Any]]
     count: int
     skipped: dict[str, int]
+    list_seconds: float
 
     def options(self) -> list[str]:
         """The compiler's options: one program for each combination of features, whatever the scene's numbers are."""
@@ -246,7 +249,10 @@ def pack(
     x, y = scene.camera.image_plane()
     width, height = scene.camera.resolution
     step = (x / width, y / height)
-    arrays |= _lists(packed_lights, lights, small, basis, step, (width, height), real, keep, skipped)
+    filters, lists, list_seconds = _lists(
+        packed_lights, lights, small, basis, step, (width, height), real, keep, skipped
+    )
+    arrays |= filters | {"grid": lists.grid, "start": lists.start, "entry": lists.entry}
     arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
 
     view = np.zeros((), view_dtype(real))
@@ -267,6 +273,7 @@ def pack(
         arrays=arrays,
         count=n,
         skipped=skipped,
+        list_seconds=list_seconds,
     )
 
 
@@ -370,8 +377,8 @@ def _lists(
     real: np.dtype[Any],
     keep: tuple[str, ...],
     skipped: dict[str, int],
-) -> dict[str, NDArray[Any]]:
-    """For the filters of cast_shadow_ray in trace.cl, and the lists of all sheets."""
+) -> tuple[dict[str, NDArray[Any]], Lists, float]:
+    """For the filters of cast_shadow_ray in trace.cl, the lists of all sheets, and the seconds that those took."""
     n, m = len(space.center), len(lights)
     radius = space.radius
     slack = SLACK if real.itemsize == 4 else FINE_SLACK
@@ -399,6 +406,7 @@ def _lists(
     if "hidden" not in keep and n > 1:
         seen = ~hidden(space.center, radius, (space.power > 0) & (outside > 0).all(axis=0), slack)
         skipped["spheres inside others"] = n - int(seen.sum())
+    begin = time.perf_counter()
     picture = camera_sheet(space.center, radius, space.power, step, size, seen)
     receiver = np.full(n, "receivers" in keep)
     receiver[picture.member] = True
@@ -435,14 +443,9 @@ def _lists(
         sheets += more
     skipped["spheres that shadow nothing seen, per light"] = idle
     lists = build(sheets, real)
-    return {
-        "occluder": occluder.reshape(-1, 4),
-        "outside": outside.reshape(-1),
-        "light_grids": grids,
-        "grid": lists.grid,
-        "start": lists.start,
-        "entry": lists.entry,
-    }
+    seconds = time.perf_counter() - begin
+    filters = {"occluder": occluder.reshape(-1, 4), "outside": outside.reshape(-1), "light_grids": grids}
+    return filters, lists, seconds
 
 
 def _axes(light: np.void) -> Array:

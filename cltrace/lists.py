@@ -16,6 +16,7 @@ sphere in vain, but lacks none that a ray meets: no list changes a picture (in s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -172,38 +173,46 @@ def _enter(sheet: Sheet) -> tuple[Ints, Ints, int]:
         return np.zeros(1, np.int32), entry, bool(len(order)) << WHOLE
     if not len(sheet.member):
         return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
-    level = _levels(sheet)
+    level, entries = _levels(sheet)
+    used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
     columns, rows = sheet.cells
+    pitch, base = {}, {}
+    total = mask = 0
+    for k in reversed(used):
+        pitch[k], base[k], mask = ((columns - 1) >> k) + 1, total, mask | 1 << k
+        total += pitch[k] * (((rows - 1) >> k) + 1)
     # An entry is one whole number: from the top, its cell, the nearest point's measure, rounded down to the bits that
     # are left, and the sphere. Sorting those sorts the cells, and the list of each.
-    used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
-    shape = {k: (((columns - 1) >> k) + 1, ((rows - 1) >> k) + 1) for k in used}
-    total = sum(wide * high for wide, high in shape.values())
     index_bits = int(sheet.member[-1]).bit_length()
     near_bits = min(32, 63 - index_bits - total.bit_length())
     cut, shift = np.uint32(32 - near_bits), index_bits + near_bits
-    low = (_ascending(sheet.near) >> cut).astype(np.int64) << index_bits | sheet.member
-    keys, first, mask = [], 0, 0
-    for k in reversed(used):
-        which = slice(None) if len(used) == 1 else np.flatnonzero(level == k)
-        left, top, right, bottom = _edges(sheet.covers[:, which]) >> k
-        pitch = shape[k][0]
-        key = (top.astype(np.int64) * pitch + left + first) << shift | low[which]
-        # First an entry for each row of cells, then one for each cell.
-        key, more = _spread(bottom - top, pitch << shift, key, right - left)
-        keys += _spread(more, 1 << shift, key)
-        first += pitch * shape[k][1]
-        mask |= 1 << k
-    key = np.concatenate(keys)
+    key, filled = np.empty(entries, np.int64), 0
+    for i in range(0, len(level), BLOCK):
+        block = slice(i, i + BLOCK)
+        low = (_ascending(sheet.near[block]) >> cut).astype(np.int64) << index_bits | sheet.member[block]
+        edges = _edges(sheet.covers[:, block])
+        for k in used:
+            which = np.flatnonzero(level[block] == k) if len(used) > 1 else slice(None)
+            left, top, right, bottom = edges[:, which] >> k
+            cell = top.astype(np.int64) * pitch[k] + left + base[k]
+            # First an entry for each row of cells, then one for each cell.
+            rows_of = _joined(list(_spread(bottom - top, pitch[k] << shift, cell << shift | low[which], right - left)))
+            for (part,) in _spread(rows_of[1], 1 << shift, rows_of[0]):
+                key[filled : filled + len(part)] = part
+                filled += len(part)
     key.sort()
-    start = np.zeros(total, np.int32)
-    start[1:] = np.cumsum(np.bincount(key >> shift, minlength=total)[: total - 1])
-    # Now the measure to the upper half, which has no room for the cell, and the sphere to the lower one, in place.
-    for i in range(0, len(key), BLOCK):
-        block = key[i : i + BLOCK]
-        near = block >> index_bits << int(cut) + 32
-        block &= (1 << index_bits) - 1
-        block |= _descended(near)
+    counts = np.zeros(total, np.int32)
+    for i in range(0, entries, BLOCK):
+        block_of_keys = key[i : i + BLOCK]
+        cell = block_of_keys >> shift
+        first = int(cell[0])
+        here = np.bincount(cell - first)
+        counts[first : first + len(here)] += here.astype(np.int32)
+        # The measure to the upper half, which has no room for the cell, and the sphere to the lower one, in place.
+        near = block_of_keys >> index_bits << int(cut) + 32
+        block_of_keys &= (1 << index_bits) - 1
+        block_of_keys |= _descended(near)
+    start = np.cumsum(counts, dtype=np.int32) - counts
     return start, key.astype("<i8", copy=False).view("<i4").reshape(-1, 2).astype(np.int32, copy=False), mask
 
 
@@ -214,14 +223,13 @@ def _edges(covers: NDArray[np.int16]) -> NDArray[np.int16]:
 
 def _spread(
     more: NDArray[np.int16], step: int, key: NDArray[np.int64], *others: NDArray[np.int16]
-) -> list[NDArray[Any]]:
+) -> Iterator[tuple[NDArray[Any], ...]]:
     """key, key + step, ..., key + more step of each, in any order, and the others, the same for all of them."""
-    parts = [(key, *others)]
+    yield key, *others
     while len(rest := np.flatnonzero(more > 0)):  # of whole numbers it takes seven times as long
         more = more[rest] - np.int16(1)
         key, *others = (key[rest] + step, *(other[rest] for other in others))  # type: ignore[assignment]
-        parts.append((key, *others))
-    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+        yield key, *others
 
 
 def _ascending(x: NDArray[np.float32]) -> NDArray[np.uint32]:
@@ -237,29 +245,30 @@ def _descended(x: NDArray[np.int64]) -> NDArray[np.int64]:
     return x
 
 
-def _levels(sheet: Sheet) -> NDArray[np.int8]:
-    """The level of each member: the finest one on which all of them together take few enough entries."""
+def _levels(sheet: Sheet) -> tuple[NDArray[np.int8], int]:
+    """The level of each member, the finest one on which all together take few enough entries; how many those are."""
     wide, high = sheet.covers[2:]
-    n = len(wide)
+    n, entries = len(wide), _entries(sheet.covers[2:])
     # Of very many spheres all on level 0, or each on the level that has its size: what is between takes longer to make
     # and saves nothing.
     many = n >= SPARE
-    if many and _entries(wide, high) <= 4.5 * n:
-        return np.zeros(n, np.int8)
+    if entries <= 4.5 * n if many else entries <= 4 * n + SPARE:
+        return np.zeros(n, np.int8), entries
     # An exponent: the cells of that level are as large as the disc.
     bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)
-    if many:
-        return np.asarray(bits)
-    for lift in range(int(bits.max()), 1, -1):
-        finer = np.maximum(bits - np.int8(lift), np.int8(0))
-        left, top, right, bottom = (edge >> finer for edge in _edges(sheet.covers))
-        if _entries(right - left, bottom - top) <= 4 * n + SPARE:
-            return np.asarray(finer)
-    return np.asarray(np.maximum(bits - np.int8(1), np.int8(0)))
+    edges = _edges(sheet.covers)
+    for lift in (0,) if many else range(int(bits.max()) - 1, 0, -1):
+        level = np.maximum(bits - np.int8(lift), np.int8(0))
+        left_top, right_bottom = (edges[:2] >> level), (edges[2:] >> level)
+        entries = _entries(right_bottom - left_top)
+        if many or lift == 1 or entries <= 4 * n + SPARE:
+            break
+    return level, entries
 
 
-def _entries(wide: NDArray[Any], high: NDArray[Any]) -> int:
-    """Into so many cells are entered what covers as many more columns and rows than one."""
+def _entries(more: NDArray[np.int16]) -> int:
+    """Into so many cells is entered what covers so many more columns and rows than one, (2, n)."""
+    wide, high = more
     return int(((wide + np.int32(1)) * (high + np.int32(1))).sum(dtype=np.int64))
 
 

@@ -92,6 +92,8 @@ class Renderer:
         self.size = scene.camera.resolution
         with self._timed("pack"):
             self.packed: Packed = pack(scene, self.precision, self.outputs, truncate, keep)
+        self.seconds["lists"] = self.packed.list_seconds
+        self.seconds["pack"] -= self.packed.list_seconds
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             self.context: Any = context_of(self.device.cl)
             self.queue: Any = cl.CommandQueue(self.context)

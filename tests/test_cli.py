@@ -105,7 +105,7 @@ def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     assert set(stats) == {"device", "precision", "size", "spheres", "features", "seconds", "rays", "work", "skipped"}
     assert stats["precision"] == "accurate"
     assert stats["size"] == [481, 361]
-    assert set(stats["seconds"]) == {"read", "pack", "build", "upload", "kernel", "readback", "write", "total"}
+    assert set(stats["seconds"]) == {"read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total"}
     assert all(value >= 0 for value in stats["seconds"].values())
     assert stats["rays"]["primary"] == 481 * 361
     assert 0 < stats["rays"]["shadow"] < 481 * 361
