@@ -95,8 +95,9 @@ class Packed:
     """A scene as the kernel wants it.
 
     features: the names of the -D flags; scale: depths come out in units of 2^scale; view: () view_dtype; lights:
-    numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see kernels/
-    trace.cl), none of them empty; count: of spheres; skipped: what the scene did not need, and how often; list_seconds: what making the lists took.
+    numbers of parallel, point and spot lights; arrays: the buffers by the kernel's argument names (see
+    kernels/trace.cl), none of them empty; count: of spheres; skipped: what the scene did not need, and how often;
+    list_seconds: what making the lists took.
     """
 
     precision: str
@@ -444,7 +445,11 @@ def _lists(
     skipped["spheres that shadow nothing seen, per light"] = idle
     lists = build(sheets, real)
     seconds = time.perf_counter() - begin
-    filters = {"occluder": occluder.reshape(-1, 4), "outside": outside.reshape(-1), "light_grids": grids}
+    filters: dict[str, NDArray[Any]] = {
+        "occluder": occluder.reshape(-1, 4),
+        "outside": outside.reshape(-1),
+        "light_grids": grids,
+    }
     return filters, lists, seconds
 
 
