@@ -186,14 +186,48 @@ KEEPS = (
 )
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """What no camera changes: the spheres (n) in the order in which they are packed, and their materials.
+
+    center (n, 3), radius (n,): in the world; number (n,): in the scene; material (m, 8): of shade_dtype; material_of
+    (n,): index into that.
+    """
+
+    center: Array
+    radius: Array
+    number: NDArray[np.int32]
+    material: NDArray[Any]
+    material_of: NDArray[np.int32]
+
+
+def prepare(scene: Scene, precision: str, keep: tuple[str, ...] = ()) -> Prepared:
+    """Sorts many spheres by place, so that neighbours are near each other in memory."""
+    n = len(scene.spheres)
+    center, radius, of = (np.ascontiguousarray(scene.spheres[name]) for name in ("center", "radius", "material"))
+    number = np.arange(n)
+    if n >= MANY and "order" not in keep:
+        number = spatial_order(center)
+        center, radius, of = (column.take(number, axis=0) for column in (center, radius, of))
+    ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    material = _materials(scene.materials, ambient, shade_dtype(precision))
+    # Where most spheres have a material of their own, those are in the spheres' order, too.
+    if len(material) > n // 2:
+        material, of = material.take(of, axis=0), np.arange(n)
+    return Prepared(center, radius, number.astype("i4"), material, of.astype("i4"))
+
+
 def pack(
     scene: Scene,
     precision: str,
     outputs: tuple[str, ...] = ("rgb8",),
     truncate: bool = False,
     keep: tuple[str, ...] = (),
+    prepared: Prepared | None = None,
 ) -> Packed:
     """Moves the scene into camera space and packs it for one precision and these outputs.
+
+    prepared: what prepare() returns for the same scene, whatever its camera, precision and keep.
 
     keep: what not to leave out, for measuring; no picture depends on it, but those of some extreme scenes in single, as
     the README says. lists: one list of all spheres for every ray; filter: each test in the precision that decides;
@@ -207,13 +241,8 @@ def pack(
     lights = _lights(scene, "lights" in keep, skipped)
     basis = np.array(scene.camera.basis())
     n = len(scene.spheres)
-    center, radius, material_of = (
-        np.ascontiguousarray(scene.spheres[name]) for name in ("center", "radius", "material")
-    )
-    order = np.arange(n) if n < MANY or "order" in keep else spatial_order(center)
-    if n >= MANY:
-        center, radius, material_of = (column.take(order, axis=0) for column in (center, radius, material_of))
-    space = _camera_space(center, radius, scene.camera.position, lights, basis)
+    prepared = prepared or prepare(scene, precision, keep)
+    space = _camera_space(prepared.center, prepared.radius, scene.camera.position, lights, basis)
 
     # float32 has little room for squares. So what is float32 has its lengths times a power of two that makes the
     # largest coordinate about 1: a scene and the same one scaled by a power of two are the same numbers there. Double
@@ -226,11 +255,6 @@ def pack(
     # Beyond float32's range is only the reciprocal of a radius that vanishes there: such a sphere is never hit.
     inverse = _finite32(1 / exact.radius) if real.itemsize == 4 else 1 / exact.radius
 
-    # Where most spheres have a material of their own, those are in the spheres' order, too.
-    ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
-    materials = _materials(scene.materials, ambient, shade)
-    if len(materials) > n // 2:
-        materials, material_of = materials.take(material_of, axis=0), np.arange(n)
     packed_lights = _pack_lights(lights, exact.position, basis, real)
     if shade.itemsize == 4:
         # The exponent of a highlight of 2^-20 of a byte's level: fainter ones are none. Not so in double, which is the
@@ -241,9 +265,9 @@ def pack(
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, inverse], axis=1).astype(real),
         "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
-        "number": order.astype("i4"),
-        "material_of": material_of.astype("i4"),
-        "material": materials,
+        "number": prepared.number,
+        "material_of": prepared.material_of,
+        "material": prepared.material,
         "light": packed_lights,
         "candidate": _candidates(small),
     }

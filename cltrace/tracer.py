@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,21 @@ from numpy.typing import NDArray
 from .device import Device, check_process, choose
 from .errors import DeviceError
 from .image import Image
-from .layout import KEEPS, OUTPUTS, PICTURES, PRECISIONS, WORK, Packed, counting, pack, real_dtype
+from .layout import (
+    KEEPS,
+    OUTPUTS,
+    PICTURES,
+    PRECISIONS,
+    WORK,
+    Packed,
+    Prepared,
+    counting,
+    pack,
+    prepare,
+    real_dtype,
+)
 from .program import Announcement, build, context_of
-from .scene import Scene
+from .scene import Camera, Scene
 
 # One local size for all pictures: PoCL compiles the kernel anew for each.
 GROUP = {1: (16, 4), 8: (1, 1), 16: (1, 1)}
@@ -88,10 +101,30 @@ class Renderer:
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
         if set(keep) - set(KEEPS):
             raise ValueError(f"keep: must be some of {', '.join(KEEPS)}, got {keep!r}")
-        self._move_to(_region(scene.camera.resolution, crop))
-        self.size = scene.camera.resolution
+        self._crop, self._truncate, self._keep = crop, truncate, keep
+        self._set_up(None)
+
+    def look(self, camera: Camera) -> Renderer:
+        """The same scene, seen by another camera, as another Renderer.
+
+        It keeps what no camera changes: the program, the order of the spheres and their materials, also on the device.
+        What float32 and double can hold of a place depends on the eye, and so do the lists: those are made again.
+        Raises DeviceError, BuildError, ValueError if the crop is not within its picture.
+        """
+        other = copy(self)
+        other.scene, other.seconds, other._lock = replace(self.scene, camera=camera), {}, threading.Lock()
+        other._set_up(self)
+        return other
+
+    def _set_up(self, before: Renderer | None) -> None:
+        """before: one of the same scene but for its camera."""
+        self.size = self.scene.camera.resolution
+        self._move_to(_region(self.size, self._crop))
         with self._timed("pack"):
-            self.packed: Packed = pack(scene, self.precision, self.outputs, truncate, keep)
+            self._prepared: Prepared = before._prepared if before else prepare(self.scene, self.precision, self._keep)
+            self.packed: Packed = pack(
+                self.scene, self.precision, self.outputs, self._truncate, self._keep, self._prepared
+            )
         self.seconds["lists"] = self.packed.list_seconds
         self.seconds["pack"] -= self.packed.list_seconds
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
@@ -99,7 +132,11 @@ class Renderer:
             self.queue: Any = cl.CommandQueue(self.context)
             self._kernel = self._built()
         with self._timed("upload"), self._driver_errors():
-            self._buffers = {name: self._buffer(array) for name, array in self.packed.arrays.items()}
+            kept = before.packed.arrays if before else {}
+            self._buffers: dict[str, Any] = {
+                name: before._buffers[name] if before and array is kept[name] else self._buffer(array)
+                for name, array in self.packed.arrays.items()
+            }
             self.queue.finish()
         with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
             # PoCL generates the code at the first launch: one that returns at once, with the same sizes.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import pickle
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +146,31 @@ def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pyt
     monkeypatch.setattr(cltrace.tracer, "STRIP", 1)
     assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
     assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
+
+
+@pytest.mark.parametrize("count", [1, 20, 5000])
+def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int) -> None:
+    """The picture is that of a Renderer made from scratch, to the bit; the eye of the last camera is in a sphere."""
+    rng = np.random.default_rng(1)
+    centers = rng.uniform(-2, 2, (count, 3))
+    scene = cltrace.Scene.from_spheres(
+        cltrace.Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48)),
+        [cltrace.ambient_light(), cltrace.point_light((3, 9, 6))],
+        centers,
+        rng.uniform(0.05, 0.1, count),
+        rng.uniform(0, 1, (count, 3)),
+    )
+    outputs = ("rgb8", "color", "normal", "depth", "id")
+    renderer = cltrace.Renderer(scene, device, outputs=outputs)
+    for eye, size in (((6, 1, 3), (64, 48)), ((0, 2, 12), (31, 47)), (centers[0], (64, 48))):
+        camera = cltrace.Camera(tuple(eye), (0.1, 0.2, 0.3), horizontal_fov=40, resolution=size)
+        moved = renderer.look(camera)
+        image, want = moved.render(), cltrace.render(replace(scene, camera=camera), device, outputs=outputs)
+        for output in outputs:
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (eye, output)
+        for name in ("number", "material", "material_of"):
+            assert moved._buffers[name] is renderer._buffers[name]
+        renderer = moved
+    cropped = cltrace.Renderer(scene, device, crop=(40, 40, 64, 48))
+    with pytest.raises(ValueError, match="crop: must be within 0,0,50,40"):
+        cropped.look(replace(scene.camera, resolution=(50, 40)))
