@@ -7,7 +7,7 @@ import pytest
 from random_scenes import crowded, fuzzed_scene, random_scene
 
 import cltrace
-from cltrace import Camera, Scene
+from cltrace import Camera, Scene, layout, lists
 from cltrace.device import Device, choose
 from cltrace.layout import KEEPS, WORK
 
@@ -108,6 +108,27 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
         assert ids.max() < 2500
         assert len(np.unique(ids)) > 500
         compare(scene, device, ("order", "lists", "receivers"), precision, ())
+
+
+def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fetching ahead, other levels, bounds made in blocks: as if 20 spheres were a million."""
+    outputs = ("rgb8", "color", "normal", "depth", "id")
+    for seed in range(6):
+        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed)
+        for precision in ("accurate", "single"):
+            # All features, so that all scenes share two programs.
+            want = cltrace.Renderer(scene, device, precision, outputs, keep=("features",)).render()
+            with monkeypatch.context() as patch:
+                patch.setattr(layout, "PLENTY", 1)
+                patch.setattr(layout, "MANY", 1)
+                patch.setattr(lists, "SPARE", 1)
+                patch.setattr(lists, "BLOCK", 8)
+                patch.setattr(lists, "SAMPLE", 1)
+                renderer = cltrace.Renderer(scene, device, precision, outputs, keep=("features",))
+                assert "WITH_PREFETCH" in renderer.packed.features
+                image = renderer.render()
+            for output in outputs:
+                assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
 
 
 def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
