@@ -59,8 +59,8 @@ WORK = (
 # 3.2 for a box of 16 (PoCL 3.1, 1920x1080, like the next two), but 4.3 against 4.6 for a shell of 28.
 FEW = 16
 
-# From so many spheres on, they are sorted by place. A shell of 100,000 takes 27 ms a frame then, against 37; 10,000 take
-# 10 either way, as all that a picture needs stays in a cache.
+# From so many spheres on, they are sorted by place. A shell of 100,000 takes 27 ms a frame then, against 37; 10,000
+# take 10 either way, as all that a picture needs stays in a cache.
 MANY = 4096
 
 # From so many on, the kernel fetches them ahead. A million take 0.85 of the time then, 300,000 take 0.93, 100,000 take
