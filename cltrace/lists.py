@@ -144,7 +144,9 @@ def build(sheets: list[Sheet], real: np.dtype[Any]) -> Lists:
     grid = np.zeros(len(sheets), grid_dtype(real))
     starts, entries = [], []
     cells = filled = 0
-    entered = concurrently([partial(_enter, sheet) for sheet in sheets])
+    jobs = [partial(_enter, sheet) for sheet in sheets]
+    # Threads take a millisecond to start.
+    entered = concurrently(jobs) if sum(len(sheet.member) for sheet in sheets) > BLOCK else [job() for job in jobs]
     for g, sheet, (start, entry, mask) in zip(grid, sheets, entered, strict=True):
         # Coordinates count from the window's middle, and are made so before they are rounded to float32.
         right, up, ahead = sheet.axes
