@@ -6,7 +6,7 @@ Error-free transformations: Dekker 1971, Knuth TAOCP 2, 4.2.2; the names are tho
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from functools import partial
@@ -111,7 +111,7 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def concurrently(jobs: list[Callable[[], T]]) -> list[T]:
+def concurrently(jobs: Sequence[Callable[[], T]]) -> list[T]:
     """What the jobs return, by as many threads as there are processors: numpy works outside of Python's lock."""
     if len(jobs) < 2:
         return [job() for job in jobs]
