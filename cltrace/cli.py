@@ -39,14 +39,14 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
     p.add_argument("--check", nargs="?", const="default", type=_count, metavar="N|all",
                    help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
-    p.add_argument("--stats", nargs="?", const="text", choices=("text", "json"), help="times and counts")
+    p.add_argument("--stats", nargs="?", const="text", type=_form, metavar="text|json", help="times and counts")
     p.add_argument(
         "--keep",
         metavar="NAME",
         action="append",
         choices=KEEPS,
         default=[],
-        help=f"do not skip this, to measure what it saves: {', '.join(KEEPS)}",
+        help=f"do not skip this, to measure what it saves; may be repeated: {', '.join(KEEPS)}",
     )
     p.add_argument("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
     p.add_argument("-q", "--quiet", action="store_true", help="only errors")
@@ -66,6 +66,14 @@ def _repeats(text: str) -> int:
     if text.endswith(".xml"):
         raise argparse.ArgumentTypeError(f"put the scene first, or say --check=N; {text!r} is not a number")
     return positive(text)
+
+
+def _form(text: str) -> str:
+    if text.endswith(".xml"):
+        raise argparse.ArgumentTypeError(f"put the scene first, or say --stats=text; {text!r} is not a form")
+    if text not in ("text", "json"):
+        raise argparse.ArgumentTypeError(f"must be text or json, got {text!r}")
+    return text
 
 
 def _count(text: str) -> str | int:

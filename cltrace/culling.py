@@ -1,4 +1,4 @@
-"""What cannot matter: spheres inside others, and spheres that cannot stand between another one and a light.
+"""What cannot matter: spheres inside others or there twice, and those that cannot stand between one and a light.
 
 All tests are made with every sphere larger by more than any rounding, here or in the kernel, can amount to: a sphere is
 left out only if no ray could ever tell, so no picture changes; of extreme scenes in single, the README tells more.
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from .numerics import Array, squared_length
 
 Mask = NDArray[np.bool_]
+# Up to so many spheres, equal ones are looked for by sorting; more are sorted already.
+FEW = 4096
 # Spheres that others are looked for in: the largest ones.
 SHELLS = 8
 
@@ -38,6 +40,18 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
         if outside[shell] and inner > least:
             near = np.flatnonzero(np.abs(center[:, 0] - center[shell, 0]) < inner)
             out[near] |= np.sqrt(squared_length(center[near] - center[shell])) + roomy[near] < inner
+    return out
+
+
+def repeated(center: Array, radius: Array) -> Mask:
+    """(n,): which spheres are the same as one before them: of those, the first one counts.
+
+    Of many, in the order of spatial_order(), only neighbours are compared: there, the same places mostly are some.
+    """
+    order = np.arange(len(radius)) if len(radius) > FEW else np.lexsort((radius, *center.T))
+    c, r = center[order], radius[order]
+    out = np.zeros(len(radius), bool)
+    out[order[1:]] = (r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)
     return out
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,7 +17,7 @@ from .files import whole_file
 SHOWS = ("color", "normal", "direction", "depth", "id")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Image:
     """A rendered picture. Row 0 is the top. What was not asked for is None.
 
@@ -39,6 +39,11 @@ class Image:
     work: NDArray[np.int32] | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     frame: Any = field(default=None, repr=False)  # the buffers it lives in, for Renderer.render(out)
+
+    def __repr__(self) -> str:
+        names = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        shape = getattr(self, names[0]).shape if names else (0, 0)
+        return f"<cltrace.Image {shape[1]}x{shape[0]}: {', '.join(names)}>"
 
     @property
     def frame_seconds(self) -> float:

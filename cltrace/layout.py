@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .culling import hidden, parallel_shadows, point_shadows
+from .culling import hidden, parallel_shadows, point_shadows, repeated
 from .lists import (
     FINE_SLACK,
     SLACK,
@@ -194,7 +194,7 @@ class Prepared:
     """What no camera changes: the spheres (n) in the order in which they are packed, and their materials.
 
     center (n, 3), radius (n,): in the world; number (n,): in the scene; material (m, 8): of shade_dtype; material_of
-    (n,): index into that.
+    (n,): index into that; again (n,): whether it is the same sphere as one before it.
     """
 
     center: Array
@@ -202,6 +202,7 @@ class Prepared:
     number: NDArray[np.int32]
     material: NDArray[Any]
     material_of: NDArray[np.int32]
+    again: NDArray[np.bool_]
 
 
 def prepare(scene: Scene, precision: str, keep: tuple[str, ...] = ()) -> Prepared:
@@ -217,7 +218,7 @@ def prepare(scene: Scene, precision: str, keep: tuple[str, ...] = ()) -> Prepare
     # Where most spheres have a material of their own, those are in the spheres' order, too.
     if len(material) > n // 2:
         material, of = material.take(of, axis=0), np.arange(n)
-    return Prepared(center, radius, number.astype("i4"), material, of.astype("i4"))
+    return Prepared(center, radius, number.astype("i4"), material, of.astype("i4"), repeated(center, radius))
 
 
 def pack(
@@ -235,9 +236,9 @@ def pack(
     keep: what not to leave out, for measuring; no picture depends on it, but those of some extreme scenes in single, as
     the README says. lists: one list of all spheres for every ray; filter: each test in the precision that decides;
     features: the code of every feature; lights: lights that are black, or that shine on nothing that reflects; hidden:
-    spheres inside others; receivers: in a light's lists, spheres that shadow nothing in the picture; unstopped: of few
-    spheres, shadow rays that none can stop; highlights: those too faint for a byte; outputs: all pictures that the
-    kernel can write; order: that of the spheres in the scene.
+    spheres inside others, or there twice; receivers: in a light's lists, spheres that shadow nothing in the picture;
+    unstopped: of few spheres, shadow rays that none can stop; highlights: those too faint for a byte; outputs: all
+    pictures that the kernel can write; order: that of the spheres in the scene.
     """
     real, shade = real_dtype(precision), shade_dtype(precision)
     skipped: dict[str, int] = {}
@@ -278,7 +279,7 @@ def pack(
     width, height = scene.camera.resolution
     step = (x / width, y / height)
     filters, lists, list_seconds = _lists(
-        packed_lights, lights, small, basis, step, (width, height), real, keep, skipped
+        packed_lights, lights, small, prepared.again, basis, step, (width, height), real, keep, skipped
     )
     arrays |= filters | {"grid": lists.grid, "start": lists.start, "entry": lists.entry}
     arrays = {n: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for n, a in arrays.items()}
@@ -399,6 +400,7 @@ def _lists(
     packed: NDArray[np.void],
     lights: NDArray[np.void],
     space: _Space,
+    again: NDArray[np.bool_],
     basis: Array,
     step: tuple[float, float],
     size: tuple[int, int],
@@ -406,7 +408,10 @@ def _lists(
     keep: tuple[str, ...],
     skipped: dict[str, int],
 ) -> tuple[dict[str, NDArray[Any]], Lists, float]:
-    """For the filters of cast_shadow_ray in trace.cl, the lists of all sheets, and the seconds that those took."""
+    """For the filters of cast_shadow_ray in trace.cl, the lists of all sheets, and the seconds that those took.
+
+    again: (n,), which spheres are the same as one before them.
+    """
     n, m = len(space.center), len(lights)
     radius = space.radius
     slack = SLACK if real.itemsize == 4 else FINE_SLACK
@@ -432,8 +437,8 @@ def _lists(
 
     seen = np.ones(n, bool)
     if "hidden" not in keep and n > 1:
-        seen = ~hidden(space.center, radius, (space.power > 0) & (outside > 0).all(axis=0), slack)
-        skipped["spheres inside others"] = n - int(seen.sum())
+        seen = ~(again | hidden(space.center, radius, (space.power > 0) & (outside > 0).all(axis=0), slack))
+        skipped["spheres inside others, or the same"] = n - int(seen.sum())
     begin = time.perf_counter()
     picture = camera_sheet(space.center, radius, space.power, step, size, seen)
     receiver = np.full(n, "receivers" in keep)

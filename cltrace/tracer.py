@@ -47,8 +47,10 @@ CHANNELS = {
     "shadow_rays": 1,
     "work": len(WORK),
 }
-# Pixels of one launch: 1080p is one, larger pictures are several.
+# Pixels of one launch at most.
 STRIP = 2**22
+# Seconds of one launch, about, at most, so that Ctrl-C is heard; rows of a first one, which may turn out to be slow.
+PATIENCE, FIRST_ROWS = 0.25, 64
 Crop = tuple[int, int, int, int]
 
 
@@ -101,11 +103,11 @@ class Renderer:
             raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {outputs!r}")
         if set(keep) - set(KEEPS):
             raise ValueError(f"keep: must be some of {', '.join(KEEPS)}, got {keep!r}")
-        self._crop, self._truncate, self._keep = crop, truncate, keep
+        self._crop, self._truncate, self._keep, self._rows = crop, truncate, keep, FIRST_ROWS
         self._set_up(None)
 
     def look(self, camera: Camera) -> Renderer:
-        """The same scene, seen by another camera, as another Renderer.
+        """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
 
         It keeps what no camera changes: the program, the order of the spheres and their materials, also on the device.
         What float32 and double can hold of a place depends on the eye, and so do the lists: those are made again.
@@ -229,12 +231,23 @@ class Renderer:
         return build(self.device, [*(f"-D{flag}" for flag in flags), *self.packed.options()])
 
     def _draw(self, frame: _Frame) -> None:
-        """Renders the region, in strips that are short enough for Ctrl-C to be heard between them."""
+        """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
+
+        A strip that takes long makes the next one smaller, and else larger; the next frame begins with what was found.
+        """
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
-        rows = max(64, STRIP // frame.width // 64 * 64)
-        for row in range(0, region[3], rows):
-            self._launch(frame, region, row, min(rows, frame.height - row)).wait()
+        row, most = 0, max(64, STRIP // frame.width // 64 * 64)
+        while row < region[3]:
+            rows = min(self._rows, most, frame.height - row)
+            start = time.perf_counter()
+            self._launch(frame, region, row, rows).wait()
+            seconds = time.perf_counter() - start
+            row += rows
+            if seconds > PATIENCE:
+                self._rows = max(16, self._rows // 32 * 16)
+            elif seconds < PATIENCE / 4:
+                self._rows = min(2 * self._rows, 2**16)
 
     def _launch(self, frame: _Frame, region: Crop, row: int, rows: int) -> Any:
         group = GROUP[self.width]

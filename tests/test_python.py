@@ -13,7 +13,7 @@ import pytest
 from random_scenes import random_scene
 
 import cltrace
-from cltrace import Image, Renderer
+from cltrace import Image, Renderer, tracer
 from cltrace.device import Device
 
 
@@ -174,3 +174,23 @@ def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int)
     cropped = cltrace.Renderer(scene, device, crop=(40, 40, 64, 48))
     with pytest.raises(ValueError, match="crop: must be within 0,0,50,40"):
         cropped.look(replace(scene.camera, resolution=(50, 40)))
+
+
+@pytest.mark.parametrize("patience", [0.0, 1e9])
+def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
+    """A slow frame is cut into strips of 16 rows, a fast one into ever larger ones."""
+    scene = cltrace.Scene.from_spheres(
+        cltrace.Camera((0, 0, 9), (0, 0, 0), resolution=(50, 333)), [cltrace.point_light((5, 8, 9))], [(0, 0, 0)], [4.0]
+    )
+    monkeypatch.setattr(tracer, "PATIENCE", 1e9)
+    monkeypatch.setattr(tracer, "FIRST_ROWS", 1024)
+    want = cltrace.render(scene, device, outputs=("rgb8", "id"))
+    monkeypatch.setattr(tracer, "PATIENCE", patience)
+    monkeypatch.setattr(tracer, "FIRST_ROWS", 64)
+    renderer = Renderer(scene, device, outputs=("rgb8", "id"))
+    for _ in range(2):
+        image = renderer.render()
+        assert np.array_equal(image.rgb8, want.rgb8)
+        assert np.array_equal(image.id, want.id)
+    assert renderer._rows == 16 if patience == 0 else renderer._rows > 333
+    assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
