@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from .numerics import Array, squared_length
 
 Mask = NDArray[np.bool_]
-# Up to so many spheres, equal ones are looked for by sorting; more are sorted already.
-FEW = 4096
 # Spheres that others are looked for in: the largest ones.
 SHELLS = 8
 
@@ -43,12 +41,13 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     return out
 
 
-def repeated(center: Array, radius: Array) -> Mask:
+def repeated(center: Array, radius: Array, by_place: bool) -> Mask:
     """(n,): which spheres are the same as one before them: of those, the first one counts.
 
-    Of many, in the order of spatial_order(), only neighbours are compared: there, the same places mostly are some.
+    by_place: whether they are in the order of spatial_order(). There only neighbours are compared: equal ones mostly
+    are some.
     """
-    order = np.arange(len(radius)) if len(radius) > FEW else np.lexsort((radius, *center.T))
+    order = np.arange(len(radius)) if by_place else np.lexsort((radius, *center.T))
     c, r = center[order], radius[order]
     out = np.zeros(len(radius), bool)
     out[order[1:]] = (r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)

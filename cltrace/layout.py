@@ -209,8 +209,8 @@ def prepare(scene: Scene, precision: str, keep: tuple[str, ...] = ()) -> Prepare
     """Sorts many spheres by place, so that neighbours are near each other in memory."""
     n = len(scene.spheres)
     center, radius, of = (np.ascontiguousarray(scene.spheres[name]) for name in ("center", "radius", "material"))
-    number = np.arange(n)
-    if n >= MANY and "order" not in keep:
+    number, by_place = np.arange(n), n >= MANY and "order" not in keep
+    if by_place:
         number = spatial_order(center)
         center, radius, of = (column.take(number, axis=0) for column in (center, radius, of))
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
@@ -218,7 +218,8 @@ def prepare(scene: Scene, precision: str, keep: tuple[str, ...] = ()) -> Prepare
     # Where most spheres have a material of their own, those are in the spheres' order, too.
     if len(material) > n // 2:
         material, of = material.take(of, axis=0), np.arange(n)
-    return Prepared(center, radius, number.astype("i4"), material, of.astype("i4"), repeated(center, radius))
+    again = repeated(center, radius, by_place)
+    return Prepared(center, radius, number.astype("i4"), material, of.astype("i4"), again)
 
 
 def pack(

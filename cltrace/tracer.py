@@ -246,8 +246,8 @@ class Renderer:
             row += rows
             if seconds > PATIENCE:
                 self._rows = max(16, self._rows // 32 * 16)
-            elif seconds < PATIENCE / 4:
-                self._rows = min(2 * self._rows, 2**16)
+            elif seconds < PATIENCE / 4 and rows == self._rows:  # else it was short because little was left
+                self._rows *= 2
 
     def _launch(self, frame: _Frame, region: Crop, row: int, rows: int) -> Any:
         group = GROUP[self.width]

@@ -519,16 +519,15 @@ def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
     accurate and double promise that; single only that nothing is NaN; the textbook nothing. quick: every seventh case,
     without double.
     """
-    modes: list[tuple[Product | Baseline, bool]] = []
+    modes: list[tuple[Product | Baseline, bool, str]] = []
     for device in devices:
         default = default_precision(device)
         names = (
             [default] if quick else [p for p in ("accurate", "double", "single") if device.has_double or p == default]
         )
-        modes += [(Product(device, name), name != "single") for name in names]
-        modes.append((Baseline(device), False))
-    several = len(devices) > 1
-    labels = [f"{m.name} [{m.device.partition(' ')[0]}]" if several else m.name for m, _ in modes]
+        where = f" [{device.spec}]" if len(devices) > 1 else ""
+        modes += [(Product(device, name), name != "single", name + where) for name in names]
+        modes.append((Baseline(device), False, Baseline.name + where))
     for device in devices:
         print(device.label)
     print(ABOUT)
@@ -546,7 +545,7 @@ def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
         truths = [answer(scene, np.arange(math.prod(scene.camera.resolution))) for scene in scenes]
         lines = [_line(HEAD), _line(_required(case.limits))]
         bad = missed = False
-        for (tracer, promises), label in zip(modes, labels, strict=True):
+        for tracer, promises, label in modes:
             progress.say(label)
             found = examine(tracer, scenes, truths, case.limits)
             ok = found.within(case.limits)
