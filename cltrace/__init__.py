@@ -10,13 +10,13 @@ from __future__ import annotations
 import os
 import warnings
 
-from . import caches as caches  # before anything imports pyopencl
-from .device import Device, devices
-from .errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
-from .image import Image
-from .reader import read
-from .scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-from .tracer import Renderer, render
+from cltrace.errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
+from cltrace.formats.reader import read
+from cltrace.picture.image import Image
+from cltrace.renderer import Renderer, render
+from cltrace.run import caches as caches  # before anything imports pyopencl
+from cltrace.run.devices import Device, devices
+from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
 
 __all__ = [
     "BuildError",

@@ -13,15 +13,15 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from .check import check
-from .console import Parser, command, picture_size, positive, tell
-from .device import choose, devices, where_drivers_are
-from .errors import UsageError
-from .image import SHOWS, Image
-from .layout import KEEPS, PRECISIONS
-from .reader import read
-from .scene import Scene
-from .tracer import Crop, Renderer
+from cltrace.console import Parser, command, picture_size, positive, tell
+from cltrace.errors import UsageError
+from cltrace.formats.reader import read
+from cltrace.picture.image import SHOWS, Image
+from cltrace.plan.layout import KEEPS, PRECISIONS
+from cltrace.reference.check import check
+from cltrace.renderer import Crop, Renderer
+from cltrace.run.devices import choose, devices, where_drivers_are
+from cltrace.scene import Scene
 
 
 def parser() -> argparse.ArgumentParser:

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from .errors import CltraceError, UsageError
-from .scene import check_resolution
+from cltrace.errors import CltraceError, UsageError
+from cltrace.scene import check_resolution
 
 
 class Parser(argparse.ArgumentParser):

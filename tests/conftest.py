@@ -9,7 +9,7 @@ import pytest
 
 import cltrace
 from cltrace import reference
-from cltrace.device import Device
+from cltrace.run.devices import Device
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
 
@@ -24,7 +24,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "device" not in names:
         return
     wanted = metafunc.config.getoption("--device")
-    found = [cltrace.device.choose(wanted)] if wanted else cltrace.devices()
+    found = [cltrace.run.devices.choose(wanted)] if wanted else cltrace.devices()
     if "width" in names:
         cases = [(d, w) for d in found for w in sorted({d.width, 1}, reverse=True)]
         metafunc.parametrize(("device", "width"), cases, ids=[f"{d.spec}-{d.driver}-W{w}" for d, w in cases])
@@ -39,7 +39,7 @@ def pytest_report_header() -> list[str]:
 @pytest.fixture
 def any_device() -> Device:
     """The device that a user gets without asking for one."""
-    return cltrace.device.choose()
+    return cltrace.run.devices.choose()
 
 
 @functools.cache

@@ -13,9 +13,9 @@ import numpy as np
 from cltrace import Image, Renderer, Scene
 from cltrace.bench import truth
 from cltrace.bench.oracle import normal_error, t_high
-from cltrace.check import sample
-from cltrace.device import Device
 from cltrace.reference import byte_of, primary_ray, trace, world_of
+from cltrace.reference.check import sample
+from cltrace.run.devices import Device
 from cltrace.scene import POINT
 
 # Always the same outputs: one program for all scenes of one kind.

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image as Picture
 
 import cltrace
-from cltrace.layout import KEEPS
+from cltrace.plan.layout import KEEPS
 
 FIRST = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"
 
@@ -133,7 +133,9 @@ def test_list_devices(tmp_path: Path) -> None:
 
 def test_no_driver_gives_advice(tmp_path: Path) -> None:
     """The loader finds nothing in an empty folder, but for a wheel's driver beside it."""
-    script = "import cltrace.device as d, cltrace.cli as c; d.devices = c.devices = list; raise SystemExit(c.main())"
+    script = (
+        "import cltrace.run.devices as d, cltrace.cli as c; d.devices = c.devices = list; raise SystemExit(c.main())"
+    )
     for arguments, stream in ((["--list-devices"], "stdout"), ([str(FIRST)], "stderr")):
         done = subprocess.run(
             [sys.executable, "-c", script, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -12,10 +12,10 @@ from random_scenes import random_scene
 
 import cltrace
 from cltrace import Scene
-from cltrace.check import sample
-from cltrace.device import Device
-from cltrace.layout import KEEPS
+from cltrace.plan.layout import KEEPS
 from cltrace.reference import byte_of, primary_ray, trace
+from cltrace.reference.check import sample
+from cltrace.run.devices import Device
 
 RANDOM = range(24)
 # The reference tries every sphere for every pixel; this many tests a scene take it about two seconds.

@@ -7,9 +7,10 @@ import pytest
 from random_scenes import crowded, fuzzed_scene, random_scene
 
 import cltrace
-from cltrace import Camera, Scene, layout, lists
-from cltrace.device import Device, choose
-from cltrace.layout import KEEPS, WORK
+from cltrace import Camera, Scene
+from cltrace.plan import layout, lists
+from cltrace.plan.layout import KEEPS, WORK
+from cltrace.run.devices import Device, choose
 
 CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48))
 LAMP = cltrace.point_light((3, 9, 6))

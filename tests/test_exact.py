@@ -8,7 +8,7 @@ import pytest
 import cltrace
 from cltrace.bench.oracle import closest
 from cltrace.bench.regimes import REGIMES, camera_space, rays
-from cltrace.device import Device
+from cltrace.run.devices import Device
 
 THINNED = (8_000, 2)
 LONG = (1_050_000, 12)

@@ -9,8 +9,8 @@ from random_scenes import fuzzed_scene, random_scene
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.device import Device, choose
 from cltrace.reference import byte_of, primary_ray, trace
+from cltrace.run.devices import Device, choose
 
 TRANSFORMS = {
     "R=1e3": (1e3, 0, 1),

@@ -8,8 +8,9 @@ import pyopencl.tools
 import pytest
 
 import cltrace
-from cltrace import layout, lists, program
-from cltrace.device import Device
+from cltrace.plan import layout, lists
+from cltrace.run import program
+from cltrace.run.devices import Device
 
 STRUCTS = {"View": layout.view_dtype, "Light": layout.light_dtype, "Grid": lists.grid_dtype}
 

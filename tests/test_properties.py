@@ -20,10 +20,10 @@ import cltrace
 from cltrace import Camera, Scene
 from cltrace.bench.oracle import closest
 from cltrace.bench.regimes import REGIMES, rays
-from cltrace.device import Device, choose
-from cltrace.numerics import dot_products, square_excess, two_product, two_sum
+from cltrace.plan.exact import dot_products, square_excess, two_product, two_sum
 from cltrace.reference import closest_hit as reference_hit
 from cltrace.reference import primary_ray, world_of
+from cltrace.run.devices import Device, choose
 
 PLAIN = settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 # float32's whole range, and 0, at all sizes alike.
@@ -213,7 +213,7 @@ def test_the_number_of_threads_changes_no_bit() -> None:
 
 def test_no_epsilon_in_the_sources() -> None:
     """Every number below 1e-3 in the kernel is a power of two with a derivation, or a polynomial's coefficient."""
-    text = re.sub(r"/\*.*?\*/", "", cltrace.program.source(), flags=re.DOTALL)
+    text = re.sub(r"/\*.*?\*/", "", cltrace.run.program.source(), flags=re.DOTALL)
     small = set(re.findall(r"(?<![\w.])\d+\.?\d*e-\d+f?", text))
     assert small == {"1.42860677e-6f"}  # the second part of log(2)
     powers = set(re.findall(r"0x1p-\d+f?", text))

@@ -13,8 +13,9 @@ import pytest
 from random_scenes import random_scene
 
 import cltrace
-from cltrace import Image, Renderer, tracer
-from cltrace.device import Device
+from cltrace import Image, Renderer
+from cltrace import renderer as tracer
+from cltrace.run.devices import Device
 
 
 def test_only_what_was_asked_for(any_device: Device) -> None:
@@ -143,7 +144,7 @@ def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pyt
     camera = cltrace.Camera(scene.camera.position, scene.camera.lookat, scene.camera.up, resolution=(5, 300))
     tall = cltrace.Scene(camera, scene.lights, scene.spheres, scene.materials, scene.background)
     whole = cltrace.render(tall, any_device).rgb8
-    monkeypatch.setattr(cltrace.tracer, "STRIP", 1)
+    monkeypatch.setattr(cltrace.renderer, "STRIP", 1)
     assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
     assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cltrace import reader
 from cltrace.errors import SceneError
-from cltrace.reader import cos_sin, read
+from cltrace.formats import reader
+from cltrace.formats.reader import cos_sin, read
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Scene
 
 SCENE = """\

@@ -10,8 +10,8 @@ from answers import answers
 from conftest import SCENES, world
 
 import cltrace
-from cltrace.device import Device
 from cltrace.reference import byte_of, primary_ray, trace
+from cltrace.run.devices import Device
 
 
 def test_there_are_scenes_and_they_are_small() -> None:

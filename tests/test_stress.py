@@ -46,8 +46,8 @@ from cltrace.bench.cases import (
 )
 from cltrace.bench.oracle import normal_error
 from cltrace.bench.regimes import TANGENT, globe
-from cltrace.device import Device
 from cltrace.reference import EYE, Direction, Ray, world_of
+from cltrace.run.devices import Device
 
 both = pytest.mark.parametrize("precision", ["accurate", "double"])
 # double leaves out the filter, and that is all: in the ordinary run a few cases are enough.

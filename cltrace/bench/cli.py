@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from cltrace.console import Parser, command, picture_size, positive, tell
-from cltrace.device import Device, choose, devices
 from cltrace.errors import UsageError
-from cltrace.files import whole_file
-from cltrace.layout import PRECISIONS
-from cltrace.reader import read
-from cltrace.tracer import default_precision
+from cltrace.formats.reader import read
+from cltrace.picture.files import whole_file
+from cltrace.plan.layout import PRECISIONS
+from cltrace.renderer import default_precision
+from cltrace.run.devices import Device, choose, devices
 
 from . import report
 from .measure import Plan, Row, configurations, measure

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cltrace.check import sample
-from cltrace.device import Device
+from cltrace.reference.check import sample
+from cltrace.run.devices import Device
 
 from .errors import Errors, bytes_apart, compare
 from .scenes import Case

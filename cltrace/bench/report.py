@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cltrace.numerics import processors
+from cltrace.plan.exact import processors
 
 from .errors import Errors
 from .measure import Row, median

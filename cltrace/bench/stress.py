@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from cltrace.device import Device
+from cltrace.renderer import default_precision
+from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-from cltrace.tracer import default_precision
 
 from .cases import (
     AHEAD,

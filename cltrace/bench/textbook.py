@@ -10,10 +10,10 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.device import Device
 from cltrace.errors import DeviceError
-from cltrace.image import Image
-from cltrace.program import build, context_of
+from cltrace.picture.image import Image
+from cltrace.run.devices import Device
+from cltrace.run.program import build, context_of
 from cltrace.scene import PARALLEL, SPOT, Scene
 
 # `Setup` and `Lamp` of textbook.cl.

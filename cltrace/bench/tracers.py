@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from cltrace.device import Device
-from cltrace.image import Image
-from cltrace.layout import KEEPS
-from cltrace.numerics import processors
+from cltrace.picture.image import Image
+from cltrace.plan.exact import processors
+from cltrace.plan.layout import KEEPS
+from cltrace.renderer import Renderer
+from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, POINT, Scene
-from cltrace.tracer import Renderer
 
 from .textbook import Textbook
 from .truth import Answer, lamps

@@ -12,7 +12,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from .errors import DeviceError
+from cltrace.errors import DeviceError
 
 ADVICE = """Ways to get an OpenCL driver:
     pip install pocl-binary-distribution        a CPU driver, Linux on x86-64

@@ -14,8 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .culling import hidden, parallel_shadows, point_shadows, repeated
-from .lists import (
+from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
+from cltrace.plan.exact import (
+    Array,
+    differences,
+    dot_products,
+    rotated,
+    rounded_down,
+    rounded_up,
+    square_excess,
+    squared_length,
+    two_sum,
+)
+from cltrace.plan.lists import (
     FINE_SLACK,
     SLACK,
     Lists,
@@ -27,18 +38,7 @@ from .lists import (
     spatial_order,
     whole_sheet,
 )
-from .numerics import (
-    Array,
-    differences,
-    dot_products,
-    rotated,
-    rounded_down,
-    rounded_up,
-    square_excess,
-    squared_length,
-    two_sum,
-)
-from .scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 PRECISIONS = ("accurate", "single", "double")
 PICTURES = ("rgb8", "color", "normal", "direction", "depth", "id")

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .numerics import Array, blockwise, concurrently, rounded_down
+from cltrace.plan.exact import Array, blockwise, concurrently, rounded_down
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]

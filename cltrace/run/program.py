@@ -11,8 +11,8 @@ from typing import Any
 
 import pyopencl as cl
 
-from .device import Device
-from .errors import BuildError
+from cltrace.errors import BuildError
+from cltrace.run.devices import Device
 
 SOURCES = ("packet.cl", "sphere.cl", "lists.cl", "phong.cl", "trace.cl")
 

@@ -14,10 +14,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from .device import Device, check_process, choose
-from .errors import DeviceError
-from .image import Image
-from .layout import (
+from cltrace.errors import DeviceError
+from cltrace.picture.image import Image
+from cltrace.plan.layout import (
     KEEPS,
     OUTPUTS,
     PICTURES,
@@ -30,8 +29,9 @@ from .layout import (
     prepare,
     real_dtype,
 )
-from .program import Announcement, build, context_of
-from .scene import Camera, Scene
+from cltrace.run.devices import Device, check_process, choose
+from cltrace.run.program import Announcement, build, context_of
+from cltrace.scene import Camera, Scene
 
 # One local size for all pictures: PoCL compiles the kernel anew for each.
 GROUP = {1: (16, 4), 8: (1, 1), 16: (1, 1)}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from .files import whole_file
+from cltrace.picture.files import whole_file
 
 SHOWS = ("color", "normal", "direction", "depth", "id")
 

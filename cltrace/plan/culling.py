@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .numerics import Array, squared_length
+from cltrace.plan.exact import Array, squared_length
 
 Mask = NDArray[np.bool_]
 # Spheres that others are looked for in: the largest ones.

@@ -18,7 +18,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
+from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
 
 Color = tuple[float, float, float]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .image import Image
-from .reference import byte_of, primary_ray, trace, world_of
-from .scene import Scene
+from cltrace.picture.image import Image
+from cltrace.reference import byte_of, primary_ray, trace, world_of
+from cltrace.scene import Scene
 
 # Of a sample: at most this share may differ in its bytes at all, and this share by more than one level. A sphere's
 # index may never differ but in precision single, where float32 decides.

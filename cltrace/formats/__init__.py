@@ -1,0 +1,1 @@
+"""XML files of the course's format -> a Scene."""

@@ -1,0 +1,1 @@
+"""Arrays of pixels -> an Image, shown and stored."""

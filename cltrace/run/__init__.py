@@ -1,0 +1,1 @@
+"""A Plan on an OpenCL device -> arrays of pixels."""
