@@ -34,9 +34,9 @@ from cltrace.run.program import Announcement, build, context_of
 from cltrace.scene import Camera, Scene
 
 # One local size for all pictures: PoCL compiles the kernel anew for each.
-GROUP = {1: (16, 4), 8: (1, 1), 16: (1, 1)}
+GROUP = {1: (16, 4), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
 # Packets that a work-item renders one after the other.
-RUN = {1: 1, 8: 8, 16: 8}
+RUN = {1: 1, 4: 8, 8: 8, 16: 8}
 CHANNELS = {
     "rgb8": 3,
     "color": 3,
@@ -65,7 +65,7 @@ class Renderer:
     device: None, a SPEC as on the command line, or a Device; precision: accurate, single, double or None for the
     device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays, work; crop: (x0, y0, x1,
     y1), exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of
-    rounded; width: pixels in a packet, 1, 8 or 16, None for what is best on the device; keep: what not to skip, for
+    rounded; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for
     measuring. One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
     """
 
@@ -96,7 +96,7 @@ class Renderer:
                 "use --precision single or another device"
             )
         if self.width not in GROUP:
-            raise ValueError(f"width: must be 1, 8 or 16, got {self.width}")
+            raise ValueError(f"width: must be 1, 4, 8 or 16, got {self.width}")
         also = PICTURES if "outputs" in keep else ()
         self.outputs = tuple(name for name in OUTPUTS if name in outputs or name in also)
         if not outputs or set(outputs) - set(OUTPUTS):

@@ -1,11 +1,11 @@
 /* packet.cl: the number types, and what a packet of pixels is.
  *
  * A work-item owns a packet of W pixels and computes them side by side in vectors of W lanes: 4 columns by W/4 rows on
- * a CPU (W = 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them; a lane never looks at another
+ * a CPU (W = 4, 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them; a lane never looks at another
  * one, except to ask whether any lane still needs some work. So a picture does not depend on W.
  *
  * Set by the host as -D flags, all derived from scene, outputs and device (cltrace/layout.py):
- *   W              pixels in a packet: 1, 8 or 16
+ *   W              pixels in a packet: 1, 4, 8 or 16
  *   RUN            packets that a work-item renders
  *   REAL_BYTES     8: geometry is decided in double; 4: in float
  *   SHADE_BYTES    8: Phong's formula in double; 4: in float
@@ -118,23 +118,31 @@ typedef SHADE_INT SHADE_MASK;
 #endif
 #ifndef ANY
 static int any_lane(const MASK mask) {
+#if W == 4
+    const int4 quarter = mask;
+#else
 #if W == 16
     const int8 half = mask.lo | mask.hi;
 #else
     const int8 half = mask;
 #endif
     const int4 quarter = half.lo | half.hi;
+#endif
     const int2 pair = quarter.lo | quarter.hi;
     return (pair.x | pair.y) != 0;
 }
 #define ANY(mask) any_lane(mask)
 static int LARGEST(const INT x) {
+#if W == 4
+    const int4 quarter = x;
+#else
 #if W == 16
     const int8 half = x.lo > x.hi ? x.lo : x.hi;
 #else
     const int8 half = x;
 #endif
     const int4 quarter = half.lo > half.hi ? half.lo : half.hi;
+#endif
     const int2 pair = quarter.lo > quarter.hi ? quarter.lo : quarter.hi;
     return pair.x > pair.y ? pair.x : pair.y;
 }
@@ -158,6 +166,11 @@ static int LARGEST(const INT x) {
 #define PACKET_HEIGHT 1
 #define LANE_COLUMN 0
 #define LANE_ROW 0
+#elif W == 4
+#define PACKET_WIDTH 4
+#define PACKET_HEIGHT 1
+#define LANE_COLUMN ((INT)(0, 1, 2, 3))
+#define LANE_ROW ((INT)(0, 0, 0, 0))
 #elif W == 8
 #define PACKET_WIDTH 4
 #define PACKET_HEIGHT 2
@@ -169,7 +182,7 @@ static int LARGEST(const INT x) {
 #define LANE_COLUMN ((INT)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
 #define LANE_ROW ((INT)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
 #else
-#error "W must be 1, 8 or 16"
+#error "W must be 1, 4, 8 or 16"
 #endif
 
 /* Points and directions of a packet, in camera space; colours. */

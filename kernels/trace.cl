@@ -484,7 +484,10 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     vstore3((uchar3)((uchar)r, (uchar)g, (uchar)b), first, out);
 #else
     const LANES(uint) p = r | (g << 8) | (b << 16);
-#if W == 8
+#if W == 4
+    const uint p0 = p.s0, p1 = p.s1, p2 = p.s2, p3 = p.s3;
+    uint word[3];
+#elif W == 8
     const uint2 p0 = p.s04, p1 = p.s15, p2 = p.s26, p3 = p.s37;
     uint2 word[3];
 #else
@@ -497,8 +500,12 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     __global uint *row = (__global uint *)(out + 3 * first);
     const int step = 3 * pitch / 4;
     for (int k = 0; k < 3; k++) {
+#if W == 4
+        row[k] = word[k];
+#else
         row[k] = word[k].s0;
         row[step + k] = word[k].s1;
+#endif
 #if W == 16
         row[2 * step + k] = word[k].s2;
         row[3 * step + k] = word[k].s3;

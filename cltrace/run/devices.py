@@ -27,7 +27,7 @@ found beside pyopencl. PoCL shows no device where it cannot write its kernel cac
 class Driver:
     """What was measured of a CPU driver: the packet width that is right for it, and its place among the others.
 
-    pattern: of the platform's version; width: pixels in a packet; rank: the lower, the faster (of two drivers for the
+    pattern: of the platform's version, a space and the device's name; width: pixels in a packet; rank: the lower, the faster (of two drivers for the
     same CPU, the better one is taken when none is asked for); flags: -D flags that it needs.
     """
 
@@ -45,7 +45,9 @@ class Driver:
 # PoCL 3.0 also calls a function for each fma, and so spills all registers.
 DRIVERS = (
     Driver(r"Intel|LINUX", 16, 1),
-    Driver(r"PoCL 3\.0", 8, 2, ("NO_FMA",)),
+    Driver(r"PoCL 3\.0.* pthread-[a-z0-9-]+-", 8, 2, ("NO_FMA",)),
+    # Its compiler is older than the CPU, whose kind it leaves out of the name: any 512 bits abort the whole process.
+    Driver(r"PoCL 3\.0", 4, 2, ("NO_FMA",)),
     Driver(r"PoCL", 16, 0),
 )
 OTHER_CPU = Driver("", 8, 3)
@@ -89,7 +91,7 @@ class Device:
     @property
     def record(self) -> Driver:
         """What is known of a CPU driver."""
-        return next((d for d in DRIVERS if re.search(d.pattern, self.platform)), OTHER_CPU)
+        return next((d for d in DRIVERS if re.search(d.pattern, f"{self.platform} {self.cl.name}")), OTHER_CPU)
 
     @property
     def flags(self) -> tuple[str, ...]:
