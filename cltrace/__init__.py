@@ -11,7 +11,7 @@ import os
 import warnings
 
 from cltrace.errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
-from cltrace.formats.reader import read
+from cltrace.formats.xml_reader import read
 from cltrace.picture.image import Image
 from cltrace.renderer import Renderer, render
 from cltrace.run import caches as caches  # before anything imports pyopencl

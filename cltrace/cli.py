@@ -15,7 +15,7 @@ from typing import Any
 
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.errors import UsageError
-from cltrace.formats.reader import read
+from cltrace.formats.xml_reader import read
 from cltrace.picture.image import SHOWS, Image
 from cltrace.plan.layout import KEEPS, PRECISIONS
 from cltrace.reference.check import check

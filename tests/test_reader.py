@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from cltrace.errors import SceneError
-from cltrace.formats import reader
-from cltrace.formats.reader import cos_sin, read
+from cltrace.formats import xml_bulk, xml_reader, xml_source
+from cltrace.formats.xml_reader import read
+from cltrace.formats.xml_transforms import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Scene
 
 SCENE = """\
@@ -594,17 +595,17 @@ def odd_spheres(count: int) -> str:
 
 
 def all_carefully(spheres: list[object]) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), reader._ROW))
+    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), xml_bulk.ROW))
 
 
 def test_both_paths_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     text = odd_spheres(300)
     taken = []
-    bulk = reader._bulk
-    monkeypatch.setattr(reader, "_bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
+    bulk = xml_bulk.bulk
+    monkeypatch.setattr(xml_reader, "bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
     in_bulk = scene_of(text)
     assert 150 < sum(good.sum() for good, _ in taken) < 300
-    monkeypatch.setattr(reader, "_bulk", all_carefully)
+    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
     assert same(in_bulk, scene_of(text))
 
 
@@ -619,7 +620,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
     old, new, _ = FAULTS.get(fault, ('radius="1.5"', f'radius="{fault}"', []))
     text = changed(old, new)
     in_bulk = faults_of(text)
-    monkeypatch.setattr(reader, "_bulk", all_carefully)
+    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
     assert faults_of(text) == in_bulk
 
 
@@ -634,7 +635,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_the_bulk_path_is_not_deceived(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_bulk = faults_of(changed(SPHERE_TEXT, text))
-    monkeypatch.setattr(reader, "_bulk", all_carefully)
+    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
     assert faults_of(changed(SPHERE_TEXT, text)) == in_bulk
 
 
@@ -644,8 +645,8 @@ def test_chunks_make_no_difference(size: int, monkeypatch: pytest.MonkeyPatch) -
     whole = scene_of(text)
     broken = changed("<lights>", "<lights><sun/>", text).replace('ks="1.0"', 'ks="x"')
     faults = faults_of(broken)
-    monkeypatch.setattr(reader, "CHUNK", size)
-    monkeypatch.setattr(reader, "_check_prologue", lambda first: None)
+    monkeypatch.setattr(xml_source, "CHUNK", size)
+    monkeypatch.setattr(xml_source, "check_prologue", lambda first: None)
     assert same(scene_of(text), whole)
     assert faults_of(broken) == faults
 
@@ -683,7 +684,7 @@ def test_lines_counted_are_the_parsers(name: str, monkeypatch: pytest.MonkeyPatc
     old, new, expected = FAULTS[name]
     text = changed(old, new).replace("/>", "\n/>").replace('="', ' \n = "').replace(' \n = "1.0"', '="1.0"')
     faults = faults_of(text)
-    monkeypatch.setattr(reader, "LAST_LINE", 0)
+    monkeypatch.setattr(xml_source, "LAST_LINE", 0)
     assert faults_of(text) == faults
     assert [message(fault) for fault in faults] == [message(fault) for fault in expected]
 
@@ -816,8 +817,8 @@ HOARDS: list[tuple[Hoard, str | None]] = [
 
 @pytest.mark.parametrize(("text", "fault"), HOARDS)
 def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "MAX_PARTS", 1000)
-    monkeypatch.setattr(reader, "CHUNK", 1000)
+    monkeypatch.setattr(xml_reader, "MAX_PARTS", 1000)
+    monkeypatch.setattr(xml_source, "CHUNK", 1000)
     if fault:
         assert fault in faults_of(text(10_000))
     else:
@@ -825,10 +826,10 @@ def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: py
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "MAX_LIGHTS", 3)
+    monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 3)
     assert faults_of(SCENE) == ["17: lights: must be at most 3"]
-    monkeypatch.setattr(reader, "MAX_LIGHTS", 4)
-    monkeypatch.setattr(reader, "MAX_SPHERES", 2)
+    monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 4)
+    monkeypatch.setattr(xml_reader, "MAX_SPHERES", 2)
     assert faults_of(changed(SPHERE_TEXT, SPHERE_TEXT * 3)) == ["45: surfaces: must be at most 2 spheres"]
-    monkeypatch.setattr(reader, "MAX_BYTES", 1000)
+    monkeypatch.setattr(xml_source, "MAX_BYTES", 1000)
     assert faults_of(SCENE) == [" must not be larger than 1000 bytes"]

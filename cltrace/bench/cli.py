@@ -18,7 +18,7 @@ from typing import Any
 
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.errors import UsageError
-from cltrace.formats.reader import read
+from cltrace.formats.xml_reader import read
 from cltrace.picture.files import whole_file
 from cltrace.plan.layout import PRECISIONS
 from cltrace.renderer import default_precision

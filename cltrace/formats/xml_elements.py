@@ -1,0 +1,144 @@
+"""The schema: for each element its attributes, its children, and what these must be together."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.formats.xml_values import Kind, bounces, file_name, integer, relative_path
+from cltrace.scene import (
+    ANY,
+    CONE,
+    FOV,
+    NOT_NEGATIVE,
+    POSITIVE,
+    ambient_light,
+    check_resolution,
+    parallel_light,
+    point_light,
+    spot_light,
+)
+
+Values = dict[str, Any]  # attribute -> value, child -> its Values; of a transform: "steps" -> [(element, Values), ...]
+
+
+def _nothing(_: Values) -> str | None:
+    return None
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element: every attribute and one of each of `children` is required ("a|b": one of the two).
+
+    `check` says what makes no sense about the values together, and `undrawn` what this version does not draw. Both may
+    raise KeyError where a value that they need is missing or faulty itself.
+    """
+
+    attributes: Mapping[str, Kind] = field(default_factory=dict)
+    children: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    many: tuple[str, ...] = ()
+    check: Callable[[Values], str | None] = _nothing
+    undrawn: Callable[[Values], str | None] = _nothing
+
+    @functools.cached_property
+    def slots(self) -> dict[str, str]:
+        """For each child that may occur once, the entry of `children` or `optional` that it fills."""
+        return {name: slot for slot in self.children + self.optional for name in slot.split("|")}
+
+    @functools.cached_property
+    def known(self) -> tuple[str, ...]:
+        """The names of all children that may occur."""
+        return (*self.slots, *self.many)
+
+
+def _not_zero(v: Values) -> str | None:
+    return None if v["x"] or v["y"] or v["z"] else "must not be 0"
+
+
+def _not_singular(v: Values) -> str | None:
+    factors = v["x"], v["y"], v["z"]
+    return None if all(factors) else "must not be singular, got a factor of 0"
+
+
+def _ordered(v: Values) -> str | None:
+    inner, outer = v["alpha1"], v["alpha2"]
+    return f"alpha1 must be <= alpha2 ({outer:g}), got {inner:g}" if inner > outer else None
+
+
+def _size(v: Values) -> str | None:
+    try:
+        check_resolution((v["horizontal"], v["vertical"]))
+    except ValueError as error:
+        return str(error).partition(": ")[2]
+    return None
+
+
+def _index_of_glass(v: Values) -> str | None:
+    iof = v["refraction"]["iof"]
+    return f"refraction iof must be > 0 where t > 0, got {iof:g}" if v["transmittance"]["t"] > 0 and iof <= 0 else None
+
+
+def _undrawn(what: str, where: Callable[[Values], bool] = lambda _: True) -> Callable[[Values], str | None]:
+    return lambda v: f"{what} not drawn by this version yet" if where(v) else None
+
+
+_RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
+_XYZ = dict.fromkeys("xyz", ANY)
+_ANGLE = {"theta": ANY}
+_MATERIAL = "material_solid|material_textured"
+_FINISH = ("phong", "reflectance", "transmittance", "refraction")
+
+ELEMENTS = {
+    "scene": Element({"output_file": file_name}, ("background_color", "camera", "lights", "surfaces")),
+    "background_color": Element(_RGB),
+    "camera": Element(children=("position", "lookat", "up", "horizontal_fov", "resolution", "max_bounces")),
+    "lookat": Element(_XYZ),
+    "up": Element(_XYZ, check=_not_zero),
+    "horizontal_fov": Element({"angle": FOV}),
+    "resolution": Element({"horizontal": integer, "vertical": integer}, check=_size),
+    "max_bounces": Element({"n": bounces}),
+    "lights": Element(many=("ambient_light", "parallel_light", "point_light", "spot_light")),
+    "ambient_light": Element(children=("color",)),
+    "parallel_light": Element(children=("color", "direction")),
+    "point_light": Element(children=("color", "position")),
+    "spot_light": Element(children=("color", "position", "direction", "falloff")),
+    "color": Element(_RGB),
+    "position": Element(_XYZ),
+    "direction": Element(_XYZ, check=_not_zero),
+    "falloff": Element({"alpha1": CONE, "alpha2": CONE}, check=_ordered),
+    "surfaces": Element(many=("sphere", "mesh")),
+    "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
+    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",), undrawn=_undrawn("meshes are")),
+    "material_solid": Element(children=("color", *_FINISH), check=_index_of_glass),
+    "material_textured": Element(
+        children=("texture", *_FINISH), check=_index_of_glass, undrawn=_undrawn("textures are")
+    ),
+    "texture": Element({"name": relative_path}),
+    "phong": Element(dict.fromkeys(("ka", "kd", "ks", "exponent"), NOT_NEGATIVE)),
+    "reflectance": Element({"r": NOT_NEGATIVE}, undrawn=_undrawn("mirrors (r > 0) are", lambda v: v["r"] > 0)),
+    "transmittance": Element(
+        {"t": NOT_NEGATIVE}, undrawn=_undrawn("transparent things (t > 0) are", lambda v: v["t"] > 0)
+    ),
+    "refraction": Element({"iof": ANY}),
+    "transform": Element(many=("translate", "scale", "rotateX", "rotateY", "rotateZ")),
+    "translate": Element(_XYZ),
+    "scale": Element(_XYZ, check=_not_singular),
+    "rotateX": Element(_ANGLE),
+    "rotateY": Element(_ANGLE),
+    "rotateZ": Element(_ANGLE),
+}
+# The children of these are read and dropped while the file is being parsed.
+SECTIONS = ("scene", "lights", "surfaces")
+# What makes the light of each element.
+LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
+    "ambient_light": ambient_light,
+    "parallel_light": parallel_light,
+    "point_light": point_light,
+    "spot_light": spot_light,
+}

@@ -1,0 +1,346 @@
+"""Reads a scene file of the course's XML format into a `Scene`, or says everything that is wrong with it.
+
+The file may be large. After each chunk of it, the elements that are complete are read and dropped from the tree, so
+that memory grows with the packed records only. Spheres that are laid out as in the format's listing are converted in
+bulk (`xml_bulk`). Everything else, and whatever has a fault, takes the careful path (`_Reader._element`), which alone
+words the messages. Both paths give the same numbers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from cltrace.errors import SceneError
+from cltrace.formats.xml_bulk import NO_ROW, ROW, bulk, packed
+from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
+from cltrace.formats.xml_faults import MAX_MESSAGES, FatalError, Messages, closest
+from cltrace.formats.xml_source import Document, LinesNeededError
+from cltrace.formats.xml_transforms import transformed
+from cltrace.formats.xml_values import quoted, short, value
+from cltrace.scene import ANY, LIGHT, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
+
+MAX_LIGHTS = 2**16
+MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
+
+_VIEW = ("position", "lookat", "up")
+_PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node())")
+
+
+class _Children:
+    """The children of an element so far: which of those that may occur once it has, and which are unknown."""
+
+    def __init__(self, reader: _Reader, element: etree._Element) -> None:
+        self.reader, self.element = reader, element
+        self.schema, self.label = ELEMENTS[element.tag], _label(element)
+        self.filled: set[str] = set()
+        self.strays: dict[str, int] = {}
+
+    def claim(self, child: etree._Element) -> bool:
+        """Whether the child is to be read; if not, it has been complained about."""
+        slot = self.schema.slots.get(child.tag)
+        if slot is None and child.tag not in self.schema.many:
+            line = self.reader.warn_unknown(child, self.label, "element <{}>", child.tag, self.wanted())
+            if len(self.strays) < MAX_MESSAGES:
+                self.strays.setdefault(child.tag, line)
+            return False
+        if slot in self.filled:
+            self.reader.fault(child, f"{self.label}: <{child.tag}> must occur only once")
+            return False
+        if slot:
+            self.filled.add(slot)
+        return True
+
+    def wanted(self) -> tuple[str, ...]:
+        """What a stray child may have been meant to be."""
+        return tuple(name for name in self.schema.known if self.schema.slots.get(name) not in self.filled)
+
+    def complete(self) -> bool:
+        """Whether every required child has been there; complains about those that have not."""
+        missing = [slot for slot in self.schema.children if slot not in self.filled]
+        if self.element not in self.reader.cut_off:
+            for slot in missing:
+                self._complain(slot)
+        return not missing
+
+    def _complain(self, slot: str) -> None:
+        names = slot.split("|")
+        text = f"{self.label}: {' or '.join(f'<{name}>' for name in names)} is missing"
+        stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
+        if stray:
+            text += f"; did you mean <{short(stray)}> on line {self.strays[stray]}?"
+        self.reader.fault(self.element, text)
+
+
+def _label(element: etree._Element) -> str:
+    parent = element.getparent()
+    return element.tag if parent is None or parent.tag in SECTIONS else f"{parent.tag} {element.tag}"
+
+
+class _Reader:
+    """One pass over a file: what it holds so far, and what is wrong with it."""
+
+    def __init__(self, path: str, exact: bool) -> None:
+        self.path, self.document = path, Document(path, exact)
+        self.faults, self.warnings = Messages(), Messages()
+        self.cut_off: set[etree._Element] = set()  # the elements that may be open where the file ceases to be XML
+        self._output_file = ""
+        self._background: Vector = (0.0, 0.0, 0.0)
+        self._camera: Values = {}
+        self._lights: list[NDArray[np.void]] = []
+        self._rows: list[NDArray[np.float64]] = []
+        self._sphere_count = 0
+        self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
+
+    # Messages
+
+    def fault(self, element: etree._Element, message: str) -> None:
+        self.faults.add(self.document.line_of(element), message)
+
+    def warn_unknown(self, element: etree._Element, label: str, what: str, name: str, known: tuple[str, ...]) -> int:
+        """Warns of an unknown attribute or element and returns its line."""
+        line = self.document.line_of(element)
+        meant = closest(name, known)
+        hint = f"; did you mean {what.partition(' ')[2].format(meant)}?" if meant else ""
+        self.warnings.add(line, f"{label}: unknown {what.format(short(name))} ignored{hint}")
+        return line
+
+    # The file
+
+    def run(self) -> None:
+        """Reads the file; `result` then has what came of it."""
+        try:
+            self._parse()
+        except FatalError as fatal:
+            self.faults.add(*fatal.args)
+
+    def result(self) -> tuple[Scene, list[str]]:
+        """The scene and the warnings; raises SceneError if there are faults."""
+        if self.faults.count:
+            raise SceneError(self.path, self.faults.in_order())
+        view: dict[str, Any] = {name: _vector(self._camera[name]) for name in _VIEW}
+        camera = Camera(
+            **view,
+            horizontal_fov=self._camera["horizontal_fov"]["angle"],
+            resolution=(self._camera["resolution"]["horizontal"], self._camera["resolution"]["vertical"]),
+            max_bounces=self._camera["max_bounces"]["n"],
+        )
+        lights = np.concatenate([np.zeros(0, LIGHT), *self._lights])
+        spheres, materials = packed(np.concatenate([np.empty((0, ROW)), *self._rows]))
+        scene = Scene(camera, lights, spheres, materials, self._background, self._output_file)
+        return scene, [f"{self.path}:{w.line}: {w.message}" for w in self.warnings.in_order()]
+
+    def _parse(self) -> None:
+        for _ in self.document.grow():
+            self._take_complete()
+        if malformed := self.document.malformed:
+            self.faults.add(malformed.line, malformed.message)
+            self._mark_cut_off()
+        if self.document.root is not None:
+            self._take(self.document.root, whole=True)
+
+    def _mark_cut_off(self) -> None:
+        """Notes the elements that may be open, in which nothing is missing yet: the last one, its last child, ..."""
+        element = self.document.root
+        while element is not None:
+            self.cut_off.add(element)
+            element = next(element.iterchildren("*", reversed=True), None)
+
+    # Sections: scene, lights and surfaces
+
+    def _take_complete(self) -> None:
+        """Reads and drops what is complete."""
+        root = self.document.root
+        if root is None:
+            return
+        self._take(root, whole=False)
+        self.document.forget_dropped()
+        if _PARTS(root) > MAX_PARTS:
+            element = root
+            while element.tag in SECTIONS and len(element):
+                element = element[-1]
+            raise FatalError(
+                self.document.line_of(element), f"{element.tag}: must not have more than {MAX_PARTS} parts"
+            )
+
+    def _take(self, section: etree._Element, whole: bool) -> None:
+        """Reads and drops the complete children of a section: all but the last, unless the section is `whole`."""
+        if section not in self._sections:
+            self._begin(section)
+        children = list(section.iterchildren("*"))
+        last = None if whole or not children else children.pop()
+        {"scene": self._parts, "lights": self._lights_of, "surfaces": self._surfaces_of}[section.tag](section, children)
+        del section[: len(children)]
+        if whole:
+            self._sections.pop(section).complete()
+        elif last is not None and section is self.document.root and last.tag in SECTIONS[1:]:
+            self._take(last, whole=False)
+        elif last is not None and last.tag not in ELEMENTS[section.tag].known:
+            _prune(last)
+
+    def _begin(self, section: etree._Element) -> None:
+        self._sections[section] = _Children(self, section)
+        values, _ = self._attributes(section)
+        parent = section.getparent()
+        if parent is not None:
+            self._sections[parent].claim(section)
+        elif "output_file" in values:
+            self._output_file = values["output_file"]
+            if Path(self._output_file).suffix.lower() != ".png":
+                self._output_file += ".png"
+                written = quoted(values["output_file"])
+                self.warnings.add(
+                    self.document.line_of(section),
+                    f"scene: output_file {written} does not end in .png, which is appended",
+                )
+
+    def _parts(self, scene: etree._Element, children: Sequence[etree._Element]) -> None:
+        for child in children:
+            if child.tag in SECTIONS[1:]:
+                self._take(child, whole=True)
+            elif self._sections[scene].claim(child):
+                values, whole = self._element(child)
+                if child.tag == "camera":
+                    self._check_view(child, values)
+                    self._camera = values
+                elif whole:
+                    self._background = _vector(values)
+
+    def _lights_of(self, lights: etree._Element, children: Sequence[etree._Element]) -> None:
+        for child in children:
+            if not self._sections[lights].claim(child):
+                continue
+            if len(self._lights) >= MAX_LIGHTS:
+                raise FatalError(self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}")
+            values, whole = self._element(child)
+            if whole:
+                vectors = {k: _vector(values[k]) for k in ("color", "position", "direction") if k in values}
+                self._lights.append(LIGHTS[child.tag](**vectors, **values.get("falloff", {})))
+
+    def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
+        spheres = []
+        for child in children:
+            if child.tag == "sphere":
+                spheres.append(child)
+            elif self._sections[surfaces].claim(child):
+                self._element(child)
+        room = MAX_SPHERES - self._sphere_count
+        if len(spheres) > room:
+            raise FatalError(self.document.line_of(spheres[room]), f"surfaces: must be at most {MAX_SPHERES} spheres")
+        self._sphere_count += len(spheres)
+        good, rows = bulk(spheres)
+        for i in np.flatnonzero(~good):
+            rows[i] = self._sphere(spheres[i])
+        self._rows.append(rows)
+
+    # Elements
+
+    def _element(self, element: etree._Element) -> tuple[Values, bool]:
+        """What is valid in an element, and whether that is all that it needs."""
+        schema, label = ELEMENTS[element.tag], _label(element)
+        values, whole = self._attributes(element)
+        children = _Children(self, element)
+        for child in element.iterchildren("*"):
+            if children.claim(child):
+                inner, good = self._element(child)
+                whole &= good
+                if child.tag not in schema.many:
+                    values[child.tag] = inner
+                elif good:
+                    values.setdefault("steps", []).append((child, inner))
+        whole &= children.complete()
+        with suppress(KeyError):
+            if fault := schema.check(values):
+                self.fault(element, f"{label}: {fault}")
+                whole = False
+        with suppress(KeyError):
+            if fault := schema.undrawn(values):
+                self.fault(element, f"{label}: {fault}")
+        return values, whole
+
+    def _attributes(self, element: etree._Element) -> tuple[Values, bool]:
+        """The valid attributes of an element, in the order of the schema, and whether these are all."""
+        kinds, label = ELEMENTS[element.tag].attributes, _label(element)
+        strays = tuple(str(name) for name in element.attrib if name not in kinds)
+        for name in strays:
+            self.warn_unknown(
+                element, label, "attribute '{}'", name, tuple(k for k in kinds if k not in element.attrib)
+            )
+        values: Values = {}
+        for name, kind in kinds.items():
+            text = element.get(name)
+            if text is None:
+                stray = closest(name, strays)
+                hint = f"; did you mean '{short(stray)}'?" if stray else ""
+                self.fault(element, f"{label}: attribute {name} is missing{hint}")
+                continue
+            try:
+                values[name] = value(kind, text)
+            except ValueError as error:
+                self.fault(element, f"{label}: {name} {error}")
+        return values, len(values) == len(kinds)
+
+    def _check_view(self, camera: etree._Element, values: Values) -> None:
+        """Complains about a view that is undefined, in the words of `Camera`."""
+        vectors = {name: tuple(values[name].values()) for name in _VIEW if name in values}
+        # Only valid ones: that up is 0 has already been said.
+        view: dict[str, Any] = {k: v for k, v in vectors.items() if len(v) == 3 and (k != "up" or any(v))}
+        if "position" not in view or "lookat" not in view:
+            return
+        try:
+            Camera(**view)
+        except ValueError as error:
+            name, _, fault = str(error).removeprefix("camera.").partition(": ")
+            if name in view:  # It may be a default of the camera's.
+                self.fault(next(camera.iterchildren(name)), f"camera {name}: {fault}")
+
+    def _sphere(self, element: etree._Element) -> Sequence[float]:
+        """The row of a sphere with its transform folded into centre and radius; NaN if it has a fault."""
+        values, whole = self._element(element)
+        steps = values.get("transform", {}).get("steps", [])
+        for step, factors in steps:
+            if step.tag == "scale" and len(set(map(abs, factors.values()))) > 1:
+                self.fault(step, "sphere scale: non-uniform scales are not drawn by this version yet")
+                whole = False
+        if not whole or "material_solid" not in values:
+            return NO_ROW
+        center, radius = transformed(_vector(values["position"]), values["radius"], steps)
+        for name, rule, number in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
+            if fault := rule.fault(number):
+                self.fault(element, f"sphere: after the transform {name} {fault}")
+        material = values["material_solid"]
+        return [radius, *center, *_vector(material["color"]), *material["phong"].values()]
+
+
+def _vector(values: Values) -> Vector:
+    x, y, z = values.values()
+    return x, y, z
+
+
+def _prune(element: etree._Element) -> None:
+    """Drops what is complete in an element that is still being parsed."""
+    while len(element):
+        del element[:-1]
+        element = element[-1]
+
+
+def read(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
+    """The scene of a file and the warnings, such as "scene.xml:12: sphere: unknown attribute 'foo' ignored".
+
+    Raises SceneError with every fault of the file.
+    """
+    name = os.fspath(path)
+    try:
+        reader = _Reader(name, exact=False)
+        reader.run()
+    except LinesNeededError:
+        reader = _Reader(name, exact=True)
+        reader.run()
+    return reader.result()

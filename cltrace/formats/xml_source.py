@@ -1,0 +1,150 @@
+"""A scene file as a tree that grows: its bytes are fed to the parser, and each element has its line.
+
+The file may come from a stranger. Nothing is fetched, no entity is expanded, and what declares entities, is no scene or
+is too large is refused.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from cltrace.errors import Fault
+from cltrace.formats.xml_faults import FatalError
+from cltrace.formats.xml_values import short
+
+MAX_BYTES = 2**30
+# Bytes that are fed at once, and of the prologue at most. The tree of a larger chunk no longer fits the CPU's cache.
+CHUNK, HEAD = 2**17, 2**16
+LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
+
+PARSER_OPTIONS: Mapping[str, Any] = {
+    "resolve_entities": False,
+    "no_network": True,
+    "load_dtd": False,
+    "huge_tree": False,
+    "remove_comments": True,
+    "remove_pis": True,
+}
+# Up to the first '>' and the rest of its line. Every tag that ends in a piece ends on the line of that '>'.
+_PIECE = re.compile(rb"[^>]*>[^\n]*\n?|[^>]+")
+
+
+class LinesNeededError(Exception):
+    """A message is about a line whose number libxml2 does not keep."""
+
+
+class Document:
+    """One pass of the parser over a file.
+
+    root: the element <scene>, once it has begun; malformed: what is wrong where the file is not well-formed XML.
+    `exact` feeds the file line by line, in twice the time, and then knows the line of every element.
+    """
+
+    def __init__(self, path: str, exact: bool) -> None:
+        self.root: etree._Element | None = None
+        self.malformed: Fault | None = None
+        self._path, self._exact = path, exact
+        self._line = 1  # of the next byte to be fed
+        self._lines: dict[etree._Element, int] = {}  # of the elements in the tree, where `exact`
+        tag = None if exact else "scene"
+        self._parser: Any = etree.XMLPullParser(events=("start",), tag=tag, **PARSER_OPTIONS)
+
+    def grow(self) -> Iterator[None]:
+        """Feeds the file, and stops after each chunk, for the caller to drop what is complete; FatalError."""
+        chunks = _chunks(self._path)
+        first = next(chunks, b"")
+        check_prologue(first)
+        for chunk in itertools.chain([first], chunks):
+            self._feed(chunk)
+            if self.malformed:
+                return
+            yield
+        with suppress(etree.XMLSyntaxError):
+            self._parser.close()
+        self._note_errors()
+
+    def line_of(self, element: etree._Element) -> int:
+        """The line on which the start tag of an element ends; LinesNeededError if that is not known."""
+        if self._exact:
+            return self._lines[element]
+        line: Any = element.sourceline
+        if line >= LAST_LINE:
+            raise LinesNeededError
+        return int(line)
+
+    def forget_dropped(self) -> None:
+        """Forgets the lines of the elements that have been dropped from the tree."""
+        if self._exact and self.root is not None:
+            self._lines = {element: self._lines[element] for element in self.root.iter("*")}
+
+    def _feed(self, chunk: bytes) -> None:
+        with suppress(etree.XMLSyntaxError):  # The parser's log has it too, and more.
+            for piece in _PIECE.findall(chunk) if self._exact else [chunk]:
+                before, _, behind = piece.partition(b">")
+                self._line += before.count(b"\n")
+                self._parser.feed(piece)
+                self._note_elements()
+                self._line += behind.count(b"\n")
+        self._note_elements()
+        self._note_errors()
+
+    def _note_elements(self) -> None:
+        for _, element in self._parser.read_events():
+            if self.root is None:
+                self.root = element
+            if self._exact:
+                self._lines[element] = self._line
+
+    def _note_errors(self) -> None:
+        # Whatever is logged counts, warnings too: an undeclared entity in an attribute is no more than a warning where
+        # there is a DTD, and is left out of the value, which is then another number.
+        for entry in self._parser.feed_error_log:
+            self.malformed = Fault(entry.line, f"not well-formed XML: {' '.join(entry.message.split())}")
+            return
+
+
+def _chunks(path: str) -> Iterator[bytes]:
+    try:
+        mode = Path(path).stat().st_mode
+        if not stat.S_ISREG(mode):
+            raise FatalError(0, "is a directory" if stat.S_ISDIR(mode) else "is not a regular file")
+        size = 0
+        with Path(path).open("rb") as file:
+            while chunk := file.read(CHUNK):
+                size += len(chunk)
+                if size > MAX_BYTES:
+                    raise FatalError(0, f"must not be larger than {MAX_BYTES} bytes")
+                yield chunk
+    except OSError as error:
+        raise FatalError(0, f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise FatalError(0, "cannot be read: the name contains a NUL") from None
+
+
+def check_prologue(first: bytes) -> None:
+    """Refuses, before the document itself is parsed, what declares entities and what is not a scene."""
+    if not first:
+        raise FatalError(0, "is empty")
+    head = first[:HEAD]
+    parser: Any = etree.XMLPullParser(events=("start",), **PARSER_OPTIONS)
+    with suppress(etree.XMLSyntaxError):
+        parser.feed(head)
+    root = next((element for _, element in parser.read_events()), None)
+    dtd: Any = None if root is None else root.getroottree().docinfo.internalDTD
+    declares = head.find(b"<!ENTITY")
+    # Without a root, its own attributes may already have been too much for the parser.
+    if any(dtd.iterentities()) if dtd is not None else root is None and declares >= 0:
+        line = head.count(b"\n", 0, declares) + 1 if declares >= 0 else 0
+        raise FatalError(line, "the document type must not declare entities")
+    if root is not None and root.tag != "scene":
+        raise FatalError(root.sourceline or 0, f"the root element must be <scene>, got <{short(root.tag)}>")
+    if root is None and len(head) == HEAD and not parser.feed_error_log:
+        raise FatalError(0, f"the root element must begin within the first {HEAD} bytes")

@@ -1,0 +1,94 @@
+"""The values of attributes: their text -> numbers, names and paths.
+
+A kind of value is a `Rule` for a number, or a function that reads the text. A fault is a ValueError; its words belong
+behind the attribute's name.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+from cltrace.scene import MAX_BOUNCES, Rule
+
+Kind = Rule | Callable[[str], Any]
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_FLOAT = re.compile(rf"{NUMBER}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_XML_SPACE = " \t\r\n"
+
+
+def value(kind: Kind, text: str) -> Any:
+    """The value of an attribute with this text. Raises ValueError."""
+    return number(kind, text) if isinstance(kind, Rule) else kind(text)
+
+
+def number(rule: Rule, text: str) -> float:
+    """A number that the rule allows."""
+    # float() alone would also take '1_000' and other scripts' digits.
+    written = text.strip(_XML_SPACE)
+    if not _FLOAT.fullmatch(written):
+        raise ValueError(f"must be a number, got {quoted(text)}")
+    value = float(written)
+    if value == 0 and not _plain_zero(written):
+        value = math.ulp(0.0)  # what is written is not 0 but vanishes: as small as can be, for the rule to refuse
+    fault = rule.fault(value)
+    if fault:
+        raise ValueError(f"{fault.partition(', got ')[0]}, got {short(written)}")
+    return value
+
+
+def _plain_zero(written: str) -> bool:
+    """Whether a number that reads as 0 is one: has no digit but 0 before its exponent."""
+    return not re.split("[eE]", written)[0].strip("+-0.")
+
+
+def integer(text: str) -> int:
+    """A whole number; one beyond 1e18 in magnitude is read as 1e18, which no rule allows."""
+    written = text.strip(_XML_SPACE)
+    if not _INTEGER.fullmatch(written):
+        raise ValueError(f"must be an integer, got {quoted(text)}")
+    # int() refuses very long texts. float() takes them, and is exact for every integer that a rule allows.
+    return int(max(-1e18, min(1e18, float(written))))
+
+
+def bounces(text: str) -> int:
+    """A depth limit of secondary rays."""
+    n = integer(text)
+    if not 0 <= n <= MAX_BOUNCES:
+        raise ValueError(f"must be within 0..{MAX_BOUNCES}, got {n}")
+    return n
+
+
+def file_name(text: str) -> str:
+    """A name without a folder: a stranger's scene must not choose where a file is written."""
+    if "/" in text or text in (".", ".."):
+        raise ValueError(f"must be a file name without a folder, got {quoted(text)}")
+    return relative_path(text)
+
+
+def relative_path(text: str) -> str:
+    """A path that stays within its folder, on every system."""
+    if not text:
+        raise ValueError("must not be empty")
+    if not text.isprintable():
+        raise ValueError(f"must not contain control characters, got {quoted(text)}")
+    if "\\" in text or ":" in text:
+        raise ValueError(f"must not contain a backslash or a colon, got {quoted(text)}")
+    if text.startswith("/") or ".." in text.split("/"):
+        raise ValueError(f"must stay within the scene's folder, got {quoted(text)}")
+    if len(text.encode()) > 250:
+        raise ValueError(f"must be at most 250 bytes long, got {quoted(text)}")
+    return text
+
+
+def short(text: str) -> str:
+    """The beginning of a text, short enough for a message."""
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def quoted(text: str) -> str:
+    """The same in quotation marks, with control characters written as escapes."""
+    return repr(short(text))
