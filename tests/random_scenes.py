@@ -33,7 +33,8 @@ def random_scene(seed: int) -> Scene:
             inner, outer = rng.uniform(0, 30), rng.uniform(30, 60)
             lights.append(cltrace.spot_light(position, middle - position, inner, outer, color))
     size = [(48, 36), (36, 48), (47, 33), (40, 40)][rng.integers(0, 4)]
-    camera = Camera(tuple(eye), tuple(eye + scale * view), tuple(rng.normal(size=3)), float(rng.uniform(5, 60)), size)
+    up, fov = rng.normal(size=3), float(rng.uniform(5, 60))
+    camera = Camera(eye, eye + scale * view, up, fov, size, square_pixels=False)
     return Scene.from_spheres(
         camera,
         lights,
@@ -100,16 +101,17 @@ def fuzzed_scene(seed: int) -> Scene:
     fov = float(rng.choice([1e-3, 1.0, 30.0, 60.0, 89.9]))
     try:
         at = vector() if rng.random() < 0.5 else tuple(centers[0])
-        camera = Camera(eye, at, vector(), fov, (9, 7))
+        camera = Camera(eye, at, vector(), fov, (9, 7), square_pixels=False)
     except ValueError:  # it looks nowhere: towards 0, from as far out as the eye is
         depth = eye[2] - (1.0 if eye[2] == 0 else math.copysign(max(1.0, abs(eye[2])), eye[2]))
-        camera = Camera(eye, (eye[0], eye[1], depth), (0, 1, 0), fov, (9, 7))
+        camera = Camera(eye, (eye[0], eye[1], depth), (0, 1, 0), fov, (9, 7), square_pixels=False)
     return Scene.from_spheres(
         camera,
         lights,
         centers,
         radius,
         rng.choice([0, 0.5, 1, 1e30], (n, 3)),
+        ka=0.1,
         kd=rng.choice([0, 0.5, 1, 1e30], n),
         ks=rng.choice([0, 0.5, 1, 1e30], n),
         exponent=rng.choice([0, 1e-30, 0.5, 50, 1e6, 3e38], n),

@@ -12,7 +12,7 @@ from cltrace.plan import layout, lists
 from cltrace.plan.layout import KEEPS, WORK
 from cltrace.run.devices import Device, choose
 
-CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48))
+CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
 LAMP = cltrace.point_light((3, 9, 6))
 SUN = cltrace.parallel_light((-0.3, -1, -0.2))
 
@@ -43,12 +43,12 @@ def test_spheres_inside_others_are_left_out(device: Device, lights: list[np.ndar
 def test_spheres_inside_one_that_holds_a_light_or_the_eye_stay(device: Device) -> None:
     centers, radii = [(0, 0, 0), (0.3, 0, 0)], [2.0, 0.2]
     for light, eye in ((cltrace.point_light((0, 1, 0)), (0, 2, 12)), (LAMP, (0, 0, 1))):
-        camera = Camera(eye, (0, 0, 0), horizontal_fov=25, resolution=(64, 48))
+        camera = Camera(eye, (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
         assert cltrace.Renderer(Scene.from_spheres(camera, [light], centers, radii), device).skipped[
             "spheres inside others, or the same"
         ] == 0  # fmt: skip
     # A sphere that touches from inside shows at that point.
-    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=25, resolution=(65, 49))
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=25, resolution=(65, 49), square_pixels=False)
     touching = Scene.from_spheres(camera, [LAMP], [(0, 0, 0), (0, 0, 1)], [2.0, 1.0])
     assert cltrace.Renderer(touching, device).skipped["spheres inside others, or the same"] == 0
     compare(touching, device, ("hidden",), "accurate", ())
@@ -156,7 +156,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
 
 def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
     """1e12 inside of a sphere of 3.4e38, looking away from its centre: of its rounded centre, it is on the surface."""
-    camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7))
+    camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7), square_pixels=False)
     scene = Scene.from_spheres(camera, [], [(3.4e38, 0, 0)], [3.4e38])
     for precision in ("accurate", "double"):
         ids = cltrace.render(scene, device, precision, ("id",)).id

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import world
@@ -33,12 +35,12 @@ def hostile(name: str, size: tuple[int, int]) -> Scene:
     centers = np.concatenate([[(0, -radius, 0), (0, 1, 0), (-4, 1, 0), (4, 1, 0)], small])
     radii = np.array([radius, 1, 1, 1, *[0.2] * len(small)])
     move = offset * np.array([1, -0.7, 0.3])
-    camera = Camera(
-        tuple(scale * (np.array([13, 2, 3]) + move)), tuple(scale * move), horizontal_fov=17, resolution=size
-    )
-    lights = [cltrace.ambient_light(), cltrace.point_light(scale * (np.array([9, 14, 6]) + move))]
+    eye, at = scale * (np.array([13, 2, 3]) + move), scale * move
+    camera = Camera(eye, at, horizontal_fov=17, resolution=size, square_pixels=False)
+    lights = [cltrace.ambient_light((1, 1, 1)), cltrace.point_light(scale * (np.array([9, 14, 6]) + move))]
     colors = np.random.default_rng(5).uniform(0.1, 1, (len(radii), 3))
-    return Scene.from_spheres(camera, lights, scale * (centers + move), scale * radii, colors, background=(0.5, 0.7, 1))
+    centers, radii = scale * (centers + move), scale * radii
+    return Scene.from_spheres(camera, lights, centers, radii, colors, ka=0.1, background=(0.5, 0.7, 1))
 
 
 def compare(device: Device, name: str, size: tuple[int, int]) -> None:
@@ -73,7 +75,7 @@ def test_picture_at_the_ends_of_the_range(device: Device, k: int) -> None:
     for array, name in ((spheres, "center"), (spheres, "radius"), (lights, "position")):
         array[name] = np.ldexp(array[name], k)
     position, lookat = (tuple(np.ldexp(p, k).tolist()) for p in (camera.position, camera.lookat))
-    moved = Camera(position, lookat, camera.up, camera.horizontal_fov, camera.resolution)
+    moved = replace(camera, position=position, lookat=lookat)
     scaled = Scene(moved, lights, spheres, scene.materials, scene.background)
     for precision in ("accurate", "single", "double"):
         usual, other = (cltrace.render(s, device, precision, ("rgb8", "color", "id")) for s in (scene, scaled))

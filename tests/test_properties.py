@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -53,10 +54,12 @@ def scenes(draw: st.DrawFn, coordinate: st.SearchStrategy[float], radius: st.Sea
     # Far from 0, eye - 1 may be eye: look at a point as far below as the eye is out.
     at = (eye[0], eye[1], eye[2] - max(1.0, abs(eye[2])))
     try:
-        camera = Camera(eye, at, horizontal_fov=fov, resolution=(9, 7))
+        camera = Camera(eye, at, horizontal_fov=fov, resolution=(9, 7), square_pixels=False)
     except ValueError:
-        camera = Camera(horizontal_fov=fov, resolution=(9, 7))
-    return Scene.from_spheres(camera, lights, *spheres, ks=0.25, exponent=draw(st.sampled_from([0, 0.5, 50, 1e6])))
+        camera = Camera(horizontal_fov=fov, resolution=(9, 7), square_pixels=False)
+    return Scene.from_spheres(
+        camera, lights, *spheres, ka=0.1, ks=0.25, exponent=draw(st.sampled_from([0, 0.5, 50, 1e6]))
+    )
 
 
 def directions(camera: Camera) -> np.ndarray:
@@ -108,7 +111,7 @@ def test_a_power_of_two_changes_no_bit(scene: Scene, k: int) -> None:
     for array, name in ((spheres, "center"), (spheres, "radius"), (lights, "position")):
         array[name] = np.ldexp(array[name], k)
     try:
-        small = Camera(eye, at, camera.up, camera.horizontal_fov, camera.resolution)
+        small = replace(camera, position=eye, lookat=at)
         scaled = Scene(small, lights, spheres, scene.materials, scene.background)
     except ValueError:
         return  # out of float32's range

@@ -155,11 +155,12 @@ def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int)
     rng = np.random.default_rng(1)
     centers = rng.uniform(-2, 2, (count, 3))
     scene = cltrace.Scene.from_spheres(
-        cltrace.Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48)),
-        [cltrace.ambient_light(), cltrace.point_light((3, 9, 6))],
+        cltrace.Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False),
+        [cltrace.ambient_light((1, 1, 1)), cltrace.point_light((3, 9, 6))],
         centers,
         rng.uniform(0.05, 0.1, count),
         rng.uniform(0, 1, (count, 3)),
+        ka=0.1,
     )
     outputs = ("rgb8", "color", "normal", "depth", "id")
     renderer = cltrace.Renderer(scene, device, outputs=outputs)

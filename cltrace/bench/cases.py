@@ -51,6 +51,7 @@ def frame(amount: int, pixels: int = 800) -> tuple[int, int]:
 def balls(camera: Camera, spheres: Iterable[Ball], lights: Iterable[np.ndarray] = (), **material: ArrayLike) -> Scene:
     """A scene of (center, radius)."""
     centers, radii = zip(*spheres, strict=True)
+    material.setdefault("ka", 0.1)
     return Scene.from_spheres(camera, lights, np.array(centers, float), np.array(radii, float), **material)  # type: ignore[arg-type]
 
 
@@ -131,8 +132,15 @@ def everything(offset: tuple[float, ...] = (0, 0, 0), factor: float = 1, order: 
         spot_light(place((-3, 5, -2)), (2, -4, -4), 10, 30, (0.2, 0.6, 0.6)),
     ]
     at = list(order or range(n))
-    camera = Camera(place((1, 1.5, 2)), place((0, 0.25, -6)), (0.1, 1, 0.2), 28, (44, 33))
+    camera = Camera(place((1, 1.5, 2)), place((0, 0.25, -6)), (0.1, 1, 0.2), 28, (44, 33), square_pixels=False)
     where = np.array([place(p) for p in centers])
     return Scene.from_spheres(
-        camera, lights, where[at], (radii * factor)[at], colors[at], exponent=shine[at], background=(0.2, 0.3, 0.4)
+        camera,
+        lights,
+        where[at],
+        (radii * factor)[at],
+        colors[at],
+        ka=0.1,
+        exponent=shine[at],
+        background=(0.2, 0.3, 0.4),
     )

@@ -45,8 +45,10 @@ def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
     colors = rng.uniform(0.05, 1, (count, 3))
     # Rounded to what other tracers can read, too.
     centers, radii = centers.astype("f4").astype("f8"), radii.astype("f4").astype("f8")
-    lights = [ambient_light(), point_light((5, 8, 2)), *more]
-    return Scene.from_spheres(looking(tan=0.6, size=size), lights, centers, radii, colors, background=(0.1, 0.1, 0.2))
+    lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2)), *more]
+    return Scene.from_spheres(
+        looking(tan=0.6, size=size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2)
+    )
 
 
 def filled(size: Size) -> Scene:
@@ -57,9 +59,11 @@ def filled(size: Size) -> Scene:
     behind = rng.uniform(-3, 3, (400, 3)) + (0, -20, 40)
     centers = np.concatenate([shells, inner, behind]).astype("f4").astype("f8")
     radii = np.repeat([0.875, 0.0625, 0.25], [8, 400, 400])
-    lights = [ambient_light(), point_light((5, 8, 2))]
+    lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2))]
     colors = rng.uniform(0.05, 1, (len(radii), 3))
-    return Scene.from_spheres(looking(tan=0.6, size=size), lights, centers, radii, colors, background=(0.1, 0.1, 0.2))
+    return Scene.from_spheres(
+        looking(tan=0.6, size=size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2)
+    )
 
 
 def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) -> Scene:
@@ -73,10 +77,11 @@ def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) 
     eye, light = ((scale * (np.array(p) + move)).tolist() for p in ((0, 1.5, 13), (9, 14, 6)))
     return Scene.from_spheres(
         looking(eye, 0.4, size),
-        [ambient_light(), point_light(light)],
+        [ambient_light((1, 1, 1)), point_light(light)],
         scale * (centers + move),
         scale * radii,
         colors,
+        ka=0.1,
         background=(0.5, 0.7, 1),
     )
 

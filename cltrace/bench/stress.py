@@ -349,7 +349,7 @@ def _wide(fov: float) -> Iterator[Scene]:
 def _sizes() -> Iterator[Scene]:
     for size in ((1, 1), (1, 401), (401, 1), (7, 13), (33, 65), (40, 3)):
         scene = everything()
-        yield replace(scene, camera=Camera(horizontal_fov=40, resolution=size))
+        yield replace(scene, camera=Camera(horizontal_fov=40, resolution=size, square_pixels=False))
 
 
 def _shiny(exponent: float) -> Iterator[Scene]:

@@ -131,6 +131,7 @@ class _Reader:
             horizontal_fov=self._camera["horizontal_fov"]["angle"],
             resolution=(self._camera["resolution"]["horizontal"], self._camera["resolution"]["vertical"]),
             max_bounces=self._camera["max_bounces"]["n"],
+            square_pixels=False,  # the tutorial's rule for the shorter side
         )
         lights = np.concatenate([np.zeros(0, LIGHT), *self._lights])
         spheres, materials = packed(np.concatenate([np.empty((0, ROW)), *self._rows]))

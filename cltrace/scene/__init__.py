@@ -1,30 +1,21 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
-from cltrace.scene.scene import (
+from cltrace.scene.camera import MAX_BOUNCES, Camera, check_resolution
+from cltrace.scene.lights import (
     AMBIENT,
-    ANY,
-    CONE,
-    FOV,
     LIGHT,
-    MATERIAL,
-    MAX_BOUNCES,
-    MAX_SPHERES,
-    NOT_NEGATIVE,
     PARALLEL,
     POINT,
-    POSITIVE,
-    SPHERE,
     SPOT,
-    Camera,
-    Rule,
-    Scene,
-    Vector,
     ambient_light,
-    check_resolution,
     parallel_light,
     point_light,
     spot_light,
 )
+from cltrace.scene.materials import MATERIAL
+from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
+from cltrace.scene.scene import Scene
+from cltrace.scene.surfaces import MAX_SPHERES, SPHERE
 
 __all__ = [
     "AMBIENT",

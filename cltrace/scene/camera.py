@@ -1,0 +1,142 @@
+"""The camera: where the eye is, where it looks, and the picture that it sees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.scene.rules import FOV, Vector, checked, described, is_whole, vector
+
+MAX_SIDE, MAX_PIXELS = 65_536, 2**28
+MAX_BOUNCES = 100
+
+
+@dataclass(frozen=True, init=False)
+class Camera:
+    """A pinhole camera in the world. Immutable; vectors are kept as tuples of floats.
+
+    position: the eye, scene units; lookat: a point that is seen in the middle of the picture, scene units; up: a
+    direction of any length that is not parallel to the view; horizontal_fov: HALF of the horizontal opening angle,
+    degrees, within (0, 90); resolution: (width, height) in pixels; max_bounces: how often a ray may be reflected or
+    refracted, 0..100; square_pixels: whether a pixel is as wide as it is high. The tutorial scales the angle of the
+    shorter side instead of its tangent; scene files therefore have False, which stretches what is not a square picture.
+
+    Vectors are any three numbers: a tuple, a list, an array of numpy. Raises ValueError, which names the argument.
+    """
+
+    position: Vector
+    lookat: Vector
+    up: Vector
+    horizontal_fov: float
+    resolution: tuple[int, int]
+    max_bounces: int
+    square_pixels: bool
+
+    def __init__(
+        self,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        lookat: ArrayLike = (0.0, 0.0, -1.0),
+        up: ArrayLike = (0.0, 1.0, 0.0),
+        horizontal_fov: float = 45.0,
+        resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
+        max_bounces: int = 0,
+        square_pixels: bool = True,
+    ) -> None:
+        if not isinstance(square_pixels, (bool, np.bool_)):
+            raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
+        if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
+            raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
+        values = {
+            "position": vector("camera.position", position),
+            "lookat": vector("camera.lookat", lookat),
+            "up": vector("camera.up", up),
+            "horizontal_fov": float(checked("camera.horizontal_fov", FOV, horizontal_fov, ())),
+            "resolution": check_resolution(resolution),
+            "max_bounces": int(max_bounces),
+            "square_pixels": bool(square_pixels),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self.basis()
+
+    def basis(self) -> tuple[Vector, Vector, Vector]:
+        """The camera's x (right), y (up) and z (backward) axes in the world: unit and orthogonal to rounding.
+
+        Raises ValueError if they are undefined: position equals lookat, or up is 0 or parallel to the view.
+        """
+        eye, at = self.position, self.lookat
+        try:
+            z = _unit((eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]))
+        except ZeroDivisionError:
+            raise ValueError("camera.lookat: must differ from position") from None
+        try:
+            up = _unit(self.up)
+        except ZeroDivisionError:
+            raise ValueError("camera.up: must not be 0") from None
+        # The sine of the angle between up and the view is |up x z|. Both are rounded: below a few ulp it is noise.
+        x = _cross(up, z)
+        if math.hypot(*x) <= 2.0**-50:
+            raise ValueError("camera.up: must not be parallel to the view")
+        x = _unit(x)
+        # up x z is orthogonal to z to within a rounding error divided by that sine. Removing what is left along z once
+        # more makes x and y orthogonal to z to rounding, however nearly parallel up and the view are (Kahan: "twice is
+        # enough").
+        along = _dot(x, z)
+        x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
+        return x, _unit(_cross(z, x)), z
+
+    def half_angles(self) -> tuple[float, float]:
+        """Half of the horizontal and half of the vertical opening angle, degrees. The longer side has horizontal_fov.
+
+        The shorter side has the share of its pixels: of the tangent with square_pixels, else of the angle.
+        """
+        width, height = self.resolution
+        fov = self.horizontal_fov
+        short, long = min(width, height), max(width, height)
+        other = fov * short / long
+        if self.square_pixels:
+            other = math.degrees(math.atan(math.tan(math.radians(fov)) * short / long))
+        return (fov, other) if width >= height else (other, fov)
+
+    def image_plane(self) -> tuple[float, float]:
+        """Half of the width and half of the height of the image plane at distance 1: tangents of the half angles."""
+        width, height = self.resolution
+        tan = math.tan(math.radians(self.horizontal_fov))
+        if self.square_pixels:
+            other = tan * min(width, height) / max(width, height)
+            return (tan, other) if width >= height else (other, tan)
+        x, y = self.half_angles()
+        return math.tan(math.radians(x)), math.tan(math.radians(y))
+
+
+def check_resolution(resolution: Sequence[int] | NDArray[np.integer[Any]]) -> tuple[int, int]:
+    """(width, height) if a picture may have that size; ValueError if not."""
+    sides = resolution.tolist() if isinstance(resolution, np.ndarray) else resolution
+    if not isinstance(sides, Sequence) or len(sides) != 2 or not all(map(is_whole, sides)):
+        raise ValueError(f"camera.resolution: must be two integers (width, height), got {described(resolution)}")
+    width, height = int(sides[0]), int(sides[1])
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        size = f"{described(width)}x{described(height)}"
+        raise ValueError(f"camera.resolution: must be within 1..{MAX_SIDE} each and {MAX_PIXELS} pixels, got {size}")
+    return width, height
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return math.fsum((a[0] * b[0], a[1] * b[1], a[2] * b[2]))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _unit(v: Vector) -> Vector:
+    """v / |v|; ZeroDivisionError if v = 0. hypot neither overflows nor underflows."""
+    scale = max(map(abs, v))
+    w = (v[0] / scale, v[1] / scale, v[2] / scale)
+    length = math.hypot(*w)
+    return (w[0] / length, w[1] / length, w[2] / length)

@@ -1,0 +1,172 @@
+"""The values that a scene may hold, and the words of the fault where one is not allowed.
+
+Whatever a user hands over (numbers, sequences, arrays) passes through `numbers` or `vector` here, whose errors name the
+argument and the index. The readers of files use the same rules, so a fault reads the same from Python and from a file.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Vector = tuple[float, float, float]
+
+# A number is 0, or its magnitude is within float32's range. Its square and the square of that then stay within
+# double's range, so that nothing that is computed from it overflows or vanishes.
+SMALLEST, LARGEST = 2.0**-149, (2.0 - 2.0**-23) * 2.0**127
+
+
+@dataclass(frozen=True)
+class Rule:
+    """The values that a number may have: finite, 0 or within float32's range, and within these bounds.
+
+    text: the bounds in words; low, high: the bounds; open_low, open_high: whether the bound itself is excluded.
+    """
+
+    text: str
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+    open_high: bool = False
+
+    def admits(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each value is allowed: an array of bools of the same shape."""
+        size = np.abs(value)
+        low = value > self.low if self.open_low else value >= self.low
+        high = value < self.high if self.open_high else value <= self.high
+        ok: NDArray[np.bool_] = low & high & ((size == 0) | ((size >= SMALLEST) & (size <= LARGEST)))
+        return ok
+
+    def fault(self, value: float) -> str | None:
+        """What is wrong with one value, in words that belong behind its name; None if nothing is."""
+        if not math.isfinite(value):
+            return f"must be a finite number, got {value:g}"
+        if abs(value) > LARGEST:
+            return f"must not exceed 3.4e38 in magnitude, got {value:g}"
+        if value != 0 and abs(value) < SMALLEST:
+            return f"must be 0 or at least 1.4e-45 in magnitude, got {value:g}"
+        if not self.admits(np.asarray(value, np.float64)):
+            return f"must be {self.text}, got {value:g}"
+        return None
+
+
+ANY = Rule("a finite number")
+POSITIVE = Rule("> 0", low=0, open_low=True)
+NOT_NEGATIVE = Rule(">= 0", low=0)
+FOV = Rule("within (0, 90)", low=0, high=90, open_low=True, open_high=True)
+CONE = Rule("within [0, 180]", low=0, high=180)
+
+
+def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """`value` as a new array of doubles of its own shape.
+
+    Raises ValueError, which begins with the name, where anything in it is not a real number: numpy alone would take
+    bools, the real part of complex numbers, time spans and what lies under a mask for numbers.
+    """
+    _refuse_strangers(name, value)
+    try:
+        with np.errstate(over="ignore"):  # a long double may become infinite, which the rules then refuse
+            return np.array(value, np.float64)
+    except OverflowError:
+        raise ValueError(f"{name}: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308") from None
+    except ValueError:
+        raise ValueError(f"{name}: must be an array, got rows of different lengths") from None
+
+
+def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """`value` as a new array of doubles of this shape, where -1 stands for any length.
+
+    Raises ValueError, which names the argument and the index of the first number that the rule does not allow.
+    """
+    array = numbers(name, value)
+    if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{name}: must have shape {_shape_text(shape)}, got {array.shape}")
+    check_rule(name, rule, array)
+    return array
+
+
+def check_rule(name: str, rule: Rule, array: NDArray[np.float64]) -> None:
+    """Raises ValueError, which names the array and the index, at the first number that the rule does not allow."""
+    bad = ~rule.admits(array)
+    if bad.any():
+        where = np.argwhere(bad)[0]
+        index = "".join(f"[{i}]" for i in where)
+        raise ValueError(f"{name}{index}: {rule.fault(float(array[tuple(where)]))}")
+
+
+def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:
+    """Three numbers as a tuple of floats; ValueError names the argument."""
+    x, y, z = checked(name, rule, value, (3,)).tolist()
+    return (x, y, z)
+
+
+def check_not_bytes(name: str, color: ArrayLike) -> None:
+    """Raises ValueError where a colour is given in integers of which one is within 2..255.
+
+    Colours are linear with 1 as full. Integers above 1 are bytes in all likelihood; who means such a brightness writes
+    it as a float, 2.0.
+    """
+    array = np.asarray(color)
+    if array.dtype.kind in "iu" and array.size and 1 < array.max() <= 255:
+        raise ValueError(
+            f"{name}: must be linear with 1 as full, but integers up to {array.max()} look like bytes of 0 to 255; "
+            "divide by 255"
+        )
+
+
+def is_whole(value: object) -> bool:
+    """Whether this is an integer of Python or numpy. A bool is not, nor is a time span, which numpy counts to them."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.timedelta64))
+
+
+def described(value: object) -> str:
+    """A value in a few words, for a message."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        names = value.dtype.names
+        kind = f"records of {', '.join(names)}" if names else str(value.dtype)
+        return f"an array of {kind}, shape {value.shape}"
+    return _SHORT.repr(value)
+
+
+class _Short(reprlib.Repr):
+    """repr() of a limited length, also of integers that have more digits than Python writes."""
+
+    maxother = maxstring = 60
+
+    def repr_int(self, x: int, level: int) -> str:
+        return repr(x) if x.bit_length() <= 128 else f"an integer of {x.bit_length()} bits"
+
+
+_SHORT = _Short()
+_DEEPEST = 8  # no argument is a sequence within a sequence so many times; a list may contain itself
+
+
+def _refuse_strangers(name: str, value: object, depth: int = 0) -> None:
+    """Raises ValueError where anything in a value, at any depth of its sequences, is not a real number."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise ValueError(f"{name}: must not be masked; use its filled() or compressed()")
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: must be numbers, got {described(value)}")
+    elif isinstance(value, (list, tuple)) and depth < _DEEPEST:
+        if not set(map(type, value)) <= {int, float}:
+            for element in value:
+                _refuse_strangers(name, element, depth + 1)
+    elif not isinstance(value, (int, float, np.integer, np.floating)) or isinstance(value, (bool, np.timedelta64)):
+        if hasattr(value, "__array__") and not isinstance(value, np.generic):  # such as a column of a table
+            _refuse_strangers(name, _array_of(value), depth)
+        else:
+            raise ValueError(f"{name}: must be numbers, got {described(value)}{' among them' if depth else ''}")
+
+
+def _array_of(value: Any) -> NDArray[Any]:
+    return np.asarray(value)
+
+
+def _shape_text(shape: tuple[int, ...]) -> str:
+    return str(tuple("n" if n < 0 else n for n in shape)).replace("'", "")
