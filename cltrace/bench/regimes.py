@@ -61,7 +61,7 @@ def _scene(camera: Camera, centers: NDArray[np.floating], radii: ArrayLike) -> S
     r32 = np.asarray(radii, np.float32).astype(float)
     c32 = np.asarray(centers, np.float32).astype(float)
     colors = np.linspace(0.1, 1, len(r32))[:, None] * [1.0, 0.5, 0.25]
-    return Scene.from_spheres(camera, [], c32, r32, colors)
+    return Scene.from_spheres(camera, [], c32, r32, colors, ka=0.1)
 
 
 def _seeded(name: str, seed: int) -> np.random.Generator:

@@ -130,8 +130,9 @@ class Scene:
         spheres["center"], spheres["radius"] = points, _values("radii", POSITIVE, radii, (n,))
         shade = {"color": _values("colors", NOT_NEGATIVE, colors, (n, 3))}
         check_not_bytes("colors", colors)
-        for name, value in zip(COEFFICIENTS, (kd if ka is None else ka, kd, ks, exponent), strict=True):
+        for name, value in (("kd", kd), ("ks", ks), ("exponent", exponent)):
             shade[name] = _values(name, NOT_NEGATIVE, value, (n,))
+        shade["ka"] = shade["kd"] if ka is None else _values("ka", NOT_NEGATIVE, ka, (n,))
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in COEFFICIENTS)
         spheres["material"] = 0 if one else np.arange(n)
         return cls(camera, lights, spheres, packed(1 if one else n, shade), background, output_file)
