@@ -180,7 +180,7 @@ def _run(args: argparse.Namespace) -> int:
         quick=args.quick,
     )
     bench.tracers([])  # finds what cannot be before the work
-    about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.timezone.utc).date().isoformat())
+    about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.UTC).date().isoformat())
     print(report.machine_line(about))
     for k, device in enumerate(chosen if len(chosen) > 1 else []):
         print(f"[{k}] is {device.label}")
