@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import logging
 import os
 import re
 import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -62,7 +63,8 @@ def command(
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:
-        status = body()
+        with _log_on_terminal(name):
+            status = body()
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -85,6 +87,34 @@ def command(
     except MemoryError:
         tell(f"{name}: not enough memory")
         return 2
+
+
+class _Teller(logging.Handler):
+    """Tells what the library logs, as the command's own words."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.command = name
+
+    def emit(self, record: logging.LogRecord) -> None:
+        tell(f"{self.command}: {record.getMessage()}")
+
+
+@contextlib.contextmanager
+def _log_on_terminal(name: str) -> Iterator[None]:
+    """Shows the library's log, from INFO on, where stderr is a terminal: why nothing seems to happen."""
+    log = logging.getLogger("cltrace")
+    if not sys.stderr.isatty():
+        yield
+        return
+    handler, level = _Teller(name), log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def _terminate(*_: object) -> NoReturn:

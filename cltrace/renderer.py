@@ -129,7 +129,7 @@ class Renderer:
             )
         self.seconds["lists"] = self.packed.list_seconds
         self.seconds["pack"] -= self.packed.list_seconds
-        with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
+        with self._timed("build"), self._driver_errors(), Announcement("compiling the kernel ..."):
             self.context: Any = context_of(self.device.cl)
             self.queue: Any = cl.CommandQueue(self.context)
             self._kernel = self._built()
@@ -140,7 +140,7 @@ class Renderer:
                 for name, array in self.packed.arrays.items()
             }
             self.queue.finish()
-        with self._timed("build"), self._driver_errors(), Announcement("cltrace: compiling the kernel ..."):
+        with self._timed("build"), self._driver_errors(), Announcement("compiling the kernel ..."):
             # PoCL generates the code at the first launch: one that returns at once, with the same sizes.
             self._launch(self._frame(), (0, 0, 0, 0), 0, 1).wait()
 

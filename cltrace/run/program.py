@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 import threading
 import warnings
 from functools import cache, lru_cache
@@ -15,6 +15,9 @@ from cltrace.errors import BuildError
 from cltrace.run.devices import Device
 
 SOURCES = ("packet.cl", "sphere.cl", "lists.cl", "phong.cl", "trace.cl")
+
+
+log = logging.getLogger("cltrace")
 
 
 @cache
@@ -53,14 +56,14 @@ def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]
 
 
 class Announcement:
-    """Says `text` on a terminal's stderr if the `with` block takes longer than `after` seconds."""
+    """Logs `text` as information if the `with` block takes longer than `after` seconds."""
 
     def __init__(self, text: str, after: float = 0.5) -> None:
-        self.timer = threading.Timer(after, lambda: print(text, file=sys.stderr, flush=True))
+        self.timer = threading.Timer(after, log.info, [text])
         self.timer.daemon = True
 
     def __enter__(self) -> None:
-        if sys.stderr is not None and sys.stderr.isatty():
+        if log.isEnabledFor(logging.INFO):
             self.timer.start()
 
     def __exit__(self, *_: object) -> None:
