@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
+import os
 import re
 import sys
 import time
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from cltrace.console import Parser, command, picture_size, positive, tell
+from cltrace.doctor import doctor
 from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
 from cltrace.picture.image import SHOWS, Image
@@ -23,35 +26,52 @@ from cltrace.renderer import Crop, Renderer
 from cltrace.run.devices import choose, devices, where_drivers_are
 from cltrace.scene import Scene
 
+EXAMPLES = """examples:
+  cltrace scene.xml                                the picture that the scene names
+  cltrace scene.xml -o n.png --show normal         its normals, as colours
+  cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    p = Parser(prog="cltrace", description="Render a scene file of spheres with OpenCL.", allow_abbrev=False)
-    p.add_argument("scene", nargs="?", metavar="SCENE.xml", help="the scene to render")
-    p.add_argument("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
-    p.add_argument("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D or part of a name (default: fastest CPU)")
-    p.add_argument("--list-devices", action="store_true", help="list the devices and stop")
-    p.add_argument("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
-    p.add_argument("--crop", type=_crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
-    p.add_argument("--precision", choices=PRECISIONS, help="default: accurate; single on a device without doubles")
-    p.add_argument("--show", choices=SHOWS, default="color", help="what the picture shows, encoded as colours")
-    p.add_argument("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
-    p.add_argument("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
-    p.add_argument("--check", nargs="?", const="default", type=_count, metavar="N|all",
-                   help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
-    p.add_argument("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), help="times and counts")
-    p.add_argument(
-        "--keep",
-        metavar="NAME",
-        action="append",
-        choices=KEEPS,
-        default=[],
-        help=f"do not skip this, to measure what it saves; may be repeated: {', '.join(KEEPS)}",
+    p = Parser(
+        prog="cltrace",
+        usage="cltrace SCENE.xml [options]",
+        description="Render a scene file of spheres with OpenCL.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+        add_help=False,
     )
-    p.add_argument("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
-    p.add_argument("-q", "--quiet", action="store_true", help="only errors")
-    p.add_argument("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
-    p.add_argument("--version", action="version", version=f"cltrace {metadata.version('cltrace')}")
+    p.add_argument("scene", nargs="?", metavar="SCENE.xml", help=argparse.SUPPRESS)
+
+    group = p.add_argument_group("the picture").add_argument
+    group("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
+    group("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
+    group("--crop", type=_crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
+    group("--show", choices=SHOWS, default="color", help="what the picture shows, encoded as colours")
+    group("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
+    group("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
+
+    group = p.add_argument_group("the device").add_argument
+    group("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D or part of a name (default: fastest CPU)")
+    group("--precision", choices=PRECISIONS, help="default: accurate; single on a device without doubles")
+    group("--list-devices", action="store_true", help="list the devices and stop")
+    group("--doctor", action="store_true", help="check the installation and each device, and stop")
+
+    group = p.add_argument_group("checking and measuring").add_argument
+    group("--check", nargs="?", const="default", type=_count, metavar="N|all",
+          help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
+    group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), help="times and counts")
+    group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
+    group("--keep", metavar="NAME", action="append", choices=KEEPS, default=[],
+          help=f"do not skip this, to measure what it saves; may be repeated: {', '.join(KEEPS)}")  # fmt: skip
+
+    group = p.add_argument_group("messages").add_argument
+    group("-q", "--quiet", action="store_true", help="only errors")
+    group("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
+    group("-h", "--help", action="help", help="show this and stop")
+    group("--version", action="version", version=f"cltrace {metadata.version('cltrace')}")
     return p
 
 
@@ -86,6 +106,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
+    if args.quiet:
+        logging.getLogger("cltrace").setLevel(logging.WARNING)
+    if args.doctor:
+        return doctor(args.device)
     if args.list_devices:
         listing = [d.line() for d in devices()]
         print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")
@@ -158,17 +182,31 @@ def _target(scene: Scene, args: argparse.Namespace) -> str:
         if sys.stdout.isatty():
             raise UsageError("-o - writes a PNG: send stdout to a file or a program")
         return target
-    path = Path(target)
     try:
-        if not target or path.is_dir():
-            raise UsageError(f"{origin}: {target!r} is a folder" if target else "-o: must not be empty")
-        if path.suffix.lower() != ".png":
-            raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")
-        if not path.parent.is_dir():
-            raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
-    except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte
+        _check_target(target, origin, args.scene)
+    except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
         raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
     return target
+
+
+def _check_target(target: str, origin: str, scene: str) -> None:
+    """Raises UsageError, OSError or ValueError if no picture can or should be written to a file of this name."""
+    path = Path(target)
+    if not target:
+        raise UsageError("-o: must not be empty")
+    # Path() drops what makes "s.png/" and "s.png/." the names of folders.
+    if path.is_dir() or os.path.basename(target) != path.name:  # noqa: PTH119
+        raise UsageError(f"{origin}: {target!r} is a folder")
+    if path.suffix.lower() != ".png":
+        raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")
+    if not path.parent.is_dir():
+        raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
+    try:
+        existing = path.stat()
+    except FileNotFoundError:  # the usual case, or a link that is to be written through
+        return
+    if os.path.samestat(existing, Path(scene).stat()):
+        raise UsageError(f"{origin}: {target!r} is the scene itself, which the picture would replace")
 
 
 def _write(image: Image, target: str, show: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from PIL import Image as Picture
 
 import cltrace
 from cltrace.plan.layout import KEEPS
+from cltrace.run.program import Announcement
 
 FIRST = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"
 
@@ -205,6 +207,53 @@ def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path)
     assert [p.name for p in tmp_path.iterdir()] == ["bad.xml"]
 
 
+@pytest.mark.parametrize("name", ["s.png/", "s.png//", "s.png/.", "s.png/./"])
+def test_names_of_folders_are_refused(tmp_path: Path, name: str) -> None:
+    done = run(FIRST, "-o", name, cwd=tmp_path)
+    assert (done.returncode, done.stderr.decode()) == (2, f"cltrace: -o: {name!r} is a folder\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("how", ["output_file", "-o", "link", "hard link", "scene is a link"])
+def test_a_scene_is_not_replaced_by_its_picture(tmp_path: Path, how: str) -> None:
+    """A scene may be called s.png and name s.png as its picture."""
+    text = FIRST.read_text().replace('output_file="step3-shadows.png"', 'output_file="s.png"')
+    scene = tmp_path / "s.png"
+    scene.write_text(text)
+    if how == "link":
+        (tmp_path / "other.png").symlink_to("s.png")
+    elif how == "hard link":
+        (tmp_path / "other.png").hardlink_to(scene)
+    elif how == "scene is a link":
+        (tmp_path / "scene.xml").symlink_to("s.png")
+    source = "scene.xml" if how == "scene is a link" else "s.png"
+    target = "other.png" if "link" in how and how != "scene is a link" else "s.png"
+    done = run(source, *([] if how == "output_file" else ["-o", target]), cwd=tmp_path)
+    origin = "output_file" if how == "output_file" else "-o"
+    expected = f"cltrace: {origin}: {target!r} is the scene itself, which the picture would replace\n"
+    assert (done.returncode, done.stderr.decode()) == (2, expected)
+    assert scene.read_text() == text
+
+
+def test_links_to_themselves(tmp_path: Path) -> None:
+    """As the picture, as one of two links that lead to each other, as its folder, and as the scene."""
+    (tmp_path / "s.png").symlink_to("s.png")
+    (tmp_path / "a.png").symlink_to("b.png")
+    (tmp_path / "b.png").symlink_to("a.png")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "s.xml").symlink_to("s.xml")
+    before = sorted(tmp_path.iterdir())
+    for arguments, message in [
+        ((FIRST, "-o", "s.png"), "cltrace: -o: Too many levels of symbolic links: 's.png'\n"),
+        ((FIRST, "-o", "a.png"), "cltrace: -o: Too many levels of symbolic links: 'a.png'\n"),
+        ((FIRST, "-o", "loop/s.png"), "cltrace: -o: there is no folder 'loop'\n"),
+        (("s.xml",), "s.xml: cannot be read: Too many levels of symbolic links\n"),
+    ]:
+        done = run(*arguments, cwd=tmp_path)
+        assert (done.returncode, done.stderr.decode()) == (2, message)
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_unwritable_folder(tmp_path: Path) -> None:
     old = tmp_path / "folder.png"
     old.mkdir()
@@ -266,8 +315,40 @@ def test_unwritable_cache(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_the_log_is_shown_on_a_terminal_only(tmp_path: Path) -> None:
+    """The library logs, and prints nothing; the command tells it where somebody is looking."""
+    script = """
+import logging, sys
+from cltrace.console import command
+def body():
+    logging.getLogger("cltrace").info("compiling the kernel ...")
+    logging.getLogger("other").info("nothing of ours")
+    return 0
+sys.exit(command("cltrace", body))
+"""
+    ours, theirs = os.openpty()
+    seen = subprocess.run([sys.executable, "-c", script], stderr=theirs, stdout=subprocess.PIPE, check=True)
+    os.close(theirs)
+    assert os.read(ours, 1000) == b"cltrace: compiling the kernel ...\r\n"
+    os.close(ours)
+    assert seen.stdout == b""
+    unseen = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert (unseen.stdout, unseen.stderr) == (b"", b"")
+
+
+def test_what_takes_long_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "cltrace")
+    with Announcement("short", after=60):
+        pass
+    with Announcement("long", after=0):
+        while not caplog.messages:
+            time.sleep(0.01)
+    assert caplog.messages == ["long"]
+
+
 def test_help_fits_one_screen(tmp_path: Path) -> None:
     done = run("--help", cwd=tmp_path, COLUMNS="100")
     assert done.returncode == 0
+    assert done.stdout.count(b"\n  cltrace scene.xml") == 3
     assert len(done.stdout.splitlines()) <= 40
     assert max(map(len, done.stdout.decode().splitlines())) <= 100

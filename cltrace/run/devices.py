@@ -16,7 +16,8 @@ from cltrace.errors import DeviceError
 
 ADVICE = """Ways to get an OpenCL driver:
     pip install pocl-binary-distribution        a CPU driver, Linux on x86-64
-    apt-get install pocl-opencl-icd             the same for Debian and Ubuntu, newer and faster
+    pip install 'cltrace[intel]'                Intel's CPU driver, for AMD's CPUs, too; Linux on x86-64, faster
+    apt-get install pocl-opencl-icd             PoCL for Debian and Ubuntu, newer and faster
     conda install -c conda-forge pocl           Linux and macOS
 A GPU's driver brings its own. Drivers are looked for in {where};
 OCL_ICD_VENDORS=FOLDER names another folder, OCL_ICD_DEBUG=7 shows the search. A driver that was installed with pip is
@@ -27,8 +28,9 @@ found beside pyopencl. PoCL shows no device where it cannot write its kernel cac
 class Driver:
     """What was measured of a CPU driver: the packet width that is right for it, and its place among the others.
 
-    pattern: of the platform's version, a space and the device's name; width: pixels in a packet; rank: the lower, the faster (of two drivers for the
-    same CPU, the better one is taken when none is asked for); flags: -D flags that it needs.
+    pattern: of the platform's version, a space and the device's name; width: pixels in a packet; rank: the lower, the
+    faster (of two drivers for the same CPU, the better one is taken when none is asked for); flags: -D flags that it
+    needs.
     """
 
     pattern: str
