@@ -3,6 +3,11 @@
 import cltrace
 image = cltrace.render(cltrace.load("scene.xml"))
 image.save("scene.png")
+
+camera = cltrace.Camera(position=(0, 0, 9), lookat=(0, 0, 0), horizontal_fov=30, resolution=(800, 600))
+lights = [cltrace.ambient_light(), cltrace.point_light((5, 8, 9))]
+scene = cltrace.Scene.from_spheres(camera, lights, centers, radii, colors)  # arrays (n, 3), (n,), (n, 3)
+image = cltrace.render(scene, outputs=("rgb8", "depth", "id"))
 """
 
 from __future__ import annotations
@@ -18,6 +23,8 @@ from cltrace.run import caches as caches  # before anything imports pyopencl
 from cltrace.run.devices import Device, devices
 from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
 
+__version__ = "0.1.0"
+
 __all__ = [
     "BuildError",
     "Camera",
@@ -30,6 +37,7 @@ __all__ = [
     "SceneError",
     "SceneWarning",
     "UsageError",
+    "__version__",
     "ambient_light",
     "devices",
     "load",
@@ -41,7 +49,12 @@ __all__ = [
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
-    """Reads a scene file. Raises SceneError with all its faults; what it ignores is a SceneWarning."""
+    """Reads a scene file of the course's XML format.
+
+    Raises SceneError with all faults of the file. What the file has and no picture shows is a SceneWarning.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path: must be a str or a Path, got {path!r}")
     scene, ignored = read(path)
     for text in ignored:
         warnings.warn(text, SceneWarning, stacklevel=2)

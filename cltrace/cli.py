@@ -11,15 +11,15 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from cltrace import __version__
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.doctor import doctor
 from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
-from cltrace.picture.image import SHOWS, Image
+from cltrace.picture.image import SHOWS, Image, Show
 from cltrace.plan.layout import KEEPS, PRECISIONS
 from cltrace.reference.check import check
 from cltrace.renderer import Crop, Renderer
@@ -71,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
     group("-q", "--quiet", action="store_true", help="only errors")
     group("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
     group("-h", "--help", action="help", help="show this and stop")
-    group("--version", action="version", version=f"cltrace {metadata.version('cltrace')}")
+    group("--version", action="version", version=f"cltrace {__version__}")
     return p
 
 
@@ -209,7 +209,7 @@ def _check_target(target: str, origin: str, scene: str) -> None:
         raise UsageError(f"{origin}: {target!r} is the scene itself, which the picture would replace")
 
 
-def _write(image: Image, target: str, show: str) -> None:
+def _write(image: Image, target: str, show: Show) -> None:
     try:
         if target == "-":
             image.write_png(sys.stdout.buffer, show)

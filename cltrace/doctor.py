@@ -70,7 +70,7 @@ def _advise(say: Callable[[str], None], well: list[str]) -> int:
 
 
 def _versions() -> str:
-    found = [f"cltrace {metadata.version('cltrace')}", f"Python {platform.python_version()}"]
+    found = [f"cltrace {cltrace.__version__}", f"Python {platform.python_version()}"]
     for name in PACKAGES:
         try:
             found.append(f"{name} {metadata.version(name)}")

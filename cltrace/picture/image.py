@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,63 +13,95 @@ from PIL import Image as Picture
 
 from cltrace.picture.files import whole_file
 
-SHOWS = ("color", "normal", "direction", "depth", "id")
+Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays", "work"]
+Show = Literal["color", "normal", "direction", "depth", "id"]
+OUTPUTS: tuple[Output, ...] = get_args(Output)
+SHOWS: tuple[Show, ...] = get_args(Show)
 
 
-@dataclass(eq=False, repr=False)
 class Image:
-    """A rendered picture. Row 0 is the top. What was not asked for is None.
+    """A rendered picture of w x h pixels. Row 0 is the top.
+
+    It has the outputs that were asked for, each an array of numpy:
 
     rgb8: (h, w, 3) uint8, linear, no gamma; color: (h, w, 3) float32, linear, not clamped; normal: (h, w, 3) float32,
     unit, in the world, facing the camera, 0 where nothing was hit; direction: (h, w, 3) float32, of the pixel's ray,
     unit, in the world; depth: (h, w) float64, distance from the eye in scene units, inf where nothing was hit; id:
-    (h, w) int32, the sphere's index, -1 = nothing; shadow_rays: (h, w) int32, to how many lights that may shine there,
-    0 where there is but one sphere;
-    work: (h, w, 8) int32, how often was done what layout.WORK names; seconds: what took how long.
+    (h, w) int32, the sphere's index, -1 where nothing was hit; shadow_rays: (h, w) int32, to how many lights a ray was
+    sent, 0 where the scene has but one sphere; work: (h, w, 8) int32, how often was done what WORK of the plan names.
+
+    Any other output raises AttributeError, so hasattr(image, "depth") tells whether there is one.
+
+    seconds: what took how long; frame: the buffers that the arrays live in, for Renderer.render(out).
     """
 
-    rgb8: NDArray[np.uint8] | None = None
-    color: NDArray[np.float32] | None = None
-    normal: NDArray[np.float32] | None = None
-    direction: NDArray[np.float32] | None = None
-    depth: NDArray[Any] | None = None
-    id: NDArray[np.int32] | None = None
-    shadow_rays: NDArray[np.int32] | None = None
-    work: NDArray[np.int32] | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    frame: Any = field(default=None, repr=False)  # the buffers it lives in, for Renderer.render(out)
+    rgb8: NDArray[np.uint8]
+    color: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    direction: NDArray[np.float32]
+    depth: NDArray[np.float64]
+    id: NDArray[np.int32]
+    shadow_rays: NDArray[np.int32]
+    work: NDArray[np.int32]
+
+    def __init__(
+        self,
+        rgb8: NDArray[np.uint8] | None = None,
+        color: NDArray[np.float32] | None = None,
+        normal: NDArray[np.float32] | None = None,
+        direction: NDArray[np.float32] | None = None,
+        depth: NDArray[np.float64] | None = None,
+        id: NDArray[np.int32] | None = None,
+        shadow_rays: NDArray[np.int32] | None = None,
+        work: NDArray[np.int32] | None = None,
+        seconds: dict[str, float] | None = None,
+        frame: Any = None,
+    ) -> None:
+        given = zip(OUTPUTS, (rgb8, color, normal, direction, depth, id, shadow_rays, work), strict=True)
+        self.__dict__.update({name: array for name, array in given if array is not None})
+        self.seconds = seconds or {}
+        self.frame = frame
+
+    if not TYPE_CHECKING:  # a type checker would take any name for an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            """Called only for what the image has not."""
+            if name in OUTPUTS:
+                has = ", ".join(self.outputs) or "nothing"
+                advice = f"ask for it with outputs={(*self.outputs, name)}"
+                raise AttributeError(f"the image has no {name}, only {has}; {advice}", name=name, obj=self)
+            raise AttributeError(f"an Image has no attribute {name!r}", name=name, obj=self)
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The names of the outputs that it has."""
+        return tuple(name for name in OUTPUTS if name in self.__dict__)
 
     def __repr__(self) -> str:
-        names = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
-        shape = getattr(self, names[0]).shape if names else (0, 0)
-        return f"<cltrace.Image {shape[1]}x{shape[0]}: {', '.join(names)}>"
+        height, width = getattr(self, self.outputs[0]).shape[:2] if self.outputs else (0, 0)
+        return f"<cltrace.Image {width}x{height}: {', '.join(self.outputs)}>"
 
     @property
     def frame_seconds(self) -> float:
-        """Of the kernel and of reading the picture back."""
+        """Seconds of the kernel and of reading the picture back."""
         return self.seconds["kernel"] + self.seconds["readback"]
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"frame": None}  # buffers stay with their process
 
-    def as_rgb8(self, show: str = "color") -> NDArray[np.uint8]:
-        """(h, w, 3) bytes that show one of the outputs: what the debugging hints of the course ask for.
+    def as_rgb8(self, show: Show = "color") -> NDArray[np.uint8]:
+        """(h, w, 3) uint8 that show one of the outputs: what the debugging hints of the course ask for.
 
-        normal, direction: (v + 1)/2 as red, green, blue, black where nothing was hit; depth: near is white, far is
-        black; id: a colour for each sphere. ValueError if that output was not rendered.
+        color: the picture, rgb8; normal, direction: (v + 1)/2 as red, green, blue, black where nothing was hit; depth:
+        the nearest is white, the farthest dark, nothing black; id: a colour for each sphere, nothing black.
+        Raises ValueError if the image does not have that output.
         """
-        values = {
-            "color": self.rgb8,
-            "normal": self.normal,
-            "direction": self.direction,
-            "depth": self.depth,
-            "id": self.id,
-        }
-        if show not in values:
+        if show not in SHOWS:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
-        value = values[show]
-        if value is None:
-            raise ValueError(f"show: the image has no {show}")
+        output: Output = "rgb8" if show == "color" else show
+        if output not in self.outputs:
+            raise ValueError(f"show: the image has no {output}, only {', '.join(self.outputs) or 'nothing'}")
+        value = getattr(self, output)
         if show == "color":
             return np.asarray(value, np.uint8)
         if show in ("normal", "direction"):
@@ -81,31 +112,37 @@ class Image:
             return _grey(np.asarray(value, np.float64))
         return _distinct(np.asarray(value, np.int32))
 
-    def save(self, path: str | os.PathLike[str], show: str = "color") -> None:
-        """Writes a PNG: completely, or not at all. OSError if that fails; the old file is then untouched.
+    def save(self, path: str | os.PathLike[str], show: Show = "color") -> None:
+        """Writes a PNG, completely or not at all. A link is written through.
 
-        ValueError if the name does not end in .png. A link is written through.
+        path: a name that ends in .png, in a folder that is there; show: which output, as `as_rgb8` shows it.
+        Raises ValueError if the name ends otherwise or the image does not have that output, and OSError if the file
+        cannot be written; an old file of that name is then untouched.
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"path: must be a str or a Path, got {path!r}")
         target = Path(path)
         if target.suffix.lower() != ".png":
             raise ValueError(f"path: the picture is a PNG and its name must end in .png, got {str(path)!r}")
+        if not target.parent.is_dir():
+            raise FileNotFoundError(f"path: there is no folder {str(target.parent)!r}; mkdir() of a Path makes one")
         with whole_file(target) as file:
             self.write_png(file, show)
 
-    def write_png(self, file: BinaryIO, show: str = "color") -> None:
-        """Writes a PNG to an open binary file."""
+    def write_png(self, file: BinaryIO, show: Show = "color") -> None:
+        """Writes a PNG to an open binary file; see `save`."""
         # Level 1: a third of the time of the default level, for files that are a few per cent larger.
         Picture.fromarray(np.ascontiguousarray(self.as_rgb8(show))).save(file, "PNG", compress_level=1)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
-        show = next((s for s in SHOWS if getattr(self, "rgb8" if s == "color" else s) is not None), "color")
-        self.write_png(buffer, show)
+        shown = [show for show in SHOWS if ("rgb8" if show == "color" else show) in self.outputs]
+        self.write_png(buffer, shown[0] if shown else "color")
         return buffer.getvalue()
 
 
 def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Depths as grey: the nearest 255, the farthest 32, nothing 0; linear in 1/depth."""
+    """(h, w) depths as (h, w, 3) grey: the nearest 255, the farthest 32, nothing 0; linear in 1/depth."""
     hit = np.isfinite(depth)
     if not hit.any():
         return np.zeros((*depth.shape, 3), np.uint8)
@@ -117,7 +154,10 @@ def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def _distinct(index: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Indices as colours that differ for neighbours: the bits of index times an odd constant; -1 is black."""
+    """(h, w) indices as (h, w, 3) colours; -1 is black.
+
+    Neighbouring indices get very different colours: the bits of the index times an odd constant.
+    """
     mixed = ((index.astype(np.uint64) + 1) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
     colors = np.stack([(mixed >> np.uint64(s)) & np.uint64(255) for s in (16, 8, 0)], axis=-1)
     return np.where(index[..., None] < 0, 0, 64 + colors * 3 // 4).astype(np.uint8)

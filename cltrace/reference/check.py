@@ -96,7 +96,7 @@ def check(
 
     image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: called with the share done.
     """
-    if image.rgb8 is None or image.id is None:
+    if not {"rgb8", "id"} <= set(image.outputs):
         raise ValueError("check: the image must have rgb8 and id")
     if pixels is None:
         pixels = min(DEFAULT_PIXELS, max(1, DEFAULT_TESTS // max(1, len(scene.spheres))))

@@ -7,6 +7,8 @@ import threading
 import warnings
 from functools import cache, lru_cache
 from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any
 
 import pyopencl as cl
@@ -26,10 +28,25 @@ def context_of(device: cl.Device) -> Any:
     return cl.Context([device])
 
 
+def kernel_folder() -> Traversable:
+    """The folder of the kernel's files: of the package cltrace.kernels, or in a checkout kernels/ beside cltrace/.
+
+    An installed cltrace has the former. Python that is started in a checkout finds the checkout's cltrace before the
+    installed one, and there only the latter. Raises BuildError if neither is there.
+    """
+    try:
+        return resources.files("cltrace.kernels")
+    except ModuleNotFoundError:
+        folder = Path(__file__).parents[2] / "kernels"
+        if (folder / SOURCES[-1]).is_file():
+            return folder
+        raise BuildError("the kernel's files are missing: no package cltrace.kernels; install cltrace again") from None
+
+
 @cache
 def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
-    folder = resources.files("cltrace.kernels")
+    folder = kernel_folder()
     return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in files)
 
 
