@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import multiprocessing
 import pickle
+import shutil
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -15,13 +19,24 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Image, Renderer
 from cltrace import renderer as tracer
+from cltrace.picture.image import OUTPUTS
+from cltrace.plan import layout
 from cltrace.run.devices import Device
 
 
 def test_only_what_was_asked_for(any_device: Device) -> None:
     image = cltrace.render(random_scene(1), any_device, outputs=("id", "depth"))
-    assert image.rgb8 is None
-    assert image.color is None
+    assert image.outputs == ("depth", "id")
+    assert not hasattr(image, "rgb8")
+    assert getattr(image, "color", None) is None
+    with pytest.raises(AttributeError) as caught:
+        image.rgb8  # noqa: B018
+    assert str(caught.value) == (
+        "the image has no rgb8, only depth, id; ask for it with outputs=('depth', 'id', 'rgb8')"
+    )
+    with pytest.raises(AttributeError) as caught:
+        image.colour  # type: ignore[attr-defined]  # noqa: B018
+    assert str(caught.value) == "an Image has no attribute 'colour'"
     assert image.id.dtype == np.int32
     assert image.depth.dtype == np.float64
     every = cltrace.render(random_scene(1), any_device, outputs=("rgb8", "color", "normal", "direction"))
@@ -102,7 +117,7 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
     assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
     assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
     assert image.as_rgb8("id")[0, 0].min() >= 64
-    with pytest.raises(ValueError, match="the image has no direction"):
+    with pytest.raises(ValueError, match=r"^show: the image has no direction, only rgb8, normal, depth, id$"):
         image.as_rgb8("direction")
     with pytest.raises(ValueError, match="show: must be one of color, normal, direction, depth, id, got 'heat'"):
         image.as_rgb8("heat")
@@ -116,8 +131,80 @@ def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
         Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path, "depth")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(ValueError, match=r"must end in \.png"):
-        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(tmp_path / "x.jpg")
+
+
+@pytest.mark.parametrize(
+    ("path", "error", "message"),
+    [
+        ("x.jpg", ValueError, "path: the picture is a PNG and its name must end in .png, got 'x.jpg'"),
+        ("depth", ValueError, "path: the picture is a PNG and its name must end in .png, got 'depth'"),
+        ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),
+        (7, TypeError, "path: must be a str or a Path, got 7"),
+    ],
+)
+def test_no_place_for_a_picture(
+    path: object, error: type[Exception], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error) as caught:
+        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path)  # type: ignore[arg-type]
+    assert str(caught.value) == message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_images_of_arrays() -> None:
+    """Nothing, or what is given; a copy is the same."""
+    assert repr(Image()) == "<cltrace.Image 0x0: >"
+    assert Image().seconds == {}
+    with pytest.raises(AttributeError, match=r"^the image has no id, only nothing; ask for it with outputs="):
+        Image().id  # noqa: B018
+    depth = np.ones((2, 3))
+    for image in (Image(depth=depth), copy.copy(Image(depth=depth)), copy.deepcopy(Image(depth=depth))):
+        assert repr(image) == "<cltrace.Image 3x2: depth>"
+        assert image.outputs == ("depth",)
+        assert np.array_equal(image.depth, depth)
+
+
+def test_outputs_are_those_of_the_plan() -> None:
+    assert OUTPUTS == layout.OUTPUTS
+
+
+def test_what_is_no_path() -> None:
+    with pytest.raises(TypeError, match=r"^path: must be a str or a Path, got 7$"):
+        cltrace.load(7)  # type: ignore[arg-type]
+
+
+def test_version() -> None:
+    root = Path(__file__).parents[1]
+    assert f'\nversion = "{cltrace.__version__}"\n' in (root / "pyproject.toml").read_text("utf-8")
+
+
+SOURCE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in getattr(finder, "__module__", "")]
+import cltrace.run.program as program
+assert program.__file__.startswith(sys.argv[1]), program.__file__
+try:
+    print(program.source(("trace.cl",)), end="")
+except program.BuildError as error:
+    print(error)
+"""
+
+
+def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
+    """Installed, not editable: the checkout's cltrace comes first, and in it there is no cltrace.kernels."""
+    root = Path(__file__).parents[1]
+    shutil.copytree(root / "cltrace", tmp_path / "cltrace", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(root / "kernels", tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+
+    def printed() -> str:
+        command = [sys.executable, "-I", "-c", SOURCE, str(tmp_path)]
+        return subprocess.run(command, capture_output=True, check=True, text=True).stdout
+
+    assert printed() == '#line 1 "kernels/trace.cl"\n' + (root / "kernels" / "trace.cl").read_text("utf-8")
+    shutil.rmtree(tmp_path / "kernels")
+    assert printed() == "the kernel's files are missing: no package cltrace.kernels; install cltrace again\n"
 
 
 @pytest.mark.parametrize(

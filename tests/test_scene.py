@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import timedelta
 
 import mpmath
 import numpy as np
@@ -11,8 +14,12 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
+from cltrace.scene import MATERIAL, SPHERE
 
 GOOD = {"centers": [(0, 0, -3), (1, 0, -3)], "radii": 0.5}
+MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
+BYTES = "must be linear with 1 as full, but integers up to {} look like bytes of 0 to 255; divide by 255"
+SPHERES, MATERIALS = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
 
 
 def build(**changed: object) -> Scene:
@@ -50,12 +57,176 @@ def build(**changed: object) -> Scene:
             {"lights": [cltrace.spot_light((0, 0, 0), (1, 0, 0), 30, 20)]},
             "lights.alpha1[0]: must be <= alpha2, got 30 > 20",
         ),
+        # What is no real number, or none that a double can hold, at any depth.
+        ({"centers": [(0, 0, 1j), (0, 0, 0)]}, "centers: must be numbers, got 1j among them"),
+        (
+            {"centers": np.zeros((2, 3), complex)},
+            "centers: must be numbers, got an array of complex128, shape (2, 3)",
+        ),
+        ({"radii": np.complex128(1)}, "radii: must be numbers, got (1+0j) (complex128)"),
+        (
+            {"radii": [timedelta(1), 1]},
+            "radii: must be numbers, got datetime.timedelta(days=1) among them",
+        ),
+        (
+            {"radii": [np.timedelta64(1, "s"), 1]},
+            "radii: must be numbers, got 1 seconds (timedelta64[s]) among them",
+        ),
+        (
+            {"radii": np.array([1, 2], "m8[s]")},
+            "radii: must be numbers, got an array of timedelta64[s], shape (2,)",
+        ),
+        ({"radii": np.datetime64(1, "s")}, "radii: must be numbers, got 1970-01-01T00:00:01 (datetime64[s])"),
+        ({"radii": [np.True_, 1]}, "radii: must be numbers, got True (bool) among them"),
+        ({"radii": [1, None]}, "radii: must be numbers, got None among them"),
+        ({"radii": {1, 2}}, "radii: must be numbers, got {1, 2}"),
+        ({"radii": MASKED}, "radii: must not be masked; use its filled() or compressed()"),
+        ({"radii": [1, np.ma.masked]}, "radii: must not be masked; use its filled() or compressed()"),
+        ({"colors": [MASKED, MASKED]}, "colors: must not be masked; use its filled() or compressed()"),
+        ({"background": [0, 0, np.ma.masked]}, "background: must not be masked; use its filled() or compressed()"),
+        (
+            {"centers": [(0, 0, 10**400), (0, 0, 0)]},
+            "centers: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
+        ),
+        (
+            {"radii": -(10**5000)},
+            "radii: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
+        ),
+        ({"centers": [(0, 0, 0), (0, 0)]}, "centers: must be an array, got rows of different lengths"),
+        # Colours that are bytes.
+        ({"colors": (255, 128, 0)}, f"colors: {BYTES.format(255)}"),
+        ({"colors": np.full((2, 3), 7, np.uint8)}, f"colors: {BYTES.format(7)}"),
+        ({"background": (0, 2, 0)}, f"background: {BYTES.format(2)}"),
+        # Arguments in each other's place.
+        (
+            {"centers": [0.5, 0.5], "radii": [(0, 0, -3), (1, 0, -3)]},
+            "centers: must have shape (n, 3), got (2,); radii has shape (2, 3): are the two swapped?",
+        ),
     ],
 )
 def test_bad_arrays(changed: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError) as caught:
         build(**changed)
     assert str(caught.value) == message
+
+
+def test_a_list_that_contains_itself_is_no_number() -> None:
+    endless: list[object] = []
+    endless.append(endless)
+    with pytest.raises(ValueError, match=r"^radii: must be numbers, got \[.*\] among them$"):
+        build(radii=endless)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: Scene(Camera(), [], np.array([1.0, 2.0]), MATERIALS),  # type: ignore[arg-type]
+            "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of float64, shape (2,); "
+            "Scene.from_spheres() takes plain arrays",
+        ),
+        (
+            lambda: Scene(Camera(), [], MATERIALS, SPHERES),
+            "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of color, ka, kd, "
+            "ks, exponent, shape (0,); Scene.from_spheres() takes plain arrays",
+        ),
+        (
+            lambda: Scene(Camera(), [], SPHERES, [1.0]),  # type: ignore[arg-type]
+            "materials: must be an (n,) array of dtype cltrace.scene.MATERIAL, got [1.0]; "
+            "Scene.from_spheres() takes plain arrays",
+        ),
+        (
+            lambda: Scene(Camera(), [], np.zeros((1, 2), SPHERE), MATERIALS),
+            "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of center, radius, "
+            "material, shape (1, 2); Scene.from_spheres() takes plain arrays",
+        ),
+        (
+            lambda: Scene([], Camera(), SPHERES, MATERIALS),  # type: ignore[arg-type]
+            "camera: must be a cltrace.Camera, got []; the order is camera, lights, spheres",
+        ),
+        (
+            lambda: Scene(Camera(), [], SPHERES, MATERIALS, (0, 0, 0), 5),  # type: ignore[arg-type]
+            "output_file: must be a text, got 5",
+        ),
+        (
+            lambda: build(camera=[cltrace.ambient_light()], lights=Camera()),
+            "camera: must be a cltrace.Camera, got a list of arrays; "
+            "the order is camera, lights, centers, radii, colors",
+        ),
+        (lambda: build(lights=5), "lights: must be a list of lights, got 5"),
+        (
+            lambda: build(lights=[(1, 2, 3)]),
+            "lights: must be a list of what ambient_light(), parallel_light(), point_light() and spot_light() return, "
+            "got (1, 2, 3) among them",
+        ),
+        (
+            lambda: build(lights=np.zeros((2, 3))),
+            "lights: must be a list of what ambient_light(), parallel_light(), point_light() and spot_light() return, "
+            "got an array of float64, shape (2, 3)",
+        ),
+    ],
+)
+def test_what_is_something_else_altogether(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(TypeError) as caught:
+        call()
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: cltrace.point_light((1, 2)), "light.position: must be 3 numbers, got (1, 2)"),
+        (lambda: cltrace.point_light(1.0), "light.position: must be 3 numbers, got 1.0"),
+        (lambda: cltrace.parallel_light((0, 0, 1j)), "light.direction: must be numbers, got 1j among them"),
+        (lambda: cltrace.spot_light((0, 0, 0), (0, 0, 1), (1, 2), 3), "light.alpha1: must be one number, got (1, 2)"),  # type: ignore[arg-type]
+        (
+            lambda: cltrace.point_light((0, 0, 10**400)),
+            "light.position: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
+        ),
+        (lambda: cltrace.ambient_light((255, 255, 255)), f"light.color: {BYTES.format(255)}"),
+    ],
+)
+def test_bad_lights(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        call()
+    assert str(caught.value) == message
+
+
+def test_a_light_may_be_brighter_than_1() -> None:
+    """Whole floats are brightnesses; whole numbers above 255 are no bytes."""
+    assert cltrace.point_light((0, 0, 0), (255.0, 2.0, 0.0))["color"].tolist() == [[255, 2, 0]]
+    assert cltrace.point_light((0, 0, 0), (1000, 0, 0))["color"].tolist() == [[1000, 0, 0]]
+    assert cltrace.point_light((0, 0, 0), (1, 0, 1))["color"].tolist() == [[1, 0, 1]]
+
+
+def test_unlit_sides_are_seen_and_lit_ones_have_their_colour() -> None:
+    """Without light, kd of the ambient light; facing a white light beside the default ambient light, exactly 1."""
+    scene = build(lights=[cltrace.ambient_light()], colors=(0.5, 0.25, 1))
+    material = scene.materials[0]
+    assert material["ka"] == material["kd"] == 0.8
+    assert (scene.lights["color"][0] * material["ka"] + material["kd"]).tolist() == [1, 1, 1]
+    two = build(kd=[0.25, 0.5])
+    assert two.materials["ka"].tolist() == two.materials["kd"].tolist() == [0.25, 0.5]
+    assert build(ka=0.125).materials["ka"].tolist() == [0.125]
+
+
+def test_vectors_are_whatever_numpy_takes() -> None:
+    camera = Camera(np.array([1, 2, 3]), lookat=np.zeros(3, np.float32), up=[0, 1, 0], resolution=np.array([64, 48]))
+    assert camera == Camera((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), resolution=(64, 48))
+    assert hash(camera) == hash(replace(camera))
+    light = cltrace.spot_light(np.ones(3), [0, 0, -1], np.float32(10), 20)
+    assert np.array_equal(light, cltrace.spot_light((1, 1, 1), (0, 0, -1), 10, 20))
+    scene = build(lights=light, background=np.full(3, 0.5))
+    assert scene.background == (0.5, 0.5, 0.5)
+    again = Scene(camera, [light, light], scene.spheres, scene.materials)
+    assert again.lights.shape == (2,)
+
+
+def test_pixels_are_square_unless_told_otherwise() -> None:
+    x, y = Camera(resolution=(64, 48)).image_plane()
+    assert y / x == pytest.approx(48 / 64, abs=1e-15)
+    x, y = Camera(resolution=(64, 48), square_pixels=False).half_angles()
+    assert (x, y) == (45, 45 * 48 / 64)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +244,25 @@ def test_bad_arrays(changed: dict[str, object], message: str) -> None:
         ({"resolution": (0, 5)}, "camera.resolution: must be within 1..65536 each and 268435456 pixels, got 0x5"),
         ({"resolution": (2.5, 5)}, "camera.resolution: must be two integers (width, height), got (2.5, 5)"),
         ({"resolution": (1, 2, 3)}, "camera.resolution: must be two integers (width, height), got (1, 2, 3)"),
+        ({"resolution": "64x48"}, "camera.resolution: must be two integers (width, height), got '64x48'"),
+        (
+            {"resolution": (10**5000, 5)},
+            "camera.resolution: must be within 1..65536 each and 268435456 pixels, got an integer of 16610 bitsx5",
+        ),
+        ({"resolution": 512}, "camera.resolution: must be two integers (width, height), got 512"),
         ({"max_bounces": -1}, "camera.max_bounces: must be within 0..100, got -1"),
+        ({"max_bounces": 2.0}, "camera.max_bounces: must be within 0..100, got 2.0"),
+        ({"square_pixels": 1}, "camera.square_pixels: must be True or False, got 1"),
+        ({"lookat": (0, 0, 1j)}, "camera.lookat: must be numbers, got 1j among them"),
+        ({"up": np.ma.array([0, 1, 0])}, "camera.up: must not be masked; use its filled() or compressed()"),
+        (
+            {"position": (0, 0, 10**400)},
+            "camera.position: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
+        ),
+        (
+            {"horizontal_fov": np.timedelta64(30, "s")},
+            "camera.horizontal_fov: must be numbers, got 30 seconds (timedelta64[s])",
+        ),
     ],
 )
 def test_bad_cameras(changed: dict[str, object], message: str) -> None:

@@ -130,6 +130,10 @@ def described(value: object) -> str:
         names = value.dtype.names
         kind = f"records of {', '.join(names)}" if names else str(value.dtype)
         return f"an array of {kind}, shape {value.shape}"
+    if isinstance(value, np.generic):
+        return f"{value} ({value.dtype})"
+    if isinstance(value, (list, tuple)) and any(isinstance(x, np.ndarray) for x in value):
+        return f"a {type(value).__name__} of arrays"
     return _SHORT.repr(value)
 
 

@@ -1,0 +1,64 @@
+"""What a type checker knows of the Python interface. mypy checks this file; pytest runs it.
+
+A line that mypy must refuse says so in its `type: ignore`: mypy also complains where such a comment is not needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, assert_type
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.picture.image import Output, Show
+
+RGB8 = np.zeros((1, 2, 3), np.uint8)
+
+
+def test_vectors_may_be_tuples_lists_and_arrays() -> None:
+    camera = Camera(position=np.zeros(3), lookat=[0, 0, -1], up=(0, 1, 0), resolution=(2, 1))
+    assert_type(camera.position, tuple[float, float, float])
+    lights = [
+        ambient_light(np.ones(3)),
+        parallel_light([0, 0, -1]),
+        point_light((0, 0, 0)),
+        spot_light((0, 0, 0), [0, 0, 1], 1, 2),
+    ]
+    one: Scene = Scene.from_spheres(
+        camera, lights, np.zeros((4, 3)), 1.0, [0.5, 0.5, 0.5], kd=np.ones(4), background=[0, 0, 0]
+    )
+    two: Scene = Scene.from_spheres(camera, lights[0], [(0, 0, 0)], [1])
+    assert len(one.spheres) == 4
+    assert len(two.lights) == 1
+    assert_type(one.background, tuple[float, float, float])
+
+
+def test_outputs_are_arrays_and_not_optional() -> None:
+    image = Image(rgb8=RGB8, depth=np.ones((1, 2)), id=np.zeros((1, 2), np.int32))
+    assert_type(image.rgb8, NDArray[np.uint8])
+    assert_type(image.depth, NDArray[np.float64])
+    assert_type(image.id, NDArray[np.int32])
+    assert image.depth.max() == image.rgb8.shape[0]
+    assert_type(image.outputs, tuple[Output, ...])
+    show: Show = "depth"
+    assert_type(image.as_rgb8(show), NDArray[np.uint8])
+
+
+REFUSED: list[Callable[[], Any]] = [
+    lambda: Camera(lookat=None),  # type: ignore[arg-type]
+    lambda: Camera(horizontal_fov="30"),  # type: ignore[arg-type]
+    lambda: Camera(resolution=512),  # type: ignore[arg-type]
+    lambda: Scene.from_spheres([], Camera(), [(0, 0, 0)], 1),  # type: ignore[arg-type]
+    lambda: Image(rgb8=RGB8).as_rgb8("heat"),  # type: ignore[arg-type]
+    lambda: Image(rgb8=RGB8).save("x.png", "rgb8"),  # type: ignore[arg-type]
+    lambda: Image(rgb8=RGB8).colour,  # type: ignore[attr-defined]
+]
+
+
+@pytest.mark.parametrize("call", REFUSED)
+def test_what_a_type_checker_refuses_is_refused(call: Callable[[], Any]) -> None:
+    with pytest.raises((ValueError, TypeError, AttributeError)):
+        call()
