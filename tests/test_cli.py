@@ -182,7 +182,7 @@ def test_bad_device(tmp_path: Path, spec: str) -> None:
     done = run(FIRST, "-d", spec, cwd=tmp_path)
     assert done.returncode == 3
     lines = done.stderr.decode().splitlines()
-    assert lines[0] == f"cltrace: no device matches {spec!r}; choose one with -d:"
+    assert lines[0] == f"cltrace: no device matches {spec!r}; choose one of:"
     assert lines[1:] == [d.line() for d in cltrace.devices()]
     assert not list(tmp_path.iterdir())
 

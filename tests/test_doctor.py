@@ -85,7 +85,7 @@ def test_a_picture_that_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 def test_no_such_device() -> None:
     status, lines = report("nosuchthing")
     assert status == 3
-    assert "devices    no device matches 'nosuchthing'; choose one with -d:" in lines
+    assert "devices    no device matches 'nosuchthing'; choose one of:" in lines
 
 
 def test_broken_icd_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

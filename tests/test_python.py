@@ -21,6 +21,7 @@ from cltrace import Image, Renderer
 from cltrace import renderer as tracer
 from cltrace.picture.image import OUTPUTS
 from cltrace.plan import layout
+from cltrace.run import devices
 from cltrace.run.devices import Device
 
 
@@ -283,3 +284,10 @@ def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytes
         assert np.array_equal(image.id, want.id)
     assert renderer._rows == 16 if patience == 0 else renderer._rows > 333
     assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
+
+
+def test_no_gpu_says_what_there_is(monkeypatch: pytest.MonkeyPatch, any_device: Device) -> None:
+    monkeypatch.setattr(devices, "devices", lambda: [any_device])
+    with pytest.raises(cltrace.DeviceError) as caught:
+        cltrace.render(random_scene(1), "gpu")
+    assert str(caught.value) == f"no device matches 'gpu'; choose one of:\n{any_device.line()}"

@@ -173,7 +173,7 @@ def choose(spec: str | None = None) -> Device:
         return matches[0]
     problem = "no device matches" if not matches else "several devices match"
     listing = "\n".join(d.line() for d in every)
-    raise DeviceError(f"{problem} {wanted!r}{source}; choose one with -d:\n{listing}")
+    raise DeviceError(f"{problem} {wanted!r}{source}; choose one of:\n{listing}")
 
 
 def where_drivers_are() -> str:
