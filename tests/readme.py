@@ -1,17 +1,26 @@
-"""Prints the commands of the README, one code block after the other, for CI to run them as they stand."""
+"""Prints the README's and the documentation's commands and Python, for CI to run them as they stand, in a shell."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-README = Path(__file__).parent.parent / "README.md"
+ROOT = Path(__file__).parent.parent
+FILES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def commands() -> list[str]:
-    """The contents of the README's ```bash blocks, in order."""
-    return re.findall(r"^```bash\n(.*?)^```", README.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+def blocks(file: Path, language: str) -> list[str]:
+    """The contents of a file's blocks in a language, in order."""
+    return re.findall(rf"^```{language}\n(.*?)^```", file.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def commands(file: Path) -> str:
+    """A shell script: the file's bash blocks, and then its Python blocks as one program, since they go together."""
+    script = [f"echo '== {file.relative_to(ROOT)}'\n", *blocks(file, "bash")]
+    if python := "\n".join(blocks(file, "python")):
+        script.append(f".venv/bin/python - <<'END_OF_PYTHON'\n{python}END_OF_PYTHON\n")
+    return "".join(script)
 
 
 if __name__ == "__main__":
-    print("\n".join(commands()))
+    print("\n".join(map(commands, FILES)))

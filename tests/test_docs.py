@@ -1,0 +1,51 @@
+"""The README and the documentation agree with what is there. CI runs their commands; this is seen at once."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from readme import FILES, ROOT, blocks, commands
+
+from cltrace import cli
+from cltrace.bench import cli as bench
+
+PROSE = [*FILES, ROOT / "CHANGELOG.md"]
+
+
+@pytest.mark.parametrize("file", PROSE, ids=lambda file: file.name)
+def test_links_lead_somewhere(file: Path) -> None:
+    for link in re.findall(r"\]\(([^)#]+)", file.read_text("utf-8")):
+        assert link.startswith("https://") or (file.parent / link).exists(), link
+
+
+@pytest.mark.parametrize("file", PROSE, ids=lambda file: file.name)
+def test_files_and_options_exist(file: Path) -> None:
+    """Whatever is set as code and looks like a path of this repository, or like a long option of a command."""
+    text = file.read_text("utf-8")
+    tops = "cltrace|kernels|scenes|tests|docs"
+    for path in re.findall(rf"`((?:{tops})/[\w./-]*)`", text):
+        assert path.endswith("...") or (ROOT / path).exists(), path
+    options = cli.parser().format_help() + bench.parser().format_help()
+    for option in re.findall(r"`(?:cltrace[\w-]* )?(--[a-z-]+)", text):
+        assert option in options, option
+
+
+def test_every_page_is_on_the_map() -> None:
+    readme = (ROOT / "README.md").read_text("utf-8")
+    for file in FILES[1:]:
+        assert f"(docs/{file.name})" in readme
+
+
+def test_there_is_something_to_run_and_it_is_python() -> None:
+    for file in FILES:
+        compile("\n".join(blocks(file, "python")), file.name, "exec")
+    script = "\n".join(map(commands, FILES))
+    assert ".venv/bin/cltrace scenes/first.xml\n" in script
+    assert "cltrace.Scene.from_spheres(" in script
+    # What CI runs comes from fenced blocks: one that is spelt otherwise would be left out in silence.
+    for file in FILES:
+        fences = re.findall(r"^```(\w*)$", file.read_text("utf-8"), re.MULTILINE)
+        assert set(fences[0::2]) <= {"bash", "python"}
+        assert set(fences[1::2]) <= {""}
