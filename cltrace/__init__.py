@@ -12,50 +12,26 @@ image = cltrace.render(scene, outputs=("rgb8", "depth", "id"))
 
 from __future__ import annotations
 
-import os
-import warnings
-
-from cltrace.errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
-from cltrace.formats.xml_reader import read
-from cltrace.picture.image import Image
-from cltrace.renderer import Renderer, render
-from cltrace.run import caches as caches  # before anything imports pyopencl
-from cltrace.run.devices import Device, devices
-from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "BuildError",
-    "Camera",
-    "CltraceError",
-    "Device",
-    "DeviceError",
-    "Image",
-    "Renderer",
-    "Scene",
-    "SceneError",
-    "SceneWarning",
-    "UsageError",
-    "__version__",
-    "ambient_light",
-    "devices",
-    "load",
-    "parallel_light",
-    "point_light",
-    "render",
-    "spot_light",
-]
+if TYPE_CHECKING:
+    from cltrace.api import *  # noqa: F403
+else:  # A type checker should not take this for a promise of any name.
+
+    def __getattr__(name: str) -> Any:
+        """A name of `cltrace.api`, which is imported when the first one is used.
+
+        Numpy and OpenCL take a while to load. The command can be interrupted cleanly before that begins.
+        """
+        offered = vars(importlib.import_module("cltrace.api"))
+        globals().update({key: offered[key] for key in ("__all__", *offered["__all__"])})
+        if name not in globals():
+            raise AttributeError(f"module 'cltrace' has no attribute {name!r}")
+        return globals()[name]
 
 
-def load(path: str | os.PathLike[str]) -> Scene:
-    """Reads a scene file of the course's XML format.
-
-    Raises SceneError with all faults of the file. What the file has and no picture shows is a SceneWarning.
-    """
-    if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(f"path: must be a str or a Path, got {path!r}")
-    scene, ignored = read(path)
-    for text in ignored:
-        warnings.warn(text, SceneWarning, stacklevel=2)
-    return scene
+def __dir__() -> list[str]:
+    return sorted({*globals(), *importlib.import_module("cltrace.api").__all__})

@@ -1,7 +1,14 @@
-"""python -m cltrace"""
+"""The program `cltrace`, also python -m cltrace."""
 
-import sys
+from typing import NoReturn
 
-from .cli import main
+from cltrace.start import start
 
-sys.exit(main())
+
+def main() -> NoReturn:
+    """Runs the command line and leaves with its exit status."""
+    start("cltrace.cli")
+
+
+if __name__ == "__main__":
+    main()

@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+import math
 import os
 import re
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from cltrace.errors import CltraceError, UsageError
+from cltrace.errors import CltraceError, UsageError, printable
 from cltrace.scene import check_resolution
+from cltrace.start import ENDING
 
 
 class Parser(argparse.ArgumentParser):
@@ -46,47 +49,81 @@ def positive(text: str) -> int:
 
 def tell(message: str) -> None:
     """A message on stderr. Control characters of file names are shown, not sent; a full disk changes nothing."""
-    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
     with contextlib.suppress(OSError):
-        print(shown, file=sys.stderr, flush=True)
+        print("\n".join(map(printable, message.split("\n"))), file=sys.stderr, flush=True)
 
 
 def command(
     name: str, body: Callable[[], int], interrupted: str = "interrupted", verbose: Callable[[], bool] = lambda: False
 ) -> int:
-    """Runs a command's body and returns its exit status: the body's own, or 2 for usage, scenes and files, 3 for
-    devices, 130 for Ctrl-C, 141 for a reader of stdout that has gone. verbose: whether to show tracebacks, too.
+    """Runs a command's body and returns its exit status.
+
+    That is the body's own, or 2 for usage, scenes and files, 3 for devices, 141 for a reader of stdout that has gone,
+    130 for Ctrl-C, and 128 + n for any other signal n that ends a program. verbose: whether to show tracebacks, too.
     """
     # A closed stderr is None, and print() would then take stdout for it.
     if sys.stderr is None:
         sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
+    with _signals_raise():
+        try:
+            with _log_on_terminal(name):
+                status = body()
+            if sys.stdout is not None:
+                sys.stdout.flush()
+            return status
+        except CltraceError as error:
+            if verbose():
+                traceback.print_exc()
+            # A SceneError begins with the file's name.
+            tell(str(error) if type(error).__name__ == "SceneError" else f"{name}: {error}")
+            return error.exit_code
+        except KeyboardInterrupt:
+            tell(f"{name}: {interrupted}")
+            return 128 + signal.SIGINT
+        except _SignalError as ended:
+            return 128 + int(ended.args[0])
+        except BrokenPipeError:
+            _silence_stdout()
+            return 128 + signal.SIGPIPE
+        except OSError as error:
+            _silence_stdout()
+            tell(f"{name}: cannot write: {error.strerror or error}")
+            return 2
+        except MemoryError:
+            tell(f"{name}: not enough memory")
+            return 2
+
+
+class _SignalError(BaseException):
+    """The number of a signal that ends the command."""
+
+
+@contextlib.contextmanager
+def _signals_raise() -> Iterator[None]:
+    """Makes the signals that end a program exceptions for a while, so that nothing half-written is left.
+
+    One that comes within two seconds of another is not heard, so that the first one is obeyed undisturbed. A signal
+    that is ignored, as `nohup` has it, stays so.
+    """
+    heard = -math.inf
+
+    def hear(number: int, _: object) -> None:
+        nonlocal heard
+        if time.monotonic() < heard + 2:
+            return
+        heard = time.monotonic()
+        raise KeyboardInterrupt if number == signal.SIGINT else _SignalError(number)
+
+    before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _terminate)
+        before = {n: signal.getsignal(n) for n in ENDING if signal.getsignal(n) not in (signal.SIG_IGN, None)}
     try:
-        with _log_on_terminal(name):
-            status = body()
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return status
-    except CltraceError as error:
-        if verbose():
-            traceback.print_exc()
-        # A SceneError begins with the file's name.
-        tell(str(error) if type(error).__name__ == "SceneError" else f"{name}: {error}")
-        return error.exit_code
-    except KeyboardInterrupt:
-        tell(f"{name}: {interrupted}")
-        return 128 + signal.SIGINT
-    except BrokenPipeError:
-        _silence_stdout()
-        return 128 + signal.SIGPIPE
-    except OSError as error:
-        _silence_stdout()
-        tell(f"{name}: cannot write: {error.strerror or error}")
-        return 2
-    except MemoryError:
-        tell(f"{name}: not enough memory")
-        return 2
+        for number in before:
+            signal.signal(number, hear)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Teller(logging.Handler):
@@ -115,11 +152,6 @@ def _log_on_terminal(name: str) -> Iterator[None]:
     finally:
         log.removeHandler(handler)
         log.setLevel(level)
-
-
-def _terminate(*_: object) -> NoReturn:
-    """SIGTERM ends a command as an exception does, so that nothing half-written is left."""
-    raise SystemExit(128 + signal.SIGTERM)
 
 
 def _silence_stdout() -> None:

@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
+def printable(text: str) -> str:
+    """The text on one line that a terminal takes for text: control characters and line breaks as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class CltraceError(Exception):
     """Base of all errors that cltrace raises on purpose; `exit_code` is the command's exit status."""
 
@@ -32,9 +37,8 @@ class SceneError(CltraceError):
         self.faults = sorted(faults)
 
     def __str__(self) -> str:
-        return "\n".join(
-            f"{self.path}:{f.line}: {f.message}" if f.line else f"{self.path}: {f.message}" for f in self.faults
-        )
+        path = printable(self.path)
+        return "\n".join(f"{path}:{f.line}: {f.message}" if f.line else f"{path}: {f.message}" for f in self.faults)
 
 
 class SceneWarning(UserWarning):

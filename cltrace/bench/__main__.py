@@ -1,7 +1,14 @@
-"""`python -m cltrace.bench` is the command cltrace-bench."""
+"""The program `cltrace-bench`, also python -m cltrace.bench."""
 
-import sys
+from typing import NoReturn
 
-from .cli import main
+from cltrace.start import start
 
-sys.exit(main())
+
+def main() -> NoReturn:
+    """Runs the command line and leaves with its exit status."""
+    start("cltrace.bench.cli")
+
+
+if __name__ == "__main__":
+    main()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
-import tempfile
+import secrets
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -12,20 +14,42 @@ from typing import BinaryIO
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary file that replaces that of this name when the `with` block has ended well. A link is written through.
+    """A binary file that replaces the one of this name when the `with` block has ended well.
 
-    OSError if that fails; the old file is then untouched.
+    A link is written through. What is not a plain file, such as a pipe or a device, is written into and stays what it
+    is. Raises OSError if that fails; a plain file that was there is then untouched.
     """
-    target = path.resolve()
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:64]}-", suffix=".part")
+    with _stream(path) if _is_stream(path) else _replacement(Path(os.path.realpath(path))) as file:
+        yield file
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether something is there that a file cannot replace. Raises OSError for a folder and for links in a circle."""
     try:
-        with os.fdopen(handle, "wb") as file:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return False
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    return not stat.S_ISREG(mode)
+
+
+def _stream(path: Path) -> BinaryIO:
+    # Neither O_CREAT nor O_TRUNC: if it has gone in the meantime, no file takes its place.
+    return os.fdopen(os.open(path, os.O_WRONLY | getattr(os, "O_NOCTTY", 0)), "wb")
+
+
+@contextlib.contextmanager
+def _replacement(target: Path) -> Iterator[BinaryIO]:
+    """A file beside the target under a name of its own, which takes the target's place at the end."""
+    # 64 bytes of the target's name leave room for the rest where a name may have 255. A letter may be several bytes.
+    name = os.fsencode(target.name)[:64].decode(errors="ignore")
+    part = target.with_name(f".{name}-{secrets.token_hex(8)}.part")
+    try:
+        with part.open("xb") as file:
             yield file
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)  # mkstemp's 0600 is not what a picture should have
-        Path(name).replace(target)
+        part.replace(target)
     except BaseException:
         with contextlib.suppress(OSError):
-            Path(name).unlink()
+            part.unlink()
         raise

@@ -1,0 +1,47 @@
+"""What `import cltrace` offers."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+from cltrace.errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
+from cltrace.formats.xml_reader import read
+from cltrace.picture.image import Image
+from cltrace.renderer import Renderer, render
+from cltrace.run.devices import Device, devices
+from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
+
+__all__ = [
+    "BuildError",
+    "Camera",
+    "CltraceError",
+    "Device",
+    "DeviceError",
+    "Image",
+    "Renderer",
+    "Scene",
+    "SceneError",
+    "SceneWarning",
+    "UsageError",
+    "ambient_light",
+    "devices",
+    "load",
+    "parallel_light",
+    "point_light",
+    "render",
+    "spot_light",
+]
+
+
+def load(path: str | os.PathLike[str]) -> Scene:
+    """Reads a scene file of the course's XML format.
+
+    Raises SceneError with all faults of the file. What the file has and no picture shows is a SceneWarning.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path: must be a str or a Path, got {path!r}")
+    scene, ignored = read(path)
+    for text in ignored:
+        warnings.warn(text, SceneWarning, stacklevel=2)
+    return scene

@@ -1,0 +1,37 @@
+"""How a program of cltrace begins and ends: without a traceback, whenever a signal comes.
+
+This imports nothing of cltrace, so that it is there before numpy and the OpenCL driver, which take their time.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+from typing import NoReturn
+
+# Those of the signals that end a program which a user, a terminal or a batch system sends; Windows lacks some.
+ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if hasattr(signal, name)]
+
+
+def start(module: str) -> NoReturn:
+    """Runs main() of this module as a program, and leaves with the exit status that it returns.
+
+    Before and after main() there is nothing to be cleaned up, and a signal ends the program at once. At its end the
+    program does not wait for Python and the OpenCL drivers to be taken apart, where a signal could still do harm.
+    """
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _leave)
+    try:
+        status = importlib.import_module(module).main()
+    except SystemExit as end:  # argparse, after --help and --version
+        status = end.code
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    os._exit(status or 0)
+
+
+def _leave(number: int, _: object) -> NoReturn:
+    os._exit(128 + number)
