@@ -62,7 +62,29 @@ def test_distance_is_in_scene_units_whatever_the_direction_s_length() -> None:
 def test_a_ray_has_a_minimum_and_a_maximum_distance() -> None:
     assert hit(Ray(EYE, Direction(0, 0, -1), t_max=3), (0, 0, -5, 2)) is None
     assert hit(Ray(EYE, Direction(0, 0, -1), t_max=3.5), (0, 0, -5, 2)) is not None
-    assert hit(Ray(EYE, Direction(0, 0, -1), t_min=3), (0, 0, -5, 2)) is None
+    assert hit(Ray(EYE, Direction(0, 0, -1), t_min=3, t_max=7), (0, 0, -5, 2)) is None
+
+
+BALL = (0, 0, -5, 2)
+
+
+def test_a_ray_may_start_anywhere() -> None:
+    far = hit(Ray(Point(1000, 0, -5), Direction(-1, 0, 0)), BALL)
+    assert far is not None
+    assert (far.t, far.distance, far.inside, far.normal) == (998, 998, False, Direction(1, 0, 0))
+    middle = hit(Ray(Point(0, 0, -5), Direction(0, 3, 4)), BALL)
+    assert middle is not None
+    assert (middle.t, middle.distance, middle.inside) == (0.4, 2, True)
+    assert tuple(middle.normal) == pytest.approx((0, -0.6, -0.8), abs=1e-15)
+    assert hit(Ray(Point(1000, 0, -5), Direction(1, 0, 0)), BALL) is None
+    assert hit(Ray(Point(1000, 0, -5), Direction(0, 0, 0)), BALL) is None
+
+
+def test_behind_t_min_the_far_end_is_hit_from_inside() -> None:
+    at = hit(Ray(EYE, Direction(0, 0, -1), t_min=4), BALL)
+    assert at is not None
+    assert (at.t, at.distance, at.inside, at.normal) == (7, 7, True, Direction(0, 0, 1))
+    assert at.point == Point(0, 0, -7)
 
 
 def test_tangent_ray_is_one_hit() -> None:

@@ -1,33 +1,62 @@
-"""The reference: the same ray tracer in plain Python, to be read beside the course's tutorial."""
+"""The reference: the same ray tracer in plain Python, to be read beside the course's tutorial.
 
-from cltrace.reference.reference import (
-    EYE,
-    Direction,
-    Intersection,
-    Material,
-    Point,
-    Ray,
-    World,
+It favours plainness over speed: every ray tries every surface, in double precision, without shortcuts. kernels/trace.cl
+has the same functions under the same names, and formulas are written in the order in which the kernel evaluates them,
+so that both compute the same bits.
+
+Everything happens in camera space, as in the tutorial: the eye is the origin, x is right, y is up, -z is ahead. Read
+the files in this order:
+
+    vectors.py     Point and Direction
+    rays.py        Ray, and Start, the point of a sphere by which a ray leaves it
+    surfaces.py    Surface, Sphere with the tutorial's equation, Material, Intersection
+    lights.py      Light, and ShadowRay, which leads to it
+    world.py       World: a scene as these objects
+    trace.py       the algorithm: primary_ray, closest_hit, cast_shadow_ray, illuminate, trace, byte_of
+
+That is a complete ray tracer. It takes any ray: from any point, over any range of t, from outside and from inside. The
+rest is the care that makes each decision of it right, hit or miss, which is nearer, lit or shadowed:
+
+    equation.py    the equation of ray and sphere in doubles that lose no digits
+    doubt.py       which answers doubles can give for certain
+    exact.py       all other answers, in exact arithmetic, and what exactly they are about
+
+check.py holds a picture against the reference.
+"""
+
+from cltrace.reference.lights import Light, ShadowRay
+from cltrace.reference.rays import EYE, Ray, Start
+from cltrace.reference.surfaces import Intersection, Material, Sphere, Surface
+from cltrace.reference.trace import (
     byte_of,
     cast_shadow_ray,
     closest_hit,
+    comes_first,
     illuminate,
     primary_ray,
     trace,
-    world_of,
 )
+from cltrace.reference.vectors import Color, Direction, Point
+from cltrace.reference.world import World, world_of
 
 __all__ = [
     "EYE",
+    "Color",
     "Direction",
     "Intersection",
+    "Light",
     "Material",
     "Point",
     "Ray",
+    "ShadowRay",
+    "Sphere",
+    "Start",
+    "Surface",
     "World",
     "byte_of",
     "cast_shadow_ray",
     "closest_hit",
+    "comes_first",
     "illuminate",
     "primary_ray",
     "trace",

@@ -1,0 +1,155 @@
+"""Which answers doubles can give about a ray and a sphere for certain; the others are left to exact.py.
+
+Every quantity here is a double with a bound of its error. u = 2^-53; k stands for the camera's skew, the bound of
+|B B^T - 1| (see exact.Frame): camera space is the world but for k. |x| of a vector is bounded by the sum of its
+coordinates, |x|_1. What is compared is, along the ray o + t w,
+
+    f = C - o,  a = w.w,  b = f.w,  c = f.f - r^2,  X = |f x w|,  D = a r^2 - X^2,  which is b^2 - a c.
+
+f.  With o = A + p, f is (C - A) - p. Each coordinate of C and A is rounded once (u |C|, u |A|), and both subtractions
+    round (u each of what they yield). If the ray starts on a sphere, A is its centre and p = r n: for a normal n
+    with n.n = 1 + e it differs from r n / |n| by less than r |e|, turning costs 2 k r and rounding u r. If it starts
+    at any other point, that is A, which turning moves by k |A|. All of it is below
+        (16 u + 4 k) (|C|_1 + |A|_1 + r) + r |e|                                  [error(f); the same for light - o]
+w.  The direction of a ray is off by k |w|; to a parallel light, 64 u + 4 k bounds turning and normalising it.
+Products.  Let f' and w' be the errors of f and w.
+    b:  |f| w' + |w| f' + f' w', rounding 4 u |f| |w|, turning k |f| |w|
+    a:  2 |w| w' + w'^2 + (4 u + k) |w|^2;   c: 2 |f| f' + f'^2 + (4 u + k) |f|^2 + 4 u r^2
+    X:  as b; turning scales areas by 1 -/+ 2 k, which 4 k X^2 in D pays for
+    D:  r^2 a' + 2 X X' + X'^2 + 8 u (a r^2 + X^2) + 4 k X^2
+The bounds themselves are rounded, and products of two errors are dropped where they are third-order: so all are
+doubled. FLOOR covers underflow. An overflow makes a bound infinite or NaN, and both compare as a doubt.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cltrace.reference.rays import Ray, Start
+from cltrace.reference.vectors import Direction, Point
+
+if TYPE_CHECKING:
+    from cltrace.reference.lights import ShadowRay
+    from cltrace.reference.surfaces import Sphere
+
+U = 2.0**-53
+FLOOR = 2.0**-900
+
+
+def _size(p: Point) -> float:
+    return abs(p.x) + abs(p.y) + abs(p.z)
+
+
+@dataclass(frozen=True, slots=True)
+class Rough:
+    """A double and a bound of its error."""
+
+    value: float
+    error: float
+
+    def sign(self) -> int | None:
+        """The sign of the exact value, None if it is in doubt. It is never known to be 0."""
+        if self.value > self.error:
+            return 1
+        return -1 if self.value < -self.error else None
+
+
+class RoughLine:
+    """A ray from anchor + p in direction w, with what its errors depend on."""
+
+    def __init__(self, start: Point | Start, skew: float) -> None:
+        self.relative, self.products = 16 * U + 4 * skew, 4 * U + skew
+        self.skew = skew
+        self.p: Direction | None
+        if isinstance(start, Start):
+            n, r = start.normal, start.surface.radius
+            off_unit = abs(n.dot(n) - 1)
+            self.anchor, self.p = start.surface.center, start.from_center
+            self.size = _size(self.anchor) + r
+            self.fixed = r * (off_unit + 4 * U) if off_unit < 0.5 else math.inf
+        else:
+            self.anchor, self.p, self.size, self.fixed = start, None, _size(start), 0.0
+
+    def to(self, point: Point) -> tuple[Direction, float]:
+        """From the start to a point, and the bound of its error."""
+        f = point - self.anchor
+        return f - self.p if self.p else f, self.relative * (_size(point) + self.size) + self.fixed
+
+    def aim(self, w: Direction, error: float) -> None:
+        self.w, self.w_error = w, error
+        a = w.dot(w)
+        self.length = math.sqrt(a)
+        self.a = Rough(a, 2 * (2 * self.length * error + error * error + self.products * a) + FLOOR)
+
+    def aim_at_parallel(self, towards: Direction) -> None:
+        self.aim(towards, 64 * U + 4 * self.skew)
+
+    def excess(self, f: Direction, error: float, r: float) -> Rough:
+        """|f|^2 - r^2, the power of what is f away from the centre."""
+        ff, rr = f.dot(f), r * r
+        bound = 2 * math.sqrt(ff) * error + error * error + self.products * ff + 4 * U * rr
+        return Rough(ff - rr, 2 * bound + FLOOR)
+
+    def along(self, f: Direction, error: float) -> Rough:
+        """b."""
+        size = math.sqrt(f.dot(f))
+        bound = size * self.w_error + self.length * error + error * self.w_error + self.products * size * self.length
+        return Rough(f.dot(self.w), 2 * bound + FLOOR)
+
+    def rest(self, b: Rough) -> Rough:
+        """a - b: what is left of the ray, times w, where it is nearest to the centre."""
+        return Rough(self.a.value - b.value, self.a.error + b.error)
+
+    def discriminant(self, f: Direction, error: float, r: float) -> Rough:
+        """D."""
+        size, rr, across = math.sqrt(f.dot(f)), r * r, f.cross(self.w)
+        XX, arr = across.dot(across), self.a.value * rr
+        X = math.sqrt(XX)
+        X_error = size * self.w_error + self.length * error + error * self.w_error + 4 * U * size * self.length
+        bound = rr * self.a.error + 2 * X * X_error + X_error * X_error + 8 * U * (arr + XX) + 4 * self.skew * XX
+        return Rough(arr - XX, 2 * bound + FLOOR)
+
+
+def surely_misses(sphere: Sphere, ray: Ray) -> bool:
+    """Whether the ray certainly passes by the sphere, or leads away from it. False: it may or may not."""
+    line = RoughLine(ray.origin, sphere.frame.skew)
+    line.aim(ray.direction, sphere.frame.skew * ray.direction.length())
+    f, error = line.to(sphere.center)
+    r = sphere.radius
+    if line.discriminant(f, error, r).sign() == -1:
+        return True
+    # Away from it, both ends are behind the start.
+    return ray.t_min >= 0 and line.excess(f, error, r).sign() == 1 and line.along(f, error).sign() == -1
+
+
+def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
+    """Whether a sphere that the ray does not start on is met before its end; None if doubles cannot tell.
+
+    A line that passes by the sphere does not meet it, nor does a ray that starts outside and leads away. From inside to
+    inside nothing is crossed, and from inside to outside or back the sphere is. From outside to outside it is if the
+    middle of the way through it, t = b / a, is before the end.
+    """
+    line, light, r = ray.rough, ray.light.position, sphere.radius
+    f, error = line.to(sphere.center)
+    meets = line.discriminant(f, error, r).sign()
+    if meets == -1:
+        return False
+    start, b = line.excess(f, error, r).sign(), line.along(f, error)
+    if start == 1 and b.sign() == -1:
+        return False
+    end, short = (1, 1) if light is None else (_end(sphere, line, light), line.rest(b).sign())
+    if start is None or end is None:
+        return None
+    if start < 0 or end < 0:
+        return start != end
+    if short == -1:
+        return False
+    return True if meets == b.sign() == short == 1 else None
+
+
+def _end(sphere: Sphere, line: RoughLine, light: Point) -> int | None:
+    """The sign of the light's power, 1 outside."""
+    error = line.relative * (_size(light) + _size(sphere.center))
+    return line.excess(light - sphere.center, error, sphere.radius).sign()

@@ -1,0 +1,281 @@
+"""Where a decision is close, doubles do not decide it: this module does, in exact arithmetic.
+
+What is decided about
+    The scene as its file has it. A sphere is |p - C| = r with the numbers of the file, and everything is measured from
+    the eye along the *world's* axes: f = C - eye is an exact difference. Only rays are turned. The camera's axes are
+    three double triples; as rows of a matrix B they lead from the world to camera space, and the direction d of a ray
+    in camera space stands for the direction B^T d in the world, exactly. Since the rows of B are orthonormal only to
+    rounding, this is a definition and not a formality: turning the spheres instead would lose the eye that lies on a
+    sphere, two spheres that touch, or the light within a shell. With it,
+
+        a = |B^T d|^2,    b = (B^T d) . (C - o),    c = |C - o|^2 - r^2
+
+    are exact numbers, and so is every decision. (B^T d) . f is d . (B f), so a centre in camera space serves for b.
+
+Which numbers that takes
+    A ray from the eye, or from any point with given coordinates, needs rational numbers only. A ray that starts on a
+    sphere starts at P = C + r n / |n|, and |n| = sqrt(s) is a square root: its numbers have the form p + q sqrt(s)
+    with p, q and s rational. Sums, differences and products of such numbers (of one s) have that form again, and their
+    sign is found by squaring, see Surd. So there is no precision to choose and nothing to iterate: equal is equal.
+
+    The two ends of a ray through a sphere, t = (b -/+ sqrt(D)) / a, have one root more. They are compared with each
+    other, and with the ends of a ray's range, by squaring once or twice more, see Root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+ZERO = Fraction(0)
+
+
+class Surd:
+    """The real number p + q sqrt(s), exactly; p, q and s >= 0 are rational.
+
+    Numbers that meet in a sum, a difference or a product must have the same s; a rational number has any.
+    """
+
+    __slots__ = ("p", "q", "s")
+
+    def __init__(self, p: Fraction, q: Fraction = ZERO, s: Fraction = ZERO) -> None:
+        self.p, self.q, self.s = p, q, s if q else ZERO
+
+    def _root_of(self, other: Surd) -> Fraction:
+        if self.s and other.s and self.s != other.s:
+            raise ValueError("two different square roots meet")
+        return self.s or other.s
+
+    def __add__(self, other: Surd) -> Surd:
+        return Surd(self.p + other.p, self.q + other.q, self._root_of(other))
+
+    def __sub__(self, other: Surd) -> Surd:
+        return Surd(self.p - other.p, self.q - other.q, self._root_of(other))
+
+    def __mul__(self, other: Surd) -> Surd:
+        if not self.q and not other.q:
+            return Surd(self.p * other.p)
+        s = self._root_of(other)
+        return Surd(self.p * other.p + self.q * other.q * s, self.p * other.q + self.q * other.p, s)
+
+    def times(self, factor: Fraction | int) -> Surd:
+        return Surd(self.p * factor, self.q * factor, self.s)
+
+    def sign(self) -> int:
+        """-1, 0 or 1. Of two terms that differ in sign, the one with the larger square has it."""
+        p, q = _sign(self.p), _sign(self.q)
+        return _sign(p + q) if p * q >= 0 else p * _sign(self.p * self.p - self.q * self.q * self.s)
+
+    def between(self, bits: int) -> Interval:
+        """Two rational numbers with this one between them, that are closer the more bits are asked for."""
+        if not self.q:
+            return Interval(self.p, self.p)
+        root = _root_between(self.s, bits)
+        ends = sorted((self.p + self.q * root.low, self.p + self.q * root.high))
+        return Interval(*ends)
+
+
+def _sign(x: Fraction | int) -> int:
+    return (x > 0) - (x < 0)
+
+
+def sign_with_root(p: Surd, q: Surd, D: Surd) -> int:
+    """The sign of p + q sqrt(D), D >= 0: as in Surd.sign, with numbers that are surds themselves."""
+    x, y = p.sign(), q.sign() * D.sign()
+    return _sign(x + y) if x * y >= 0 else x * (p * p - q * q * D).sign()
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """All numbers from low to high."""
+
+    low: Fraction
+    high: Fraction
+
+
+def _root_between(s: Fraction, bits: int) -> Interval:
+    """Bounds of sqrt(s), s >= 0, within 2^-bits of it; both are the root itself if that is rational."""
+    # sqrt(n / d) = sqrt(n d) / d, and n d >= 1.
+    whole = s.numerator * s.denominator << 2 * bits
+    root, unit = math.isqrt(whole), s.denominator << bits
+    return Interval(Fraction(root, unit), Fraction(root if root * root == whole else root + 1, unit))
+
+
+Vector = tuple[Surd, Surd, Surd]
+Rational = tuple[Fraction, Fraction, Fraction]
+
+
+def rational(v: Iterable[float]) -> Rational:
+    """Doubles as the fractions that they are."""
+    x, y, z = (Fraction(a) for a in v)
+    return x, y, z
+
+
+def vector(v: Iterable[Fraction]) -> Vector:
+    x, y, z = (Surd(a) for a in v)
+    return x, y, z
+
+
+def minus(u: Vector, v: Vector) -> Vector:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+def dot(u: Vector, v: Vector) -> Surd:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The camera's axes in the world: the rows of B.
+
+    skew: a bound of |B B^T - 1| and of |B^T B - 1|, 0 for a camera along the world's axes.
+    """
+
+    rows: tuple[Rational, Rational, Rational]
+
+    @cached_property
+    def skew(self) -> float:
+        # The two matrices have the same eigenvalues. The sum of an error matrix's entries bounds its norm.
+        total = ZERO
+        for i, u in enumerate(self.rows):
+            for j, v in enumerate(self.rows):
+                total += abs(sum((x * y for x, y in zip(u, v, strict=True)), ZERO) - (i == j))
+        return math.nextafter(float(total), math.inf) if total else 0.0
+
+    def to_world(self, v: Iterable[float]) -> Rational:
+        """B^T v: the vector v of camera space along the world's axes."""
+        out = [ZERO, ZERO, ZERO]
+        for amount, row in zip(v, self.rows, strict=True):
+            if amount:
+                for i, x in enumerate(row):
+                    out[i] += Fraction(amount) * x
+        return out[0], out[1], out[2]
+
+    def to_camera(self, v: Rational) -> Rational:
+        """B v: the vector v of the world along the camera's axes."""
+        x, y, z = (sum((a * b for a, b in zip(row, v, strict=True) if a), ZERO) for row in self.rows)
+        return x, y, z
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere of the scene: its centre from the eye along the world's axes, and its radius."""
+
+    center: Rational
+    radius: Fraction
+
+    def power(self, p: Rational) -> Fraction:
+        """|p - center|^2 - radius^2, the power of a point: > 0 outside, 0 on the sphere, < 0 inside."""
+        square = sum(((a - b) * (a - b) for a, b in zip(p, self.center, strict=True)), ZERO)
+        return square - self.radius * self.radius
+
+    def point(self, n: Rational) -> Vector:
+        """The point center + radius n / |n|. As |n| = sqrt(s), it is center + (radius n / s) sqrt(s)."""
+        s = sum((x * x for x in n), ZERO)
+        x, y, z = (Surd(c, self.radius * a / s, s) for c, a in zip(self.center, n, strict=True))
+        return x, y, z
+
+
+@dataclass(frozen=True)
+class Line:
+    """The points start + t direction, from the eye along the world's axes."""
+
+    start: Vector
+    direction: Vector
+
+    def through(self, ball: Ball) -> Quadratic:
+        """The equation of the t at which the line meets a sphere."""
+        f, d = minus(vector(ball.center), self.start), self.direction
+        return Quadratic(dot(d, d), dot(f, d), dot(f, f) - Surd(ball.radius * ball.radius))
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """a t^2 - 2 b t + c = 0. Of the sphere that it comes from, c is the power of the line's start."""
+
+    a: Surd
+    b: Surd
+    c: Surd
+
+    @cached_property
+    def discriminant(self) -> Surd:
+        return self.b * self.b - self.a * self.c
+
+    def roots(self) -> Iterator[Root]:
+        """The near end and the far end; the same one twice where the line touches; none for a line without direction.
+
+        So a start on the sphere itself, c = 0, has the root 0, which no range that begins at 0 contains, and 2 b / a:
+        outwards it is never met again, inwards at the far side.
+        """
+        if self.a.sign() > 0 and self.discriminant.sign() >= 0:
+            yield Root(self, -1)
+            yield Root(self, 1)
+
+    def first(self, t_min: float, t_max: float) -> Root | None:
+        """The first end strictly between t_min and t_max."""
+        return next((root for root in self.roots() if root.is_between(t_min, t_max)), None)
+
+
+@dataclass(frozen=True)
+class Root:
+    """t = (b + side sqrt(D)) / a, where side is -1 for the near end and 1 for the far one."""
+
+    of: Quadratic
+    side: int
+
+    def sign_less(self, t: float) -> int:
+        """The sign of this root less t: that of (b - a t) + side sqrt(D), since a > 0."""
+        if math.isinf(t):
+            return -1 if t > 0 else 1
+        e = self.of
+        return sign_with_root(e.b - e.a.times(Fraction(t)), Surd(Fraction(self.side)), e.discriminant)
+
+    def is_between(self, t_min: float, t_max: float) -> bool:
+        return self.sign_less(t_min) > 0 and self.sign_less(t_max) < 0
+
+    def __lt__(self, other: Root) -> bool:
+        """Whether this root is strictly less than one of the same ray, whose a and s are the same.
+
+        a times the difference is x + y with x = (b - b') + side sqrt(D) and y = -side' sqrt(D'). Where x and y differ
+        in sign, the larger square decides: x^2 - y^2 is (b - b')^2 + D - D' plus 2 side (b - b') sqrt(D).
+        """
+        D, E, gap = self.of.discriminant, other.of.discriminant, self.of.b - other.of.b
+        x, y = sign_with_root(gap, Surd(Fraction(self.side)), D), -other.side * E.sign()
+        if x * y >= 0:
+            return x + y < 0
+        return x * sign_with_root(gap * gap + D - E, gap.times(2 * self.side), D) < 0
+
+    def value(self) -> Fraction:
+        """t within 2^-200 of itself, and with its sign.
+
+        Where b and side sqrt(D) differ in sign, t is c / (b - side sqrt(D)) instead, which does not cancel. What still
+        cancels is within b, c or D, so bits are added until there are enough: there are, since 0 is told apart first.
+        """
+        e = self.of
+        direct = self.side * e.b.sign() >= 0
+        if not direct and e.c.sign() == 0:
+            return ZERO
+        bits = 256
+        while True:
+            b, D = e.b.between(bits), e.discriminant.between(bits)
+            low, high = _root_between(max(D.low, ZERO), bits).low, _root_between(max(D.high, ZERO), bits).high
+            if e.discriminant.sign() == 0:
+                low = high = ZERO
+            side = self.side if direct else -self.side
+            ends = Interval(b.low + min(side * low, side * high), b.high + max(side * low, side * high))
+            numerator, denominator = (ends, e.a.between(bits)) if direct else (e.c.between(bits), ends)
+            t = _quotient(numerator, denominator)
+            if t and (t.high - t.low) <= abs(t.low) / 2**200:
+                return t.low
+            bits *= 2
+
+
+def _quotient(x: Interval, y: Interval) -> Interval | None:
+    """All quotients, or None while y may be 0."""
+    if y.low <= 0 <= y.high:
+        return None
+    ends = [p / q for p in (x.low, x.high) for q in (y.low, y.high)]
+    return Interval(min(ends), max(ends))

@@ -1,0 +1,146 @@
+"""What can be hit: Surface, which a new shape implements, and Sphere."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+from cltrace.reference.doubt import surely_blocks
+from cltrace.reference.equation import Equation, equation_of
+from cltrace.reference.exact import Ball, Frame, Rational, Root
+from cltrace.reference.lights import ShadowRay
+from cltrace.reference.rays import Ray, Start
+from cltrace.reference.vectors import Color, Direction, Point
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """Phong's coefficients and the colour of the surface."""
+
+    color: Color
+    ka: float
+    kd: float
+    ks: float
+    exponent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Intersection:
+    """All that an intersection test finds out.
+
+    point: where; t: at which multiple of the ray's direction; distance: how far, in scene units; normal: unit, facing
+    the side from which the ray came; inside: whether that was the inside; surface, index: what was hit.
+    """
+
+    point: Point
+    t: float
+    distance: float
+    normal: Direction
+    inside: bool
+    surface: Sphere
+    material: Material
+    index: int = -1
+
+    @property
+    def start(self) -> Start:
+        """The point as the start of further rays."""
+        return Start(self.surface, -self.normal if self.inside else self.normal)
+
+
+class Surface(ABC):
+    """Something that can be hit."""
+
+    material: Material
+
+    @abstractmethod
+    def intersect(self, ray: Ray) -> float | None:
+        """The smallest t of the ray, t_min < t < t_max, at which it meets the surface; None if it does not."""
+
+    @abstractmethod
+    def exact_t(self, ray: Ray) -> Root:
+        """That t of a ray that hits, exactly."""
+
+    @abstractmethod
+    def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
+        """Everything about the point at that t, where intersect() found the ray to hit."""
+
+    @abstractmethod
+    def blocks(self, ray: ShadowRay) -> bool:
+        """Whether this surface stands between the start of a shadow ray and the light."""
+
+
+class Sphere(Surface):
+    """The points P with |P - C| = r.
+
+    A ray o + t d meets it where |o + t d - C|^2 = r^2. Multiplied out, as in the tutorial but with b halved and turned,
+
+        a t^2 - 2 b t + c = 0,    a = d.d,    b = d.(C - o),    c = (C - o).(C - o) - r^2
+        t = (b -/+ sqrt(D)) / a,  D = b^2 - a c
+
+    D < 0 is a miss, D = 0 touches, D > 0 gives the two ends of the way through the sphere. equation.py computes these
+    numbers in such a form that they lose no digits, and says which of them doubles cannot decide; exact.py decides
+    those.
+
+    center: in camera space, rounded; radius; ball: centre and radius of the file, exactly, from the eye along the
+    world's axes; frame: the camera's axes, which lead from there to camera space.
+    """
+
+    def __init__(self, ball: Ball, frame: Frame, material: Material) -> None:
+        self.center = Point(*map(float, frame.to_camera(ball.center)))
+        self.radius = float(ball.radius)
+        self.ball, self.frame, self.material = ball, frame, material
+
+    def equation(self, ray: Ray) -> Equation:
+        return equation_of(self, ray)
+
+    def intersect(self, ray: Ray) -> float | None:
+        equation = self.equation(ray)
+        side = equation.side()
+        return None if side is None else equation.t(side)
+
+    def exact_t(self, ray: Ray) -> Root:
+        root = self.equation(ray).exact.first(ray.t_min, ray.t_max)
+        if root is None:
+            raise ValueError("the ray does not hit the sphere")
+        return root
+
+    def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
+        equation = self.equation(ray)
+        side = equation.side()
+        if side is None:
+            raise ValueError("the ray does not hit the sphere")
+        # From the centre to the point is r long but for rounding, so after the division by r one Newton step
+        # n (3 - n.n)/2 makes it unit to the last digits.
+        outward = equation.from_center(side, t) * (1 / self.radius)
+        outward = outward * (0.5 * (3 - outward.dot(outward)))
+        inside = side > 0
+        return Intersection(
+            point=ray.at(t),
+            t=t,
+            distance=equation.distance(t),
+            normal=-outward if inside else outward,
+            inside=inside,
+            surface=self,
+            material=self.material,
+            index=index,
+        )
+
+    def blocks(self, ray: ShadowRay) -> bool:
+        if ray.start.surface is self:
+            # A sphere is convex: from outside it is never in its own way, and from inside if and only if the light is
+            # strictly outside. The root 0 is not looked for.
+            return ray.inside and (ray.light.parallel or self.ball.power(ray.light.place) > 0)
+        sure = surely_blocks(self, ray)
+        return ray.line.through(self.ball).first(0.0, ray.t_max) is not None if sure is None else sure
+
+    @cached_property
+    def exact_power(self) -> Fraction:
+        """|C|^2 - r^2, the power of the eye: > 0 outside, 0 on the sphere, < 0 inside."""
+        origin: Rational = (Fraction(0), Fraction(0), Fraction(0))
+        return self.ball.power(origin)
+
+    @cached_property
+    def eye_power(self) -> float:
+        return float(self.exact_power)

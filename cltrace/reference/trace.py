@@ -1,0 +1,98 @@
+"""From a pixel to its colour. The names, and their order, are those of kernels/trace.cl."""
+
+from __future__ import annotations
+
+import math
+
+from cltrace.reference.lights import Light, ShadowRay
+from cltrace.reference.rays import EYE, Ray
+from cltrace.reference.surfaces import Intersection, Surface
+from cltrace.reference.vectors import Color, Direction
+from cltrace.reference.world import World
+from cltrace.scene import Camera
+
+BLACK: Color = (0.0, 0.0, 0.0)
+
+
+def primary_ray(camera: Camera, u: int, v: int) -> Ray:
+    """The ray through the centre of the pixel in column u and row v; row 0 is the top.
+
+    The tutorial's (2 (u + 0.5)/width - 1) tan(fov_x), as a whole number times the size of a pixel: symmetric pixels get
+    exactly symmetric rays. It is not normalised, so nothing is rounded that need not be.
+    """
+    width, height = camera.resolution
+    half_width, half_height = camera.image_plane()
+    x = (2 * u + 1 - width) * (half_width / width)
+    y = (height - 1 - 2 * v) * (half_height / height)
+    return Ray(EYE, Direction(x, y, -1.0))
+
+
+def closest_hit(world: World, ray: Ray) -> Intersection | None:
+    """The nearest intersection; of equally near ones, that with the surface of the lowest index."""
+    nearest, index = math.inf, -1
+    for i, surface in enumerate(world.surfaces):
+        t = surface.intersect(ray)
+        if t is not None and (index < 0 or comes_first(ray, surface, t, world.surfaces[index], nearest)):
+            nearest, index = t, i
+    return world.surfaces[index].intersection_at(ray, nearest, index) if index >= 0 else None
+
+
+def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: float) -> bool:
+    """Whether the ray meets a surface, at t, strictly before another one, at `best`.
+
+    A t is off by 2^-25 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal.
+    """
+    if not abs(t - best) > best * 2.0**-22:
+        return surface.exact_t(ray) < other.exact_t(ray)
+    return t < best
+
+
+def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
+    """Whether anything stands between the point and the light; what is behind the light does not."""
+    ray = ShadowRay(at.start, at.inside, light)
+    return any(surface.blocks(ray) for surface in world.surfaces)
+
+
+def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
+    """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
+    own, start, n, m = at.surface, at.start, at.normal, at.material
+    # n.(L - P) by way of the centre: P = center + radius n, so n.P needs no rounding.
+    if light.towards is not None:
+        cosine = start.normal.dot(light.towards)
+    else:
+        assert light.position is not None
+        cosine = start.normal.dot(light.position - own.center) - own.radius
+    if not (-cosine if at.inside else cosine) > 0:
+        return BLACK
+    w = light.direction_from(start)
+    if not any(w):
+        return BLACK  # a light that touches the point shines along the surface, if anywhere
+    strength = light.strength(w)
+    if strength == 0 or cast_shadow_ray(world, at, light):
+        return BLACK
+    l = w.normalized()  # noqa: E741
+    v = -ray.direction.normalized()
+    n_l = min(1.0, n.dot(l))
+    if not n_l > 0:
+        return BLACK
+    r = n * (2 * n.dot(l)) - l
+    highlight = m.ks * max(0.0, min(1.0, r.dot(v))) ** m.exponent
+    red, green, blue = (strength * (m.kd * c * n_l + highlight) * L for c, L in zip(m.color, light.color, strict=True))
+    return (red, green, blue)
+
+
+def trace(world: World, ray: Ray) -> tuple[Color, Intersection | None]:
+    """The colour that is seen along a ray, not clamped, and what is there."""
+    at = closest_hit(world, ray)
+    if at is None:
+        return world.background, None
+    red, green, blue = (at.material.ka * a * c for a, c in zip(world.ambient, at.material.color, strict=True))
+    for light in world.lights:
+        more = illuminate(world, ray, at, light)
+        red, green, blue = red + more[0], green + more[1], blue + more[2]
+    return (red, green, blue), at
+
+
+def byte_of(value: float, truncate: bool = False) -> int:
+    """0..255, linear: rounded to nearest, or down as the course's own pictures are."""
+    return int(max(0.0, min(1.0, value)) * 255 + (0.0 if truncate else 0.5))

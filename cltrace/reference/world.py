@@ -1,0 +1,79 @@
+"""A scene in camera space, as objects: the eye is the origin, x is right, y is up, -z is ahead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.reference.exact import Ball, Frame, Rational, rational
+from cltrace.reference.lights import Light
+from cltrace.reference.surfaces import Material, Sphere, Surface
+from cltrace.reference.vectors import Color, Direction, Point
+from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
+
+
+@dataclass(frozen=True)
+class World:
+    """A scene in camera space."""
+
+    camera: Camera
+    surfaces: Sequence[Surface]
+    lights: Sequence[Light]
+    ambient: Color
+    background: Color
+
+
+def world_of(scene: Scene) -> World:
+    """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once."""
+    right, up, back = scene.camera.basis()
+    frame = Frame((rational(right), rational(up), rational(back)))
+    eye = scene.camera.position
+    materials = [
+        Material(_color(m["color"]), *(float(m[k]) for k in ("ka", "kd", "ks", "exponent"))) for m in scene.materials
+    ]
+    surfaces = [
+        Sphere(
+            Ball(_from_eye(sphere["center"].tolist(), eye), Fraction(float(sphere["radius"]))),
+            frame,
+            materials[sphere["material"]],
+        )
+        for sphere in scene.spheres
+    ]
+    lights = [_light(light, eye, frame) for light in scene.lights[scene.lights["kind"] != AMBIENT]]
+    ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
+
+
+def _light(light: np.void, eye: Iterable[float], frame: Frame) -> Light:
+    color, direction = _color(light["color"]), light["direction"].tolist()
+    if light["kind"] == PARALLEL:
+        x, y, z = rational(direction)
+        return Light(color, -_turned(frame, direction), None, None, None, None, (-x, -y, -z))
+    place = _from_eye(light["position"].tolist(), eye)
+    position = Point(*map(float, frame.to_camera(place)))
+    if light["kind"] == SPOT:
+        alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
+        return Light(color, None, position, _turned(frame, direction), alpha1, alpha2, place)
+    return Light(color, None, position, None, None, None, place)
+
+
+def _from_eye(p: Iterable[float], eye: Iterable[float]) -> Rational:
+    x, y, z = (Fraction(a) - Fraction(b) for a, b in zip(p, eye, strict=True))
+    return x, y, z
+
+
+def _turned(frame: Frame, v: Sequence[float]) -> Direction:
+    """A unit direction of camera space, right to a few ulp. The largest coordinate goes to 1 first, for the range."""
+    largest = max(map(abs, v))
+    w = Direction(*(x / largest for x in v))
+    return Direction(*(Direction(*map(float, row)).dot(w) for row in frame.rows)).normalized()
+
+
+def _color(value: NDArray[np.float64]) -> Color:
+    r, g, b = value.tolist()
+    return (r, g, b)
