@@ -167,7 +167,7 @@ def _adapted(scene: Scene, args: argparse.Namespace) -> Scene:
         camera = replace(camera, resolution=args.size)
     if args.square_pixels:
         camera = replace(camera, square_pixels=True)
-    return replace(scene, camera=camera)
+    return scene.seen_by(camera)
 
 
 def _target(scene: Scene, args: argparse.Namespace) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import timedelta
 
 import mpmath
@@ -18,7 +18,7 @@ from cltrace.scene import MATERIAL, SPHERE
 
 GOOD = {"centers": [(0, 0, -3), (1, 0, -3)], "radii": 0.5}
 MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
-BYTES = "must be linear with 1 as full, but integers up to {} look like bytes of 0 to 255; divide by 255"
+BYTES = "must be linear with 1 as full, but whole numbers up to {} look like bytes of 0 to 255; divide by 255"
 SPHERES, MATERIALS = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
 
 
@@ -96,6 +96,7 @@ def build(**changed: object) -> Scene:
         # Colours that are bytes.
         ({"colors": (255, 128, 0)}, f"colors: {BYTES.format(255)}"),
         ({"colors": np.full((2, 3), 7, np.uint8)}, f"colors: {BYTES.format(7)}"),
+        ({"colors": (255.0, 128.0, 0.0)}, f"colors: {BYTES.format(255)}"),
         ({"background": (0, 2, 0)}, f"background: {BYTES.format(2)}"),
         # Arguments in each other's place.
         (
@@ -142,7 +143,7 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         ),
         (
             lambda: Scene([], Camera(), SPHERES, MATERIALS),  # type: ignore[arg-type]
-            "camera: must be a cltrace.Camera, got []; the order is camera, lights, spheres",
+            "camera: must be a cltrace.Camera, got []; the order is camera, lights, spheres, materials",
         ),
         (
             lambda: Scene(Camera(), [], SPHERES, MATERIALS, (0, 0, 0), 5),  # type: ignore[arg-type]
@@ -153,6 +154,7 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
             "camera: must be a cltrace.Camera, got a list of arrays; "
             "the order is camera, lights, centers, radii, colors",
         ),
+        (lambda: build().seen_by((0, 0, 1)), "camera: must be a cltrace.Camera, got (0, 0, 1)"),  # type: ignore[arg-type]
         (lambda: build(lights=5), "lights: must be a list of lights, got 5"),
         (
             lambda: build(lights=[(1, 2, 3)]),
@@ -190,6 +192,12 @@ def test_bad_lights(call: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError) as caught:
         call()
     assert str(caught.value) == message
+
+
+def test_colors_that_are_no_bytes() -> None:
+    for colors in ((1, 0, 1), (2.5, 1, 0), (1000, 0, 0), np.ones((2, 3), np.uint8)):
+        assert np.array_equal(build(colors=colors).materials["color"], np.atleast_2d(colors))
+    assert build(background=(2.0, 0, 0)).background == (2, 0, 0)
 
 
 def test_a_light_may_be_brighter_than_1() -> None:
@@ -278,6 +286,18 @@ def test_scene_is_immutable_and_a_copy() -> None:
     assert scene.spheres["radius"].tolist() == [1, 2]
     with pytest.raises(ValueError):
         scene.spheres["radius"][0] = 3
+
+
+def test_seen_by_another_camera() -> None:
+    """What a scene made anew would hold, without a copy."""
+    scene, camera = build(background=(0.1, 0.2, 0.3), output_file="x.png"), Camera((0, 0, 9))
+    other, anew = scene.seen_by(camera), replace(scene, camera=camera)
+    for field in fields(Scene):
+        assert np.array_equal(getattr(other, field.name), getattr(anew, field.name)), field.name
+    assert other.camera is camera
+    assert scene.camera == Camera()
+    assert other.spheres is scene.spheres
+    assert not anew.spheres.flags.writeable
 
 
 def test_pickle() -> None:

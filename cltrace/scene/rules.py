@@ -105,17 +105,20 @@ def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:
     return (x, y, z)
 
 
-def check_not_bytes(name: str, color: ArrayLike) -> None:
-    """Raises ValueError where a colour is given in integers of which one is within 2..255.
+def check_not_bytes(name: str, color: ArrayLike, reflected: bool = False) -> None:
+    """Raises ValueError where colours are whole numbers of 0 to 255 and one of them is above 1.
 
-    Colours are linear with 1 as full. Integers above 1 are bytes in all likelihood; who means such a brightness writes
-    it as a float, 2.0.
+    Colours are linear with 1 as full. reflected: this is the share of the light that a surface returns, of which more
+    than 1 makes little sense, so whole floats are refused as integers are. A light may be brighter than 1; whoever
+    means that writes a float, such as 2.0.
     """
     array = np.asarray(color)
-    if array.dtype.kind in "iu" and array.size and 1 < array.max() <= 255:
+    if array.dtype.kind not in ("iuf" if reflected else "iu") or not array.size or not 1 < array.max() <= 255:
+        return
+    if (array == np.rint(array)).all():
         raise ValueError(
-            f"{name}: must be linear with 1 as full, but integers up to {array.max()} look like bytes of 0 to 255; "
-            "divide by 255"
+            f"{name}: must be linear with 1 as full, but whole numbers up to {array.max():g} look like bytes of "
+            "0 to 255; divide by 255"
         )
 
 

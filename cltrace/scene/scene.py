@@ -7,7 +7,7 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from cltrace.scene.rules import (
     numbers,
     vector,
 )
-from cltrace.scene.surfaces import SPHERE, check_spheres
+from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, check_spheres
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 
@@ -61,25 +61,39 @@ class Scene:
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
     ) -> None:
-        if not isinstance(camera, Camera):
-            raise TypeError(
-                f"camera: must be a cltrace.Camera, got {described(camera)}; the order is camera, lights, spheres"
-            )
+        _check_camera(camera, "camera, lights, spheres, materials")
+        balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
+        check_spheres(balls, len(shades))
+        check_materials(shades)
+        self._fill(camera, joined(lights), balls, shades, background, output_file)
+
+    def _fill(
+        self,
+        camera: Camera,
+        lights: NDArray[np.void],
+        spheres: NDArray[np.void],
+        materials: NDArray[np.void],
+        background: ArrayLike,
+        output_file: str,
+    ) -> None:
+        """Takes these arrays as they are, of which spheres and materials have been checked."""
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
-        values = {
-            "camera": camera,
-            "lights": joined(lights),
-            "spheres": _records("spheres", spheres, SPHERE),
-            "materials": _records("materials", materials, MATERIAL),
-            "background": vector("background", background, NOT_NEGATIVE),
-            "output_file": output_file,
-        }
+        check_lights(lights)
+        color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
-        self.__setstate__(values)
-        check_spheres(self.spheres, len(self.materials))
-        check_materials(self.materials)
-        check_lights(self.lights)
+        values = (camera, lights, spheres, materials, color, output_file)
+        self.__setstate__(dict(zip((f.name for f in fields(self)), values, strict=True)))
+
+    def seen_by(self, camera: Camera) -> Scene:
+        """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
+
+        dataclasses.replace() gives the same, but copies and checks everything anew.
+        """
+        _check_camera(camera)
+        other = object.__new__(type(self))
+        other.__setstate__({**self.__dict__, "camera": camera})
+        return other
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
@@ -117,25 +131,32 @@ class Scene:
 
         Raises ValueError, which names the argument and the index, and TypeError as Scene does.
         """
-        if not isinstance(camera, Camera):
-            raise TypeError(
-                f"camera: must be a cltrace.Camera, got {described(camera)}; "
-                "the order is camera, lights, centers, radii, colors"
-            )
+        _check_camera(camera, "camera, lights, centers, radii, colors")
         lights = joined(lights)
         points = _points(centers, radii)
         n = len(points)
+        if n > MAX_SPHERES:
+            raise ValueError(f"centers: must be at most {MAX_SPHERES}, got {n}")
         check_rule("centers", ANY, points)
         spheres = np.empty(n, SPHERE)
         spheres["center"], spheres["radius"] = points, _values("radii", POSITIVE, radii, (n,))
         shade = {"color": _values("colors", NOT_NEGATIVE, colors, (n, 3))}
-        check_not_bytes("colors", colors)
+        check_not_bytes("colors", shade["color"], reflected=True)
         for name, value in (("kd", kd), ("ks", ks), ("exponent", exponent)):
             shade[name] = _values(name, NOT_NEGATIVE, value, (n,))
         shade["ka"] = shade["kd"] if ka is None else _values("ka", NOT_NEGATIVE, ka, (n,))
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in COEFFICIENTS)
         spheres["material"] = 0 if one else np.arange(n)
-        return cls(camera, lights, spheres, packed(1 if one else n, shade), background, output_file)
+        scene = cls.__new__(cls)
+        scene._fill(camera, lights, spheres, packed(1 if one else n, shade), background, output_file)
+        return scene
+
+
+def _check_camera(camera: object, order: str = "") -> None:
+    """Raises TypeError, which says the order of the arguments, if this is no camera."""
+    if not isinstance(camera, Camera):
+        advice = f"; the order is {order}" if order else ""
+        raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
 
 
 def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[np.float64]:
