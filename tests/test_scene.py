@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from array import array
 from collections.abc import Callable
 from dataclasses import fields, replace
 from datetime import timedelta
@@ -79,6 +80,7 @@ def build(**changed: object) -> Scene:
         ({"radii": np.datetime64(1, "s")}, "radii: must be numbers, got 1970-01-01T00:00:01 (datetime64[s])"),
         ({"radii": [np.True_, 1]}, "radii: must be numbers, got True (bool) among them"),
         ({"radii": [1, None]}, "radii: must be numbers, got None among them"),
+        ({"radii": b"12"}, "radii: must be numbers, got b'12'"),
         ({"radii": {1, 2}}, "radii: must be numbers, got {1, 2}"),
         ({"radii": MASKED}, "radii: must not be masked; use its filled() or compressed()"),
         ({"radii": [1, np.ma.masked]}, "radii: must not be masked; use its filled() or compressed()"),
@@ -224,7 +226,9 @@ def test_vectors_are_whatever_numpy_takes() -> None:
     assert hash(camera) == hash(replace(camera))
     light = cltrace.spot_light(np.ones(3), [0, 0, -1], np.float32(10), 20)
     assert np.array_equal(light, cltrace.spot_light((1, 1, 1), (0, 0, -1), 10, 20))
-    scene = build(lights=light, background=np.full(3, 0.5))
+    scene = build(lights=light, radii=range(1, 3), ks=array("d", [0, 1]), background=np.full(3, 0.5))
+    assert scene.spheres["radius"].tolist() == [1, 2]
+    assert scene.materials["ks"].tolist() == [0, 1]
     assert scene.background == (0.5, 0.5, 0.5)
     again = Scene(camera, [light, light], scene.spheres, scene.materials)
     assert again.lights.shape == (2,)
@@ -298,6 +302,10 @@ def test_seen_by_another_camera() -> None:
     assert scene.camera == Camera()
     assert other.spheres is scene.spheres
     assert not anew.spheres.flags.writeable
+
+
+def test_repr_is_short() -> None:
+    assert repr(build()) == "<cltrace.Scene 512x512: 2 spheres, 1 lights>"
 
 
 def test_pickle() -> None:

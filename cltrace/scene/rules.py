@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,7 +161,7 @@ def _refuse_strangers(name: str, value: object, depth: int = 0) -> None:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "iuf":
             raise ValueError(f"{name}: must be numbers, got {described(value)}")
-    elif isinstance(value, (list, tuple)) and depth < _DEEPEST:
+    elif isinstance(value, Sequence) and not isinstance(value, (str, bytes, bytearray)) and depth < _DEEPEST:
         if not set(map(type, value)) <= {int, float}:
             for element in value:
                 _refuse_strangers(name, element, depth + 1)

@@ -33,7 +33,7 @@ from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, check_spheres
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene:
     """Everything that a picture depends on. Immutable and picklable. `Scene.from_spheres` makes one of plain arrays.
 
@@ -94,6 +94,10 @@ class Scene:
         other = object.__new__(type(self))
         other.__setstate__({**self.__dict__, "camera": camera})
         return other
+
+    def __repr__(self) -> str:
+        width, height = self.camera.resolution
+        return f"<cltrace.Scene {width}x{height}: {len(self.spheres)} spheres, {len(self.lights)} lights>"
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
