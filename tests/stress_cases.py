@@ -18,13 +18,33 @@ from cltrace.reference.check import sample
 from cltrace.run.devices import Device
 from cltrace.scene import POINT
 
-# Always the same outputs: one program for all scenes of one kind.
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 
 
-def picture(scene: Scene, device: Device, precision: str = "accurate", width: int | None = None) -> Image:
-    """All outputs of a scene."""
-    return Renderer(scene, device, precision, OUTPUTS, width=width).render()
+def renderer(
+    scene: Scene,
+    device: Device | None = None,
+    precision: str = "accurate",
+    width: int | None = None,
+    keep: tuple[str, ...] = (),
+    crop: tuple[int, int, int, int] | None = None,
+) -> Renderer:
+    """A renderer of all outputs, by the kernel with all features: one program serves all tests of a precision and a
+    width. To compile one takes longer than most tests; test_scenes.py says that no picture depends on it.
+    """
+    return Renderer(scene, device, precision, OUTPUTS, crop, width=width, keep=("features", *keep))
+
+
+def picture(
+    scene: Scene,
+    device: Device | None = None,
+    precision: str = "accurate",
+    width: int | None = None,
+    keep: tuple[str, ...] = (),
+    crop: tuple[int, int, int, int] | None = None,
+) -> Image:
+    """What such a renderer draws."""
+    return renderer(scene, device, precision, width, keep, crop).render()
 
 
 def channel(image: Image, name: str) -> np.ndarray:

@@ -149,11 +149,12 @@ def test_all_that_is_skipped_is_measured(any_device: Device) -> None:
     assert set(KEEPS) == set(max(kept, key=len))
 
 
-def test_measuring(any_device: Device) -> None:
+@pytest.mark.parametrize("long", [False, pytest.param(True, marks=pytest.mark.stress)])
+def test_measuring(any_device: Device, long: bool) -> None:
     """Every tracer has a row with times and errors; what has no reference has those of the sample."""
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
     rows: list[measure.Row] = []
-    every = measure.configurations(any_device, ("accurate", "single", "double"), quick=False)
+    every = measure.configurations(any_device, ("accurate", "single", "double"), quick=not long)
     plan = measure.Plan(rounds=2, seconds=1e9, sample=60)
     measure.measure(case, every, tracers.Product(any_device, "double"), plan, rows, lambda text: None)
     assert [row.name for row in rows] == [t.name for t in every]

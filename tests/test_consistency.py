@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import SCENES, world
 from random_scenes import random_scene
+from stress_cases import picture
 
 import cltrace
 from cltrace import Scene
@@ -44,9 +45,7 @@ def expected(name: str) -> Expected:
     scene = load(name)
     width, height = scene.camera.resolution
     # Where ids change is most to be got wrong. Which pixels those are, any device may say.
-    ids = cltrace.render(scene, outputs=("id",)).id
-    assert ids is not None
-    at = sample(ids, min(width * height, max(100, min(2500, TESTS // len(scene.spheres)))))
+    at = sample(picture(scene).id, min(width * height, max(100, min(2500, TESTS // len(scene.spheres)))))
     results = [trace(world(scene), primary_ray(scene.camera, int(i) % width, int(i) // width)) for i in at]
     return Expected(
         at,
@@ -66,10 +65,7 @@ def test_kernel_agrees_with_the_reference(device: Device, width: int, precision:
     differing = total = 0
     for name in NAMES:
         want = expected(name)
-        image = cltrace.Renderer(load(name), device, precision, ("rgb8", "id", "depth"), width=width).render()
-        assert image.rgb8 is not None
-        assert image.id is not None
-        assert image.depth is not None
+        image = picture(load(name), device, precision, width)
         levels = np.abs(image.rgb8.reshape(-1, 3)[want.at].astype(int) - want.rgb8).max(axis=1)
         differing += int((levels > 0).sum())
         total += len(want.at)
@@ -89,9 +85,7 @@ def test_kernel_agrees_with_the_reference(device: Device, width: int, precision:
 def test_normals_and_directions(device: Device, precision: str) -> None:
     for name in [*(path.stem for path in SCENES[:6]), *map(str, range(6))]:
         scene, want = load(name), expected(name)
-        picture = cltrace.render(scene, device, precision, ("normal", "direction"))
-        assert picture.normal is not None
-        assert picture.direction is not None
+        image = picture(scene, device, precision)
         basis = np.array(scene.camera.basis())
         columns = scene.camera.resolution[0]
         for i in want.at[:: max(1, len(want.at) // 200)]:
@@ -99,16 +93,16 @@ def test_normals_and_directions(device: Device, precision: str) -> None:
             _, hit = trace(world(scene), ray)
             d = ray.direction.normalized()
             direction = np.array([d.x, d.y, d.z]) @ basis
-            assert np.abs(picture.direction.reshape(-1, 3)[i] - direction).max() <= 1e-7
+            assert np.abs(image.direction.reshape(-1, 3)[i] - direction).max() <= 1e-7
             normal = np.array([hit.normal.x, hit.normal.y, hit.normal.z]) @ basis if hit else np.zeros(3)
-            assert np.abs(picture.normal.reshape(-1, 3)[i] - normal).max() <= 1e-7
+            assert np.abs(image.normal.reshape(-1, 3)[i] - normal).max() <= 1e-7
 
 
 def test_drivers_agree_on_ids_and_distances() -> None:
     """Double precision is rounded the same everywhere, so all drivers and packet widths give the same bits."""
     for name in map(str, RANDOM):
         images = [
-            cltrace.Renderer(load(name), device, "accurate", ("id", "depth"), width=width).render()
+            picture(load(name), device, "accurate", width)
             for device in cltrace.devices()
             if device.has_double
             for width in {1, device.width}
@@ -121,9 +115,9 @@ def test_drivers_agree_on_ids_and_distances() -> None:
 def test_crop_is_those_pixels_of_the_whole_picture(device: Device, width: int) -> None:
     scene = load("1")
     for precision in ("accurate", "single"):
-        whole = cltrace.Renderer(scene, device, precision, ("rgb8", "id", "depth"), width=width).render()
+        whole = picture(scene, device, precision, width)
         for crop in [(0, 0, 1, 1), (3, 5, 20, 18), (0, 7, 33, 8), (13, 2, 14, 31)]:
-            part = cltrace.Renderer(scene, device, precision, ("rgb8", "id", "depth"), crop, width=width).render()
+            part = picture(scene, device, precision, width, crop=crop)
             x0, y0, x1, y1 = crop
             for name in ("rgb8", "id", "depth"):
                 assert np.array_equal(getattr(whole, name)[y0:y1, x0:x1], getattr(part, name)), (name, crop)
@@ -133,21 +127,23 @@ def test_packet_width_changes_nothing(device: Device) -> None:
     """A lane never depends on its neighbours."""
     for seed in range(8):
         for precision in ("accurate", "double", "single"):
-            wide = cltrace.Renderer(load(str(seed)), device, precision, ("color", "depth")).render()
-            one = cltrace.Renderer(load(str(seed)), device, precision, ("color", "depth"), width=1).render()
+            wide = picture(load(str(seed)), device, precision)
+            one = picture(load(str(seed)), device, precision, 1)
             assert np.array_equal(wide.depth, one.depth)
             assert np.allclose(wide.color, one.color, rtol=0, atol=2e-6)
 
 
+LEAN = ("rgb8", "color", "depth", "id")
+
+
 def unskipped(device: Device, names: list[str], precisions: tuple[str, ...]) -> None:
-    """Pictures with and without each thing that is skipped: the same bits."""
-    outputs = ("rgb8", "color", "depth", "id")
+    """Pictures with and without each thing that is skipped: the same bits. For features, see test_scenes.py."""
     for name in names:
         for precision in precisions:
-            usual = cltrace.Renderer(load(name), device, precision, outputs).render()
-            for keep in KEEPS:
-                other = cltrace.Renderer(load(name), device, precision, outputs, keep=(keep,)).render()
-                for output in outputs:
+            usual = picture(load(name), device, precision)
+            for keep in set(KEEPS) - {"features"}:
+                other = picture(load(name), device, precision, keep=(keep,))
+                for output in LEAN:
                     same = np.array_equal(getattr(usual, output), getattr(other, output))
                     assert same, (name, precision, keep, output)
 
@@ -160,6 +156,10 @@ def test_what_is_skipped_changes_no_bit(device: Device) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_skipped_changes_no_bit_of_any_scene(device: Device, name: str) -> None:
     unskipped(device, [name], ("accurate", "single", "double"))
+    for precision in ("accurate", "single", "double"):
+        lean, full = cltrace.render(load(name), device, precision, LEAN), picture(load(name), device, precision)
+        for output in LEAN:
+            assert np.array_equal(getattr(lean, output), getattr(full, output)), (name, precision, output)
 
 
 def test_shadow_rays_are_counted(device: Device) -> None:

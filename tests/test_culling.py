@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from random_scenes import crowded, fuzzed_scene, random_scene
+from stress_cases import OUTPUTS, picture, renderer
 
 import cltrace
 from cltrace import Camera, Scene
@@ -17,13 +18,12 @@ LAMP = cltrace.point_light((3, 9, 6))
 SUN = cltrace.parallel_light((-0.3, -1, -0.2))
 
 
-def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precision: str, also: tuple[str, ...]) -> None:
-    """The same bits with and without each of these skips. also: what is kept in both."""
-    outputs = ("rgb8", "color", "normal", "depth", "id")
-    want = cltrace.Renderer(scene, device, precision, outputs, keep=also).render()
+def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precision: str) -> None:
+    """The same bits with and without each of these skips."""
+    want = picture(scene, device, precision)
     for name in names:
-        image = cltrace.Renderer(scene, device, precision, outputs, keep=(*also, name)).render()
-        for output in outputs:
+        image = picture(scene, device, precision, keep=(name,))
+        for output in OUTPUTS:
             assert np.array_equal(getattr(image, output), getattr(want, output)), (name, precision, output)
 
 
@@ -35,23 +35,23 @@ def test_spheres_inside_others_are_left_out(device: Device, lights: list[np.ndar
     centers = np.concatenate([[(0, 1, 0), (2.5, 0.5, 0)], inner])
     scene = Scene.from_spheres(CAMERA, lights, centers, [1.0, 0.5, *[0.2] * len(inner)])
     for precision in ("accurate", "single", "double"):
-        renderer = cltrace.Renderer(scene, device, precision)
-        assert renderer.skipped["spheres inside others, or the same"] == len(inner)
-        compare(scene, device, ("hidden",), precision, ())
+        drawn = renderer(scene, device, precision)
+        assert drawn.skipped["spheres inside others, or the same"] == len(inner)
+        compare(scene, device, ("hidden",), precision)
 
 
 def test_spheres_inside_one_that_holds_a_light_or_the_eye_stay(device: Device) -> None:
     centers, radii = [(0, 0, 0), (0.3, 0, 0)], [2.0, 0.2]
     for light, eye in ((cltrace.point_light((0, 1, 0)), (0, 2, 12)), (LAMP, (0, 0, 1))):
         camera = Camera(eye, (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
-        assert cltrace.Renderer(Scene.from_spheres(camera, [light], centers, radii), device).skipped[
+        assert renderer(Scene.from_spheres(camera, [light], centers, radii), device).skipped[
             "spheres inside others, or the same"
         ] == 0  # fmt: skip
     # A sphere that touches from inside shows at that point.
     camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=25, resolution=(65, 49), square_pixels=False)
     touching = Scene.from_spheres(camera, [LAMP], [(0, 0, 0), (0, 0, 1)], [2.0, 1.0])
-    assert cltrace.Renderer(touching, device).skipped["spheres inside others, or the same"] == 0
-    compare(touching, device, ("hidden",), "accurate", ())
+    assert renderer(touching, device).skipped["spheres inside others, or the same"] == 0
+    compare(touching, device, ("hidden",), "accurate")
 
 
 @pytest.mark.parametrize("many", [2, 3000], ids=["few", "many"])
@@ -63,17 +63,16 @@ def test_of_equal_spheres_only_the_first_is_looked_at(device: Device, many: int)
     order = np.random.default_rng(4).permutation(len(centers))
     scene = Scene.from_spheres(CAMERA, [LAMP, SUN], centers[order], radii[order], colors[order])
     for precision in ("accurate", "single", "double"):
-        renderer = cltrace.Renderer(scene, device, precision, ("id",))
+        drawn = renderer(scene, device, precision)
         # The one that is an ulp smaller is inside another one, but by less than a rounding; it may come between two.
-        assert 2 * (many - 1) - renderer.skipped["spheres inside others, or the same"] in (0, 1)
-        ids = renderer.render().id
-        assert ids is not None
+        assert 2 * (many - 1) - drawn.skipped["spheres inside others, or the same"] in (0, 1)
+        ids = drawn.render().id
         first = [
             int(np.flatnonzero((centers[order] == c).all(axis=1) & (radii[order] == 1))[0]) for c in centers[[0, -1]]
         ]
         assert set(np.unique(ids).tolist()) == {-1, *first}
         if many < 100:
-            compare(scene, device, ("hidden",), precision, ())
+            compare(scene, device, ("hidden",), precision)
 
 
 @pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
@@ -81,16 +80,16 @@ def test_shadow_rays_that_nothing_can_stop(device: Device, light: np.ndarray) ->
     """A row of balls across the light stands in nobody's way; one that hangs over the first one does."""
     row = [(x, 0.0, 0.0) for x in (-4.5, -1.5, 1.5, 4.5)]
     free = Scene.from_spheres(CAMERA, [light], row, 0.4)
-    work = cltrace.Renderer(free, device).work()
+    work = renderer(free, device).work()
     assert work[WORK[0]] == 0
     assert work[WORK[2]] > 0
     towards = np.array([3, 9, 6]) - row[0] if light is LAMP else np.array([0.3, 1, 0.2])
     over = tuple(np.array(row[0]) + 2 * towards / np.linalg.norm(towards))
     shaded = Scene.from_spheres(CAMERA, [light], [*row, over], [0.4] * 4 + [0.3])
-    work = cltrace.Renderer(shaded, device).work()
+    work = renderer(shaded, device).work()
     assert 0 < work[WORK[0]] < work[WORK[2]]
     for scene in (free, shaded):
-        compare(scene, device, ("unstopped", "receivers"), "accurate", ())
+        compare(scene, device, ("unstopped", "receivers"), "accurate")
 
 
 @pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
@@ -100,21 +99,18 @@ def test_spheres_that_shadow_nothing_seen_are_in_no_list_of_a_light(device: Devi
     seen = rng.uniform(-2, 2, (30, 3))
     away = rng.uniform(-2, 2, (50, 3)) + (0, -10, 60)
     scene = Scene.from_spheres(CAMERA, [light], np.concatenate([seen, away]), 0.3)
-    renderer = cltrace.Renderer(scene, device)
-    assert renderer.skipped["spheres that shadow nothing seen, per light"] >= 50
-    compare(scene, device, ("receivers",), "accurate", ())
+    assert renderer(scene, device).skipped["spheres that shadow nothing seen, per light"] >= 50
+    compare(scene, device, ("receivers",), "accurate")
 
 
 def test_highlights_too_faint_for_a_byte(device: Device) -> None:
     scene = Scene.from_spheres(CAMERA, [LAMP], [(0, 0, 0)], 2.0, ks=1, exponent=500)
-    work = cltrace.Renderer(scene, device).work()
+    work = renderer(scene, device).work()
     assert work["highlights too faint for a pixel"] > work["highlights computed"] > 0
-    accurate, double = (cltrace.render(scene, device, p, ("rgb8", "color")) for p in ("accurate", "double"))
-    assert accurate.color is not None
-    assert double.color is not None
+    accurate, double = (picture(scene, device, p) for p in ("accurate", "double"))
     assert np.abs(accurate.color - double.color).max() <= 1e-6
     brighter = Scene.from_spheres(CAMERA, [cltrace.point_light((3, 9, 6), (1e6, 1e6, 1e6))], [(0, 0, 0)], 2.0, ks=1)
-    assert cltrace.Renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
+    assert renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
 
 
 def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> None:
@@ -126,31 +122,28 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
         CAMERA, [LAMP, SUN], np.concatenate([centers, centers[again]]), np.concatenate([radii, radii[again]])
     )
     for precision in ("accurate", "single", "double"):
-        ids = cltrace.render(scene, device, precision, ("id",)).id
-        assert ids is not None
+        ids = picture(scene, device, precision).id
         assert ids.max() < 2500
         assert len(np.unique(ids)) > 500
-        compare(scene, device, ("order", "lists", "receivers"), precision, ())
+        compare(scene, device, ("order", "lists", "receivers"), precision)
 
 
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fetching ahead, other levels, bounds made in blocks: as if 20 spheres were a million."""
-    outputs = ("rgb8", "color", "normal", "depth", "id")
     for seed in range(6):
         scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed)
         for precision in ("accurate", "single"):
-            # All features, so that all scenes share two programs.
-            want = cltrace.Renderer(scene, device, precision, outputs, keep=("features",)).render()
+            want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
                 patch.setattr(layout, "PLENTY", 1)
                 patch.setattr(layout, "MANY", 1)
                 patch.setattr(lists, "SPARE", 1)
                 patch.setattr(lists, "BLOCK", 8)
                 patch.setattr(lists, "SAMPLE", 1)
-                renderer = cltrace.Renderer(scene, device, precision, outputs, keep=("features",))
-                assert "WITH_PREFETCH" in renderer.packed.features
-                image = renderer.render()
-            for output in outputs:
+                drawn = renderer(scene, device, precision)
+                assert "WITH_PREFETCH" in drawn.packed.features
+                image = drawn.render()
+            for output in OUTPUTS:
                 assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
 
 
@@ -159,24 +152,23 @@ def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
     camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7), square_pixels=False)
     scene = Scene.from_spheres(camera, [], [(3.4e38, 0, 0)], [3.4e38])
     for precision in ("accurate", "double"):
-        ids = cltrace.render(scene, device, precision, ("id",)).id
-        assert ids is not None
+        ids = picture(scene, device, precision).id
         assert (ids == 0).all()
 
 
-# What only changes the packed scene, so that all scenes share two programs when all features are kept.
+# What only changes the packed scene: no program has to be compiled for it.
 PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
 
 
 def scenes(seeds: range) -> None:
     for seed in seeds:
         scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
-        compare(scene, choose(), PACKED, "accurate", ("features",))
+        compare(scene, choose(), PACKED, "accurate")
         # In single, a black light may be so far away that nothing else is left of float32's range beside it.
-        compare(scene, choose(), tuple(name for name in PACKED if name != "lights"), "single", ("features",))
+        compare(scene, choose(), tuple(name for name in PACKED if name != "lights"), "single")
         # In single, a shadow ray may meet a sphere of less than a thousandth of its distance where it is not, and where
         # no list holds it.
-        compare(crowded(scene, seed), choose(), PACKED, "accurate", ("features",))
+        compare(crowded(scene, seed), choose(), PACKED, "accurate")
 
 
 def test_no_scene_tells_what_was_left_out() -> None:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from conftest import world
 from random_scenes import fuzzed_scene, random_scene
+from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.reference import byte_of, primary_ray, trace
-from cltrace.run.devices import Device, choose
+from cltrace.run.devices import Device
 
 TRANSFORMS = {
     "R=1e3": (1e3, 0, 1),
@@ -45,7 +46,7 @@ def hostile(name: str, size: tuple[int, int]) -> Scene:
 
 def compare(device: Device, name: str, size: tuple[int, int]) -> None:
     scene = hostile(name, size)
-    accurate, double = (cltrace.render(scene, device, p, ("rgb8", "id")) for p in ("accurate", "double"))
+    accurate, double = (picture(scene, device, p) for p in ("accurate", "double"))
     assert np.array_equal(accurate.id, double.id)
     levels = np.abs(accurate.rgb8.astype(int) - double.rgb8).max(axis=-1)
     assert levels.max() <= 1
@@ -78,7 +79,7 @@ def test_picture_at_the_ends_of_the_range(device: Device, k: int) -> None:
     moved = replace(camera, position=position, lookat=lookat)
     scaled = Scene(moved, lights, spheres, scene.materials, scene.background)
     for precision in ("accurate", "single", "double"):
-        usual, other = (cltrace.render(s, device, precision, ("rgb8", "color", "id")) for s in (scene, scaled))
+        usual, other = (picture(s, device, precision) for s in (scene, scaled))
         assert np.array_equal(usual.id, other.id)
         assert np.array_equal(usual.color, other.color)
         assert np.array_equal(usual.rgb8, other.rgb8)
@@ -104,7 +105,7 @@ def shadows(device: Device, side: int) -> int:
                 else:
                     balls, radii = [center, far], [R, R]
                 scene = Scene.from_spheres(camera, [light], balls, radii, ka=0, kd=1, ks=0)
-                image = cltrace.render(scene, device, "accurate", ("color", "id", "shadow_rays"))
+                image = picture(scene, device)
                 cast = (image.shadow_rays > 0) & (image.id == 0)
                 lit = image.color[..., 0] > 0
                 rays += int(cast.sum())
@@ -125,20 +126,19 @@ def test_no_self_shadow_and_no_leak_in_ten_million_rays(device: Device) -> None:
     assert shadows(device, 900) >= 10_000_000
 
 
-def look_for_nan(scenes: range, keep: tuple[str, ...] = ()) -> None:
+def look_for_nan(scenes: range) -> None:
     """Every pixel of random and of fuzzed scenes is a number, in both precisions that use float32."""
-    outputs = ("color", "normal", "depth", "id")
     for seed in scenes:
         scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
         for precision in ("accurate", "single"):
-            image = cltrace.Renderer(scene, choose(), precision, outputs, keep=keep).render()
+            image = picture(scene, None, precision)
             assert (image.color >= 0).all(), (seed, precision)
             assert not np.isnan(image.normal).any(), (seed, precision)
             assert np.array_equal(np.isfinite(image.depth), image.id >= 0), (seed, precision)
 
 
 def test_no_nan() -> None:
-    look_for_nan(range(400), keep=("features",))  # two programs instead of eighty
+    look_for_nan(range(400))
 
 
 @pytest.mark.stress

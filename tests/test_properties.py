@@ -16,6 +16,7 @@ import pyopencl as cl
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
@@ -24,7 +25,7 @@ from cltrace.bench.regimes import REGIMES, rays
 from cltrace.plan.exact import dot_products, square_excess, two_product, two_sum
 from cltrace.reference import closest_hit as reference_hit
 from cltrace.reference import primary_ray, world_of
-from cltrace.run.devices import Device, choose
+from cltrace.run.devices import Device
 
 PLAIN = settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 # float32's whole range, and 0, at all sizes alike.
@@ -71,7 +72,7 @@ def directions(camera: Camera) -> np.ndarray:
 @given(scenes(numbers, positive))
 def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
     for precision in ("accurate", "single", "double"):
-        image = cltrace.render(scene, choose(), precision, ("rgb8", "color", "normal", "depth", "id"))
+        image = picture(scene, None, precision)
         assert not np.isnan(image.color).any()
         assert not np.isnan(image.depth).any()
         assert not np.isnan(image.normal).any()
@@ -80,7 +81,7 @@ def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
 @PLAIN
 @given(scenes(moderate, st.floats(1e-3, 1e4)))
 def test_ids_and_order_are_those_of_the_oracle(scene: Scene) -> None:
-    image = cltrace.render(scene, choose(), "accurate", ("id",))
+    image = picture(scene)
     centers, radii = scene.spheres["center"], scene.spheres["radius"]
     want, _ = closest(np.array(scene.camera.position), directions(scene.camera), centers, radii)
     # Only where the difference to the eye is a double is camera space what the oracle computes with.
@@ -94,7 +95,7 @@ def test_ids_and_order_are_those_of_the_oracle(scene: Scene) -> None:
 def test_the_reference_and_the_kernel_agree(scene: Scene) -> None:
     world = world_of(scene)
     for precision in ("accurate", "double"):
-        image = cltrace.render(scene, choose(), precision, ("rgb8", "id"))
+        image = picture(scene, None, precision)
         for i in range(0, 63, 2):
             color, at = cltrace.reference.trace(world, primary_ray(scene.camera, i % 9, i // 9))
             assert image.id.ravel()[i] == (at.index if at else -1)
@@ -116,7 +117,7 @@ def test_a_power_of_two_changes_no_bit(scene: Scene, k: int) -> None:
     except ValueError:
         return  # out of float32's range
     for precision in ("accurate", "single", "double"):
-        one, two = (cltrace.render(s, choose(), precision, ("color", "id", "depth")) for s in (scene, scaled))
+        one, two = (picture(s, None, precision) for s in (scene, scaled))
         assert np.array_equal(one.id, two.id)
         assert np.array_equal(one.color, two.color)
         if precision != "single":
@@ -128,7 +129,7 @@ def test_a_power_of_two_changes_no_bit(scene: Scene, k: int) -> None:
 def test_the_order_of_spheres_changes_only_their_numbers(scene: Scene, numbers: list[int]) -> None:
     order = [i for i in numbers if i < len(scene.spheres)]
     other = Scene(scene.camera, scene.lights, scene.spheres[order], scene.materials, scene.background)
-    one, two = (cltrace.render(s, choose(), "accurate", ("depth", "id")) for s in (scene, other))
+    one, two = (picture(s) for s in (scene, other))
     assert np.array_equal(one.depth, two.depth)
     assert np.array_equal(one.id >= 0, two.id >= 0)
     # Where another sphere is named, the two are equally near, and each picture names the first of its own.
@@ -199,9 +200,10 @@ def _spheres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def test_the_number_of_threads_changes_no_bit() -> None:
     """PoCL takes its number of threads from the environment, once for a process."""
     script = (
-        "import cltrace, sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_scene\n"
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_scene\n"
+        "from stress_cases import picture\n"
         "for s in range(6):\n"
-        "    i = cltrace.render(random_scene(s), outputs=('rgb8', 'color', 'id', 'depth'))\n"
+        "    i = picture(random_scene(s))\n"
         "    arrays = (i.rgb8, i.color, i.id, i.depth)\n"
         "    print(hashlib.sha256(b''.join(a.tobytes() for a in arrays)).hexdigest())"
     )

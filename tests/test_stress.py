@@ -22,6 +22,7 @@ from stress_cases import (
     check_shadows,
     lighting,
     picture,
+    renderer,
 )
 
 import cltrace
@@ -180,7 +181,7 @@ def test_R0_no_radius(r: float) -> None:
     )
     with pytest.raises(ValueError) as caught:
         balls(Camera(), [((0, 0, -5), 1), ((0, 0, -5), r)])
-    assert str(caught.value) == f"spheres.radius[1]: {text}"
+    assert str(caught.value) == f"radii[1]: {text}"
 
 
 @mostly
@@ -206,17 +207,17 @@ def test_R1_concentric_one_ulp_apart(device: Device, precision: str, amount: int
 def test_R2_duplicates_and_permutations(device: Device, width: int, amount: int) -> None:
     """Equal spheres fight for pixels: who wins depends on the order of the work."""
     rng = np.random.default_rng(8)
-    one = Renderer(everything(), device, "accurate", OUTPUTS, width=width).render()
+    one = picture(everything(), device, "accurate", width)
     for _ in range(1 if amount == 1 else 30):
         order = rng.permutation(10)
-        other = Renderer(everything(order=tuple(order.tolist())), device, "accurate", OUTPUTS, width=width).render()
+        other = picture(everything(order=tuple(order.tolist())), device, "accurate", width)
         assert np.array_equal(np.where(other.id >= 0, order[other.id], -1), one.id)
         assert same(one, other, *(set(OUTPUTS) - {"id"}))
         # Three of each sphere, shuffled: what is seen is the first of the three.
         order = rng.permutation(np.repeat(np.arange(10), 3))
         first = np.array([np.flatnonzero(order == k)[0] for k in range(10)])
         thrice = everything(order=tuple(order.tolist()))
-        other = Renderer(thrice, device, "accurate", OUTPUTS, width=width).render()
+        other = picture(thrice, device, "accurate", width)
         assert np.array_equal(other.id, np.where(one.id >= 0, first[one.id], -1))
         assert same(one, other, "rgb8", "color", "normal", "depth")
 
@@ -650,18 +651,18 @@ def test_C3_no_field_of_view(fov: float) -> None:
     assert str(caught.value) == f"camera.horizontal_fov: {text}"
 
 
-def stays_within(renderer: Renderer, guard: int = 4096) -> bool:
+def stays_within(whole: Renderer, guard: int = 4096) -> bool:
     """Whether the kernel keeps off the bytes before and behind each of its outputs."""
-    frame = renderer._frame()
+    frame = whole._frame()
     image = cltrace.Image(frame=frame)
     flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
     outside = np.full(2 * guard, 0xA5, np.uint8)
     parts = {n: np.insert(outside, guard, np.zeros(a.nbytes, np.uint8)) for n, a in frame.arrays.items()}
-    whole = {n: cl.Buffer(renderer.context, flags, hostbuf=part) for n, part in parts.items()}
-    frame.buffers = {n: b.get_sub_region(guard, frame.arrays[n].nbytes) for n, b in whole.items()}
-    renderer.render(image)
+    guarded = {n: cl.Buffer(whole.context, flags, hostbuf=part) for n, part in parts.items()}
+    frame.buffers = {n: b.get_sub_region(guard, frame.arrays[n].nbytes) for n, b in guarded.items()}
+    whole.render(image)
     for name, part in parts.items():
-        cl.enqueue_copy(renderer.queue, part, whole[name])
+        cl.enqueue_copy(whole.queue, part, guarded[name])
     assert parts["direction"][guard:-guard].any()  # it was written to
     return all((np.delete(part, slice(guard, -guard)) == 0xA5).all() for part in parts.values())
 
@@ -673,12 +674,12 @@ def test_C4_sizes(device: Device, width: int, amount: int, size: tuple[int, int]
     camera = Camera(horizontal_fov=40, resolution=size, square_pixels=False)
     base = everything()
     scene = Scene(camera, base.lights, base.spheres, base.materials, base.background)
-    renderer = Renderer(scene, device, "accurate", OUTPUTS, width=width)
-    assert stays_within(renderer)
-    image = renderer.render()
+    whole = renderer(scene, device, "accurate", width)
+    assert stays_within(whole)
+    image = whole.render()
     crops = [(w // 2, h // 3, w, h), (w // 3, h // 4, w // 3 + 1, h // 4 + 1), (0, 0, max(1, w // 2), max(1, h // 2))]
     for crop in crops[: 1 if amount == 1 else 3]:
-        part = Renderer(scene, device, "accurate", OUTPUTS, crop, width=width)
+        part = renderer(scene, device, "accurate", width, crop=crop)
         assert stays_within(part)
         x0, y0, x1, y1 = crop
         cut = part.render()
@@ -804,7 +805,7 @@ def test_P3_colours(device: Device) -> None:
             middle = image.rgb8[1, 1::2]
             if lights is dim and ambient == 1:
                 assert middle[:, 0].tolist() == want
-                down = Renderer(scene, device, "accurate", OUTPUTS, truncate=True).render()
+                down = Renderer(scene, device, "accurate", OUTPUTS, truncate=True, keep=("features",)).render()
                 assert down.rgb8[1, 1::2, 0].tolist() == [
                     math.floor(min(1.0, np.float32(g)) * np.float32(255)) for g in greys
                 ]
