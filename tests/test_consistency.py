@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import SCENES, world
 from random_scenes import random_scene
-from stress_cases import picture
+from stress_cases import picture, renderer
 
 import cltrace
 from cltrace import Scene
@@ -167,10 +167,9 @@ def test_shadow_rays_are_counted(device: Device) -> None:
     camera = cltrace.Camera((0, 0, 5), (0, 0, 0), horizontal_fov=20, resolution=(40, 40))
     light = cltrace.point_light((0, 0, 5))
     two = Scene.from_spheres(camera, [light, light], [(-0.6, 0, 0), (0.6, 0, 0)], 0.5)
-    ids = cltrace.render(two, device, outputs=("id",)).id
-    assert ids is not None
-    work = cltrace.Renderer(two, device).work()
+    ids = picture(two, device).id
+    work = renderer(two, device).work()
     asked = work["shadow rays traced"] + work["shadow rays that no sphere can stop"]
     assert asked == 2 * (ids >= 0).sum()
     one = Scene.from_spheres(camera, [light], [(0, 0, 0)], 1.0)
-    assert cltrace.Renderer(one, device).work()["shadow rays traced"] == 0
+    assert renderer(one, device).work()["shadow rays traced"] == 0

@@ -1,0 +1,294 @@
+"""Mistakes that the ordinary tests must find: `python tests/mutations.py [--device SPEC] [WORD ...]`.
+
+Each is a piece of text, what to put in its place, what that breaks, and the tests that should notice. The text is
+looked for in the kernels and in the package, wherever it stands, and must be there once. Each mistake is made in a
+scratch copy of the repository, and only those tests run there. Prints what was caught and what survived; the exit
+status is 1 if anything survived. WORD: only those mistakes whose text or meaning contains one of these words.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+
+
+class Mutation(NamedTuple):
+    """text: as it stands; other: what replaces it; what: what that breaks; tests: arguments of pytest, in words."""
+
+    text: str
+    other: str
+    what: str
+    tests: str
+
+
+LISTS = "tests/test_lists.py"
+STRESS = "tests/test_stress.py"
+ENDS = "tests/test_hostile.py"
+CULLING = "tests/test_culling.py"
+AGREE = "tests/test_consistency.py"
+SCENES = "tests/test_scenes.py"
+EXACT = "tests/test_exact.py"
+PROPERTIES = "tests/test_properties.py"
+LAYOUT = "tests/test_layout.py"
+READER = "tests/test_reader.py"
+
+MUTATIONS = [
+    # Rays and spheres.
+    Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
+    Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant >= 0) & (t >= 0)", "root 0", STRESS),
+    Mutation("bound = (bb + arr) * 0x1p-48", "bound = (bb + arr) * 0x1p-58", "bound of doubt", f"{EXACT} {STRESS}"),
+    Mutation("tiny = arr < bb * 0x1p-42", "tiny = arr < bb * 0x1p-60", "normals of tiny spheres", STRESS),
+    Mutation("e.by_b = bb < arr;", "e.by_b = bb >= arr;", "which form of the discriminant", f"{EXACT} {STRESS}"),
+    Mutation("e.by_b = e.by_b | (sphere.c <= 0);", "", "discriminant from inside", STRESS),
+    Mutation("0x1p-10 * (e.b * e.b)", "0x1p-40 * (e.b * e.b)", "cancellation in t", f"{EXACT} {STRESS}"),
+    Mutation("first = (sphere.c > 0) | behind;", "first = (sphere.c > 0);", "the root from inside", STRESS),
+    Mutation("at.from_center.z = s - e.v.z", "at.from_center.z = s + e.v.z", "the hit's point", STRESS),
+    Mutation("{p, fma(a, b, -p)}", "{p, 0}", "products of pairs", f"{EXACT} {STRESS}"),
+    Mutation("{s, (a - (s - t)) + (b - t)}", "{s, 0}", "sums of pairs", f"{EXACT} {STRESS}"),
+    Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)1", "length of normals", STRESS),
+    Mutation("e.v.z = ray.a <= 1.0625f ?", "e.v.z = ray.a <= 0.0f ?", "v.z in single", f"{SCENES} {AGREE} {LAYOUT}"),
+    # Which sphere is seen.
+    Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
+    Mutation("(scene.number[index] < numbers_of", "(scene.number[index] > numbers_of", "ties", STRESS),
+    Mutation("margin = hit.t * 0x1p-22", "margin = hit.t * 0x1p-60", "nearly equal distances", STRESS),
+    Mutation("return (gap < -equal) | ((gap <= equal) & tie)", "return gap < 0", "exact ties", STRESS),
+    Mutation("as_float(entry.y) > reach) break", "as_float(entry.y) > 0.5f * reach) break", "end of lists", AGREE),
+    Mutation("REACH_SLACK (1.0f + 0x1p-20f)", "REACH_SLACK (1.0f - 0x1p-3f)", "the reach's slack", f"{STRESS} {ENDS}"),
+    Mutation(
+        "dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z)",
+        "dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)s.z)",
+        "sign in the filter",
+        SCENES,
+    ),
+    Mutation(
+        "if (!ANY(b * magnitude(b) >= a * s.w))",
+        "if (!ANY(b * magnitude(b) >= a * s.w * 1.0001f))",
+        "the filter's bound",
+        STRESS,
+    ),
+    Mutation("TO_REAL(size.y - 1 - 2 * row)", "TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
+    # Shadows.
+    Mutation("Real3 w = {(point.x - C.x) - P.p.x", "Real3 w = {point.x - (C.x + P.p.x)", "rounded points", STRESS),
+    Mutation("size < ff + rr ? shift + step : ff - rr", "ff - rr", "the power of a point", STRESS),
+    Mutation("far ? (enters & (b < a)) | leaves", "far ? enters | leaves", "what is beyond the light", STRESS),
+    Mutation("leaves = (c < 0) | ((c == 0) & ahead)", "leaves = (c <= 0)", "a point on another sphere", STRESS),
+    Mutation("enters = (c > 0) & meets & ahead", "enters = (c > 0) & meets", "what is behind the point", STRESS),
+    Mutation(
+        "if (outside == 0) return enters & (b < a);", "if (outside == 0) return enters;", "a light on a sphere", STRESS
+    ),
+    Mutation("if (outside < 0) return c > 0;", "if (outside < 0) return c < 0;", "a light inside", STRESS),
+    Mutation("(bb < arr ? bb - a * c : arr - DOT(cross, cross))", "(bb - a * c)", "shadows that graze", STRESS),
+    Mutation("(self & (at.side < 0) & ((REAL)outside > 0))", "(self & ((REAL)outside > 0))", "own shadow", STRESS),
+    Mutation("may = may & (own != index);", "", "own shadow, lean kernel", SCENES),
+    Mutation("at.side * cosine > 0);", "at.side * cosine >= 0);", "lights in the tangent plane", STRESS),
+    Mutation(
+        "MASK may = in & lit & (measure > as_float(entry.y))",
+        "MASK may = in & lit & (measure > 2 * as_float(entry.y))",
+        "end of lists of lights",
+        CULLING,
+    ),
+    Mutation("FMA(du, du, dv * dv) <= s.z", "FMA(du, du, dv * dv) <= 0.99f * s.z", "parallel filter", CULLING),
+    Mutation(
+        "if (!at_light && !ANY(may & (b * magnitude(b) >= a * s.w)))",
+        "if (!ANY(may & (b * magnitude(b) >= 1.001f * a * s.w)))",
+        "point filter",
+        STRESS,
+    ),
+    Mutation("number].z >> (own & 31)) & 1)", "number].z >> ((own + 1) & 31)) & 1)", "what may be blocked", SCENES),
+    Mutation(
+        "u = column < last_column ? column : last_column;",
+        "u = column < last_column ? column : 0;",
+        "the last cell of a window",
+        CULLING,
+    ),
+    Mutation(
+        "(v >> level.level) * level.columns + (u >> level.level)",
+        "(v >> level.level) * level.columns + u",
+        "levels of a light",
+        CULLING,
+    ),
+    Mutation(
+        "(tile.y >> level.level) * level.columns + (tile.x >> level.level);\n        const int end",
+        "(tile.y >> level.level) * level.columns + tile.x;\n        const int end",
+        "levels of the picture",
+        CULLING,
+    ),
+    Mutation(
+        "level.next += level.columns * (((grid.cells.y - 1) >> level.level) + 1)",
+        "level.next += level.columns * ((grid.cells.y >> level.level) + 1)",
+        "where a level begins",
+        CULLING,
+    ),
+    # Shading and output.
+    Mutation("2 * dot * N.x - l.x + view.x", "2 * dot * N.x - l.x - view.x", "the mirrored ray", SCENES),
+    Mutation("(exponent == 0 ? (SHADE)1 : (SHADE)0)", "(SHADE)0", "0 to the power of 0", STRESS),
+    Mutation(
+        "fall = 1 - (angle - light.cone.x) * light.cone.y", "fall = 1 - angle * light.cone.y", "spot lights", SCENES
+    ),
+    Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", SCENES),
+    Mutation("MASK tiny = a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", STRESS),
+    Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", STRESS),
+    Mutation("at.exponent * z >= (shade_t)light.cone.z", "at.exponent * z >= (shade_t)-1", "highlights", STRESS),
+    Mutation("word[0] = p0 | (p1 << 24);", "word[0] = p0 | (p1 << 16);", "bytes", SCENES),
+    Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),
+    Mutation("low < 1 ? low : (SHADE)1", "low < 2 ? low : (SHADE)1", "what is brighter than white", STRESS),
+    Mutation(
+        "v.x * view.right.y + v.y * view.up.y", "v.x * view.up.x + v.y * view.up.y", "normals in the world", AGREE
+    ),
+    # The lists, on the host.
+    Mutation("radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60", "radius", "no slack in the filter", LISTS),
+    Mutation("first) * scale + 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
+    Mutation("first) * scale - 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
+    Mutation("first) * scale + 1 / 64", "first) * scale + 1 / 3", "too many cells", LISTS),
+    Mutation("(middle + 1 / 16)), -1", "(middle + 1.5)), -1", "too many tiles", LISTS),
+    Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
+    Mutation("slack = (np.abs(low) + np.abs(high)) * real(SLACK)", "slack = 0 * low", "edges in the picture", LISTS),
+    Mutation("bound = c - 11 * U * (square + np.abs(c)) - 2.0**-100", "bound = c", "the filters' bound", LISTS),
+    Mutation("gap * gap * (1 - 2.0**-19)", "gap * gap", "nearest points", LISTS),
+    Mutation("-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100", "-(s + r)", "nearest ends", LISTS),
+    Mutation("loose = slack * (1 + 2 * np.maximum", "loose = 0 * (1 + 2 * np.maximum", "edges of windows", LISTS),
+    Mutation("2.0**-60) * (1 + SLACK)", "2.0**-60)", "a window's half", LISTS),
+    Mutation("room = 256 * slack", "room = 0 * slack", "where rays end", LISTS),
+    Mutation("within = part.near < window.furthest", "within = part.near < 0.5 * window.furthest", "far ends", LISTS),
+    Mutation("(distance + r) ** 2 * real(1 + 2.0**-10)", "distance**2", "furthest points", LISTS),
+    Mutation("r * real(2**0.5 * (1 + SLACK))", "r", "sides of the cube", LISTS),
+    Mutation("middle - half, middle + half", "middle - half, middle", "tangents of discs", LISTS),
+    Mutation("(exact[2] < exact_r * (1 + SLACK))", "(exact[2] < 0)", "spheres beside the eye", LISTS),
+    Mutation("coarse = bool((window.half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS),
+    # Culling and packing.
+    Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
+    Mutation(
+        "(r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)", "(c[1:] == c[:-1]).all(axis=1)", "equal spheres", CULLING
+    ),
+    Mutation("outside[k] = np.sign(c)", "outside[k] = 1", "lights inside", STRESS),
+    Mutation("np.fill_diagonal(shadows, space.power <= 0)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
+    Mutation(
+        "return np.asarray((gap <= roomy[:, None] + roomy[None])",
+        "return np.asarray((gap <= roomy[:, None])",
+        "few spheres in the sun",
+        CULLING,
+    ),
+    Mutation(
+        "overlap = angle <= (half + loose)[:, None] + (half + loose)[None]",
+        "overlap = angle <= (half + loose)[:, None]",
+        "few spheres before a lamp",
+        CULLING,
+    ),
+    Mutation(
+        '"WITH_SPECULAR": lit and (bool(scene.materials["ks"].any()) or full)',
+        '"WITH_SPECULAR": full',
+        "a flag",
+        SCENES,
+    ),
+    Mutation('"WITH_INSIDE": inside or full', '"WITH_INSIDE": full', "a flag", SCENES),
+    Mutation(
+        '"WITH_SHADOWS": lit and (len(scene.spheres) > 1 or',
+        '"WITH_SHADOWS": lit and (len(scene.spheres) > 2 or',
+        "a flag",
+        f"{SCENES} {LAYOUT}",
+    ),
+    Mutation(
+        "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", SCENES
+    ),
+    Mutation(
+        "np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1)",
+        "np.concatenate([0 * small.center_rest, 0 * small.power_rest[:, None]], axis=1)",
+        "what was cut off",
+        STRESS,
+    ),
+    Mutation(
+        "doubtful: list[int] = (np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size)",
+        "doubtful: list[int] = (np.flatnonzero(np.abs(c[block]) < 0 * size)",
+        "powers of 0",
+        PROPERTIES,
+    ),
+    Mutation("self._margin = (region[0] % 4, region[1] % 4)", "self._margin = (0, 0)", "crops", AGREE),
+    Mutation("rounding = 0.0 if truncate else 0.5", "rounding = 0.5", "truncated bytes", STRESS),
+    # The reader.
+    Mutation(
+        "cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]",
+        "cos * p[i] + sin * p[j], cos * p[j] - sin * p[i]",
+        "the sense of turning",
+        f"{READER} {SCENES}",
+    ),
+    Mutation(
+        "square_pixels=False,  # the tutorial's rule for the shorter side",
+        "square_pixels=True,",
+        "the angle of the shorter side",
+        SCENES,
+    ),
+    Mutation(
+        'text.startswith("/") or ".." in text.split("/")', 'text.startswith("/")', "paths out of the folder", READER
+    ),
+    Mutation('if "/" in text or text in (".", ".."):', 'if text in (".", ".."):', "names with a folder", READER),
+]
+
+
+def copy_to(scratch: Path) -> None:
+    """The repository without what the tests do not need."""
+    for name in ("cltrace", "kernels", "scenes", "tests"):
+        shutil.copytree(ROOT / name, scratch / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in (*ROOT.glob("*.toml"), *ROOT.glob("*.md")):
+        shutil.copy(path, scratch)
+    (scratch / "cltrace" / "kernels").symlink_to("../kernels")
+
+
+def places(scratch: Path, text: str) -> list[Path]:
+    """The files that hold the text, each as often as it does."""
+    files = [*(scratch / "kernels").rglob("*.cl"), *(scratch / "cltrace").rglob("*.py")]
+    return [path for path in files for _ in range(path.read_text("utf-8").count(text))]
+
+
+def survives(scratch: Path, mutation: Mutation, device: str | None) -> bool:
+    """Whether the tests pass with the mistake in."""
+    (path,) = places(scratch, mutation.text)
+    before = path.read_text("utf-8")
+    path.write_text(before.replace(mutation.text, mutation.other), "utf-8")
+    command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *mutation.tests.split()]
+    more = ["--device", device] if device else []
+    try:
+        # From here the scratch copy is what `import cltrace` finds.
+        env = os.environ | {"PYTHONPATH": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
+        done = subprocess.run([*command, *more], cwd=scratch, env=env, capture_output=True, text=True, check=False)
+    finally:
+        path.write_text(before, "utf-8")
+    if done.returncode not in (0, 1) and done.returncode >= 0:  # a signal is as good as a failed test
+        raise SystemExit(f"pytest did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.returncode == 0
+
+
+def main() -> int:
+    """Makes the mistakes, one after the other."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("words", nargs="*", metavar="WORD")
+    parser.add_argument("--device", help="test on this device only")
+    args = parser.parse_args()
+    chosen = [m for m in MUTATIONS if not args.words or any(w in m.text or w in m.what for w in args.words)]
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        copy_to(scratch)
+        lost = [m.text for m in chosen if len(places(scratch, m.text)) != 1]
+        if lost:
+            raise SystemExit("\n".join(["must be there exactly once:", *lost]))
+        survivors = 0
+        for mutation in chosen:
+            start = time.monotonic()
+            left = survives(scratch, mutation, args.device)
+            survivors += left
+            verdict = "SURVIVED" if left else "caught"
+            print(f"{verdict:8} {time.monotonic() - start:5.0f} s  {mutation.what}: {mutation.text[:60]!r}", flush=True)
+    print(f"{len(chosen) - survivors} of {len(chosen)} caught")
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
