@@ -140,13 +140,11 @@ class _Teller(logging.Handler):
 @contextlib.contextmanager
 def _log_on_terminal(name: str) -> Iterator[None]:
     """Shows the library's log, from INFO on, where stderr is a terminal: why nothing seems to happen."""
-    log = logging.getLogger("cltrace")
-    if not sys.stderr.isatty():
-        yield
-        return
-    handler, level = _Teller(name), log.level
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
+    log, handler = logging.getLogger("cltrace"), _Teller(name)
+    level = log.level
+    if sys.stderr.isatty():
+        log.addHandler(handler)
+        log.setLevel(logging.INFO)
     try:
         yield
     finally:

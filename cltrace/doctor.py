@@ -3,13 +3,12 @@
 A driver can end the whole process, as LLVM does where it cannot translate an instruction. So whatever loads one is done
 in a child process, whose death is then a line of the report:
 
-    python -m cltrace.doctor devices [SPEC]    one JSON object: all devices, and the one that SPEC means
+    python -m cltrace.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
     python -m cltrace.doctor draw P:D          draws and checks a small picture; status 0 if it is right
 """
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import platform
@@ -30,6 +29,7 @@ from cltrace.run.devices import choose, devices, where_drivers_are
 
 # Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
 PATIENCE = 120
+LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
 PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
 
@@ -39,7 +39,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
     """
     for line in [_versions(), *_drivers(), *_caches()]:
         say(line)
-    status, answer = _child("devices", *([] if spec is None else [spec]))
+    status, answer = _child("-m", __name__, "devices", *([] if spec is None else [spec]))
     if status != 0:
         say(f"devices    {answer}")
         return _advise(say, [])
@@ -50,7 +50,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         if spec is not None and name != default:
             continue
         say(f"device     {line}{'  (the default)' if name == default else ''}")
-        status, answer = _child("draw", name)
+        status, answer = _child("-m", __name__, "draw", name)
         say(f"           {'ok' if status == 0 else 'FAILS'}: {answer}")
         if status == 0:
             well.append(name)
@@ -95,13 +95,13 @@ def _library(icd: Path) -> str:
     except OSError as error:
         return f"cannot be read: {error.strerror}"
     beside = icd.parent / named
-    status, answer = _child("load", str(beside) if beside.is_file() else named)
+    status, answer = _child("-c", LOAD, str(beside) if beside.is_file() else named)
     return f"{named}, loads" if status == 0 else f"{named}, does NOT load: {answer}"
 
 
 def _caches() -> list[str]:
     """Where the drivers and pyopencl keep what they have compiled."""
-    usual = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 - it never fails
     pocl = os.environ.get("POCL_CACHE_DIR")
     folders = {"cache": usual} | ({"PoCL's": pocl} if pocl else {})
     return [f"{name:<10} {folder}, {_writable(Path(folder))}" for name, folder in folders.items()]
@@ -117,9 +117,9 @@ def _writable(folder: Path) -> str:
 
 
 def _child(*arguments: str) -> tuple[int, str]:
-    """Status and last line of `python -m cltrace.doctor ...`; what ended it, if it did not end by itself."""
+    """Status and last line of another Python; what ended it, if it did not end by itself."""
     # -P: what lies in the current folder is not imported.
-    command = [sys.executable, "-P", "-m", "cltrace.doctor", *arguments]
+    command = [sys.executable, "-P", *arguments]
     try:
         done = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False, errors="replace"
@@ -183,15 +183,6 @@ def _draw(spec: str) -> int:
     return 1
 
 
-def _load(library: str) -> int:
-    try:
-        ctypes.CDLL(library)
-    except OSError as error:
-        print(error)
-        return 3
-    return 0
-
-
 if __name__ == "__main__":
     task, *rest = sys.argv[1:]
-    sys.exit({"load": _load, "draw": _draw, "devices": _list}[task](*rest))
+    sys.exit({"draw": _draw, "devices": _list}[task](*rest))

@@ -35,7 +35,7 @@ def _usual() -> bool:
     """Whether ~/.cache can be used and is this user's: `sudo` may leave HOME with somebody else."""
     try:
         folder = Path.home() / ".cache"
-        return _usable(folder) and _is_own(folder.stat())
+        return _usable(folder) and is_own(folder.stat())
     except (OSError, RuntimeError):  # RuntimeError: there is no home.
         return False
 
@@ -50,12 +50,12 @@ def _spare() -> Path | None:
             found = folder.lstat()
         except OSError:
             continue
-        if stat.S_ISDIR(found.st_mode) and _is_own(found) and _usable(folder):
+        if stat.S_ISDIR(found.st_mode) and is_own(found) and _usable(folder):
             return folder
     return None
 
 
-def _is_own(found: os.stat_result) -> bool:
+def is_own(found: os.stat_result) -> bool:
     """Whether this user owns a folder and not everybody may write there, as far as the system has users."""
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH)
 

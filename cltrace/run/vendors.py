@@ -19,6 +19,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from cltrace.run.caches import is_own
+
 SYSTEM = Path("/etc/OpenCL/vendors")
 LIBRARY = "libintelocl.so"
 
@@ -49,12 +51,14 @@ def _icd_files(library: Path) -> dict[str, str]:
 
 def _folder(files: dict[str, str]) -> Path:
     """A folder of the user's cache that holds these files. Its name depends on them: it is written once, by whoever
-    comes first, and no process changes what another one reads.
+    comes first, and no process changes what another one reads. What it names is run: it must be this user's own.
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     key = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
     folder = cache / "cltrace" / f"vendors-{key}"
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not is_own(folder.stat()):
+        raise PermissionError(f"{folder} is somebody else's")
     for name, text in files.items():
         if not (folder / name).exists():
             with tempfile.NamedTemporaryFile("w", dir=folder, prefix=".", delete=False, encoding="utf-8") as file:
