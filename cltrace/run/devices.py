@@ -16,7 +16,8 @@ from cltrace.errors import DeviceError
 
 ADVICE = """Ways to get an OpenCL driver:
     pip install pocl-binary-distribution        a CPU driver, Linux on x86-64
-    pip install 'cltrace[intel]'                Intel's CPU driver, for AMD's CPUs, too; Linux on x86-64, faster
+    pip install intel-opencl-rt intel-cmplr-lib-rt
+                                                Intel's CPU driver, for AMD's CPUs, too; Linux on x86-64, faster
     apt-get install pocl-opencl-icd             PoCL for Debian and Ubuntu, newer and faster
     conda install -c conda-forge pocl           Linux and macOS
 A GPU's driver brings its own. Drivers are looked for in {where};

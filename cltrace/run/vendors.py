@@ -1,4 +1,4 @@
-"""Makes Intel's driver known where pip has installed it (`pip install 'cltrace[intel]'`).
+"""Makes Intel's driver known where pip has installed it (the extra `intel`).
 
 The OpenCL loader finds drivers by .icd files, each of which holds the path of a driver's library, in one folder of the
 system. Intel's wheels bring such a file, but pip puts it elsewhere, and the path in it is that of another machine. The
