@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from readme import FILES, ROOT, blocks, commands
 
+import cltrace
 from cltrace import cli
 from cltrace.bench import cli as bench
 
@@ -30,6 +31,11 @@ def test_files_and_options_exist(file: Path) -> None:
     options = cli.parser().format_help() + bench.parser().format_help()
     for option in re.findall(r"`(?:cltrace[\w-]* )?(--[a-z-]+)", text):
         assert option in options, option
+
+
+def test_the_version_is_told_everywhere() -> None:
+    assert f"\nversion: {cltrace.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\n## [{cltrace.__version__}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 def test_every_page_is_on_the_map() -> None:
