@@ -19,6 +19,7 @@ from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.doctor import doctor
 from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
+from cltrace.picture.files import is_named_as_folder
 from cltrace.picture.image import SHOWS, Image, Show
 from cltrace.plan.layout import KEEPS, PRECISIONS
 from cltrace.reference.check import check
@@ -194,8 +195,7 @@ def _check_target(target: str, origin: str, scene: str) -> None:
     path = Path(target)
     if not target:
         raise UsageError("-o: must not be empty")
-    # Path() drops what makes "s.png/" and "s.png/." the names of folders.
-    if path.is_dir() or os.path.basename(target) != path.name:  # noqa: PTH119
+    if path.is_dir() or is_named_as_folder(target):
         raise UsageError(f"{origin}: {target!r} is a folder")
     if path.suffix.lower() != ".png":
         raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")

@@ -12,6 +12,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 
+def is_named_as_folder(name: str) -> bool:
+    """Whether a name ends as only a folder's does, as "s.png/" and "s.png/.": Path() drops what tells."""
+    return os.path.basename(name) != Path(name).name  # noqa: PTH119
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A binary file that replaces the one of this name when the `with` block has ended well.

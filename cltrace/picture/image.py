@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from cltrace.picture.files import whole_file
+from cltrace.picture.files import is_named_as_folder, whole_file
 
 Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays", "work"]
 Show = Literal["color", "normal", "direction", "depth", "id"]
@@ -116,14 +116,16 @@ class Image:
         """Writes a PNG, completely or not at all. A link is written through.
 
         path: a name that ends in .png, in a folder that is there; show: which output, as `as_rgb8` shows it.
-        Raises ValueError if the name ends otherwise or the image does not have that output, and OSError if the file
-        cannot be written; an old file of that name is then untouched.
+        Raises ValueError if the name ends otherwise, which a slash does, too, or the image does not have that output,
+        and OSError if the file cannot be written; an old file of that name is then untouched.
         """
         if not isinstance(path, (str, os.PathLike)):
             raise TypeError(f"path: must be a str or a Path, got {path!r}")
         target = Path(path)
         if target.suffix.lower() != ".png":
             raise ValueError(f"path: the picture is a PNG and its name must end in .png, got {str(path)!r}")
+        if is_named_as_folder(os.fspath(path)):
+            raise ValueError(f"path: {str(path)!r} is the name of a folder")
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no folder {str(target.parent)!r}; mkdir() of a Path makes one")
         with whole_file(target) as file:
