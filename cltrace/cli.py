@@ -21,9 +21,9 @@ from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import is_named_as_folder
 from cltrace.picture.image import SHOWS, Image, Show
-from cltrace.plan.layout import KEEPS, PRECISIONS
+from cltrace.plan.request import KEEPS, PRECISIONS, Crop
 from cltrace.reference.check import check
-from cltrace.renderer import Crop, Renderer
+from cltrace.renderer import Renderer
 from cltrace.run.devices import choose, devices, where_drivers_are
 from cltrace.scene import Scene
 
@@ -231,7 +231,7 @@ def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
         "precision": renderer.precision,
         "size": [width, height],
         "spheres": len(scene.spheres),
-        "features": sorted(renderer.packed.features),
+        "features": sorted(renderer.plan.features),
         "seconds": {name: image.seconds[name] for name in names},
         "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},
         "work": work,

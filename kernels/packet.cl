@@ -1,30 +1,11 @@
 /* packet.cl: the number types, and what a packet of pixels is.
  *
  * A work-item owns a packet of W pixels and computes them side by side in vectors of W lanes: 4 columns by W/4 rows on
- * a CPU (W = 4, 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them; a lane never looks at another
+ * a CPU (W = 4, 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them. A lane never looks at another
  * one, except to ask whether any lane still needs some work. So a picture does not depend on W.
  *
- * Set by the host as -D flags, all derived from scene, outputs and device (cltrace/layout.py):
- *   W              pixels in a packet: 1, 4, 8 or 16
- *   RUN            packets that a work-item renders
- *   REAL_BYTES     8: geometry is decided in double; 4: in float
- *   SHADE_BYTES    8: Phong's formula in double; 4: in float
- *   NO_FMA         the driver calls a function for each fma
- *   WITH_FILTER    a float32 test with a proved bound goes before each exact one
- *   WITH_INTERSECTION  more is needed of a hit than its index and distance
- *   WITH_NORMAL        the normal, too
- *   WITH_INSIDE        the camera is inside of a sphere
- *   WITH_SHADING       colours are wanted
- *   WITH_LIGHTS        some light adds to them
- *   WITH_PARALLEL, WITH_POINT, WITH_SPOT   kinds of light that are there
- *   WITH_SHADOWS       something may stand between a sphere and a light
- *   WITH_SPECULAR      some sphere shines
- *   WITH_DULL          some sphere reflects nothing
- *   WITH_PREFETCH      spheres are so many that a cache holds few of them
- *   KEEP_HIGHLIGHTS    those that no pixel shows are computed, too
- *   OUT_RGB8, OUT_COLOR, OUT_NORMAL, OUT_DIRECTION, OUT_DEPTH, OUT_ID, OUT_SHADOW_RAYS, OUT_WORK   what to write
- *   View_BYTES, Light_BYTES, Grid_BYTES    sizes that the host packs
- *   WORK_KINDS     what OUT_WORK counts
+ * What is compiled is set by -D flags: the host derives them from scene, outputs and device. FLAGS in
+ * cltrace/plan/abi.py lists them all, and what each one means.
  *
  * Contraction is off and every FMA is spelled out: each other expression is rounded as it stands, so that all devices
  * and the reference compute the same bits where real is double. None of the built-in dot, cross, length, normalize is
@@ -208,23 +189,17 @@ typedef Float3 Shade3;
 /* (x x' + y y') + z z', rounded in this order. */
 #define DOT(a, b) (((a).x * (b).x + (a).y * (b).y) + (a).z * (b).z)
 
-/* ---- What the host packs (cltrace/layout.py); only whole vectors of 4, so that there is nothing to pad. ---- */
+/* |x|, by operators alone. */
+static FLOAT magnitude(const FLOAT x) {
+    return AS(float, AS(int, x) & 0x7fffffff);
+}
 
-typedef struct {
-    real4 pixel;           /* x, y: size of a pixel on the image plane z = -1; z: see Scene.unit in trace.cl; w: 1/z */
-    real4 right, up, back; /* the camera's axes in the world */
-    float4 background;     /* rgb, linear */
-    float4 quantize;       /* x: what is added to 255 c before it is cut to an integer: 0.5 or 0 */
-} View;
-
-typedef struct {
-    real4 position; /* point, spot: xyz in camera space. parallel: unit vector towards the light */
-    real4 axis;     /* spot: unit vector in which it points; w: cosine of alpha2. parallel: u axis of light space */
-    real4 across;   /* parallel: v axis of light space */
-    float4 color;   /* rgb, linear */
-    float4 cone;    /* spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians; 0 if they are equal. z: see illuminate() */
-} Light;
-
-/* The build fails here, by name, if the host lays a struct out differently. */
-typedef char layout_of_View_differs_from_numpy[sizeof(View) == View_BYTES ? 1 : -1];
-typedef char layout_of_Light_differs_from_numpy[sizeof(Light) == Light_BYTES ? 1 : -1];
+/* What the lanes have in memory at their own index, such as each lane's sphere. Neighbours mostly have the same one: so
+ * the block that follows runs once for each run of lanes with the same index, which is `one`. Lanes with a negative
+ * index have none. In the block, PUT_WHERE puts a value into some lanes of a variable. */
+#define FOR_EACH_INDEX(one, index)          \
+    int one##_[W], one = -1;                \
+    STORE_LANES(index, one##_);             \
+    for (int lane = 0; lane < W; lane++)    \
+        if (one##_[lane] != one && one##_[lane] >= 0 && ((one = one##_[lane]), 1))
+#define PUT_WHERE(mask, variable, value) variable = (mask) ? (value) : (variable)

@@ -19,7 +19,7 @@ from cltrace import Scene, parallel_light, point_light, spot_light
 from cltrace.bench import errors, measure, report, scenes, stress, tracers, truth
 from cltrace.bench.cases import balls, everything, looking
 from cltrace.bench.textbook import Textbook
-from cltrace.plan.layout import KEEPS
+from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT
 
@@ -287,7 +287,7 @@ def test_given_scenes_without_plots(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
     assert {row["scene"] for row in rows} == {"minimal"}
-    assert [row["tracer"] for row in rows if row["tracer"] in cltrace.plan.layout.PRECISIONS] == ["accurate"] * 2
+    assert [row["tracer"] for row in rows if row["tracer"] in cltrace.plan.request.PRECISIONS] == ["accurate"] * 2
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"results.json", "table.md"}
 
 

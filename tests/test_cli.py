@@ -19,7 +19,7 @@ from PIL import Image as Picture
 
 import cltrace
 from cltrace import cli
-from cltrace.plan.layout import KEEPS
+from cltrace.plan.request import KEEPS
 from cltrace.run.program import Announcement
 
 FIRST = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"

@@ -13,7 +13,7 @@ from stress_cases import picture, renderer
 
 import cltrace
 from cltrace import Scene
-from cltrace.plan.layout import KEEPS
+from cltrace.plan.request import KEEPS
 from cltrace.reference import byte_of, primary_ray, trace
 from cltrace.reference.check import sample
 from cltrace.run.devices import Device

@@ -9,10 +9,13 @@ from stress_cases import OUTPUTS, picture, renderer
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.plan import layout, lists
-from cltrace.plan.layout import KEEPS, WORK
+from cltrace.plan import features, plan
+from cltrace.plan.abi import COUNTERS
+from cltrace.plan.accel import cells, light_buffer, tiles
+from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device, choose
 
+TRACED, UNSTOPPABLE = COUNTERS["SHADOW_RAYS"], COUNTERS["UNSTOPPABLE"]
 CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
 LAMP = cltrace.point_light((3, 9, 6))
 SUN = cltrace.parallel_light((-0.3, -1, -0.2))
@@ -81,13 +84,13 @@ def test_shadow_rays_that_nothing_can_stop(device: Device, light: np.ndarray) ->
     row = [(x, 0.0, 0.0) for x in (-4.5, -1.5, 1.5, 4.5)]
     free = Scene.from_spheres(CAMERA, [light], row, 0.4)
     work = renderer(free, device).work()
-    assert work[WORK[0]] == 0
-    assert work[WORK[2]] > 0
+    assert work[TRACED] == 0
+    assert work[UNSTOPPABLE] > 0
     towards = np.array([3, 9, 6]) - row[0] if light is LAMP else np.array([0.3, 1, 0.2])
     over = tuple(np.array(row[0]) + 2 * towards / np.linalg.norm(towards))
     shaded = Scene.from_spheres(CAMERA, [light], [*row, over], [0.4] * 4 + [0.3])
     work = renderer(shaded, device).work()
-    assert 0 < work[WORK[0]] < work[WORK[2]]
+    assert 0 < work[TRACED] < work[UNSTOPPABLE]
     for scene in (free, shaded):
         compare(scene, device, ("unstopped", "receivers"), "accurate")
 
@@ -135,13 +138,14 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
         for precision in ("accurate", "single"):
             want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
-                patch.setattr(layout, "PLENTY", 1)
-                patch.setattr(layout, "MANY", 1)
-                patch.setattr(lists, "SPARE", 1)
-                patch.setattr(lists, "BLOCK", 8)
-                patch.setattr(lists, "SAMPLE", 1)
+                patch.setattr(features, "PLENTY", 1)
+                patch.setattr(plan, "MANY", 1)
+                patch.setattr(cells, "SPARE", 1)
+                patch.setattr(light_buffer, "SAMPLE", 1)
+                for module in (cells, tiles, light_buffer):
+                    patch.setattr(module, "BLOCK", 8)
                 drawn = renderer(scene, device, precision)
-                assert "WITH_PREFETCH" in drawn.packed.features
+                assert "WITH_PREFETCH" in drawn.plan.features
                 image = drawn.render()
             for output in OUTPUTS:
                 assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)

@@ -1,6 +1,6 @@
 """The lists and the filters by themselves, without a device: what a ray can meet is offered to it, and little else.
 
-The lists are walked here as kernels/lists.cl walks them, in float32 where the kernel is; the oracle says what is met.
+The lists are walked here as kernels/find walks them, in float32 where the kernel is; the oracle says what is met.
 Most spheres here touch a ray by a hair, at the edge of a cell: a list that is too narrow by the last digit lacks them.
 """
 
@@ -17,8 +17,10 @@ from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.cases import aimed, balls, directions, limbs, looking, unit
 from cltrace.bench.oracle import closest_exact
 from cltrace.bench.scenes import cloud, field
-from cltrace.plan import layout, lists
-from cltrace.plan.layout import Packed, pack
+from cltrace.plan import abi
+from cltrace.plan.accel import cells
+from cltrace.plan.plan import Plan
+from cltrace.plan.request import Request
 
 Floats = NDArray[np.float64]
 f32 = np.float32
@@ -31,7 +33,7 @@ REACH_SLACK = f32(1 + 2.0**-20)
 @pytest.fixture(autouse=True)
 def lists_for_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lists for lights of any number of spheres."""
-    monkeypatch.setattr(layout, "FEW", 0)
+    monkeypatch.setitem(abi.CONSTANTS, "FEW", 0)
 
 
 # ---------------------------------------------------------------------------------------------- as the kernel does it
@@ -45,9 +47,9 @@ def dot_float(w: NDArray[np.float32], s: NDArray[np.float32]) -> f32:
     return fma(w[0], s[0], fma(w[1], s[1], w[2] * s[2]))
 
 
-def walk(packed: Packed, g: int, column: int, row: int) -> Iterator[NDArray[np.int32]]:
+def walk(plan: Plan, g: int, column: int, row: int) -> Iterator[NDArray[np.int32]]:
     """The entries of the cells of each level, from coarse to fine, that hold this cell of the finest one."""
-    grid, start, entry = (packed.arrays[name] for name in ("grid", "start", "entry"))
+    grid, start, entry = (plan.arrays[name] for name in ("grid", "start", "entry"))
     columns, rows, first, mask = grid["cells"][g].tolist()
     for level in (k for k in range(31, -1, -1) if mask >> k & 1):
         pitch = ((columns - 1) >> level) + 1
@@ -56,32 +58,32 @@ def walk(packed: Packed, g: int, column: int, row: int) -> Iterator[NDArray[np.i
         first += pitch * (((rows - 1) >> level) + 1)
 
 
-def offered_to_pixel(packed: Packed, column: int, row: int) -> dict[int, np.float32]:
-    """The spheres in a pixel's lists, and the measure of each one's nearest point."""
+def offered_to_pixel(plan: Plan, column: int, row: int) -> dict[int, np.float32]:
+    """The spheres in a pixel's lists, and the depth of each one's nearest point."""
     found = {}
-    for entries in walk(packed, 0, column >> 2, row >> 2):
+    for entries in walk(plan, 0, column >> 2, row >> 2):
         near = entries[:, 1].view(f32)
         assert (np.diff(near) >= 0).all()
         found |= dict(zip(entries[:, 0].tolist(), near, strict=True))
     return found
 
 
-def offered_to_shadow_ray(packed: Packed, light: int, w: Floats, p: Floats) -> set[int]:
+def offered_to_shadow_ray(plan: Plan, light: int, w: Floats, p: Floats) -> set[int]:
     """The spheres that a light's lists name for the point p (3,), in camera space; w: from there to the light."""
-    unit, lamp = packed.view["pixel"][2], packed.arrays["light"][light]
-    at_point = light >= packed.lights[0]
+    unit, lamp = plan.values["unit"], plan.arrays["light"][light]
+    at_point = light >= plan.values["lights"][0]
     w32 = (w * unit).astype(f32)
     a = dot_float(w32, w32)
     at_light = bool(at_point and a < f32(2.0**-40))
     start = -w * unit * (2.0**80 if at_light else 1) if at_point else p * unit
-    measure = a if at_point else -f32(start @ lamp["position"][:3])
-    first, count, *_ = packed.arrays["light_grids"][light].tolist()
+    depth = a if at_point else -f32(start @ lamp["position"][:3])
+    first, count, *_ = plan.arrays["light_buffer"][light].tolist()
     found: set[int] = set()
     for g in range(first, first + count):
-        cell = cell_of(packed.arrays["grid"][g], w32, start, at_point, at_light)
-        for entries in walk(packed, g, *cell) if cell else ():
+        cell = cell_of(plan.arrays["grid"][g], w32, start, at_point, at_light)
+        for entries in walk(plan, g, *cell) if cell else ():
             for index, bits in entries:
-                if not measure > bits.view(f32):
+                if not depth > bits.view(f32):
                     break
                 found.add(int(index))
     return found
@@ -90,7 +92,7 @@ def offered_to_shadow_ray(packed: Packed, light: int, w: Floats, p: Floats) -> s
 def cell_of(
     grid: np.void, w32: NDArray[np.float32], start: Floats, at_point: bool, at_light: bool
 ) -> tuple[int, int] | None:
-    """Where a shadow ray is on a sheet; None if it is not on it."""
+    """Where a shadow ray is on a grid; None if it is not on it."""
     columns, rows, *_ = grid["cells"].tolist()
     if columns == rows == 1:
         return 0, 0
@@ -111,18 +113,18 @@ def cell_of(
     return min(column, columns - 1), min(row, rows - 1)
 
 
-def filter_of_primary_ray(packed: Packed, d: Floats, index: int) -> bool:
+def filter_of_primary_ray(plan: Plan, d: Floats, index: int) -> bool:
     """Whether float32 leaves it open that the ray d meets the sphere."""
-    (dx, dy, _), s = d.astype(f32), packed.arrays["candidate"][index]
+    (dx, dy, _), s = d.astype(f32), plan.arrays["eye_filter"][index]
     a, b = fma(dx, dx, fma(dy, dy, f32(1))), fma(dx, s[0], fma(dy, s[1], -s[2]))
     return bool(b * abs(b) >= a * s[3])
 
 
-def filter_of_shadow_ray(packed: Packed, light: int, w: Floats, p: Floats, index: int) -> bool:
+def filter_of_shadow_ray(plan: Plan, light: int, w: Floats, p: Floats, index: int) -> bool:
     """The same for the way from p to a light."""
-    unit, lamp = packed.view["pixel"][2], packed.arrays["light"][light]
-    s = packed.arrays["occluder"].reshape(-1, packed.count, 4)[light, index]
-    if light < packed.lights[0]:
+    unit, lamp = plan.values["unit"], plan.arrays["light"][light]
+    s = plan.arrays["light_filter"].reshape(-1, plan.values["count"], 4)[light, index]
+    if light < plan.values["lights"][0]:
         u, v = (f32((p * unit) @ lamp[name][:3]) for name in ("axis", "across"))
         return bool(fma(s[0] - u, s[0] - u, (s[1] - v) * (s[1] - v)) <= s[2])
     w32 = (w * unit).astype(f32)
@@ -153,19 +155,19 @@ def check_pixels(scene: Scene, pixels: NDArray[np.intp] | None = None) -> float:
 
     Returns how many spheres are offered to a ray, on average, for each one that it meets.
     """
-    packed, d = pack(scene, "accurate", keep=ALL), directions(scene.camera)
+    plan, d = Plan.of_scene(scene, Request(keep=ALL)), directions(scene.camera)
     pixels = np.arange(len(d)) if pixels is None else np.unique(pixels)
-    t = met(np.broadcast_to(scene.camera.position, (len(pixels), 3)), d[pixels], scene)[:, packed.arrays["number"]]
+    t = met(np.broadcast_to(scene.camera.position, (len(pixels), 3)), d[pixels], scene)[:, plan.arrays["id_of"]]
     offers, width = 0, scene.camera.resolution[0]
     for pixel, row in zip(pixels.tolist(), t, strict=True):
-        offered = offered_to_pixel(packed, pixel % width, pixel // width)
+        offered = offered_to_pixel(plan, pixel % width, pixel // width)
         offers += len(offered)
         for index in np.flatnonzero(np.isfinite(row)).tolist():
             assert index in offered, f"pixel {pixel} lacks {index}"
-            far = f32(row[index] * packed.view["pixel"][2])
+            far = f32(row[index] * plan.values["unit"])
             dx, dy = d[pixel, :2].astype(f32)
             assert offered[index] <= far * far * fma(dx, dx, fma(dy, dy, f32(1))) * REACH_SLACK, (pixel, index)
-            assert filter_of_primary_ray(packed, d[pixel], index), (pixel, index)
+            assert filter_of_primary_ray(plan, d[pixel], index), (pixel, index)
     hits = int(np.isfinite(t).sum())
     assert hits
     return offers / hits
@@ -176,23 +178,23 @@ def check_light(scene: Scene, points: Floats, keep: tuple[str, ...] = ALL) -> fl
 
     Returns how many spheres are offered to a point, on average, for each one that is on its way.
     """
-    packed = pack(scene, "accurate", keep=keep)
-    lamp = packed.arrays["light"][0]
+    plan = Plan.of_scene(scene, Request(keep=keep))
+    lamp = plan.arrays["light"][0]
     place = lamp["position"][:3].astype(float)
-    if packed.lights[0]:
+    if plan.values["lights"][0]:
         ways = np.broadcast_to(place, points.shape)
         blocks = np.isfinite(met(points, ways, scene))
     else:
         ways = place - points
         blocks = met(np.broadcast_to(place, points.shape), -ways, scene) < 1
     offers = hits = 0
-    for p, w, row in zip(points, ways, blocks[:, packed.arrays["number"]], strict=True):
+    for p, w, row in zip(points, ways, blocks[:, plan.arrays["id_of"]], strict=True):
         blocking = np.flatnonzero(row).tolist()
-        offered = offered_to_shadow_ray(packed, 0, w, p)
+        offered = offered_to_shadow_ray(plan, 0, w, p)
         offers, hits = offers + len(offered), hits + len(blocking)
         assert set(blocking) <= offered, f"{p} lacks {set(blocking) - offered}"
         for index in blocking:
-            assert filter_of_shadow_ray(packed, 0, w, p, index), (p, index)
+            assert filter_of_shadow_ray(plan, 0, w, p, index), (p, index)
     assert hits
     return offers / hits
 
@@ -234,11 +236,11 @@ def random_balls(count: int, seed: int, **light: object) -> Scene:
     ],
     ids=["random", "ground", "large ground", "far away", "one tile", "inside", "limbs"],
 )
-@pytest.mark.parametrize("spare", [1, lists.SPARE], ids=["levels", "level 0"])
+@pytest.mark.parametrize("spare", [1, cells.SPARE], ids=["levels", "level 0"])
 def test_pixels_are_offered_all_that_they_meet(
     make: Callable[[], Scene], spare: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lists, "SPARE", spare)
+    monkeypatch.setattr(cells, "SPARE", spare)
     check_pixels(make())
 
 
@@ -302,11 +304,11 @@ def on_surfaces(scene: Scene, count: int) -> Floats:
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("spare", [1, lists.SPARE], ids=["levels", "level 0"])
+@pytest.mark.parametrize("spare", [1, cells.SPARE], ids=["levels", "level 0"])
 def test_shadow_rays_are_offered_all_that_is_on_their_way(
     light: str, spare: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lists, "SPARE", spare)
+    monkeypatch.setattr(cells, "SPARE", spare)
     scene = random_balls(60, 4, lights=LIGHTS[light])
     check_light(scene, on_surfaces(scene, 300))
 
@@ -324,11 +326,11 @@ def cluster(light: str, size: float) -> Scene:
 def test_a_hair_at_the_edge_of_a_cell(light: str, size: float, axis: int) -> None:
     """Of a light's window: spheres whose outermost points are where one cell ends, and rays through those points."""
     base = cluster(light, size)
-    packed = pack(base, "accurate", keep=ALL)
-    grid = packed.arrays["grid"][packed.arrays["light_grids"][0, 0]]
+    plan = Plan.of_scene(base, Request(keep=ALL))
+    grid = plan.arrays["grid"][plan.arrays["light_buffer"][0, 0]]
     rows, shift = np.array([grid[name][:3] for name in ("right", "up", "ahead")]), [grid[n][3] for n in ("right", "up")]
-    parallel, source = packed.lights[0] > 0, packed.arrays["light"][0]["position"][:3]
-    back, unit_length = np.linalg.inv(rows), packed.view["pixel"][2]
+    parallel, source = plan.values["lights"][0] > 0, plan.arrays["light"][0]["position"][:3]
+    back, unit_length = np.linalg.inv(rows), plan.values["unit"]
     rng = np.random.default_rng(6)
     spheres, points, r = base.spheres.copy(), [], float(base.spheres["radius"][0])
     for i in range(0, 300):
@@ -351,8 +353,8 @@ def test_a_hair_at_the_edge_of_a_cell(light: str, size: float, axis: int) -> Non
             points.append(source + d * (distance + 4 * r))
         spheres["center"][i], spheres["radius"][i] = center, r * (1 + 2.0 ** -rng.integers(20, 36))
     scene = Scene(base.camera, base.lights, spheres, base.materials)
-    again = pack(scene, "accurate", keep=ALL)
-    assert again.arrays["grid"]["cells"][again.arrays["light_grids"][0, 0], :2].tolist() == grid["cells"][:2].tolist()
+    again = Plan.of_scene(scene, Request(keep=ALL))
+    assert again.arrays["grid"]["cells"][again.arrays["light_buffer"][0, 0], :2].tolist() == grid["cells"][:2].tolist()
     check_light(scene, np.array(points))
 
 
@@ -364,10 +366,12 @@ def test_a_hair_at_the_edge_of_a_window(light: str, size: float) -> None:
     centers = np.array([0, 0, -8]) + size * rng.uniform(-1, 1, (30, 3))
     radii = size * rng.uniform(0.01, 0.1, 30)
     lights = LIGHTS[light]
-    packed = pack(balls(looking(), zip(centers.tolist(), radii.tolist(), strict=True), lights), "accurate", keep=ALL)
-    source, grid = packed.arrays["light"][0]["position"][:3], packed.arrays["grid"][1]
+    plan = Plan.of_scene(
+        balls(looking(), zip(centers.tolist(), radii.tolist(), strict=True), lights), Request(keep=ALL)
+    )
+    source, grid = plan.arrays["light"][0]["position"][:3], plan.arrays["grid"][1]
     hair = 1 - 2.0 ** -rng.integers(26, 40, 30)
-    if packed.lights[0]:
+    if plan.values["lights"][0]:
         others, sizes = centers - 4 * size * source, radii * hair
     else:
         others, sizes = source + (centers - source) * 1.5, 1.5 * radii * hair
@@ -375,8 +379,8 @@ def test_a_hair_at_the_edge_of_a_window(light: str, size: float) -> None:
     for c, r in zip(others, sizes, strict=True):
         for across in (grid["right"][:3], grid["up"][:3], -grid["right"][:3], -grid["up"][:3]):
             # Where a plane through the light touches: its normal is across, less what of it is along the way there.
-            far = np.inf if packed.lights[0] else np.linalg.norm(c - source)
-            way = source if packed.lights[0] else (source - c) / far
+            far = np.inf if plan.values["lights"][0] else np.linalg.norm(c - source)
+            way = source if plan.values["lights"][0] else (source - c) / far
             side = across - (across @ way) * way
             side /= np.linalg.norm(side)
             sine = r / far
@@ -389,7 +393,7 @@ def test_a_hair_at_the_edge_of_a_window(light: str, size: float) -> None:
 def test_a_hair_behind_the_nearest_point(light: str) -> None:
     """Of a ball that is on the way: the points are where it begins, as seen from the light, and hardly behind that."""
     scene = random_balls(60, 8, lights=LIGHTS[light])
-    place = pack(scene, "accurate").arrays["light"][0]["position"][:3].astype(float)
+    place = Plan.of_scene(scene, Request()).arrays["light"][0]["position"][:3].astype(float)
     centers, radii, points = scene.spheres["center"], scene.spheres["radius"], []
     for k in range(16, 30):
         ways = np.broadcast_to(place, centers.shape) if light.startswith("sun") else place - centers
@@ -407,7 +411,7 @@ def test_what_is_not_in_the_picture_casts_shadows_into_it(light: str) -> None:
     beads = (center + where[np.abs(where[:, 2]) < 0.9]).tolist()
     spheres = [(center.tolist(), 1.0), *((bead, 0.05) for bead in beads)]
     scene = balls(looking(tan=0.02), spheres, LIGHTS[light])
-    assert len(pack(scene, "accurate").arrays["number"]) == len(spheres)
+    assert len(Plan.of_scene(scene, Request()).arrays["id_of"]) == len(spheres)
     check_light(scene, np.asarray(center + unit(rng, 300)), keep=("hidden",))
 
 

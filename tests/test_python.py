@@ -18,10 +18,9 @@ from random_scenes import random_scene
 
 import cltrace
 from cltrace import Image, Renderer
-from cltrace import renderer as tracer
 from cltrace.picture.image import OUTPUTS
-from cltrace.plan import layout
-from cltrace.run import devices
+from cltrace.plan import abi
+from cltrace.run import devices, executor
 from cltrace.run.devices import Device
 
 
@@ -169,7 +168,7 @@ def test_images_of_arrays() -> None:
 
 
 def test_outputs_are_those_of_the_plan() -> None:
-    assert OUTPUTS == layout.OUTPUTS
+    assert tuple(abi.OUTPUTS) == OUTPUTS
 
 
 def test_what_is_no_path() -> None:
@@ -234,7 +233,7 @@ def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pyt
     camera = cltrace.Camera(scene.camera.position, scene.camera.lookat, scene.camera.up, resolution=(5, 300))
     tall = cltrace.Scene(camera, scene.lights, scene.spheres, scene.materials, scene.background)
     whole = cltrace.render(tall, any_device).rgb8
-    monkeypatch.setattr(cltrace.renderer, "STRIP", 1)
+    monkeypatch.setattr(executor, "STRIP", 1)
     assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
     assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
 
@@ -260,8 +259,8 @@ def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int)
         image, want = moved.render(), cltrace.render(replace(scene, camera=camera), device, outputs=outputs)
         for output in outputs:
             assert np.array_equal(getattr(image, output), getattr(want, output)), (eye, output)
-        for name in ("number", "material", "material_of"):
-            assert moved._buffers[name] is renderer._buffers[name]
+        for name in ("id_of", "material", "material_of"):
+            assert moved._executor.buffers[name] is renderer._executor.buffers[name]
         renderer = moved
     cropped = cltrace.Renderer(scene, device, crop=(40, 40, 64, 48))
     with pytest.raises(ValueError, match="crop: must be within 0,0,50,40"):
@@ -274,17 +273,17 @@ def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytes
     scene = cltrace.Scene.from_spheres(
         cltrace.Camera((0, 0, 9), (0, 0, 0), resolution=(50, 333)), [cltrace.point_light((5, 8, 9))], [(0, 0, 0)], [4.0]
     )
-    monkeypatch.setattr(tracer, "PATIENCE", 1e9)
-    monkeypatch.setattr(tracer, "FIRST_ROWS", 1024)
+    monkeypatch.setattr(executor, "PATIENCE", 1e9)
+    monkeypatch.setattr(executor, "FIRST_ROWS", 1024)
     want = cltrace.render(scene, device, outputs=("rgb8", "id"))
-    monkeypatch.setattr(tracer, "PATIENCE", patience)
-    monkeypatch.setattr(tracer, "FIRST_ROWS", 64)
+    monkeypatch.setattr(executor, "PATIENCE", patience)
+    monkeypatch.setattr(executor, "FIRST_ROWS", 64)
     renderer = Renderer(scene, device, outputs=("rgb8", "id"))
     for _ in range(2):
         image = renderer.render()
         assert np.array_equal(image.rgb8, want.rgb8)
         assert np.array_equal(image.id, want.id)
-    assert renderer._rows == 16 if patience == 0 else renderer._rows > 333
+    assert renderer._executor._rows == 16 if patience == 0 else renderer._executor._rows > 333
     assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
 
 

@@ -20,7 +20,8 @@ from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import whole_file
-from cltrace.plan.layout import PRECISIONS
+from cltrace.plan.abi import Precision
+from cltrace.plan.request import PRECISIONS
 from cltrace.renderer import default_precision
 from cltrace.run.devices import Device, choose, devices
 
@@ -99,7 +100,7 @@ class Bench:
     cases: list[Case]
     growth: list[Case]
     devices: list[Device]
-    precisions: list[str] | None
+    precisions: list[Precision] | None
     plan: Plan
     quick: bool
     rows: list[Row] = field(default_factory=list)
@@ -109,10 +110,11 @@ class Bench:
         own = [t for d in self.devices for t in configurations(d, self.precisions_of(d), self.quick)]
         return [*own, *peers]
 
-    def precisions_of(self, device: Device) -> list[str]:
+    def precisions_of(self, device: Device) -> list[Precision]:
         """The device's default first. UsageError if it has none of those that were asked for."""
         first = default_precision(device)
-        has = [first, *(p for p in ("single", "double") if p != first and (device.has_double or p == "single"))]
+        others: tuple[Precision, ...] = ("single", "double")
+        has = [first, *(p for p in others if p != first and (device.has_double or p == "single"))]
         chosen = [p for p in has if self.precisions is None or p in self.precisions]
         if not chosen:
             raise UsageError(f"{device.name} has no double precision, which --precision {self.precisions[0]} needs")  # type: ignore[index]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cltrace.plan.abi import Precision
 from cltrace.reference.check import sample
 from cltrace.run.devices import Device
 
@@ -85,7 +86,7 @@ class Row:
         )
 
 
-def configurations(device: Device, precisions: Sequence[str], quick: bool) -> list[Tracer]:
+def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
     """What is measured on a device: each precision with and without acceleration and skipping, and the textbook.
 
     The first of the precisions is also measured with each single piece of work that is otherwise skipped.

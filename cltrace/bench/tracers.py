@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from cltrace.picture.image import Image
+from cltrace.plan.abi import Precision
 from cltrace.plan.exact import processors
-from cltrace.plan.layout import KEEPS
+from cltrace.plan.request import KEEPS
 from cltrace.renderer import Renderer
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, POINT, Scene
@@ -76,7 +77,7 @@ class Tracer(ABC):
 class Product(Tracer):
     """cltrace on a device. keep: what it does not skip; mode: device and precision, which alone decide the picture."""
 
-    def __init__(self, device: Device, precision: str, keep: tuple[str, ...] = (), variant: str = "") -> None:
+    def __init__(self, device: Device, precision: Precision, keep: tuple[str, ...] = (), variant: str = "") -> None:
         self.on, self.precision, self.keep = device, precision, keep
         self.name, self.variant, self.device = precision, variant, device.label
         self.mode = (device.spec, precision)
@@ -94,11 +95,11 @@ class Product(Tracer):
             image = renderer.render(image)
             kernel.append(image.frame_seconds)
         assert image.rgb8 is not None
-        packed = renderer.packed
+        plan = renderer.plan
         # Shapes tell most of it; the order and what nothing can stop are told by values.
-        shapes = {name: array.shape for name, array in packed.arrays.items()}
-        values = [packed.arrays[name].tobytes() for name in ("number", "light_grids")]
-        work = packed.options(), packed.lights, shapes, values
+        shapes = {name: array.shape for name, array in plan.arrays.items()}
+        values = [plan.arrays[name].tobytes() for name in ("id_of", "light_buffer")]
+        work = plan.options(), plan.values["lights"], shapes, values
         return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:

@@ -1,7 +1,7 @@
 """What cannot matter: spheres inside others or there twice, and those that cannot stand between one and a light.
 
 All tests are made with every sphere larger by more than any rounding, here or in the kernel, can amount to: a sphere is
-left out only if no ray could ever tell, so no picture changes; of extreme scenes in single, the README tells more.
+left out only if no ray could ever tell, so no picture changes. (Extreme scenes in single: docs/accuracy.md.)
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.exact import Array, squared_length
+from cltrace.plan.shapes.sphere import Seen
 
 Mask = NDArray[np.bool_]
 # Spheres that others are looked for in: the largest ones.
@@ -54,15 +55,15 @@ def repeated(center: Array, radius: Array, by_place: bool) -> Mask:
     return out
 
 
-def point_shadows(offset: Array, radius: Array, slack: float) -> Mask:
-    """(n, n): whether sphere [j] can stand between a light and any point of sphere [i]. offset: light to centres."""
-    roomy = larger(radius, slack)
-    distance = np.sqrt(squared_length(offset))
+def point_shadows(seen: Seen, slack: float) -> Mask:
+    """(n, n): whether sphere [j] can stand between a light and any point of sphere [i]. seen: from the light."""
+    roomy = larger(seen.radius, slack)
+    distance = np.sqrt(squared_length(seen.center))
     # A light inside of a sphere, or all but, sees it everywhere.
     clear = distance > roomy
     safe = np.where(clear, distance, 1.0)
     half = np.where(clear, np.arcsin(np.minimum(roomy / safe, 1)), np.pi)
-    direction = offset / safe[:, None]
+    direction = seen.center / safe[:, None]
     cross = np.cross(direction[:, None], direction[None])
     angle = np.arctan2(np.sqrt((cross * cross).sum(axis=-1)), direction @ direction.T)
     loose = 16 * slack * (1 + 1 / safe)
@@ -70,9 +71,9 @@ def point_shadows(offset: Array, radius: Array, slack: float) -> Mask:
     return np.asarray(overlap & ((distance - roomy)[None] < (distance + roomy)[:, None]))
 
 
-def parallel_shadows(axes: Array, center: Array, radius: Array, slack: float) -> Mask:
+def parallel_shadows(axes: Array, seen: Seen, slack: float) -> Mask:
     """The same for a parallel light. axes: (3, 3), two across the light and one towards it."""
-    roomy = larger(radius, slack) + slack * 16
-    u, v, s = axes @ center.T
+    roomy = larger(seen.radius, slack) + slack * 16
+    u, v, s = axes @ seen.center.T
     gap = np.hypot(u[:, None] - u[None], v[:, None] - v[None])
     return np.asarray((gap <= roomy[:, None] + roomy[None]) & ((s + roomy)[None] > (s - roomy)[:, None]))

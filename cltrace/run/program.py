@@ -14,9 +14,25 @@ from typing import Any
 import pyopencl as cl
 
 from cltrace.errors import BuildError
+from cltrace.plan import abi
 from cltrace.run.devices import Device
 
-SOURCES = ("packet.cl", "sphere.cl", "lists.cl", "phong.cl", "trace.cl")
+# In this order; "abi" stands for the header that is made from the table of plan/abi.py.
+SOURCES = (
+    "packet.cl",
+    "abi",
+    "counters.cl",
+    "pairs.cl",
+    "ray.cl",
+    "shapes/sphere.cl",
+    "find/cells.cl",
+    "find/closest.cl",
+    "find/stopped.cl",
+    "shade/phong.cl",
+    "shade/lights.cl",
+    "output.cl",
+    "trace.cl",
+)
 
 
 log = logging.getLogger("cltrace")
@@ -47,7 +63,8 @@ def kernel_folder() -> Traversable:
 def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
     folder = kernel_folder()
-    return "".join(f'#line 1 "kernels/{name}"\n{(folder / name).read_text("utf-8")}' for name in files)
+    texts = (abi.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
+    return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
 
 
 def build(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Any:

@@ -1,23 +1,9 @@
-/* sphere.cl: rays and spheres, decided in `real`.
+/* sphere.cl: the sphere, decided in `real`.
  *
- * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. A primary ray is t d
- * with d = (x, y, -1), not normalised: one rounding less, and t comes out in units of d. The host has moved the scene
- * there in more than double precision. Where `real` is float, and in all float buffers, lengths are times a power of
- * two that makes the largest coordinate about 1.
+ * A shape has five functions: X_may_meet is a float32 filter with a proof, X_meet finds where a ray meets it, X_exact_t
+ * finds that in pairs, X_surface gives the point's normal, and X_stops tells whether it stands between a point and a
+ * light. cltrace/reference has the same, without the filter.
  */
-
-typedef struct {
-    REAL a, over_a; /* d.d, 1 / d.d */
-    Real3 d;
-} Ray;
-
-/* The spheres' buffers; rest is in float, in units of which one is `length` scene units. */
-typedef struct {
-    __global const real4 *center_radius; /* centre in camera space, radius */
-    __global const real2 *power;         /* |centre|^2 - radius^2, by the host from the unrounded scene; 1 / radius */
-    __global const float4 *rest;         /* what was cut off when centre and power were rounded */
-    real length;
-} Spheres;
 
 /* One sphere in all lanes, or each lane's own one. */
 typedef struct {
@@ -34,73 +20,26 @@ static Sphere sphere_at(const Spheres spheres, const int index) {
     return sphere;
 }
 
-/* Each lane's sphere. Neighbours mostly have the same one: a run of lanes with the same index is fetched once. Lanes
- * with a negative index get a harmless sphere ahead. */
+/* Each lane's sphere. Lanes with a negative index get a harmless one ahead. */
 static Sphere spheres_of(const Spheres spheres, const INT index) {
     Sphere own = {index, {0, 0, -2}, 1, 1, 3};
-    int each[W], last = -1;
+    int each[W];
     STORE_LANES(index, each);
     if (each[0] >= 0 && !ANY(index != each[0])) return sphere_at(spheres, each[0]);
-    for (int lane = 0; lane < W; lane++) {
-        if (each[lane] == last || each[lane] < 0) continue;
-        last = each[lane];
-        const REAL_MASK here = TO_REAL_MASK(index == last);
-        const Sphere sphere = sphere_at(spheres, last);
-        own.center.x = here ? sphere.center.x : own.center.x;
-        own.center.y = here ? sphere.center.y : own.center.y;
-        own.center.z = here ? sphere.center.z : own.center.z;
-        own.r = here ? sphere.r : own.r;
-        own.over_r = here ? sphere.over_r : own.over_r;
-        own.c = here ? sphere.c : own.c;
+    FOR_EACH_INDEX(one, index) {
+        const REAL_MASK here = TO_REAL_MASK(index == one);
+        const Sphere sphere = sphere_at(spheres, one);
+        PUT_WHERE(here, own.center.x, sphere.center.x);
+        PUT_WHERE(here, own.center.y, sphere.center.y);
+        PUT_WHERE(here, own.center.z, sphere.center.z);
+        PUT_WHERE(here, own.r, sphere.r);
+        PUT_WHERE(here, own.over_r, sphere.over_r);
+        PUT_WHERE(here, own.c, sphere.c);
     }
     return own;
 }
 
 #if REAL_BYTES == 8
-/* Where even double is unsure: pairs hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of
- * Dekker 1971 and of Ogita, Rump and Oishi 2005; their errors are a few 2^-104 of the result. */
-typedef struct {
-    REAL hi, lo;
-} Pair;
-
-static Pair two_sum(const REAL a, const REAL b) {
-    const REAL s = a + b, t = s - a;
-    const Pair sum = {s, (a - (s - t)) + (b - t)};
-    return sum;
-}
-
-static Pair two_product(const REAL a, const REAL b) {
-    const REAL p = a * b;
-    const Pair product = {p, fma(a, b, -p)};
-    return product;
-}
-
-static Pair plus(const Pair a, const Pair b) {
-    const Pair s = two_sum(a.hi, b.hi), e = two_sum(a.lo, b.lo), sum = two_sum(s.hi, s.lo + e.hi);
-    return two_sum(sum.hi, sum.lo + e.lo);
-}
-
-static Pair minus(const Pair a, const Pair b) {
-    const Pair negative = {-b.hi, -b.lo};
-    return plus(a, negative);
-}
-
-static Pair times(const Pair a, const Pair b) {
-    const Pair p = two_product(a.hi, b.hi);
-    return two_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
-}
-
-static Pair over(const Pair a, const Pair b) {
-    const Pair q = {a.hi / b.hi, 0};
-    const Pair rest = minus(a, times(q, b));
-    return two_sum(q.hi, (rest.hi + rest.lo) / b.hi);
-}
-
-static Pair pair(const REAL hi, const REAL lo) {
-    const Pair p = {hi, lo};
-    return p;
-}
-
 /* What was cut off of each lane's sphere. */
 typedef struct {
     REAL x, y, z, c;
@@ -108,21 +47,39 @@ typedef struct {
 
 static Rest rest_of(const Spheres spheres, const INT index) {
     Rest own = {0, 0, 0, 0};
-    int each[W], last = -1;
-    STORE_LANES(index, each);
-    for (int lane = 0; lane < W; lane++) {
-        if (each[lane] == last || each[lane] < 0) continue;
-        last = each[lane];
-        const REAL_MASK here = TO_REAL_MASK(index == last);
-        const float4 rest = spheres.rest[last];
-        own.x = here ? rest.x * spheres.length : own.x;
-        own.y = here ? rest.y * spheres.length : own.y;
-        own.z = here ? rest.z * spheres.length : own.z;
-        own.c = here ? rest.w * (spheres.length * spheres.length) : own.c;
+    FOR_EACH_INDEX(one, index) {
+        const REAL_MASK here = TO_REAL_MASK(index == one);
+        const float4 rest = spheres.rest[one];
+        PUT_WHERE(here, own.x, rest.x * spheres.length);
+        PUT_WHERE(here, own.y, rest.y * spheres.length);
+        PUT_WHERE(here, own.z, rest.z * spheres.length);
+        PUT_WHERE(here, own.c, rest.w * (spheres.length * spheres.length));
     }
     return own;
 }
 #endif
+
+/* Which lanes' rays from a fixed point may meet a sphere, by a test in float32 that costs no more than a float tracer's
+ * own.
+ *
+ * s: the sphere's filter constant (C, c'), where C is its centre seen from that point. b: C.d in float, by two fused
+ * operations or by more roundings; a: d.d in float. With c = |C|^2 - r^2 and u = 2^-24, the host has rounded C to float
+ * and made c' = c - 11 u (|C|^2 + |c|) - 2^-100 [FILTER_ROUNDINGS = 11], rounded down, or -inf where that is <= 0: see
+ * filter_constant in cltrace/plan/shapes/sphere.py.
+ *
+ * Claim: if the ray hits, then b |b| >= a c' in float.
+ * Proof. Let b = C.d and a = d.d without rounding and b~, a~ as computed here. C and d are rounded once and at most
+ * three roundings follow, so |b~ - b| <= 5.01 u sum |C_i d_i| <= 5.01 u |C||d|, and a~ <= (1 + 5.01 u) a. A hit from
+ * outside has b > 0 and b^2 >= a c. With s = b/|d| <= |C|:
+ *   - if s >= 5.01 u |C|:  b~^2 (1 - u) >= a (s - 5.01 u |C|)^2 (1 - u) >= a (c - 10.02 u |C|^2)(1 - u), and
+ *     a~ c' (1 + u) <= a (1 + 6.02 u) c' <= a (c - 10.1 u |C|^2 - 7.1 u c) (1 + 6.02 u), which is less.
+ *   - else c <= s^2 < 26 u^2 |C|^2, so c - 11 u |C|^2 < 0 and c' = -inf: always a candidate.
+ * A hit from inside or from the surface has c <= 0: likewise. Underflow adds at most 2^-123 to b: as a >= 1 and the
+ * scene is scaled to 1, 2^-100 covers it.
+ */
+static MASK sphere_may_meet(const FLOAT b, const FLOAT a, const float4 s) {
+    return b * magnitude(b) >= a * s.w;
+}
 
 /* What is needed of the equation a t^2 - 2 b t + c = 0 for the ray t d and the sphere |p - C| = r. */
 typedef struct {
@@ -234,7 +191,7 @@ typedef struct {
  * From the centre to the point is t d - C. Where the discriminant came from v, t = (b - root)/a and it is
  * -(v + root/a d), without the cancellation of t d and C.
  */
-static Meeting intersect_sphere(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sphere) {
     const Quadratic e = quadratic(spheres, ray, sphere);
     const REAL root = sqrt(e.discriminant);
     const REAL_MASK behind = e.b < 0;
@@ -274,7 +231,7 @@ static Meeting intersect_sphere(const Spheres spheres, const Ray ray, const Sphe
 
 #if REAL_BYTES == 8
 /* The same in pairs, for a ray that is known to hit. */
-static __attribute__((noinline)) Pair exact_distance(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static __attribute__((noinline)) Pair sphere_exact_t(const Spheres spheres, const Ray ray, const Sphere sphere) {
     const Real3 C = sphere.center;
     const REAL b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
     const Exact e = exact_quadratic(spheres, ray, sphere, b * b < ray.a * (sphere.r * sphere.r));
@@ -294,7 +251,7 @@ static __attribute__((noinline)) Pair exact_distance(const Spheres spheres, cons
 /* Whether the ray meets A before B. Distances that differ by less than 2^-70 are equal: then `tie` says. */
 static REAL_MASK comes_first(const Spheres spheres, const Ray ray, const Sphere A, const Sphere B,
                              const REAL_MASK tie) {
-    const Pair a = exact_distance(spheres, ray, A), b = exact_distance(spheres, ray, B);
+    const Pair a = sphere_exact_t(spheres, ray, A), b = sphere_exact_t(spheres, ray, B);
     const REAL gap = (a.hi - b.hi) + (a.lo - b.lo), equal = b.hi * 0x1p-70;
     return (gap < -equal) | ((gap <= equal) & tie);
 }
@@ -302,7 +259,7 @@ static REAL_MASK comes_first(const Spheres spheres, const Ray ray, const Sphere 
 
 /* The outward unit normal. From the centre to the point is r long but for rounding, so after the division by r one
  * Newton step n (3 - n.n)/2 makes it unit to the last digits. */
-static Real3 normal_of(const Sphere sphere, const Real3 from_center) {
+static Real3 sphere_surface(const Sphere sphere, const Real3 from_center) {
     Real3 n = {from_center.x * sphere.over_r, from_center.y * sphere.over_r, from_center.z * sphere.over_r};
     const REAL unit = (real)0.5 * ((real)3 - DOT(n, n));
     n.x *= unit;
@@ -311,10 +268,11 @@ static Real3 normal_of(const Sphere sphere, const Real3 from_center) {
     return n;
 }
 
-/* A point P of a sphere, by which a shadow ray starts. */
+/* Where a shadow ray starts: a point P of a sphere. P itself, rounded, is used by filters only. */
 typedef struct {
     Sphere own;
-    Real3 p; /* from the own sphere's centre to P */
+    Real3 p;   /* from the own sphere's centre to P */
+    REAL side; /* 1, or -1 where the ray that found P came from inside */
 #if REAL_BYTES == 4
     Real3 from_eye;      /* P itself, in camera space */
     REAL_MASK near_eye;  /* whether that is the shorter way */
@@ -322,7 +280,10 @@ typedef struct {
 } Start;
 
 static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
-    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}};
+    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, 1};
+#ifdef WITH_INSIDE
+    P.side = own.c > 0 ? (REAL)1 : (REAL)-1;
+#endif
 #if REAL_BYTES == 4
     P.from_eye.x = t * ray.d.x;
     P.from_eye.y = t * ray.d.y;
@@ -364,7 +325,7 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
 #endif
 }
 
-/* Whether the sphere B, not the own one, stands between P and a light.
+/* Whether the sphere B, not the own one, stands between P and a light, and so stops the light.
  *
  * w: from P to the light; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
  * (0, 1) counts. outside: the sign of |L - C_B|^2 - r_B^2, computed exactly by the host; 1 for a parallel light.
@@ -376,7 +337,8 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
  *   c < 0, P inside: one positive root, below 1 if the light is strictly outside.
  *   c = 0, P on B: the root 0 does not count, the other one is 2b/a.
  */
-static REAL_MASK blocks(const Start P, const Sphere B, const Real3 w, const int far, const int outside) {
+static REAL_MASK sphere_stops(const Start P, const Sphere B, const Real3 w, const int far,
+                              const int light_side) {
     const Real3 f = towards(P, B.center);
     const REAL a = DOT(w, w), b = DOT(f, w), c = power_of(P, B, f);
     const Real3 cross = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
@@ -385,7 +347,7 @@ static REAL_MASK blocks(const Start P, const Sphere B, const Real3 w, const int 
     const REAL_MASK ahead = b > 0;
     const REAL_MASK enters = (c > 0) & meets & ahead;
     const REAL_MASK leaves = (c < 0) | ((c == 0) & ahead);
-    if (outside < 0) return c > 0; /* P outside and the light inside: surely one root between */
-    if (outside == 0) return enters & (b < a);
+    if (light_side < 0) return c > 0; /* P outside and the light inside: surely one root between */
+    if (light_side == 0) return enters & (b < a);
     return far ? (enters & (b < a)) | leaves : enters | leaves;
 }

@@ -1,4 +1,4 @@
-/* phong.cl: the highlight and the bytes. */
+/* phong.cl: the highlight of Phong's formula. */
 
 #if SHADE_BYTES == 4
 /* log(1 + z) for z in (-1, 0] and exp(y) for y <= 0, in float, by operations that are rounded the same everywhere: the
@@ -48,11 +48,4 @@ static SHADE lobe(const SHADE z, const SHADE exponent) {
     const SHADE_MASK facing = z > -1;
     const SHADE power = exp_negative(exponent * log_1_plus(facing ? z : (SHADE)0));
     return facing ? power : (exponent == 0 ? (SHADE)1 : (SHADE)0);
-}
-
-/* 0 .. 255, linear, no gamma; rounding: 0.5 to nearest, 0 down. Written such that a NaN would be black. */
-static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
-    const SHADE low = value > 0 ? value : (SHADE)0;
-    const SHADE clamped = low < 1 ? low : (SHADE)1;
-    return TO(uint, clamped * (shade_t)255 + rounding);
 }

@@ -1,0 +1,112 @@
+"""Lights as the kernel reads them, and what each one sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.abi import Precision, dtype_of, shade_dtype
+from cltrace.plan.exact import Array
+from cltrace.plan.materials import Materials, finite32
+from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
+from cltrace.plan.space import Space
+from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+
+
+def useful_lights(scene: Scene, materials: Materials, all_of_them: bool) -> NDArray[np.void]:
+    """The lights that can add to a colour, by kind: parallel, point, spot. all_of_them: the black ones, too."""
+    lights = scene.lights[scene.lights["kind"] != AMBIENT]
+    used = np.zeros(len(scene.materials), bool)
+    used[scene.spheres["material"]] = True
+    nothing_reflects = bool(materials.black[used].all())
+    useful = lights[lights["color"].any(axis=1) & (not nothing_reflects) | all_of_them]
+    return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
+
+
+def counts(lights: NDArray[np.void]) -> tuple[int, int, int]:
+    """How many are parallel, point and spot lights."""
+    parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
+    return parallel, point, spot
+
+
+def pack_lights(
+    lights: NDArray[np.void], position: Array, basis: Array, precision: Precision, brightest: float
+) -> NDArray[np.void]:
+    """Records of abi's `Light`. position: (m, 3) in camera space; basis: (3, 3), the camera's axes; brightest: the
+    largest ks of any material.
+    """
+    out = np.zeros(len(lights), dtype_of("Light", precision))
+    color = finite32(lights["color"])
+    out["color"][:, :3], out["cone"][:, 2] = color, -np.inf
+    if shade_dtype(precision).itemsize == 4:
+        # The exponent of a highlight of 2^-20 of a byte's level: fainter ones are none. Not so in double, which is the
+        # reference's formula throughout.
+        out["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
+    for k, light in enumerate(lights):
+        direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
+        if light["kind"] == PARALLEL:
+            towards = -direction
+            # Any two axes across: the first one from the coordinate axis that is furthest from the light's.
+            helper = np.eye(3)[np.argmin(np.abs(towards))]
+            axis = _unit(np.cross(helper, towards)[None])[0]
+            out["position"][k, :3] = towards
+            out["axis"][k, :3] = axis
+            out["across"][k, :3] = np.cross(towards, axis)
+        else:
+            out["position"][k, :3] = position[k]
+        if light["kind"] == SPOT:
+            alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
+            out["axis"][k] = (*direction, math.cos(alpha2))
+            out["cone"][k, :2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
+    return out
+
+
+def _unit(v: Array) -> Array:
+    """(n, 3) vectors scaled to length 1, without overflow."""
+    scaled = v / np.abs(v).max(axis=1, keepdims=True)
+    return np.asarray(scaled / np.sqrt((scaled * scaled).sum(axis=1, keepdims=True)))
+
+
+@dataclass(frozen=True)
+class LightView:
+    """The spheres (n) as one light sees them.
+
+    axes: (3, 3), of a parallel light the two across and the one towards it, None for a light at a point; seen: from the
+    light, or for a parallel one from the eye, lengths in the float buffers' unit; filter: (n, 4) float32, abi's
+    light_filter; side: (n,) int8, abi's light_side.
+    """
+
+    axes: Array | None
+    seen: Seen
+    filter: NDArray[np.float32]
+    side: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class LightViews:
+    """All of them: views (m); filter (m, n, 4) and side (m, n) hold what the views refer to."""
+
+    views: list[LightView]
+    filter: NDArray[np.float32]
+    side: NDArray[np.int8]
+
+    @classmethod
+    def of(cls, lights: NDArray[np.void], packed: NDArray[np.void], space: Space, basis: Array) -> LightViews:
+        """lights: of useful_lights(); packed: the same of pack_lights(); space: in the float buffers' unit."""
+        n, m = len(space.radius), len(lights)
+        filters, sides, views = np.zeros((m, n, 4), np.float32), np.ones((m, n), np.int8), []
+        for k, (filter_, side) in enumerate(zip(filters, sides, strict=True)):
+            axes = None
+            if lights["kind"][k] == PARALLEL:
+                axes = np.array([packed[name][k, :3] for name in ("axis", "across", "position")], np.float64)
+                seen = space.seen_from_eye()
+                u, v = (seen.center @ axis for axis in axes[:2])
+                filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, space.radius)
+            else:
+                seen, side[:] = space.seen_from_light(k, basis)
+                filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(seen)
+            views.append(LightView(axes, seen, filter_, side))
+        return cls(views, filters, sides)

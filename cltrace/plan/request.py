@@ -1,0 +1,69 @@
+"""What is wanted of a scene, beside the scene itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from cltrace.plan.abi import OUTPUTS, PICTURES, Precision
+
+PRECISIONS: tuple[Precision, ...] = get_args(Precision)
+Keep = Literal[
+    "lists", "filter", "features", "lights", "hidden", "receivers", "unstopped", "highlights", "outputs", "order"
+]
+KEEPS: tuple[Keep, ...] = get_args(Keep)
+# x0, y0, x1, y1: exactly those pixels of the whole picture, x1 and y1 excluded.
+Crop = tuple[int, int, int, int]
+# x, y, width, height: the same.
+Region = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is wanted of a scene.
+
+    precision: accurate, single or double; outputs: names of abi.OUTPUTS; crop: a part of the picture, None for all of
+    it; truncate: bytes are trunc(255 c) instead of rounded.
+
+    keep: what not to leave out, for measuring. No picture depends on it, but for those of some extreme scenes in
+    single, as docs/speed.md says. lists: one list of all spheres for every ray; filter: each test in the precision that
+    decides; features: the code of every feature; lights: lights that are black, or that shine on nothing that reflects;
+    hidden: spheres inside others, or there twice; receivers: in a light's lists, spheres that shadow nothing in the
+    picture; unstopped: of few spheres, shadow rays that none can stop; highlights: those too faint for a byte; outputs:
+    all pictures that the kernel can write; order: that of the spheres in the scene.
+
+    Raises ValueError naming the field.
+    """
+
+    precision: Precision = "accurate"
+    outputs: tuple[str, ...] = ("rgb8",)
+    crop: Crop | None = None
+    truncate: bool = False
+    keep: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"precision: must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
+        for name, allowed in (("outputs", tuple(OUTPUTS)), ("keep", KEEPS)):
+            value = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Sequence) or set(value) - set(allowed):
+                raise ValueError(f"{name}: must be some of {', '.join(allowed)}, got {value!r}")
+        if not self.outputs:
+            raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {self.outputs!r}")
+        also = PICTURES if "outputs" in self.keep else ()
+        object.__setattr__(self, "outputs", tuple(n for n in OUTPUTS if n in self.outputs or n in also))
+        object.__setattr__(self, "keep", tuple(self.keep))
+
+    def region_of(self, size: tuple[int, int]) -> Region:
+        """The part of a picture of this size, (width, height). ValueError if the crop is not within it."""
+        if self.crop is None:
+            return (0, 0, *size)
+        if len(self.crop) != 4 or not all(isinstance(n, (int, np.integer)) for n in self.crop):
+            raise ValueError(f"crop: must be 4 whole numbers (x0, y0, x1, y1), got {self.crop!r}")
+        x0, y0, x1, y1 = (int(n) for n in self.crop)
+        if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):
+            raise ValueError(f"crop: must be within 0,0,{size[0]},{size[1]} and not empty, got {x0},{y0},{x1},{y1}")
+        return (x0, y0, x1 - x0, y1 - y0)

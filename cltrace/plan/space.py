@@ -1,0 +1,64 @@
+"""The world in camera space, in more than double precision: the eye is the origin, x right, y up, -z ahead."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.exact import Array, differences, dot_products, rotated, square_excess, two_sum
+from cltrace.plan.shapes.sphere import Seen
+from cltrace.scene import PARALLEL, Camera
+
+
+@dataclass(frozen=True)
+class Space:
+    """Spheres (n) and lights (m) in camera space, in scene units.
+
+    center (n, 3) and position (m, 3): rotated, each coordinate rounded once; power (n,): |center|^2 - radius^2 of the
+    exact offset from the eye, rounded once, so that no rounding of centres enters it; *_rest: what the rounding cut
+    off; *_hi + *_lo: the exact offsets from the eye, along the world's axes.
+    """
+
+    center: Array
+    center_rest: Array
+    radius: Array
+    power: Array
+    power_rest: Array
+    center_hi: Array
+    center_lo: Array
+    position: Array
+    position_hi: Array
+    position_lo: Array
+
+    @classmethod
+    def of(cls, camera: Camera, center: Array, radius: Array, lights: NDArray[np.void]) -> Space:
+        """center (n, 3), radius (n,), lights (m,): in the world."""
+        eye, basis = np.array(camera.position), np.array(camera.basis())
+        hi, lo = differences(center, None, eye, None)
+        at_hi, at_lo = two_sum(lights["position"], -eye)
+        place, _ = dot_products(basis, at_hi, at_lo)
+        return cls(*dot_products(basis, hi, lo), radius, *square_excess(hi, lo, radius), hi, lo, place, at_hi, at_lo)
+
+    def times_two_to(self, k: int) -> Space:
+        """All lengths times 2^k, which is exact: what float32 holds is within 2^-149 and 2^128."""
+        factor = {f.name: 2.0 ** (2 * k if f.name.startswith("power") else k) for f in fields(self)}
+        return Space(**{name: getattr(self, name) * by for name, by in factor.items()})
+
+    def exponent(self, lights: NDArray[np.void]) -> int:
+        """The k for which 2^k times the largest coordinate, or radius, is within [1/2, 1)."""
+        parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL])
+        return -math.frexp(max(float(np.abs(part).max(initial=0)) for part in parts))[1]
+
+    def seen_from_eye(self) -> Seen:
+        """The spheres as the eye sees them."""
+        return Seen(self.center, self.radius, self.power)
+
+    def seen_from_light(self, k: int, basis: Array) -> tuple[Seen, Array]:
+        """The spheres as light k sees them, along the camera's axes, and the sign of its power, exact, (n,)."""
+        # From the light to the centre: the eye cancels, exactly.
+        hi, lo = differences(self.center_hi, self.center_lo, self.position_hi[k], self.position_lo[k])
+        power, _ = square_excess(hi, lo, self.radius)
+        return Seen(rotated(basis, hi), self.radius, power), np.sign(power)

@@ -1,0 +1,204 @@
+"""A plan on a device: its program, its buffers, its launches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from cltrace.errors import DeviceError
+from cltrace.plan.abi import ARGUMENTS, CONSTANTS, COUNTERS, OUTPUTS, dtype_of
+from cltrace.plan.plan import Plan
+from cltrace.plan.request import Region
+from cltrace.run.devices import Device
+from cltrace.run.program import Announcement, build, context_of
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Of a packet width: the local size, one for all pictures, as PoCL compiles the kernel anew for each; the packets
+    that a work-item renders one after the other; a packet's columns and rows.
+    """
+
+    group: tuple[int, int]
+    run: int
+    columns: int
+    rows: int
+
+
+WIDTHS = {1: Shape((16, 4), 1, 1, 1), **{w: Shape((1, 1), 8, 4, w // 4) for w in (4, 8, 16)}}
+# Pixels of one launch at most.
+STRIP = 2**22
+# Seconds of one launch, about, at most, so that Ctrl-C is heard; rows of a first one, which may turn out to be slow.
+PATIENCE, FIRST_ROWS = 0.25, 64
+
+
+@dataclass(eq=False)
+class Frame:
+    """Room for the outputs of one frame: whole packets. width, height: in pixels; arrays (height, width, channels)."""
+
+    owner: Executor
+    width: int
+    height: int
+    arrays: dict[str, NDArray[Any]]
+    buffers: dict[str, Any]
+
+
+class Executor:
+    """A plan on a device. seconds: what build and upload took.
+
+    width: pixels in a packet, a key of WIDTHS; before: an executor of a plan with which this one shares arrays, whose
+    buffers are then used again. Raises DeviceError, BuildError. One thread at a time.
+    """
+
+    def __init__(self, plan: Plan, device: Device, width: int, before: Executor | None = None) -> None:
+        self.plan, self.device, self.width, self.shape = plan, device, width, WIDTHS[width]
+        self.seconds: dict[str, float] = {}
+        self._rows = FIRST_ROWS
+        self._move_to(plan.region)
+        with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
+            self._context: Any = context_of(device.cl)
+            self._queue: Any = cl.CommandQueue(self._context)
+            self._kernel = self._built()
+        with self._timed("upload"), self.driver_errors():
+            kept = before.plan.arrays if before else {}
+            self.buffers: dict[str, Any] = {
+                name: before.buffers[name] if before and array is kept[name] else self._buffer(array)
+                for name, array in plan.arrays.items()
+            }
+            self._queue.finish()
+        with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
+            # PoCL generates the code at the first launch: one that returns at once, with the same sizes.
+            self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait()
+
+    def frame(self) -> Frame:
+        """Room for one frame."""
+        columns, rows = self.shape.columns, self.shape.rows
+        wide, high = (n + margin for n, margin in zip(self.region[2:], self._margin, strict=True))
+        width, height = (-(-wide // columns) * columns, -(-high // rows) * rows)
+        precision = self.plan.request.precision
+        arrays = {
+            name: np.empty((height, width, OUTPUTS[name].channels), dtype_of(OUTPUTS[name].type, precision))
+            for name in self.plan.request.outputs
+        }
+        # On a CPU the kernel writes straight into the host's arrays.
+        write, use = cl.mem_flags.WRITE_ONLY, cl.mem_flags.USE_HOST_PTR
+        buffers = {
+            n: cl.Buffer(self._context, write | use, hostbuf=a)
+            if self.device.kind == "cpu"
+            else cl.Buffer(self._context, write, a.nbytes)
+            for n, a in arrays.items()
+        }
+        return Frame(self, width, height, arrays, buffers)
+
+    def draw(self, frame: Frame) -> None:
+        """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
+
+        A strip that takes long makes the next one smaller, and else larger; the next frame begins with what was found.
+        """
+        (x, y), (x0, y0, width, height) = self._margin, self.region
+        region = (x0 - x, y0 - y, width + x, height + y)
+        row, most = 0, max(64, STRIP // frame.width // 64 * 64)
+        while row < region[3]:
+            rows = min(self._rows, most, frame.height - row)
+            start = time.perf_counter()
+            self._launch(frame, region, row, rows).wait()
+            seconds = time.perf_counter() - start
+            row += rows
+            if seconds > PATIENCE:
+                self._rows = max(16, self._rows // 32 * 16)
+            elif seconds < PATIENCE / 4 and rows == self._rows:  # else it was short because little was left
+                self._rows *= 2
+
+    def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
+        """The outputs as host arrays of exactly the region's size, (h, w) or (h, w, channels)."""
+        out = {}
+        for name, array in frame.arrays.items():
+            if self.device.kind == "cpu":
+                mapped, _ = cl.enqueue_map_buffer(
+                    self._queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype
+                )
+                mapped.base.release(self._queue)
+            else:
+                cl.enqueue_copy(self._queue, array, frame.buffers[name])
+            x, y = self._margin
+            view = array[y : y + self.region[3], x : x + self.region[2]]
+            out[name] = view[..., 0] if OUTPUTS[name].channels == 1 else view
+        self._queue.finish()
+        if "depth" in out and out["depth"].dtype == np.float32:
+            # In scene units a distance may exceed float32's range.
+            out["depth"] = np.ldexp(out["depth"].astype(np.float64), self.plan.exponent)
+        return out
+
+    def work(self) -> dict[str, int]:
+        """How often a frame does what COUNTERS names: renders one more, in strips, with a kernel that counts."""
+        x, y, width, height = self.region
+        counter = copy(self)
+        counter.plan = self.plan.counting()
+        counter._kernel = counter._built()
+        total = np.zeros(len(COUNTERS), np.int64)
+        rows = max(1, STRIP // width)
+        for row in range(0, height, rows):
+            counter._move_to((x, y + row, width, min(rows, height - row)))
+            frame = counter.frame()
+            counter.draw(frame)
+            total += counter.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
+        return dict(zip(COUNTERS.values(), total.tolist(), strict=True))
+
+    @contextmanager
+    def driver_errors(self) -> Iterator[None]:
+        """Turns what pyopencl raises into a DeviceError."""
+        try:
+            yield
+        except cl.MemoryError as error:
+            raise DeviceError(f"{self.device.name} has not enough memory: {error}") from None
+        except cl.Error as error:
+            raise DeviceError(f"{self.device.name} failed: {error}") from None
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def _move_to(self, region: Region) -> None:
+        """Renders this part of the picture from now on."""
+        self.region = region
+        # Packets keep to tiles of the whole picture.
+        self._margin = (region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"])
+
+    def _buffer(self, array: NDArray[Any]) -> Any:
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self._context, flags, hostbuf=np.ascontiguousarray(array))
+
+    def _built(self) -> Any:
+        flags = (f"W={self.width}", f"RUN={self.shape.run}", *self.device.flags)
+        return build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+
+    def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
+        """Starts the kernel for some rows of a region, in the order of the table's arguments."""
+        packets = (-(-frame.width // (self.shape.run * self.shape.columns)), -(-rows // self.shape.rows))
+        grid = tuple(-(-n // g) * g for n, g in zip(packets, self.shape.group, strict=True))
+        values = self.plan.values | {"region": region, "row": row, "pitch": frame.width}
+        # An output that nobody asked for is never written, but must be some buffer.
+        buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
+        arguments = (
+            _value(a.type, values[a.name], self.plan) if a.kind == "value" else buffers[a.name] for a in ARGUMENTS
+        )
+        return self._kernel(self._queue, grid, self.shape.group, *arguments)
+
+
+def _value(type_: str, value: Any, plan: Plan) -> Any:
+    """An argument that is no buffer, as pyopencl passes it by value."""
+    if isinstance(value, np.ndarray):
+        return value[()]
+    if isinstance(value, tuple):
+        return np.array(value, getattr(cl.cltypes, type_))[()]
+    return dtype_of(type_, plan.request.precision).type(value)

@@ -1,0 +1,91 @@
+/* closest.cl: the nearest surface along a ray from the eye. */
+
+/* What was hit: the sphere's place in the buffers, -1 = nothing, the distance in units of the ray's direction, and
+ * where on it. */
+typedef struct {
+    REAL t;
+    INT id;
+    Real3 from_center;
+} Hit;
+
+/* A list ends for a ray where it has found something nearer, squared. With doubles that is known to 2^-25. */
+#if REAL_BYTES == 8
+#define REACH_SLACK (1.0f + 0x1p-20f)
+#else
+#define REACH_SLACK (1.0f + 0x1p-8f)
+#endif
+
+/* The place in the scene file of each lane's sphere; -1 for none. */
+static INT ids_of(const Scene scene, const INT index) {
+    int each[W];
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.id_of[each[lane]];
+    return LOAD_LANES(each);
+}
+
+/* Which lanes' rays meet a sphere, at `at`, before what they have hit so far. Of equally near ones, the sphere that comes
+ * first in the scene file is hit. */
+static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, const int index, const Meeting at,
+                        const Hit hit) {
+    const REAL t = at.t;
+    const REAL_MASK nearer = t < hit.t;
+#if REAL_BYTES == 8
+    /* Where a discriminant is not computed in pairs, the distance is off by at most 2^-25 (see sphere_meet). */
+    const REAL margin = hit.t * 0x1p-22;
+    const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
+#else
+    const REAL_MASK close = (t == hit.t) & (t < INFINITY);
+#endif
+    if (!ANY(TO_MASK(close))) return nearer;
+    REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
+#if REAL_BYTES == 8
+    first = comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first);
+#endif
+    return close ? first : nearer;
+}
+
+/* The nearest sphere along the ray; of equally near ones, that with the lowest id.
+ * tile: the packet's place in the picture, in units of TILE x TILE pixels.
+ */
+static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
+    Hit hit = {INFINITY, -1, {0, 0, 1}};
+    const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
+    const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
+    int found = 0;          /* whether any lane may have a hit */
+    float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
+    const Grid grid = scene.lists.grid[0];
+    Level level = first_level(grid);
+    while (level.mask) {
+        level = next_level(grid, level);
+        const int cell = cell_of(level, tile);
+        const int end = scene.lists.start[cell + 1];
+        /* Of the next tile: its list is the next one. */
+        FETCH_AHEAD(scene, scene.eye_filter, end);
+        for (int k = scene.lists.start[cell]; k < end; k++) {
+            const int2 entry = scene.lists.entry[k];
+            if (as_float(entry.y) > reach) break;
+            const int index = entry.x;
+#ifdef WITH_FILTER
+            const float4 s = scene.eye_filter[index];
+            const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
+            if (!ANY(sphere_may_meet(b, a, s))) {
+                COUNT(FILTERED, ALL_LANES);
+                continue;
+            }
+#endif
+            COUNT(DECIDED, ALL_LANES);
+            const Sphere sphere = sphere_at(scene.spheres, index);
+            const Meeting at = sphere_meet(scene.spheres, ray, sphere);
+            const REAL_MASK nearer = found ? closer(scene, ray, sphere, index, at, hit) : at.t < hit.t;
+            found = 1;
+            hit.t = nearer ? at.t : hit.t;
+            hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
+            PUT_WHERE(nearer, hit.from_center.x, at.from_center.x);
+            PUT_WHERE(nearer, hit.from_center.y, at.from_center.y);
+            PUT_WHERE(nearer, hit.from_center.z, at.from_center.z);
+            const FLOAT far = TO_FLOAT(hit.t * scene.unit);
+            reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+        }
+    }
+    return hit;
+}

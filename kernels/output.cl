@@ -1,0 +1,122 @@
+/* output.cl: from colours and hits to the outputs in memory. */
+
+/* 0 .. 255, linear, no gamma; rounding: 0.5 to nearest, 0 down. Written such that a NaN would be black. */
+static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
+    const SHADE low = value > 0 ? value : (SHADE)0;
+    const SHADE clamped = low < 1 ? low : (SHADE)1;
+    return TO(uint, clamped * (shade_t)255 + rounding);
+}
+
+#if defined(OUT_NORMAL) || defined(OUT_DIRECTION)
+/* A direction of camera space, in the world. */
+static Float3 to_world(const Frame frame, const Real3 v) {
+    const Float3 w = {TO_FLOAT(v.x * frame.right.x + v.y * frame.up.x + v.z * frame.back.x),
+                      TO_FLOAT(v.x * frame.right.y + v.y * frame.up.y + v.z * frame.back.y),
+                      TO_FLOAT(v.x * frame.right.z + v.y * frame.up.z + v.z * frame.back.z)};
+    return w;
+}
+#endif
+
+#ifdef OUT_RGB8
+/* Writes a packet of pixels of 3 bytes each: a row of 4 pixels is 3 whole words. */
+static void store_rgb8(__global uchar *out, const int first, const int pitch, const LANES(uint) r, const LANES(uint) g,
+                       const LANES(uint) b) {
+#if W == 1
+    vstore3((uchar3)((uchar)r, (uchar)g, (uchar)b), first, out);
+#else
+    const LANES(uint) p = r | (g << 8) | (b << 16);
+#if W == 4
+    const uint p0 = p.s0, p1 = p.s1, p2 = p.s2, p3 = p.s3;
+    uint word[3];
+#elif W == 8
+    const uint2 p0 = p.s04, p1 = p.s15, p2 = p.s26, p3 = p.s37;
+    uint2 word[3];
+#else
+    const uint4 p0 = p.s048c, p1 = p.s159d, p2 = p.s26ae, p3 = p.s37bf;
+    uint4 word[3];
+#endif
+    word[0] = p0 | (p1 << 24);
+    word[1] = (p1 >> 8) | (p2 << 16);
+    word[2] = (p2 >> 16) | (p3 << 8);
+    __global uint *row = (__global uint *)(out + 3 * first);
+    const int step = 3 * pitch / 4;
+    for (int k = 0; k < 3; k++) {
+#if W == 4
+        row[k] = word[k];
+#else
+        row[k] = word[k].s0;
+        row[step + k] = word[k].s1;
+#endif
+#if W == 16
+        row[2 * step + k] = word[k].s2;
+        row[3 * step + k] = word[k].s3;
+#endif
+    }
+#endif
+}
+#endif
+
+/* Writes one number a lane, `stride` apart. */
+#if W == 1
+#define STORE(type, out, first, pitch, stride, value) (out)[(long)(first) * (stride)] = (value)
+#else
+#define STORE(type, out, first, pitch, stride, value)                                                             \
+    do {                                                                                                          \
+        type lane_[W];                                                                                            \
+        STORE_LANES(value, lane_);                                                                                \
+        for (int j_ = 0; j_ < W; j_++)                                                                            \
+            (out)[((long)(first) + (j_ >> 2) * (pitch) + (j_ & 3)) * (stride)] = lane_[j_];                        \
+    } while (0)
+#endif
+
+/* What is known of a packet of pixels when all is traced and shaded. */
+typedef struct {
+    Hit hit;
+    Shade3 color;
+    Float3 normal; /* in the world, facing the ray; 0 where nothing was hit */
+    INT rays;      /* shadow rays */
+} Pixels;
+
+/* Writes what the OUT_ flags ask for. first: the packet's first pixel in the outputs. */
+static void write(const Frame frame, const int2 size, const INT column, const INT row, const Pixels pixels,
+                  const Work *work, const Outputs out, const int first) {
+    const int pitch = out.pitch;
+#ifdef OUT_RGB8
+    const shade_t rounding = frame.quantize.x;
+    store_rgb8(out.rgb8, first, pitch, byte_of(pixels.color.x, rounding), byte_of(pixels.color.y, rounding),
+               byte_of(pixels.color.z, rounding));
+#endif
+#ifdef OUT_COLOR
+    STORE(float, out.color, first, pitch, 3, TO_FLOAT(pixels.color.x));
+    STORE(float, out.color + 1, first, pitch, 3, TO_FLOAT(pixels.color.y));
+    STORE(float, out.color + 2, first, pitch, 3, TO_FLOAT(pixels.color.z));
+#endif
+#ifdef OUT_NORMAL
+    STORE(float, out.normal, first, pitch, 3, pixels.normal.x);
+    STORE(float, out.normal + 1, first, pitch, 3, pixels.normal.y);
+    STORE(float, out.normal + 2, first, pitch, 3, pixels.normal.z);
+#endif
+#if defined(OUT_DIRECTION) || defined(OUT_DEPTH)
+    const Ray ray = primary_ray(frame, size, column, row);
+#endif
+#ifdef OUT_DIRECTION
+    const REAL over = 1 / sqrt(ray.a);
+    const Real3 unit = {ray.d.x * over, ray.d.y * over, -over};
+    const Float3 direction = to_world(frame, unit);
+    STORE(float, out.direction, first, pitch, 3, direction.x);
+    STORE(float, out.direction + 1, first, pitch, 3, direction.y);
+    STORE(float, out.direction + 2, first, pitch, 3, direction.z);
+#endif
+#ifdef OUT_DEPTH
+    STORE(real, out.depth, first, pitch, 1, pixels.hit.t * sqrt(ray.a));
+#endif
+#ifdef OUT_ID
+    STORE(int, out.id, first, pitch, 1, pixels.hit.id);
+#endif
+#ifdef OUT_SHADOW_RAYS
+    STORE(int, out.shadow_rays, first, pitch, 1, pixels.rays);
+#endif
+#ifdef OUT_WORK
+    for (int k = 0; k < COUNTERS; k++) STORE(int, out.work + k, first, pitch, COUNTERS, work->count[k]);
+#endif
+}
