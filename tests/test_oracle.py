@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import cltrace
 from cltrace.bench import oracle
 from cltrace.bench.regimes import REGIMES, camera_space, rays
 
@@ -491,6 +492,201 @@ def test_normal_error():
     assert oracle.normal_error((0, -3, -4), exact) == pytest.approx(math.pi)
     assert oracle.normal_error((1e-20, 3, 4), exact) == pytest.approx(2e-21)
     assert oracle.normal_error((0, -4, 3), exact) == pytest.approx(math.pi / 2)
+
+
+# ------------------------------------------------------------------------------------------------ rays from anywhere
+
+
+def point_by_mpmath(start):
+    """The start of a ray as mpmath numbers: a point, or one of a sphere."""
+    if not isinstance(start, oracle.OnSphere):
+        return [mpmath.mpf(float(x)) for x in start]
+    n = [mpmath.mpf(float(x)) for x in start.normal]
+    scale = mpmath.mpf(float(start.radius)) / mpmath.sqrt(sum(x * x for x in n))
+    return [mpmath.mpf(float(c)) + scale * x for c, x in zip(start.center, n, strict=True)]
+
+
+def ends_by_mpmath(p, d, center, radius):
+    """The roots of |p + t d - C|^2 = r^2 by the formula of the school book."""
+    v = [x - mpmath.mpf(float(y)) for x, y in zip(p, center, strict=True)]
+    a, b = sum(x * x for x in d), 2 * sum(x * y for x, y in zip(v, d, strict=True))
+    disc = b * b - 4 * a * (sum(x * x for x in v) - mpmath.mpf(float(radius)) ** 2)
+    return [(-b + sign * mpmath.sqrt(disc)) / (2 * a) for sign in (-1, 1)] if disc >= 0 else []
+
+
+def from_by_mpmath(start, row, centers, radii, t_min, t_max, digits):
+    """(index, t): as closest_from, but that a root within 10^-(digits / 2) of an end of the range is on it."""
+    with mpmath.workdps(digits):
+        p, d, near = point_by_mpmath(start), [mpmath.mpf(float(x)) for x in row], mpmath.mpf(10) ** (-digits // 2)
+        best, index = mpmath.inf, -1
+        for i, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+            for t in ends_by_mpmath(p, d, center, radius):
+                if t_min + near < t < t_max - near and t < best - near * abs(t):
+                    best, index = t, i
+        return index, best
+
+
+def start_of(rng, centers, radii, kind):
+    """A point of some sphere, of any sphere through integers, or anywhere."""
+    i = int(rng.integers(len(radii)))
+    if kind == "sphere":
+        return oracle.OnSphere(centers[i], radii[i], rng.normal(size=3) * 10.0 ** rng.integers(-5, 5))
+    if kind == "axis":
+        return oracle.OnSphere(centers[i], radii[i], np.roll([0.0, 0.0, rng.choice([-2.0, 3.0])], rng.integers(3)))
+    return rng.uniform(-3, 3, 3)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "axis", "point"])
+@pytest.mark.parametrize("spread", [1.0, 1e-6, 1e9])
+def test_rays_from_anywhere(kind, spread):
+    """Balls of the size 1 around a start; some as large as their distance, and concentric ones among them."""
+    rng = np.random.default_rng([int(1e6 * spread), len(kind)])
+    hits = 0
+    for _ in range(60):
+        centers = np.round(rng.uniform(-3, 3, (6, 3)), int(rng.integers(0, 8)))
+        radii = np.round(rng.uniform(0.3, 2, 6), 2)
+        centers[1] = centers[0]
+        radii[2] *= spread
+        centers[2] += (0, 0, spread if spread > 1 else 0)
+        start, row = start_of(rng, centers, radii, kind), rng.normal(size=3)
+        t_min, t_max = (0.0, math.inf) if rng.random() < 0.5 else (float(rng.uniform(0, 1)), float(rng.uniform(1, 4)))
+        index, t = oracle.closest_from(start, [row], centers, radii, t_min, t_max)
+        expected = from_by_mpmath(start, row, centers, radii, t_min, t_max, 120)
+        assert_same(index[0], t[0], expected)
+        hits += index[0] >= 0
+    assert hits > 5
+
+
+def test_rays_from_anywhere_agree_with_rays_from_points():
+    """Two ways through the integers: with no root in the start, both must say the same bits."""
+    rng = np.random.default_rng(11)
+    for _ in range(100):
+        centers, radii = np.round(rng.uniform(-3, 3, (4, 3))), np.round(rng.uniform(1, 3, 4))
+        origin, row = np.round(rng.uniform(-3, 3, 3)), np.round(rng.uniform(-3, 3, 3))
+        index, t = oracle.closest_from(origin, [row], centers, radii)
+        assert (index[0], t[0]) == tuple(x[0] for x in oracle.closest_exact(origin, [row], centers, radii))
+
+
+def test_a_sphere_that_is_left():
+    """Outwards it is never met again, inwards at 2 b / a, whatever digits the point would have."""
+    for normal in ((0.0, 0.0, 1.0), (1.0, 2.0, 3.0), (0.3, -0.1, 1e-9)):
+        start = oracle.OnSphere((0.1, 0.2, 0.3), 0.7, normal)
+        n = np.array(normal)
+        side = np.cross(n, (1, 1, 0.5))
+        rows = [n, -n, side * 3 + n * 2.0**-40, np.nextafter(-n, 0)]
+        index, t = oracle.closest_from(start, rows, [start.center], [start.radius])
+        assert index.tolist() == [-1, 0, -1, 0]
+        length = Fraction(0.7) * 2
+        square = sum(Fraction(x) ** 2 for x in normal)
+        with mpmath.workdps(60):
+            exact = (
+                mpmath.mpf(length.numerator)
+                / length.denominator
+                / mpmath.sqrt(mpmath.mpf(square.numerator) / square.denominator)
+            )
+            assert abs(mpmath.mpf(t[1]) / exact - 1) <= 2.0**-53
+    # Along the surface: exactly at a right angle, one ulp to each side.
+    start = oracle.OnSphere((0, 0, 0), 5.0, (3.0, 4.0, 0.0))
+    rows = [(-4, 3, 1), (-4, np.nextafter(3, 4), 1), (-4, np.nextafter(3, 0), 1)]
+    assert oracle.closest_from(start, rows, [O], [5.0])[0].tolist() == [-1, -1, 0]
+
+
+def test_ends_of_a_range_do_not_count():
+    ball = [(0, 0, -5)], [2]
+    for t_min, t_max, expected in (
+        (0, 3, math.inf),
+        (0, np.nextafter(3, 4), 3),
+        (np.nextafter(3, 0), math.inf, 3),
+        (3, math.inf, 7),
+        (4, math.inf, 7),
+        (3, 7, math.inf),
+        (7, math.inf, math.inf),
+        (-math.inf, math.inf, 3),
+    ):
+        assert oracle.closest_from(O, [AHEAD], *ball, t_min, t_max)[1][0] == expected
+    assert oracle.closest_from((0, 0, -9), [AHEAD], *ball, -math.inf, 0)[1][0] == -6
+    # 2 / sqrt(3) is between two doubles: the range ends between it and its rounded value, too.
+    start = oracle.OnSphere(O, 1.0, (1, 1, 1))
+    t = oracle.closest_from(start, [(-1, -1, -1)], [O], [1.0])[1][0]
+    below = np.nextafter(t, 0)
+    assert oracle.closest_from(start, [(-1, -1, -1)], [O], [1.0], t_max=below)[0][0] == -1
+    sides = [oracle.closest_from(start, [(-1, -1, -1)], [O], [1.0], t_min=x)[0][0] for x in (below, t)]
+    with mpmath.workdps(60):
+        assert sides == [0, 0 if 2 / mpmath.sqrt(3) > mpmath.mpf(float(t)) else -1]
+
+
+def test_ties_of_rays_from_a_sphere():
+    """Mirror images in a plane through the ray: equal nested roots of unequal spheres; an ulp unties them."""
+    start = oracle.OnSphere((0, 0, 1), 0.3, (0.0, 1.0, -3.0))
+    row = (0, 0.21, -0.93)
+    pair = [(0.5, 0.25, -4), (-0.5, 0.25, -4)]
+    assert oracle.closest_from(start, [row], pair, [1.7, 1.7])[0][0] == 0
+    bigger = float(np.nextafter(1.7, 2))
+    assert oracle.closest_from(start, [row], pair, [1.7, bigger])[0][0] == 1
+    assert oracle.closest_from(start, [row], pair, [bigger, 1.7])[0][0] == 0
+    # Two spheres through the start: both at 0, which is no hit, and at the same far end.
+    assert oracle.closest_from(start, [(0, -1, 3)], [(0, 0, 1)] * 2, [0.3] * 2)[0][0] == 0
+
+
+@given(st.integers(0, 2**32), st.booleans(), st.booleans())
+@settings(max_examples=150, deadline=None)
+def test_shadows_from_a_sphere(seed, parallel, small):
+    """blocked() against mpmath, for lights and spheres at random, among small integers where much coincides."""
+    rng = np.random.default_rng(seed)
+    centers, radii = rng.uniform(-3, 3, (5, 3)), rng.uniform(0.2, 2, 5)
+    light, normal = rng.uniform(-4, 4, 3), rng.normal(size=3)
+    if small:
+        centers, radii, light = np.round(centers), np.round(radii) + 1, np.round(light)
+        normal = np.roll([0.0, 3.0, 4.0], rng.integers(3)) * rng.choice([-1, 1], 3)
+    start = oracle.OnSphere(centers[0], radii[0], normal)
+    kind = "parallel" if parallel else "point"
+    if parallel and not light.any():
+        return
+    with mpmath.workdps(120):
+        p, near = point_by_mpmath(start), mpmath.mpf(10) ** -50
+        towards = [mpmath.mpf(float(x)) for x in light]
+        d = [-x for x in towards] if parallel else [x - y for x, y in zip(towards, p, strict=True)]
+        end = mpmath.inf if parallel else 1 - near
+        expected = max(map(abs, d)) > near and any(
+            near < t < end
+            for c, r in zip(centers, radii, strict=True)
+            for t in touching(ends_by_mpmath(p, d, c, r), p, d, c, r)
+        )
+    assert oracle.blocked(start, light, kind, centers, radii) == expected
+
+
+def touching(ends, p, d, center, radius):
+    """The ends; also where the line touches and rounding missed that."""
+    v = [mpmath.mpf(float(c)) - x for c, x in zip(center, p, strict=True)]
+    a, b = sum(x * x for x in d), sum(x * y for x, y in zip(v, d, strict=True))
+    disc = b * b - a * (sum(x * x for x in v) - mpmath.mpf(float(radius)) ** 2)
+    return [b / a] if abs(disc) < mpmath.mpf(10) ** -100 else ends
+
+
+def test_blocked_is_what_occluded_says():
+    """From the point that a primary ray hits, where its normal is three doubles."""
+    spheres = [((0, 0, 0), 1.0), ((0, 0, 5), 1.0), ((0, 5, 1), 2.0), ((5, 0, 4), 5.0), ((0, 0, 0), np.nextafter(1, 2))]
+    centers, radii = [c for c, _ in spheres], [r for _, r in spheres]
+    start = oracle.OnSphere(O, 1.0, (0.0, 0.0, 7.0))
+    for some in ([0], [0, 1], [0, 2], [0, 1, 2], [0, 3], [0, 4]):
+        c, r = [centers[i] for i in some], [radii[i] for i in some]
+        for z in (1.5, 4, np.nextafter(4, 9), 5, 6, 9):
+            for y in (0.0, 3.0, 5.0):
+                lit, facing = oracle.occluded((0, 0, 1.25), AHEAD, 0, c, r, (0, y, z), "point")
+                assert facing
+                assert lit is not oracle.blocked(start, (0, y, z), "point", c, r)
+
+
+def test_a_light_at_the_point_is_not_blocked():
+    start = oracle.OnSphere(O, 1.0, (0.0, 0.0, 7.0))
+    assert not oracle.blocked(start, (0, 0, 1), "point", [O, (0, 0, 1)], [1.0, 3.0])
+
+
+def test_to_world_is_exact():
+    basis = cltrace.Camera((1, 2, 3), (4, 4, 4), (0, 1, 0.1)).basis()
+    x, y, z = oracle.to_world(basis, (0.1, 0.7, -1))
+    assert x == Fraction(0.1) * Fraction(basis[0][0]) + Fraction(0.7) * Fraction(basis[1][0]) - Fraction(basis[2][0])
+    assert [float(v) for v in (x, y, z)] == pytest.approx(np.array((0.1, 0.7, -1)) @ np.array(basis), abs=1e-15)
 
 
 # ---------------------------------------------------------------------------------------------------------- regimes

@@ -34,9 +34,9 @@ Ints = tuple[int, ...]
 # ---------------------------------------------------------------------------------------------------------- integers
 
 
-def _integers(values: Sequence[float]) -> tuple[Ints, int]:
-    """Integers n and one k >= 0 with value = n / 2^k, exactly."""
-    ratios = [float(v).as_integer_ratio() for v in values]
+def _integers(values: Sequence[float | Fraction]) -> tuple[Ints, int]:
+    """Integers n and one k >= 0 with value = n / 2^k, exactly. A Fraction must be one of that kind."""
+    ratios = [(v if isinstance(v, Fraction) else float(v)).as_integer_ratio() for v in values]
     k = max((q.bit_length() - 1 for _, q in ratios), default=0)
     return tuple(p << (k - q.bit_length() + 1) for p, q in ratios), k
 
@@ -295,6 +295,196 @@ def _blocks(
     square = B[0] * B[0] + B[1] * B[1] * D, 2 * B[0] * B[1]
     product = A[0] * E[0] + A[1] * E[1] * D, A[0] * E[1] + A[1] * E[0]
     return _sign_surd(square[0] - product[0], square[1] - product[1], D) >= 0
+
+
+# ------------------------------------------------------------------------------------------------ rays from anywhere
+#
+# A ray that starts on a sphere starts at P = A + R n / |n|: A, R and n are given numbers, |n| = sqrt(s) with s = n.n.
+# With all lengths times s, C - P is s (C - A) - R n sqrt(s): a vector p + q sqrt(s) of integers. So a, b, c and D are
+# such numbers, too, which are closed under sums and products, and have a sign that squaring tells. The ends of the way
+# through a sphere are (b -/+ sqrt(D)) / a, one root more.
+
+
+class OnSphere(NamedTuple):
+    """The point center + radius normal / |normal|; the normal may have any length but 0."""
+
+    center: ArrayLike
+    radius: float
+    normal: Sequence[float | Fraction]
+
+
+Surd = tuple[int, int]  # p + q sqrt(s)
+
+
+def to_world(basis: Sequence[Sequence[float]], v: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+    """The vector v of camera space along the world's axes, exactly: v.x right + v.y up + v.z back."""
+    x, y, z = (
+        sum((Fraction(e) * Fraction(a[i]) for e, a in zip(v, basis, strict=True)), Fraction(0)) for i in range(3)
+    )
+    return x, y, z
+
+
+def _times(x: Surd, y: Surd, s: int) -> Surd:
+    return x[0] * y[0] + x[1] * y[1] * s, x[0] * y[1] + x[1] * y[0]
+
+
+def _plus(x: Surd, y: Surd, factor: int = 1) -> Surd:
+    return x[0] + factor * y[0], x[1] + factor * y[1]
+
+
+class _Start:
+    """Where a ray starts, and everything else from there, as integers p + q sqrt(s) times 2^-k / (s or 1)."""
+
+    def __init__(self, start: ArrayLike | OnSphere, centers: ArrayLike, radii: ArrayLike, *more: ArrayLike) -> None:
+        anchor, radius, normal = (start.center, start.radius, start.normal) if isinstance(start, OnSphere) else (
+            start, 0.0, None)  # fmt: skip
+        world = _World(anchor, centers, radii, *more, [radius, 0.0, 0.0])
+        n = _integers(normal)[0] if normal is not None else (0, 0, 0)
+        self.s, self.k = _dot(n, n), world.k
+        self.scale = self.s or 1
+        (R,), own = _integers([radius])
+        R <<= world.k - own  # the radius was among the numbers for which k was chosen
+        self.step = R * n[0], R * n[1], R * n[2]
+        self.f = [self.surd(f) for f in world.f]
+        self.r = [r * self.scale for r in world.r]
+        self.more = [self.surd(p) for p in world.more[:-1]]
+
+    def surd(self, g: Ints) -> Surds:
+        """To the point that is g from the anchor."""
+        z = self.scale
+        return (g[0] * z, g[1] * z, g[2] * z), (-self.step[0], -self.step[1], -self.step[2])
+
+
+class _End(NamedTuple):
+    """One end of the way through a sphere, t = (b + side sqrt(D)) / a; a > 0 and D >= 0."""
+
+    a: Surd
+    b: Surd
+    side: int
+    D: Surd
+
+    def sign_less(self, p: int, q: int, s: int) -> int:
+        """The sign of t - p / q, q > 0: that of (q b - p a) + side q sqrt(D)."""
+        x = _plus((q * self.b[0], q * self.b[1]), self.a, -p)
+        return _sign_end(x, self.side * q, self.D, s)
+
+
+def _sign_end(x: Surd, y: int, D: Surd, s: int) -> int:
+    """The sign of x + y sqrt(D): if the terms differ in sign, the one with the larger square has it."""
+    first, second = _sign_surd(*x, s), _sign(y) * _sign_surd(*D, s)
+    if first * second >= 0:
+        return _sign(first + second)
+    return first * _sign_surd(*_plus(_times(x, x, s), D, -y * y), s)
+
+
+def _before(x: _End, y: _End, s: int) -> bool:
+    """Whether x < y, two ends on one ray: the sign of (bx - by + sx sqrt(Dx)) - sy sqrt(Dy), as above."""
+    gap = _plus(x.b, y.b, -1)
+    first, second = _sign_end(gap, x.side, x.D, s), -y.side * _sign_surd(*y.D, s)
+    if first * second >= 0:
+        return first + second < 0
+    # The difference of the squares: gap^2 + Dx - Dy + 2 sx gap sqrt(Dx).
+    rest, twice = _plus(_plus(_times(gap, gap, s), x.D), y.D, -1), _times((2 * x.side, 0), gap, s)
+    outer, inner = _sign_surd(*rest, s), _sign_surd(*twice, s) * _sign_surd(*x.D, s)
+    if outer * inner >= 0:
+        return first * _sign(outer + inner) < 0
+    square = _times(_times(twice, twice, s), x.D, s)
+    return first * outer * _sign_surd(*_plus(_times(rest, rest, s), square, -1), s) < 0
+
+
+def _ends(d: Surds, f: Surds, r: int, s: int) -> list[_End]:
+    """Both ends of the way through a sphere, the nearer one first; none if the ray passes by or has no direction."""
+    a, b, c = _dot_surds(d, d, s), _dot_surds(f, d, s), _plus(_dot_surds(f, f, s), (r * r, 0), -1)
+    D = _plus(_times(b, b, s), _times(a, c, s), -1)
+    if _sign_surd(*a, s) == 0 or _sign_surd(*D, s) < 0:
+        return []
+    return [_End(a, b, -1, D), _End(a, b, 1, D)]
+
+
+def closest_from(
+    start: ArrayLike | OnSphere,
+    direction: Sequence[Sequence[float | Fraction]],
+    centers: ArrayLike,
+    radii: ArrayLike,
+    t_min: float = 0.0,
+    t_max: float = np.inf,
+) -> tuple[NDArray[np.int32], Floats]:
+    """What `closest` returns, for rays that start anywhere: the first t strictly within the range, correctly rounded.
+
+    There is no rule for the sphere that the ray starts on: c is 0 there, so that the ends are exactly 0, which is not
+    within t > 0, and 2 b / a: outwards it is never met again, inwards at the far side.
+    """
+    world = _Start(start, centers, radii)
+    index, t = np.full(len(direction), -1, np.int32), np.full(len(direction), np.inf)
+    for row, values in enumerate(direction):
+        d, k = _integers(values)
+        # A number T for t is T unit in the integers' units.
+        unit = Fraction(world.scale) * Fraction(2) ** (world.k - k)
+        best: _End | None = None
+        for i, (f, r) in enumerate(zip(world.f, world.r, strict=True)):
+            for end in _ends((d, (0, 0, 0)), f, r, world.s):
+                if not _within(end, t_min, t_max, unit, world.s):
+                    continue
+                if best is None or _before(end, best, world.s):
+                    index[row], best = i, end
+                break
+        if best is not None:
+            t[row] = _nearest_double(best, unit, world.s)
+    return index, t
+
+
+def _within(end: _End, t_min: float, t_max: float, unit: Fraction, s: int) -> bool:
+    above = t_min == -np.inf or end.sign_less(*(Fraction(t_min) * unit).as_integer_ratio(), s) > 0
+    return above and (t_max == np.inf or end.sign_less(*(Fraction(t_max) * unit).as_integer_ratio(), s) < 0)
+
+
+def _nearest_double(end: _End, unit: Fraction, s: int) -> float:
+    """t correctly rounded, by comparisons alone: doubles of one sign are ordered as their bits are."""
+
+    def sign_less(value: Fraction) -> int:
+        return end.sign_less(*(value * unit).as_integer_ratio(), s)
+
+    def double(bits: int) -> float:
+        return float(np.int64(bits).view(np.float64))
+
+    flip = sign_less(Fraction(0))
+    if flip == 0:
+        return 0.0
+    low, high = 0, int(np.float64(np.inf).view(np.int64))  # |t| is at least low's double and below high's
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if flip * sign_less(flip * Fraction(double(middle))) >= 0 else (low, middle)
+    # Half way to the next double, which is 2^1024 after the largest one.
+    step = Fraction(double(low)) - Fraction(double(low - 1)) if low else Fraction(double(1))
+    if double(high) < np.inf:
+        step = Fraction(double(high)) - Fraction(double(low))
+    beyond = flip * sign_less(flip * (Fraction(double(low)) + step / 2))
+    return flip * double(high if beyond > 0 or (beyond == 0 and low % 2) else low)
+
+
+def blocked(
+    start: OnSphere,
+    light: ArrayLike,
+    kind: Literal["point", "parallel"],
+    centers: ArrayLike,
+    radii: ArrayLike,
+) -> bool:
+    """Whether a sphere is met strictly between a sphere's point and a light, as in `occluded`.
+
+    From inside, the sphere that the ray starts on blocks as any other: if and only if the light is strictly outside.
+    """
+    if kind == "point":
+        world = _Start(start, centers, radii, light)
+        d = world.more[0]
+    else:
+        world = _Start(start, centers, radii)
+        w, _ = _integers(np.asarray(light, np.float64).tolist())
+        d = (-w[0], -w[1], -w[2]), (0, 0, 0)
+    return any(
+        end.sign_less(0, 1, world.s) > 0 and (kind == "parallel" or end.sign_less(1, 1, world.s) < 0)
+        for f, r in zip(world.f, world.r, strict=True)
+        for end in _ends(d, f, r, world.s)
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ filter
