@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Iterable
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import cltrace
 from cltrace import Camera, Scene
+from cltrace.bench import oracle
 from cltrace.reference import (
     EYE,
     Direction,
     Intersection,
     Point,
     Ray,
+    ShadowRay,
+    Sphere,
+    Start,
     byte_of,
     cast_shadow_ray,
     closest_hit,
@@ -22,6 +29,8 @@ from cltrace.reference import (
     trace,
     world_of,
 )
+from cltrace.reference.doubt import surely_blocks, surely_misses
+from cltrace.reference.exact import Surd
 
 AHEAD = Ray(EYE, Direction(0, 0, -1))
 
@@ -250,3 +259,250 @@ def test_the_middle_of_an_odd_picture_is_the_axis() -> None:
 def test_bytes() -> None:
     assert [byte_of(c) for c in (-1, 0, 0.5, 1, 7, math.inf)] == [0, 0, 128, 255, 255, 255]
     assert [byte_of(c, truncate=True) for c in (0.5, 254.9 / 255, 1)] == [127, 254, 255]
+
+
+# --------------------------------------------------------------------------------------------- held against the oracle
+
+
+def turned_scene(rng: np.random.Generator, scale: float = 1.0, lights: tuple = ()) -> Scene:
+    """Some spheres before a camera that looks anywhere."""
+    eye, view = rng.normal(size=3), rng.normal(size=3)
+    centers = eye + 5 * view / np.linalg.norm(view) + rng.normal(size=(6, 3))
+    camera = Camera(tuple(eye), tuple(eye + view), tuple(rng.normal(size=3)), 30, (24, 18))
+    return Scene.from_spheres(camera, lights, centers, scale * rng.uniform(0.2, 1.2, 6))
+
+
+def in_world(scene: Scene, v: Iterable[float]) -> tuple[Fraction, Fraction, Fraction]:
+    return oracle.to_world(scene.camera.basis(), tuple(v))
+
+
+def test_primary_rays_of_turned_cameras_are_those_of_the_oracle() -> None:
+    """The scene is not turned, the rays are: what is decided about are the numbers of the file."""
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        scene = turned_scene(rng)
+        world, eye = world_of(scene), scene.camera.position
+        rays = [primary_ray(scene.camera, *map(int, rng.integers(0, (24, 18)))) for _ in range(60)]
+        want = oracle.closest_from(
+            eye, [in_world(scene, r.direction) for r in rays], scene.spheres["center"], scene.spheres["radius"]
+        )
+        for ray, index, t in zip(rays, *want, strict=True):
+            at = closest_hit(world, ray)
+            assert (at.index if at else -1) == index
+            assert at is None or abs(at.t / t - 1) < 1e-13
+
+
+@pytest.mark.parametrize("exponent", [2, 7, 12, 16, 20, 30])
+def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: int) -> None:
+    """Distance / radius from 1e2 to 1e30: rays that pass 0.5 to 1.5 radii from the centre, found in exact numbers."""
+    rng = np.random.default_rng(exponent)
+    seen = []
+    for _ in range(40):
+        scene = turned_scene(rng, 10.0**-exponent)
+        world, i = world_of(scene), int(rng.integers(6))
+        ball = world.surfaces[i]
+        assert isinstance(ball, Sphere)
+        # No double triple is that well aimed. The ray starts near the sphere, then, in front of it.
+        n = rng.normal(size=3)
+        side = np.cross(n, rng.normal(size=3))
+        side /= np.linalg.norm(side)
+        start = Start(ball, Direction(*(n / np.linalg.norm(n))))
+        d = Direction(*(-n / np.linalg.norm(n) + side * rng.uniform(0.9, 1.1) * rng.choice([1, 1e9])))
+        at = closest_hit(world, Ray(start, d))
+        index, t = oracle.closest_from(
+            oracle.OnSphere(scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, start.normal)),
+            [in_world(scene, d)],
+            scene.spheres["center"],
+            scene.spheres["radius"],
+        )
+        assert (at.index if at else -1) == index[0]
+        assert at is None or at.t == t[0]
+        # From the eye, towards the centre as well as doubles can.
+        ray = Ray(EYE, Direction(*ball.center))
+        want = oracle.closest_from(
+            scene.camera.position, [in_world(scene, ray.direction)], scene.spheres["center"], scene.spheres["radius"]
+        )
+        at = closest_hit(world, ray)
+        assert (at.index if at else -1) == want[0][0]
+        seen.append(at is not None)
+    # Beyond 1e16, the nearest double triple mostly passes by.
+    assert any(seen) or exponent > 16
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_rays_from_a_sphere_are_those_of_the_oracle(turned: bool) -> None:
+    """Any sphere, outwards, inwards and along its surface, with and without a range."""
+    rng = np.random.default_rng(2)
+    for k in range(150):
+        scene = turned_scene(rng)
+        if not turned:
+            scene = scene_of(*np.column_stack([rng.uniform(-3, 3, (6, 3)), rng.uniform(0.3, 2, 6)]).tolist())
+        world, i = world_of(scene), int(rng.integers(6))
+        own = world.surfaces[i]
+        assert isinstance(own, Sphere)
+        n = Direction(*rng.normal(size=3))
+        start = Start(own, n if k % 2 else n.normalized())
+        d = [Direction(*rng.normal(size=3)), n, -n, n.cross(Direction(1, 2, 3))][k % 4]
+        t_min, t_max = (0.0, math.inf) if k % 3 else (float(rng.uniform(0, 1)), float(rng.uniform(1, 4)))
+        at = closest_hit(world, Ray(start, d, t_min, t_max))
+        index, t = oracle.closest_from(
+            oracle.OnSphere(
+                scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, n if k % 2 else start.normal)
+            ),
+            [in_world(scene, d)],
+            scene.spheres["center"],
+            scene.spheres["radius"],
+            t_min,
+            t_max,
+        )
+        assert (at.index if at else -1) == index[0]
+        assert at is None or at.t == t[0]
+
+
+def hostile_lights(rng: np.random.Generator, scene: Scene) -> Scene:
+    """The scene with lights near its spheres' surfaces, and with shells an ulp away from them."""
+    spheres = np.repeat(scene.spheres, 2)
+    spheres["radius"][1::2] = np.nextafter(spheres["radius"][1::2], rng.choice([0, 9]))
+    n = rng.normal(size=(3, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    lights = [cltrace.point_light(s["center"] + s["radius"] * v) for s, v in zip(spheres[:6:2], n, strict=True)]
+    lights += [cltrace.point_light(rng.normal(size=3) * 5), cltrace.parallel_light(rng.normal(size=3))]
+    return dataclasses.replace(Scene.from_spheres(scene.camera, lights, [(0, 0, 0)], 1), spheres=spheres)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_shadows_are_those_of_the_oracle(turned: bool) -> None:
+    """Wherever double is in doubt as well: shells an ulp apart, lights on spheres but for rounding."""
+    rng = np.random.default_rng(3)
+    found = {False: 0, True: 0}
+    for _ in range(12):
+        scene = turned_scene(rng)
+        if not turned:
+            scene = scene_of(
+                *np.column_stack([rng.uniform(-3, 3, (6, 3)) - (0, 0, 6), rng.uniform(0.3, 2, 6)]).tolist()
+            )
+        scene = hostile_lights(rng, scene)
+        world, spheres = world_of(scene), scene.spheres
+        for _ in range(12):
+            at = closest_hit(world, Ray(EYE, Direction(*rng.normal(size=2), -2.0)))
+            if at is None:
+                continue
+            own = spheres[at.index]
+            start = oracle.OnSphere(own["center"], float(own["radius"]), in_world(scene, at.start.normal))
+            for light, lamp in zip(scene.lights, world.lights, strict=True):
+                if lamp.parallel:
+                    blocked = oracle.blocked(
+                        start, light["direction"], "parallel", spheres["center"], spheres["radius"]
+                    )
+                    facing = at.normal.dot(lamp.direction_from(at.start)) > 0
+                else:
+                    blocked = oracle.blocked(start, light["position"], "point", spheres["center"], spheres["radius"])
+                    facing = at.normal.dot(lamp.direction_from(at.start)) > 1e-9
+                if facing:
+                    assert cast_shadow_ray(world, at, lamp) is blocked
+                    found[blocked] += 1
+    assert min(found.values()) > 10
+
+
+def test_equally_near_is_exactly_so() -> None:
+    """Mirror images in the plane of the ray are equally near, an ulp of a radius unties them, and so do 2^-80."""
+    ray = Ray(EYE, Direction(0, 0.03, -1))
+    pair = [(0.5, 0.25, -5, 1.7), (-0.5, 0.25, -5, 1.7)]
+    at = hit(ray, *pair)
+    assert at is not None
+    assert at.index == 0
+    bigger = math.nextafter(1.7, 2)
+    for i, spheres in enumerate(([(*pair[0][:3], bigger), pair[1]], [pair[0], (*pair[1][:3], bigger)])):
+        at = hit(ray, *spheres)
+        assert at is not None
+        assert at.index == i
+    # 5 - sqrt(1 - x^2) is 4 + 2^-81, which no double tells from 4, and nearer than 4 + 2^-79.
+    for offsets, nearest in (((2.0**-40, 0.0), 1), ((2.0**-39, 2.0**-40), 1), ((2.0**-40, 2.0**-39), 0)):
+        at = hit(AHEAD, *((x, 0, -5, 1) for x in offsets))
+        assert at is not None
+        assert (at.index, at.t) == (nearest, 4)
+
+
+@pytest.mark.parametrize("radius", [1e13, 1e14, 1e18])
+def test_a_shell_of_any_size_leaks_nothing(radius: float) -> None:
+    """Eye, light and ball within a huge shell, which is lit from inside wherever the ball is not between.
+
+    An answer by hand: the shell's wall is so far that its shadow is that of a cone, whose half angle has the sine 1/d.
+    """
+    light, ball = np.array([4, 0.3, 0.2]), np.array([2.0, 0, 0])
+    camera = Camera((0.5, 0.5, 3), (0.5, 0.5, 2), resolution=(16, 12), horizontal_fov=80)
+    scene = Scene.from_spheres(camera, [cltrace.point_light(tuple(light))], [ball, (0, 0, 0)], [1, radius])
+    world, shadowed = world_of(scene), 0
+    for direction in np.random.default_rng(5).normal(size=(300, 3)):
+        at = closest_hit(world, Ray(EYE, Direction(*direction)))
+        assert at is not None
+        if at.index == 0:
+            continue
+        # From the light to the wall: so long a way that it is the ray's direction but for 1e-12.
+        d, to_ball = np.array(direction) / np.linalg.norm(direction), ball - light
+        expected = d @ to_ball > 0 and np.linalg.norm(np.cross(d, to_ball)) < 1
+        assert cast_shadow_ray(world, at, world.lights[0]) is bool(expected)
+        shadowed += bool(expected)
+    assert shadowed > 5
+
+
+def test_a_light_that_touches_the_point_adds_nothing() -> None:
+    """The eye and the light are one point of a sphere: a ray along it may end where it starts (a ZeroDivisionError)."""
+    camera = Camera(
+        (4.040135160495624, 0, -64), (0, -1.5831314531216503, 0), (1, 4, 0), horizontal_fov=89.999, resolution=(9, 7)
+    )
+    light = cltrace.point_light(camera.position)
+    scene = Scene.from_spheres(camera, [light], [(0.04013516049562422, 0, -64)], [4], kd=1)
+    world = world_of(scene)
+    for i in range(63):
+        color, _ = trace(world, primary_ray(camera, i % 9, i // 9))
+        assert all(0 <= c < 2 for c in color)
+    # The same by hand: the hit is where the light is.
+    world = world_of(scene_of((0, 0, -5, 2), lights=(cltrace.point_light((0, 0, -3)),), ka=0, kd=1, ks=1))
+    assert trace(world, AHEAD)[0] == (0, 0, 0)
+
+
+def test_exact_numbers_are_told_apart_by_squaring() -> None:
+    root2 = Surd(Fraction(0), Fraction(1), Fraction(2))
+    assert (root2 * root2 - Surd(Fraction(2))).sign() == 0
+    for p, q in ((577, 408), (665857, 470832)):  # p / q is just above sqrt(2)
+        assert (Surd(Fraction(p, q)) - root2).sign() == 1
+        assert (root2 - Surd(Fraction(2 * q, p))).sign() == 1
+    with pytest.raises(ValueError, match="two different square roots"):
+        root2 + Surd(Fraction(0), Fraction(1), Fraction(3))
+
+
+def test_bounds_of_doubles_hold() -> None:
+    """What doubles are certain about is what exact arithmetic says, for starts and spheres of very different sizes."""
+    rng = np.random.default_rng(7)
+    sure = {None: 0, False: 0, True: 0}
+    for _ in range(400):
+        size = 10.0 ** rng.uniform(-6, 6, 6)
+        scene = turned_scene(rng)
+        spheres = scene.spheres.copy()
+        spheres["radius"] = size
+        spheres["center"] *= rng.choice([1, 1e3, 1e-3])
+        scene = dataclasses.replace(scene, spheres=spheres)
+        own, other, *_ = rng.permutation(6)
+        n = rng.normal(size=3)
+        n /= np.linalg.norm(n)
+        # The light is close to where the line from the start would touch the other sphere.
+        point, c = spheres["center"][own] + size[own] * n, spheres["center"][other]
+        side = np.cross(c - point, rng.normal(size=3))
+        side *= size[other] * (1 + rng.normal() * 10.0 ** rng.uniform(-17, 0)) / np.linalg.norm(side)
+        light = point + (c + side - point) * rng.uniform(0.5, 3)
+        lit = Scene.from_spheres(scene.camera, [cltrace.point_light(tuple(light))], [(0, 0, 0)], 1)
+        world = world_of(dataclasses.replace(lit, spheres=spheres))
+        first, second = world.surfaces[own], world.surfaces[other]
+        assert isinstance(first, Sphere)
+        assert isinstance(second, Sphere)
+        normal = Direction(*(float(x) for x in np.array(scene.camera.basis()) @ n)).normalized()
+        ray = ShadowRay(Start(first, normal), False, world.lights[0])
+        said = surely_blocks(second, ray)
+        sure[said] += 1
+        if said is not None:
+            assert said is (ray.line.through(second.ball).first(0.0, 1.0) is not None)
+        along = Ray(Start(first, normal), ray.rough.w)
+        if surely_misses(second, along):
+            assert second.equation(along).exact.first(0.0, math.inf) is None
+    assert min(sure.values()) > 20

@@ -58,8 +58,8 @@ class Light:
 class ShadowRay:
     """The points start + t w for 0 < t < t_max, where w is the whole way to a light.
 
-    inside: whether the start is seen from the inside of its sphere; then the ray crosses that inside. w: rounded; of
-    length 1 if the light is parallel, and t_max infinite, else t_max is 1: what is behind the light does not matter.
+    inside: whether the start is seen from the inside of its sphere; then the ray crosses that inside. t_max is 1, as
+    what is behind the light does not matter, and infinite if the light is parallel; then w may have any length.
     """
 
     start: Start
