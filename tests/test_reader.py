@@ -14,6 +14,7 @@ import pytest
 
 from cltrace.errors import SceneError
 from cltrace.formats import xml_bulk, xml_reader, xml_source
+from cltrace.formats.xml_faults import closest
 from cltrace.formats.xml_reader import read
 from cltrace.formats.xml_transforms import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Scene
@@ -527,6 +528,68 @@ def test_the_suffix_may_be_in_capitals() -> None:
     assert scene_of(SCENE.replace("example.png", "A.PNG")).output_file == "A.PNG"
 
 
+def test_a_part_of_a_name_is_pointed_out() -> None:
+    assert faults_of(SCENE.replace("horizontal_fov", "fov")) == [
+        "5: camera: <horizontal_fov> is missing; did you mean <fov> on line 9?"
+    ]
+    assert faults_of(SCENE.replace("max_bounces", "bounces")) == [
+        "5: camera: <max_bounces> is missing; did you mean <bounces> on line 11?"
+    ]
+    assert warnings_of(changed("<lights>", "<lights><spot/>")) == [
+        "13: lights: unknown element <spot> ignored; did you mean <spot_light>?"
+    ]
+    # Of several that have it, none is more likely than the others.
+    assert closest("axis", ("one_long_axis", "other_long_axis")) is None
+
+
+BYTES = "looks like bytes of 0..255, but 1 is full: divide by 255"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "warned"),
+    [
+        ('r="0.1" g="0.2" b="0.3"', 'r="255" g="128" b="0"', [f"4: background_color: 255, 128, 0 {BYTES}"]),
+        ('r="0" g="0" b="0"', 'r="51" g="51" b="51.0"', [f"14: ambient_light color: 51, 51, 51 {BYTES}"]),
+        ('r="1" g="0.5" b="2"', 'r="255" g="127.5" b="0"', [f"15: parallel_light color: 255, 127.5, 0 {BYTES}"]),
+        ('r="1" g="1" b="0"', 'r="0" g="0" b="16"', [f"18: spot_light color: 0, 0, 16 {BYTES}"]),
+        ('r="0.5" g="0.25" b="1"', 'r="200" g="30" b="30"', [f"28: material_solid color: 200, 30, 30 {BYTES}"]),
+        ('r="0.5" g="0.25" b="1"', 'r=" 200" g="30" b="30"', [f"28: material_solid color: 200, 30, 30 {BYTES}"]),
+        # Bright lights, and what cannot be bytes.
+        ('r="1" g="0.5" b="2"', 'r="15" g="10" b="2"', []),
+        ('r="1" g="0.5" b="2"', 'r="16.5" g="0" b="0"', []),
+        ('r="1" g="0.5" b="2"', 'r="1000" g="255" b="0"', []),
+        ('r="0.5" g="0.25" b="1"', 'r="1.5" g="2" b="1"', []),
+    ],
+)
+def test_colours_that_look_like_bytes(old: str, new: str, warned: list[str]) -> None:
+    assert warnings_of(changed(old, new)) == warned
+    scene = read("scene.xml")[0]
+    colors = [list(scene.background), *scene.lights["color"].tolist(), *scene.materials["color"].tolist()]
+    assert [float(part.split('"')[1]) for part in new.split("=")[1:]] in colors
+
+
+@pytest.mark.parametrize("written", ["a\nb", "a&#10;b", "a&#13;&#10;b", "a&#x85;b", "a&#x2028;b", "a&#x9b;b"])
+def test_every_message_is_one_line(written: str) -> None:
+    """Whatever the file, its name and its namespaces hold."""
+    text = changed("<lights>", f'<lights xmlns:e="http://{written}"><e:point_light/>')
+    text = changed("<surfaces>", f'<surfaces xmlns="http://{written}">', text)
+    text = changed("<up ", f'<up xmlns:e="http://{written}" e:xx="1" ', text)
+    Path("a\nb.xml").write_text(text)
+    with pytest.raises(SceneError) as caught:
+        read("a\nb.xml")
+    lines = str(caught.value).split("\n")
+    assert all(line.startswith("a\\nb.xml:") and line.isprintable() for line in lines)
+    assert len(lines) == len(caught.value.faults)
+
+
+def test_a_namespace_with_a_line_break_is_named_on_one_line() -> None:
+    assert faults_of('<scene xmlns="urn:a&#10;b"/>') == ["1: the root element must be <scene>, got <{urn:a\\nb}scene>"]
+    hint = "5: camera: <horizontal_fov> is missing; did you mean <{\\n}horizontal_fov> on line 9?"
+    assert hint in faults_of(changed("<horizontal_fov", '<horizontal_fov xmlns="&#10;"'))
+    hint = "29: material_solid phong: attribute exponent is missing; did you mean '{\\n}exponent'?"
+    assert hint in faults_of(changed("<phong", '<phong xmlns:e="&#10;"').replace("exponent", "e:exponent"))
+
+
 # --- Transforms
 
 SQRT3 = math.sqrt(3)
@@ -674,6 +737,24 @@ def test_lines_beyond_16_bits_without_line_breaks_between_elements() -> None:
     assert faults_of(text)[-1] == f"{line}: sphere: radius must be > 0, got 0"
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32-le", "utf-32-be", "utf-16-be"])
+def test_lines_beyond_16_bits_of_wide_characters(encoding: str) -> None:
+    """In which the bytes of a '>' and of a line break occur in other characters, too."""
+    text = changed("<surfaces>\n", "<surfaces>\n" + "<!--\u0a3e\u3e0a-->\n" * 70_000 + '<sphere\nradius="0"\n/>')
+    text = text[text.index("<scene") :]
+    line = text[: text.index('"0"\n/>') + 3].count("\n") + 2
+    assert faults_of(("\ufeff" + text if encoding == "utf-16-be" else text).encode(encoding)) == [
+        f"{line}: sphere: <material_solid> or <material_textured> is missing",
+        f"{line}: sphere: <position> is missing",
+        f"{line}: sphere: radius must be > 0, got 0",
+    ]
+
+
+def test_wide_characters_that_are_none() -> None:
+    text = SCENE[SCENE.index("<scene") :].replace("<surfaces>", "<surfaces>" + "\n" * 70_000 + "<torus/>\ud800")
+    assert "not well-formed XML" in faults_of(text.encode("utf-16", "surrogatepass"))[0]
+
+
 def message(fault: str) -> str:
     return fault.partition(":")[2].partition(" on line ")[0]
 
@@ -731,6 +812,31 @@ def test_bytes_that_are_not_the_encoding() -> None:
     assert fault.startswith("3: not well-formed XML: ")  # libxml2's words vary
 
 
+@pytest.mark.parametrize(
+    "content", [b"<a/>", b"<b/>\n", b"<a>", b"<a", b"<", b"a", b"<a/><", b"<?a?>", b"<!-->", b"\0"]
+)
+def test_a_handful_of_bytes(content: bytes) -> None:
+    faults = faults_of(content)
+    assert len(faults) == 1
+    if content[:2] in (b"<a", b"<b"):
+        assert faults == [f"1: the root element must be <scene>, got <{content[1:2].decode()}>"]
+    else:
+        assert faults[0].startswith("1: not well-formed XML: ")
+
+
+@pytest.mark.parametrize("tag", ["<q", "<camera", "<sphere radius='1'", "</scene", "<!--", "&", "<![CDATA["])
+def test_cut_off_beyond_16_bits(tag: str) -> None:
+    faults = faults_of('<scene output_file="s.png">' + "\n" * 70_000 + tag)
+    assert len(faults) == 1
+    assert faults[0].startswith("70001: not well-formed XML: ")
+
+
+def test_a_name_that_no_file_can_have() -> None:
+    with pytest.raises(SceneError) as caught:
+        read("\ud800")
+    assert str(caught.value) == "\\ud800: cannot be read: the name is not utf-8"
+
+
 def test_files_that_cannot_be_read() -> None:
     with pytest.raises(SceneError, match=r"^none\.xml: cannot be read: No such file or directory$"):
         read("none.xml")
@@ -775,6 +881,23 @@ def test_entities_are_refused(text: str) -> None:
     assert faults_of(text) == ["2: the document type must not declare entities"]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-be", "utf-16-le", "utf-32-le", "utf-32-be"])
+def test_the_line_of_a_refused_entity(encoding: str) -> None:
+    declared = '<!DOCTYPE scene [\n<!-- <!ENTITY -->\n<!--\n\u0a0a\u0a0d-->\n<!ENTITY x "1">]>\n' + BODY
+    mark = "\ufeff" if encoding in ("utf-16-be", "utf-16-le") else ""
+    assert faults_of((mark + declared).encode(encoding)) == ["5: the document type must not declare entities"]
+
+
+@pytest.mark.parametrize(
+    "mention", ["<!-- <!ENTITY -->", "<?a <!ENTITY ?>", '<!DOCTYPE scene SYSTEM "<!ENTITY">', '<!-- " <!ENTITY -->']
+)
+def test_to_mention_an_entity_is_not_to_declare_it(mention: str) -> None:
+    assert same(scene_of(mention + "\n" + BODY), scene_of(SCENE))
+    # Where no root follows, that is what is said.
+    far = mention + " " * 70_000 + "<scene/>"
+    assert faults_of(far) == [" the root element must begin within the first 65536 bytes"]
+
+
 @pytest.mark.parametrize("document_type", ["", '<!DOCTYPE scene SYSTEM "scene.dtd">'])
 @pytest.mark.parametrize(("old", "new"), [('"1.5"', '"1&x;5"'), ("</sphere>", "&x;</sphere>")])
 def test_an_undeclared_entity_is_not_left_out(document_type: str, old: str, new: str) -> None:
@@ -808,6 +931,8 @@ def test_long_digit_strings_take_no_time_to_refuse() -> None:
 Hoard = Callable[[int], str]
 HOARDS: list[tuple[Hoard, str | None]] = [
     (lambda n: changed("<up", "<a/>" * n + "<up"), "5: camera: must not have more than 1000 parts"),
+    (lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 30) + "<up"), None),
+    (lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 3) + "<up"), "5: camera: must not have more than 1000 parts"),
     (lambda n: changed("<phong", "<a/>" * n + "<phong"), "25: sphere: must not have more than 1000 parts"),
     (lambda n: changed("<sphere", "<b>" + "<a/>" * n + "</b><sphere"), None),
     (lambda n: changed("<sphere", "<a/>" * n + "<sphere"), None),
@@ -823,6 +948,45 @@ def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: py
         assert fault in faults_of(text(10_000))
     else:
         assert same(read_text(text(10_000))[0], scene_of(SCENE))
+
+
+@pytest.mark.parametrize(("old", "line"), [("<up ", 8), ("<sphere ", 25), ("<lights", 13), ("<phong ", 29)])
+def test_hints_are_made_for_few_of_many_attributes(old: str, line: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """40,000 of them took 18 s."""
+    compared: list[int] = []
+    closest = xml_reader.closest
+
+    def counted(name: str, others: tuple[str, ...]) -> str | None:
+        compared.append(len(others))
+        return closest(name, others)
+
+    monkeypatch.setattr(xml_reader, "closest", counted)
+    text = changed(old, old + " " + " ".join(f'a{i}="1"' for i in range(40_000)) + " ")
+    warnings = warnings_of(text)
+    assert warnings[-1] == f"{line}: … and 39900 more"
+    text = text.replace('x="', 'q="').replace('radius="', 'q="').replace('kd="', 'q="')
+    assert any("is missing" in fault for fault in faults_of(text))
+    assert len(compared) <= 200
+    assert sum(compared) <= 10_000
+
+
+@pytest.mark.parametrize("name", ["up", "sphere", "lights", "torus", "phong"])
+def test_namespaces_are_limited(name: str) -> None:
+    text = changed("<lights>", "<lights><torus />")
+    line = text[: text.index(f"<{name}")].count("\n") + 1
+
+    def declaring(count: int, length: int) -> str:
+        spaces = " ".join(f'xmlns:a{i}="{"u" * length}{i:03}" a{i}:b="1"' for i in range(count))
+        return changed(f"<{name}", f"<{name} {spaces} ", text)
+
+    assert same(read_text(declaring(100, 247))[0], scene_of(SCENE))
+    assert f"{line}: must not declare more than 100 namespaces" in faults_of(declaring(101, 1))
+    assert f"{line}: must not declare a namespace of more than 250 characters" in faults_of(declaring(1, 248))
+
+
+def test_a_prefix_may_be_declared_often() -> None:
+    text = changed("<surfaces>", "<surfaces>" + "".join(f'<e:x xmlns:e="urn:{i}"/>' for i in range(1000)))
+    assert same(read_text(text)[0], scene_of(SCENE))
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 import functools
+from collections.abc import Callable
 
-from cltrace.errors import Fault
+from cltrace.errors import Fault, printable
 
 MAX_MESSAGES = 100
 
@@ -19,29 +20,40 @@ class Messages:
 
     def __init__(self) -> None:
         self.count = 0
-        self._kept: list[Fault] = []
+        self._kept: list[tuple[int, str, Callable[[], str]]] = []
 
-    def add(self, line: int, message: str) -> None:
-        """A message about this line of the file; 0 is the file as a whole."""
+    def add(self, line: int, message: str, hint: Callable[[], str] = lambda: "") -> None:
+        """A message about this line of the file; 0 is the file as a whole.
+
+        `hint` makes the message's end, which may take a while: it is called only for the messages that are kept.
+        """
         self.count += 1
-        self._kept.append(Fault(line, message))
+        self._kept.append((line, message, hint))
         if len(self._kept) >= 2 * MAX_MESSAGES:
             self._trim()
 
     def _trim(self) -> None:
-        self._kept = sorted(self._kept)[:MAX_MESSAGES]
+        self._kept = sorted(self._kept, key=lambda kept: kept[:2])[:MAX_MESSAGES]
 
     def in_order(self) -> list[Fault]:
-        """By line, and a last one that counts those that are left out."""
+        """By line, each of them one line of text; a last one counts those that are left out."""
         self._trim()
-        more = self.count - len(self._kept)
+        told = [Fault(line, printable(message + hint())) for line, message, hint in self._kept]
+        more = self.count - len(told)
         # The ellipsis sorts behind every message of the same line.
-        return [*self._kept, Fault(self._kept[-1].line, f"… and {more} more")] if more else self._kept
+        return [*told, Fault(told[-1].line, f"… and {more} more")] if more else told
 
 
 @functools.lru_cache(1024)
 def closest(name: str, others: tuple[str, ...]) -> str | None:
-    """The one of the other names that this one is most likely a misspelling of, if any."""
+    """The one of the other names that this one is most likely meant to be, if any.
+
+    That is the one it resembles, or else the only one that has all its words, or whose words it has: as fov and
+    horizontal_fov.
+    """
     by_lower = {other.lower(): other for other in others}
     found = difflib.get_close_matches(name.lower(), by_lower, 1)
-    return by_lower[found[0]] if found else None
+    if not found:
+        words = set(name.lower().split("_"))
+        found = [other for other in by_lower if words <= set(other.split("_")) or words >= set(other.split("_"))]
+    return by_lower[found[0]] if len(found) == 1 else None

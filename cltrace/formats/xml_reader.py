@@ -8,6 +8,7 @@ words the messages. Both paths give the same numbers.
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -18,20 +19,20 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from cltrace.errors import SceneError
+from cltrace.errors import SceneError, printable
 from cltrace.formats.xml_bulk import NO_ROW, ROW, bulk, packed
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
 from cltrace.formats.xml_faults import MAX_MESSAGES, FatalError, Messages, closest
 from cltrace.formats.xml_source import Document, LinesNeededError
 from cltrace.formats.xml_transforms import transformed
-from cltrace.formats.xml_values import quoted, short, value
+from cltrace.formats.xml_values import like_bytes, quoted, short, value
 from cltrace.scene import ANY, LIGHT, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
 
 MAX_LIGHTS = 2**16
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
 
 _VIEW = ("position", "lookat", "up")
-_PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node())")
+_PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")
 
 
 class _Children:
@@ -72,11 +73,13 @@ class _Children:
 
     def _complain(self, slot: str) -> None:
         names = slot.split("|")
-        text = f"{self.label}: {' or '.join(f'<{name}>' for name in names)} is missing"
-        stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
-        if stray:
-            text += f"; did you mean <{short(stray)}> on line {self.strays[stray]}?"
-        self.reader.fault(self.element, text)
+
+        def hint() -> str:
+            stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
+            return f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else ""
+
+        missing = " or ".join(f"<{name}>" for name in names)
+        self.reader.fault(self.element, f"{self.label}: {missing} is missing", hint)
 
 
 def _label(element: etree._Element) -> str:
@@ -101,15 +104,18 @@ class _Reader:
 
     # Messages
 
-    def fault(self, element: etree._Element, message: str) -> None:
-        self.faults.add(self.document.line_of(element), message)
+    def fault(self, element: etree._Element, message: str, hint: Callable[[], str] = lambda: "") -> None:
+        self.faults.add(self.document.line_of(element), message, hint)
 
     def warn_unknown(self, element: etree._Element, label: str, what: str, name: str, known: tuple[str, ...]) -> int:
         """Warns of an unknown attribute or element and returns its line."""
         line = self.document.line_of(element)
-        meant = closest(name, known)
-        hint = f"; did you mean {what.partition(' ')[2].format(meant)}?" if meant else ""
-        self.warnings.add(line, f"{label}: unknown {what.format(short(name))} ignored{hint}")
+
+        def hint() -> str:
+            meant = closest(name, known)
+            return f"; did you mean {what.partition(' ')[2].format(meant)}?" if meant else ""
+
+        self.warnings.add(line, f"{label}: unknown {what.format(short(name))} ignored", hint)
         return line
 
     # The file
@@ -136,7 +142,7 @@ class _Reader:
         lights = np.concatenate([np.zeros(0, LIGHT), *self._lights])
         spheres, materials = packed(np.concatenate([np.empty((0, ROW)), *self._rows]))
         scene = Scene(camera, lights, spheres, materials, self._background, self._output_file)
-        return scene, [f"{self.path}:{w.line}: {w.message}" for w in self.warnings.in_order()]
+        return scene, [f"{printable(self.path)}:{w.line}: {w.message}" for w in self.warnings.in_order()]
 
     def _parse(self) -> None:
         for _ in self.document.grow():
@@ -213,6 +219,7 @@ class _Reader:
                     self._camera = values
                 elif whole:
                     self._background = _vector(values)
+                    self._doubt([child], np.array([self._background]))
 
     def _lights_of(self, lights: etree._Element, children: Sequence[etree._Element]) -> None:
         for child in children:
@@ -224,6 +231,7 @@ class _Reader:
             if whole:
                 vectors = {k: _vector(values[k]) for k in ("color", "position", "direction") if k in values}
                 self._lights.append(LIGHTS[child.tag](**vectors, **values.get("falloff", {})))
+                self._doubt([child], self._lights[-1]["color"])
 
     def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
         spheres = []
@@ -240,6 +248,15 @@ class _Reader:
         for i in np.flatnonzero(~good):
             rows[i] = self._sphere(spheres[i])
         self._rows.append(rows)
+        self._doubt(spheres, rows[:, 4:7])
+
+    def _doubt(self, elements: Sequence[etree._Element], colors: NDArray[np.float64]) -> None:
+        """Warns of colours, (n, 3), that seem to be meant as bytes, each in its element or in a <color> within."""
+        for i in np.flatnonzero(like_bytes(colors)).tolist():
+            element = next(elements[i].iter("color"), elements[i])
+            numbers = ", ".join(f"{share:g}" for share in colors[i])
+            message = f"{_label(element)}: {numbers} looks like bytes of 0..255, but 1 is full: divide by 255"
+            self.warnings.add(self.document.line_of(element), message)
 
     # Elements
 
@@ -269,18 +286,16 @@ class _Reader:
     def _attributes(self, element: etree._Element) -> tuple[Values, bool]:
         """The valid attributes of an element, in the order of the schema, and whether these are all."""
         kinds, label = ELEMENTS[element.tag].attributes, _label(element)
-        strays = tuple(str(name) for name in element.attrib if name not in kinds)
+        wanted = tuple(kind for kind in kinds if element.get(kind) is None)
+        strays = [str(name) for name in element.attrib if name not in kinds]
         for name in strays:
-            self.warn_unknown(
-                element, label, "attribute '{}'", name, tuple(k for k in kinds if k not in element.attrib)
-            )
+            self.warn_unknown(element, label, "attribute '{}'", name, wanted)
+        del strays[MAX_MESSAGES:]
         values: Values = {}
         for name, kind in kinds.items():
             text = element.get(name)
             if text is None:
-                stray = closest(name, strays)
-                hint = f"; did you mean '{short(stray)}'?" if stray else ""
-                self.fault(element, f"{label}: attribute {name} is missing{hint}")
+                self.fault(element, f"{label}: attribute {name} is missing", functools.partial(_meant, name, *strays))
                 continue
             try:
                 values[name] = value(kind, text)
@@ -323,6 +338,12 @@ class _Reader:
 def _vector(values: Values) -> Vector:
     x, y, z = values.values()
     return x, y, z
+
+
+def _meant(name: str, *strays: str) -> str:
+    """The end of the message that an attribute is missing, where an unknown one may have been meant to be it."""
+    stray = closest(name, strays)
+    return f"; did you mean '{short(stray)}'?" if stray else ""
 
 
 def _prune(element: etree._Element) -> None:

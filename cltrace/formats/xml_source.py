@@ -6,9 +6,11 @@ is too large is refused.
 
 from __future__ import annotations
 
+import codecs
 import itertools
 import re
 import stat
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -23,6 +25,9 @@ from cltrace.formats.xml_values import short
 MAX_BYTES = 2**30
 # Bytes that are fed at once, and of the prologue at most. The tree of a larger chunk no longer fits the CPU's cache.
 CHUNK, HEAD = 2**17, 2**16
+# Prefixes of namespaces in a file, and characters of a namespace. libxml2 compares each prefix of an element with all
+# others, and every name in a namespace repeats it.
+MAX_PREFIXES, MAX_NAMESPACE = 100, 250
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
 
 PARSER_OPTIONS: Mapping[str, Any] = {
@@ -35,6 +40,8 @@ PARSER_OPTIONS: Mapping[str, Any] = {
 }
 # Up to the first '>' and the rest of its line. Every tag that ends in a piece ends on the line of that '>'.
 _PIECE = re.compile(rb"[^>]*>[^\n]*\n?|[^>]+")
+# The declaration of an entity, and what may hold the same letters without being one.
+_ENTITY = re.compile(r"""<!--(?:.*?-->|.*)|<\?(?:.*?\?>|.*)|"[^"]*"?|'[^']*'?|(<!ENTITY)""", re.DOTALL)
 
 
 class LinesNeededError(Exception):
@@ -53,22 +60,29 @@ class Document:
         self.malformed: Fault | None = None
         self._path, self._exact = path, exact
         self._line = 1  # of the next byte to be fed
+        self._prefixes: set[str] = set()
         self._lines: dict[etree._Element, int] = {}  # of the elements in the tree, where `exact`
-        tag = None if exact else "scene"
-        self._parser: Any = etree.XMLPullParser(events=("start",), tag=tag, **PARSER_OPTIONS)
 
     def grow(self) -> Iterator[None]:
         """Feeds the file, and stops after each chunk, for the caller to drop what is complete; FatalError."""
         chunks = _chunks(self._path)
         first = next(chunks, b"")
         check_prologue(first)
-        for chunk in itertools.chain([first], chunks):
+        chunks, encoding = itertools.chain([first], chunks), None
+        if self._exact and (wide := _wide(first)):
+            # Lines are counted, and tags are told apart, by single bytes.
+            chunks, encoding = _as_utf8(chunks, wide), "utf-8"
+        self._parser: Any = etree.XMLPullParser(
+            events=("start", "start-ns"), tag=None if self._exact else "scene", encoding=encoding, **PARSER_OPTIONS
+        )
+        for chunk in chunks:
             self._feed(chunk)
             if self.malformed:
                 return
             yield
         with suppress(etree.XMLSyntaxError):
             self._parser.close()
+        self._note_elements()
         self._note_errors()
 
     def line_of(self, element: etree._Element) -> int:
@@ -97,11 +111,26 @@ class Document:
         self._note_errors()
 
     def _note_elements(self) -> None:
-        for _, element in self._parser.read_events():
+        for event, element in self._parser.read_events():
+            if event == "start-ns":
+                self._check_namespace(*element)
+                continue
             if self.root is None:
                 self.root = element
             if self._exact:
                 self._lines[element] = self._line
+
+    def _check_namespace(self, prefix: str, namespace: str) -> None:
+        self._prefixes.add(prefix)
+        if len(self._prefixes) <= MAX_PREFIXES and len(namespace) <= MAX_NAMESPACE:
+            return
+        if not self._exact:
+            raise LinesNeededError
+        long = len(namespace) > MAX_NAMESPACE
+        what = (
+            f"a namespace of more than {MAX_NAMESPACE} characters" if long else f"more than {MAX_PREFIXES} namespaces"
+        )
+        raise FatalError(self._line, f"must not declare {what}")
 
     def _note_errors(self) -> None:
         # Whatever is logged counts, warnings too: an undeclared entity in an attribute is no more than a warning where
@@ -125,26 +154,46 @@ def _chunks(path: str) -> Iterator[bytes]:
                 yield chunk
     except OSError as error:
         raise FatalError(0, f"cannot be read: {error.strerror}") from None
+    except UnicodeEncodeError:
+        raise FatalError(0, f"cannot be read: the name is not {sys.getfilesystemencoding()}") from None
     except ValueError:
         raise FatalError(0, "cannot be read: the name contains a NUL") from None
+
+
+def _wide(first: bytes) -> str | None:
+    """The encoding of a file whose characters have two or four bytes, which its first character tells."""
+    for encoding in ("utf-32-le", "utf-32-be", "utf-16-le", "utf-16-be"):
+        if first.startswith(("\ufeff".encode(encoding), "<".encode(encoding))):
+            return encoding
+    return None
+
+
+def _as_utf8(chunks: Iterator[bytes], encoding: str) -> Iterator[bytes]:
+    """The same text; what is none in this encoding is none in UTF-8 either."""
+    decoder = codecs.getincrementaldecoder(encoding)("surrogatepass")
+    for chunk in chunks:
+        yield decoder.decode(chunk).encode(errors="surrogatepass")
 
 
 def check_prologue(first: bytes) -> None:
     """Refuses, before the document itself is parsed, what declares entities and what is not a scene."""
     if not first:
         raise FatalError(0, "is empty")
-    head = first[:HEAD]
+    head, whole = first[:HEAD], len(first) < HEAD
     parser: Any = etree.XMLPullParser(events=("start",), **PARSER_OPTIONS)
     with suppress(etree.XMLSyntaxError):
         parser.feed(head)
+        if whole:  # The parser waits for four bytes at least.
+            parser.close()
     root = next((element for _, element in parser.read_events()), None)
     dtd: Any = None if root is None else root.getroottree().docinfo.internalDTD
-    declares = head.find(b"<!ENTITY")
+    text = head.decode(_wide(head) or "latin-1", "ignore")
+    declares = next((found.start() for found in _ENTITY.finditer(text) if found[1]), -1)
     # Without a root, its own attributes may already have been too much for the parser.
     if any(dtd.iterentities()) if dtd is not None else root is None and declares >= 0:
-        line = head.count(b"\n", 0, declares) + 1 if declares >= 0 else 0
+        line = text.count("\n", 0, declares) + 1 if declares >= 0 else 0
         raise FatalError(line, "the document type must not declare entities")
     if root is not None and root.tag != "scene":
         raise FatalError(root.sourceline or 0, f"the root element must be <scene>, got <{short(root.tag)}>")
-    if root is None and len(head) == HEAD and not parser.feed_error_log:
+    if root is None and not whole and not parser.feed_error_log:
         raise FatalError(0, f"the root element must begin within the first {HEAD} bytes")

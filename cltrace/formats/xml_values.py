@@ -11,6 +11,9 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cltrace.scene import MAX_BOUNCES, Rule
 
 Kind = Rule | Callable[[str], Any]
@@ -82,6 +85,17 @@ def relative_path(text: str) -> str:
     if len(text.encode()) > 250:
         raise ValueError(f"must be at most 250 bytes long, got {quoted(text)}")
     return text
+
+
+def like_bytes(colors: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which colours, (n, 3), seem to be meant as bytes of 0..255: where 1 is full, they are far too bright.
+
+    One of their numbers is a whole one from 16 on, and none is above 255. A light may well be a few times brighter
+    than 1, and a colour of bytes below 16 would be next to black.
+    """
+    whole = (colors >= 16) & (colors == np.rint(colors))
+    found: NDArray[np.bool_] = whole.any(axis=1) & (colors <= 255).all(axis=1)
+    return found
 
 
 def short(text: str) -> str:
