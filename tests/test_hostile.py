@@ -12,6 +12,7 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
+from cltrace.bench.scenes import field
 from cltrace.reference import byte_of, primary_ray, trace
 from cltrace.run.devices import Device
 
@@ -27,21 +28,12 @@ TRANSFORMS = {
 
 
 def hostile(name: str, size: tuple[int, int]) -> Scene:
-    """84 balls of two sizes on a ground sphere, one light; the ground's radius, the place and the scale vary."""
+    """The benchmark's balls on a ground sphere, seen aslant; the ground's radius, the place and the scale vary."""
     radius, offset, scale = TRANSFORMS[name]
-    rng = np.random.default_rng(4)
-    small = np.array(
-        [(x + 0.8 * rng.random(), 0.2, z + 0.8 * rng.random()) for x in range(-5, 4) for z in range(-6, 3)]
-    )
-    centers = np.concatenate([[(0, -radius, 0), (0, 1, 0), (-4, 1, 0), (4, 1, 0)], small])
-    radii = np.array([radius, 1, 1, 1, *[0.2] * len(small)])
     move = offset * np.array([1, -0.7, 0.3])
-    eye, at = scale * (np.array([13, 2, 3]) + move), scale * move
+    eye, at = (tuple((scale * (np.array(p) + move)).tolist()) for p in ((13, 2, 3), (0, 0, 0)))
     camera = Camera(eye, at, horizontal_fov=17, resolution=size, square_pixels=False)
-    lights = [cltrace.ambient_light((1, 1, 1)), cltrace.point_light(scale * (np.array([9, 14, 6]) + move))]
-    colors = np.random.default_rng(5).uniform(0.1, 1, (len(radii), 3))
-    centers, radii = scale * (centers + move), scale * radii
-    return Scene.from_spheres(camera, lights, centers, radii, colors, ka=0.1, background=(0.5, 0.7, 1))
+    return replace(field(size, radius, offset, scale), camera=camera)
 
 
 def compare(device: Device, name: str, size: tuple[int, int]) -> None:

@@ -21,7 +21,7 @@ from stress_cases import picture
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.bench.oracle import closest
-from cltrace.bench.regimes import REGIMES, rays
+from cltrace.bench.regimes import REGIMES, camera_space, rays
 from cltrace.plan.exact import dot_products, square_excess, two_product, two_sum
 from cltrace.reference import closest_hit as reference_hit
 from cltrace.reference import primary_ray, world_of
@@ -63,11 +63,6 @@ def scenes(draw: st.DrawFn, coordinate: st.SearchStrategy[float], radius: st.Sea
     )
 
 
-def directions(camera: Camera) -> np.ndarray:
-    rays = [primary_ray(camera, i % 9, i // 9).direction for i in range(63)]
-    return np.array([(d.x, d.y, d.z) for d in rays])
-
-
 @PLAIN
 @given(scenes(numbers, positive))
 def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
@@ -82,10 +77,10 @@ def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
 @given(scenes(moderate, st.floats(1e-3, 1e4)))
 def test_ids_and_order_are_those_of_the_oracle(scene: Scene) -> None:
     image = picture(scene)
-    centers, radii = scene.spheres["center"], scene.spheres["radius"]
-    want, _ = closest(np.array(scene.camera.position), directions(scene.camera), centers, radii)
+    eye, centers, radii = camera_space(scene)
+    want, _ = closest(eye, rays(scene.camera), centers, radii)
     # Only where the difference to the eye is a double is camera space what the oracle computes with.
-    exact = np.array(two_sum(centers, -np.array(scene.camera.position))[1]) == 0
+    exact = np.array(two_sum(centers, -eye)[1]) == 0
     if exact.all():
         assert np.array_equal(image.id.ravel(), want)
 
@@ -185,16 +180,13 @@ def test_reference_ids_are_those_of_the_oracle() -> None:
     for _, make in REGIMES:
         scene = make(1, size=(24, 18))
         world = world_of(scene)
-        index, t = closest(np.array(scene.camera.position), rays(scene.camera), *_spheres(scene))
+        eye, *spheres = camera_space(scene)
+        index, t = closest(eye, rays(scene.camera), *spheres)
         for i in range(0, 432, 3):
             at = reference_hit(world, primary_ray(scene.camera, i % 24, i // 24))
             assert (at.index if at else -1) == index[i]
             if at:
                 assert at.t == pytest.approx(t[i], rel=1e-8, abs=0)
-
-
-def _spheres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    return scene.spheres["center"], scene.spheres["radius"]
 
 
 def test_the_number_of_threads_changes_no_bit() -> None:

@@ -1,0 +1,565 @@
+"""The stress catalogue: scenes in which a tracer of rays and spheres goes wrong, and what their pictures must be.
+
+G big spheres, T tiny ones, O offsets, K scales, X the ends of the range, V normals, R degenerate spheres, D rays,
+I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, E the hostile regimes of
+regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. Each function's docstring says
+what could go wrong; its `amount` is how many times as many pixels, spheres or scenes there are to be: 1 or 16.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
+
+from .cases import (
+    AHEAD,
+    AXES,
+    BACK,
+    RIGHT,
+    Ball,
+    aimed,
+    balls,
+    between_doubles,
+    directions,
+    everything,
+    frame,
+    limbs,
+    lit,
+    looking,
+    ulp32,
+    unit,
+)
+from .regimes import REGIMES, TANGENT, globe
+
+Scenes = Iterator[Scene]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is required: the largest value that each of the fields of errors.Errors may have; None: not looked at.
+
+    same: pixels of a scene that may differ from the case's first scene, which is the same one moved or scaled.
+    """
+
+    wrong_ids: int | None = 0
+    t_ulp: float | None = 0.52
+    normal: float | None = 1e-7
+    false_shadows: int | None = 0
+    leaks: int | None = 0
+    bytes_off: int | None = 0
+    not_finite: int | None = 0
+    same: int | None = None
+
+
+GEOMETRY = Limits(false_shadows=None, leaks=None, bytes_off=None)
+SHADOWS = Limits()
+SAME = Limits(same=0)
+# Colours far beyond what float32 can hold are infinite; only their bytes can be right.
+BYTES = Limits(None, None, None, None, None, bytes_off=0, not_finite=None)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case: its name in the catalogue, what it is, its scenes for an amount, and what is required of them."""
+
+    name: str
+    what: str
+    scenes: Callable[[int], Scenes]
+    limits: Limits = GEOMETRY
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Something that must not reach a kernel: each of these calls has to end in a ValueError."""
+
+    name: str
+    what: str
+    calls: Sequence[Callable[[], object]]
+
+
+# ------------------------------------------------------------------------------------------------ big, tiny, far away
+
+
+def _ground(radius: float, height: float, amount: int) -> Scenes:
+    """|C|^2 - R^2 cancels and R^2 swamps r^2 - v^2: rings, lost hits, or the height rounded away."""
+    dip = math.sqrt(2 * height / radius)
+    for tan, size in ((14.1, (3, 300 * amount)), (4 * dip, (3, 300 * amount)), (2 * dip, frame(amount, 400))):
+        yield balls(looking((0, height, 0), tan, size), [((0, -radius, 0), radius)])
+
+
+def _globes(radius: float, amount: int) -> Scenes:
+    """As the ground, and no coordinate of the centre is exact."""
+    rng = np.random.default_rng(int(radius))
+    for seed in range(3 if amount == 1 else 20):
+        yield globe("G4", radius, (0, 0), seed, frame(amount, 300))
+        yield balls(looking(tan=1.5, size=frame(amount, 300)), [((-(radius + 1) * unit(rng)).tolist(), radius)])
+
+
+def _tiny(radius: float, distance: float, amount: int) -> Scenes:
+    """r^2 vanishes in |C|^2, and a direction of float32 passes by: a coin toss."""
+    for axis in AXES[: 1 if amount == 1 else 6]:
+        center = np.array(axis) * distance + radius * np.array([0.31, -0.17, 0.23])
+        yield balls(looking(tan=1.2 * radius / distance, size=frame(amount), axis=axis), [(center.tolist(), radius)])
+    camera, rng = looking(tan=1, size=frame(amount, 400)), np.random.default_rng(2)
+    yield balls(camera, aimed(camera, distance, radius, limbs(4, 26, 46 * math.isqrt(amount), rng), rng))
+
+
+def _small_and_far_off(amount: int) -> Scenes:
+    """P = o + t d is off the surface by 5 % of r, so a normal made from it is off by 0.05 rad."""
+    for eye, distance in (((0, 0, 0), 1e3), ((1e3, -1e3, 5e2), 5e-3)):
+        camera = looking(eye, 1.2e-3 / distance, frame(amount))
+        yield balls(camera, [((np.array(eye) + (3e-4, -2e-4, -distance)).tolist(), 1e-3)])
+
+
+def _moved(k: float, amount: int) -> Scenes:
+    """World coordinates lose the digits that tell hits from misses: another picture than at the origin."""
+    yield everything()
+    yield everything((k, -0.7 * k, 0.3 * k))
+
+
+def _scaled(factors: Sequence[float], amount: int) -> Scenes:
+    """An absolute epsilon: spheres vanish when they are small, and shade themselves when they are big."""
+    yield everything()
+    for factor in factors:
+        yield everything(factor=factor)
+
+
+def _powers_of_two(amount: int) -> Scenes:
+    """Any constant with a unit: then a scene times 2^k is not the same picture, bit for bit."""
+    yield from _scaled([2.0**k for k in ((-60, -23, 1, 60) if amount == 1 else range(-60, 61))], amount)
+
+
+def _end_of_the_range(r: float, amount: int) -> Scenes:
+    """r^2 is infinite or 0 in float32: every hit is lost, or every ray hits."""
+    camera = looking(tan=0.25, size=frame(amount, 300))
+    lights = [point_light((6 * r, 6 * r, 0), (0.5, 0.2, 0.3)), parallel_light((1, -1, -2), (0.2, 0.5, 0.3))]
+    spheres: list[Ball] = [((0, 0, -5 * r), r), ((r, -r, -6 * r), 2 * r)]
+    yield balls(camera, spheres, lights, ks=0)
+    yield balls(camera, spheres[:1])
+
+
+def _normals(R: float, amount: int) -> Scenes:
+    """The normal is lost in P: offsets to 1e7, distances to 1e7, limbs."""
+    for gap in (1e-3, 1e7) if amount == 1 else 10.0 ** np.arange(-3, 8):
+        for offset in (1e7,) if amount == 1 else (0, 1, 1e4, 1e7):
+            eye = offset * np.array([1, -0.7, 0.3])
+            center = eye + (0.1 * R, -0.05 * R, -(R + gap))
+            tan = min(3.0, 1.1 * R / math.sqrt(gap * (2 * R + gap)))
+            yield balls(looking(eye.tolist(), tan, frame(amount, 150)), [(center.tolist(), R)])
+    # Far off the view's axis, each on the ray of a pixel; and limbs that pass pixels at r (1 +/- 2^-k).
+    rng = np.random.default_rng(12)
+    camera = looking(tan=1, size=(65, 49))
+    yield balls(camera, aimed(camera, R + 1e7, R, -rng.uniform(0.01, 1, 12 * amount), rng))
+    camera = looking(tan=3e-7 * R, size=frame(amount, 150))
+    yield balls(camera, aimed(camera, R + 1e7, 0.5 * R, limbs(4, 26, 23, rng), rng))
+
+
+# -------------------------------------------------------------------------------------------------------- degenerate
+
+
+def _concentric(r: float, amount: int) -> Scenes:
+    """The two merge: which one is hit is random, and the inner one is lit through the outer one."""
+    inner, outer = ulp32(r, 0), ulp32(r)
+    for radii in ((inner, outer), (outer, inner)):
+        spheres: list[Ball] = [((0, 0, 0), radius) for radius in radii]
+        yield lit(looking((0, 0, 3 * r), 0.5, frame(amount, 300)), spheres, (2 * r, 3 * r, 4 * r), (1, -2, -1))
+        eye = (0.25 * r, 0, 0.5 * r)
+        yield lit(looking(eye, 2, frame(amount, 300)), spheres, (2 * r, 3 * r, 4 * r), (1, -2, -1))
+        # From between the two: straight down, and across, where the horizon is.
+        for tan, axis in ((3.0, AHEAD), (1.0, RIGHT)):
+            eye = (0, 0, (inner + outer) / 2)
+            yield lit(looking(eye, tan, frame(amount, 300), axis), spheres, (0, 0, 3 * r), (0, 0, -1))
+
+
+def _duplicates(amount: int) -> Scenes:
+    """Equal spheres fight for pixels: who wins depends on the order of the work."""
+    yield everything()
+    yield everything(order=tuple(np.repeat(np.arange(10), 3).tolist()))
+
+
+def _overlapping(amount: int) -> Scenes:
+    """Two spheres are equally near, or nearly: below an ulp of float32 the farther one is seen."""
+    ties: list[Ball] = [((3, 0, -10), 5), ((-3, 0, -10), 5), ((0, 3, -10), 5), ((0, -3, -10), 5)]
+    camera = looking(tan=0.1, size=frame(amount))
+    yield balls(camera, ties)
+    yield balls(camera, ties[::-1])
+    # The first of them begins farther away than the others.
+    yield balls(camera, [((0, 0, -8), 2), *ties])
+    # Pairs through one point of a pixel's ray, but for 2^-k of their radii, or for roundings.
+    rng = np.random.default_rng(9)
+    camera = looking(tan=0.7, size=frame(amount))
+    for apart in [2.0**-30, 2.0**-40, 2.0**-50, 0, 0, 0] * amount:
+        d = directions(camera)[rng.integers(len(directions(camera)))]
+        p = d * rng.uniform(4, 6)
+        centers = p + d + unit(rng, 2) * 0.5
+        radii = np.linalg.norm(centers - p, axis=1) * (1 + np.array([0, apart]))
+        yield balls(camera, list(zip(centers.tolist(), radii.tolist(), strict=True)))
+
+
+# -------------------------------------------------------------------------------------------------------------- rays
+
+
+def _grazing(amount: int) -> Scenes:
+    """Rays that pass at r (1 +/- 2^-k), k = 8..26 and on to 52, are decided by noise."""
+    rng = np.random.default_rng(3)
+    camera = looking(tan=6, size=frame(1, 1200))
+    for low, high, distance in ((8, 26, 5), (27, 46, 5), (47, 52, 5), (47, 52, 50)) * amount:
+        scale = rng.uniform(0.5, 2, 60)
+        yield balls(camera, aimed(camera, distance * scale, scale, limbs(low, high, 60, rng), rng))
+
+
+def _tangent(amount: int) -> Scenes:
+    """A discriminant of exactly 0 comes out as noise: two hits or none, and a normal from anywhere."""
+    yield balls(looking((0, 1, -5), 0.5, (1, 1), BACK), [((0, 0, 0), 1)])
+    for i, (x, y) in enumerate(TANGENT):
+        s, z = 2.0 ** (10 * (i % 4 - 1)), 7.0 * 10.0 ** (i % 5)
+        yield balls(looking(tan=0.5, size=(3, 3)), [((x * s, y * s, -z), 5 * s)])
+
+
+def _long_directions(tan: float, amount: int) -> Scenes:
+    """Code that takes |d| for 1: t in other units, P somewhere else. Here |d| is up to 8e5."""
+    camera, rng = looking(tan=tan, size=frame(amount)), np.random.default_rng(4)
+    yield balls(camera, aimed(camera, 50, 1, limbs(2, 20, 19 * math.isqrt(amount), rng), rng))
+
+
+def _along_axes(amount: int) -> Scenes:
+    """Zeros, and negative ones, in d: sign(0) = 0 makes q and then t NaN."""
+    for axis in AXES:
+        yield balls(looking((0, 0, 0), 1, (1, 1), axis), [((0, 0, 0), 2.5)])
+        ahead = tuple(-0.0 if a == 0 else 5.0 * a for a in axis)
+        yield balls(looking((-0.0, -0.0, -0.0), 1, (3, 3), axis), [(ahead, 1)])
+
+
+def _from_the_wall(sign: int, amount: int) -> Scenes:
+    """Close to the wall, inside (sign -1) or above it (1) by 10^-k, r^2 - v^2 and |C|^2 - r^2 cancel."""
+    for k in range(7) if sign < 0 else (*range(1, 7), 9, 12):
+        w = unit(np.random.default_rng(k)) if k % 2 else np.array(BACK)
+        for axis in (AXES[k % 6],) if amount == 1 else AXES:
+            yield balls(looking((w * (1 + sign * 10.0**-k)).tolist(), 3, frame(amount, 300), axis), [((0, 0, 0), 1)])
+
+
+def _on_the_surface(amount: int) -> Scenes:
+    """The root 0 is taken for a hit at random. Outward is a miss, tangential too, and inward t = 2b/a."""
+    for center, r in (((0, 0, -1), 1.0), ((2, -3, 6), 7.0), ((-1, 2, -2), 3.0), ((3e4, 4e4, 12e4), 13e4)):
+        for axis in AXES:
+            yield balls(looking((0, 0, 0), 0.9 / math.sqrt(2), frame(amount, 100), axis), [(center, r)])
+
+
+def _at_the_centre(r: float, amount: int) -> Scenes:
+    """b = 0 for every ray."""
+    for axis in AXES[: 2 if amount == 1 else 6]:
+        yield balls(looking((3, -5, 7), 2, frame(amount, 200), axis), [((3, -5, 7), r)])
+
+
+# ------------------------------------------------------------------------------------------------ lights and shadows
+
+
+def _own_shadow(R: float, far: float, amount: int) -> Scenes:
+    """A sphere that shades itself: acne."""
+    C = far * R * unit(np.random.default_rng(int(far)))
+    spheres: list[Ball] = [(C.tolist(), R), ((C - (0, 40 * R, 0)).tolist(), R)]
+    camera = looking((C + (0, 0, 3 * R)).tolist(), 0.4, frame(amount, 200))
+    yield lit(camera, spheres, (C + R * np.array([2, 3, 4])).tolist(), (1, -2, -1))
+
+
+def _lit_point(lights: Sequence[Sequence[float]], amount: int, occluder: Ball = ((6, 0, 4), 5)) -> Scenes:
+    """A light on, before or beyond an occluder, by an ulp: a coin toss. The way to it is open at both ends.
+
+    P = (0, 0, -4), seen along the axis; from there along (3, 0, 4) to an occluder whose surface is entered at
+    (3, 0, 0) and left at (9, 0, 8), with no rounding in any of it.
+    """
+    for light in lights:
+        yield lit(looking(tan=0.19, size=(11, 9)), [((0, 0, -5), 1), occluder], light, (-3, 0, -4))
+
+
+# The last light is seen from behind the point.
+BEFORE_AND_BEYOND = (
+    (math.nextafter(3.0, 0.0), 0, 0),
+    (1.5, 0, -2),
+    (math.nextafter(3.0, 4.0), 0, 0),
+    (math.nextafter(9.0, 10.0), 0, 8),
+    (12, 0, 12),
+    (3e10, 0, 4e10),
+)
+
+
+def _before_and_beyond(amount: int) -> Scenes:
+    """What is behind the light, or behind the point, casts a shadow."""
+    yield from _lit_point(BEFORE_AND_BEYOND, amount)
+    yield from _lit_point([(12, 0, 12)], amount, ((-6, 0, -12), 5))
+
+
+def _light_inside(amount: int) -> Scenes:
+    """The sphere that holds the light darkens what is outside of it, and nothing that is inside of it, too."""
+    yield from _lit_point([(6, 0, 4), (6, 1, 3)], amount)
+    house: list[Ball] = [((0, 1, -3), 9), ((0, -0.5, -5), 1), ((1, 0.5, -4), 0.5)]
+    for light in ((2, 3, -1), (20, 30, -1)):
+        yield lit(looking((0, 0, 0), 0.5, frame(amount, 200)), house, light, (0, -1, -1))
+
+
+def _room(r: float, amount: int) -> Scenes:
+    """A room darkens itself; or it does not, with the light outside of it. On the wall, nothing is between."""
+    for point in ((0.3, 0.5, -0.2), (0, math.nextafter(1, 0), 0), (0, 1, 0), (0, math.nextafter(1, 2), 0), (0, 3, 1)):
+        camera = looking((0.125 * r, 0, 0.5 * r), 1, frame(amount, 150))
+        yield lit(camera, [((0, 0, 0), r)], (np.array(point) * r).tolist(), (0, -1, 0))
+
+
+AT_THE_POINT = ((0, 0, 0), (0, 0, 1e-30), (0, 0, -1e-30), (1e-30, 0, 0), (1e-3, 0, 0), (0, -1e-9, 0))
+
+
+def _light_at_the_point(amount: int) -> Scenes:
+    """L = P, or all but: 0/0. And a light in the tangent plane is no light.
+
+    The ray along the axis meets the first sphere at the origin, the second time from inside.
+    """
+    for eye, spheres in (
+        ((0, 0, 4), [((0, 0, -1), 1), ((0, -9, 0), 1)]),
+        ((0, 0, 1), [((0, 0, 1), 1), ((0, 0, 1), 9)]),
+    ):
+        for light in AT_THE_POINT:
+            yield lit(looking(eye, 0.1, (9, 7)), spheres, light, (1, 0, 0))
+
+
+def _light_at_the_surface(height: float, amount: int) -> Scenes:
+    """A light 1e-6 above the surface is swallowed by an epsilon, and one below it leaks out."""
+    camera = looking((0, 0, 1.5), 4 * math.sqrt(2e-6), frame(amount))
+    yield lit(camera, [((0, 0, 0), 1), ((0, -40, 0), 1)], (0, 0, 1 + height), (1, 0, -1))
+
+
+def _terminator(amount: int) -> Scenes:
+    """n.l within an ulp of 0: a line of acne."""
+    spheres: list[Ball] = [((0, 0, 0), 1), ((0, -9, 0), 1)]
+    yield lit(looking((0, 0, 3), 0.4, frame(amount)), spheres, (5, 0, 1e-3), (-1, 1e-3, 1e-3))
+
+
+def _on_two_spheres(amount: int) -> Scenes:
+    """The point (0, 0, -4) is exactly on another sphere, too: its root 0 does not count, the other one does.
+
+    In the first scene that one touches the own sphere from outside, in the others the eye is in it, and the light is
+    in it or beyond.
+    """
+    camera, own = looking(tan=0.19, size=(3, 3)), ((0, 0, -5), 1)
+    yield lit(camera, [own, ((0, 0, -6), 2)], (1, 2, 0), (0, 0, -1))
+    for light in ((3, 0, 0), (12, 0, 12)):
+        yield lit(camera, [own, ((3, 0, 0), 5)], light, (-3, 0, -4))
+
+
+def _shadow_from_afar(amount: int) -> Scenes:
+    """A tiny sphere, ten million radii away: b^2 - a c loses the edge of its shadow, which fills the picture."""
+    P, way = np.array([0, 0, -4.0]), np.array([0.6, 0, 0.8])
+    spheres: list[Ball] = [((0, 0, -5), 1), ((P + 1e4 * way).tolist(), 1e-3)]
+    yield lit(looking(tan=5e-4, size=frame(amount)), spheres, (P + 3e4 * way).tolist(), (-way).tolist())
+
+
+def _shell_of(R: float, gap: float | str) -> tuple[float, float]:
+    """The radius of a sphere of about R, and that of a shell that is larger by a gap, or by an ulp of this type."""
+    if gap == "double":
+        return R, math.nextafter(R, math.inf)
+    return (ulp32(R, 0), ulp32(R)) if gap == "float" else (R, R * (1 + float(gap)))
+
+
+def _core(gap: float | str, amount: int) -> Scenes:
+    """The shell from outside, and from far off: a P that is off by more than the gap is inside of it, and dark."""
+    for R, far in ((1.0, 1e6), (1e-3, 1e2), (1e6, 1e4), (1.0, 10)):
+        core, shell = _shell_of(R, gap)
+        C = R * np.array([0.3, -0.2, 0.1])
+        camera = looking((C + (0, 0, far * R)).tolist(), 1.2 / far, frame(amount, 150))
+        light = (C + R * np.array([2, 3, 4])).tolist()
+        yield lit(camera, [(C.tolist(), shell), (C.tolist(), core)], light, (1, -2, -1))
+
+
+def _between(gap: float | str, amount: int) -> Scenes:
+    """Light gets through a shell that is nearer than the epsilon. The eye is between sphere and shell."""
+    for R, far in ((1.0, 0.0), (1e-3, 0.0), (1e3, 1.0), (1.0, 1e3), (1e6, 0.0)):
+        C = np.array([far * R, -far * R, 0.5 * far * R])
+        for seed in range(1 if amount == 1 else 4):
+            if gap == "double":
+                R, C = 1.0, np.zeros(3)
+            R, shell = _shell_of(R, gap)
+            eye = between_doubles(seed) if gap == "double" else (C + (0, 0, (R + shell) / 2)).tolist()
+            spheres: list[Ball] = [(C.tolist(), R), (C.tolist(), shell)]
+            light = (C + R * np.array([0.5, -0.25, 3])).tolist()
+            yield lit(looking(eye, 3, frame(amount, 150)), spheres, light, (0.25, 0.5, -1))
+
+
+def _resting(R: float, amount: int) -> Scenes:
+    """The shadow of a ball that touches the ground detaches from it, or has rings."""
+    spheres: list[Ball] = [((0, -R, 0), R), ((0, 1, 0), 1), ((2.5, 0.5, -1), 0.5)]
+    for eye, tan in (((0, 1, 6), 0.5), ((0, 0.02, 3), 0.02), ((-0.75, 0.02, 1.35), 0.1)):
+        yield lit(looking(eye, tan, frame(amount, 600)), spheres, (3, 8, 4), (-1, -2, -1.5))
+
+
+# ------------------------------------------------------------------------------------------------ camera and shading
+
+
+def _narrow(fov: float, amount: int) -> Scenes:
+    """The directions of neighbouring pixels are one and the same float32: a pixelated sphere."""
+    tan = math.tan(math.radians(fov))
+    r = 0.6 * 7e5 * tan
+    for axis in AXES[: 1 if amount == 1 else 6]:
+        for sideways in ((0, 0, 0), (0.4 * r, -0.2 * r, 0.3 * r)):
+            yield balls(looking((-7e5 * np.array(axis)).tolist(), tan, frame(amount), axis), [(sideways, r)])
+    # Limbs that pass pixels at r (1 +/- 2^-k).
+    camera, rng = looking(tan=tan, size=frame(amount)), np.random.default_rng(7)
+    yield balls(camera, aimed(camera, 7e5, 0.2 * r, limbs(4, 26, 23, rng), rng))
+
+
+def _wide(fov: float, amount: int) -> Scenes:
+    """pi/180 in float32 is off by 1e-4 in the tangent; the picture's edges point elsewhere, or nowhere."""
+    rng = np.random.default_rng(6)
+    other = looking(tan=math.tan(math.radians(fov)), size=frame(amount))
+    for camera in (Camera(horizontal_fov=fov, resolution=(401, 3), square_pixels=True), other):
+        yield balls(camera, aimed(camera, 5, 1, limbs(4, 20, 17, rng), rng))
+
+
+def _sizes(amount: int) -> Scenes:
+    """Half a pixel off, width and height swapped, or the packets at the edge write behind the picture."""
+    for size in ((1, 1), (1, 4096), (4096, 1), (7, 13), (33, 65), (40, 3)):
+        yield replace(everything(), camera=Camera(horizontal_fov=40, resolution=size, square_pixels=False))
+
+
+def _mirrors(exponent: float, size: tuple[int, int], eye_light: bool) -> Scene:
+    """Two mirrors, all highlights; eye_light: every light stands where the eye is, so that r.v is 1 on the axis."""
+    at = (0, 0, 0) if eye_light else (2, 3, 0)
+    lights = [
+        point_light(at, (1, 0, 0)),
+        parallel_light((0, 0, -1) if eye_light else (0.2, -0.3, -1), (0, 1, 0)),
+        spot_light(at, (0, 0, -1) if eye_light else (-2, -3, -5), 20, 40, (0, 0, 1)),
+    ]
+    spheres: list[Ball] = [((0, 0, -5), 1), ((1.5, 0.5, -6), 0.75)]
+    return balls(looking(tan=0.3, size=size), spheres, lights, ka=0, kd=0, ks=1, exponent=exponent)
+
+
+def _shiny(exponent: float, amount: int) -> Scenes:
+    """0^0 is NaN by powr, and cos^1e6 from a float32 cosine is off by 15 %."""
+    for eye_light in (False, True):
+        yield _mirrors(exponent, frame(amount, 500), eye_light)
+
+
+def _highlight(exponent: float, amount: int) -> Scenes:
+    """r.v = 1 + 1e-7 by rounding, to the power of 1e6: above 1. The highlight fills the picture."""
+    scene = _mirrors(exponent, frame(amount, 300), True)
+    yield replace(scene, camera=looking(tan=0.6 / math.sqrt(max(exponent, 20)), size=frame(amount, 300)))
+
+
+GREYS = (0, 1, 1.5, 300, 2.0**-149, 1e-40, 1e38, 3.4e38, 0.5, 0.1, 0.999)
+
+
+def _greys(amount: int) -> Scenes:
+    """255 c beyond a byte wraps around, and products of colours leave float32's range.
+
+    Spheres of these greys: two scenes in light that adds nothing, then four in light that is beyond float32.
+    """
+    n = len(GREYS)
+    spheres: list[Ball] = [(((2 * i - n + 1) / (2 * n + 1) * 20, 0, -10), 0.5) for i in range(n)]
+    strong = [point_light((0, 0, 0), (1e38, 1e38, 1)), parallel_light((0, 0, -1), (3.4e38, 0, 1)),
+              spot_light((0, 0, 0), (0, 0, -1), 60, 80, (1e38, 1e38, 1e38))]  # fmt: skip
+    dim = [point_light((0, 0, 0), (1e-45 * 2,) * 3), parallel_light((0, 0, -1), (2e-45,) * 3),
+           spot_light((0, 0, 0), (0, 0, -1), 60, 80, (2e-45,) * 3)]  # fmt: skip
+    for lights, kd, ks in ((dim, 1, 1e-30), (strong, 1e38, 1e38), (strong, 3.4e38, 0.5)):
+        for ambient in (1.0, 1e38):
+            every = [ambient_light((ambient,) * 3), *lights]
+            colors = np.repeat(np.array(GREYS)[:, None], 3, axis=1)
+            camera = looking(tan=1, size=(2 * n + 1, 3))
+            yield balls(camera, spheres, every, colors=colors, ka=1, kd=kd, ks=ks, exponent=3e38)
+
+
+def _regime(name: str, amount: int) -> Scenes:
+    """float32, or a careless formula, gets decisions wrong: see regimes.py."""
+    for seed in range(2):
+        yield dict(REGIMES)[name](seed, size=frame(amount, 1200))
+
+
+# ------------------------------------------------------------------------------------------------------------ refused
+
+
+def _camera(**changed: object) -> object:
+    return Camera(**changed)  # type: ignore[arg-type]
+
+
+def _ball(**changed: object) -> object:
+    given: dict[str, object] = {"centers": [(0, 0, -5)], "radii": [1.0], "lights": [ambient_light()], **changed}
+    return Scene.from_spheres(Camera(), **given)  # type: ignore[arg-type]
+
+
+# What is no number that a kernel may see.
+BAD: tuple[object, ...] = (math.nan, math.inf, -math.inf, 1e39, True, None, "1")
+NO_RADIUS = (0.0, -0.0, -1.0, -1e-45)
+NO_FOV = (0, 90, 180, 181, -1e-9, -45, math.nan)
+GAPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, "float", "double")
+
+# fmt: off
+CATALOGUE: list[Case | Refusal] = [
+    *(Case(n, f"ground sphere of R = {R:.0e}, eye {h:g} above", partial(_ground, R, h))
+      for n, R, h in (("G1", 1e3, 1), ("G2", 1e5, 1), ("G3", 1e7, 1), ("G5", 1e7, 1.3))),
+    *(Case("G4", f"tilted globes of R = {R:.0e}, eye 1 above", partial(_globes, R)) for R in (1e3, 1e5, 1e7)),
+    *(Case(n, f"sphere of r = {r:g} at {d:g}", partial(_tiny, r, d))
+      for n, r, d in (("T1", 1e-3, 1e4), ("T2", 1, 100), ("T2", 1, 4100), ("T2", 1, 1e4), ("T3", 1e-3, 1e7))),
+    *(Case(n, f"moved by {k:.0e}: the same picture", partial(_moved, k), SAME)
+      for n, k in (("O1", 1e4), ("O2", 1e6), ("O3", 1e7))),
+    Case("O4", "r = 1e-3 at 1e3, and at an offset of 1e3", _small_and_far_off),
+    Case("K1", "times 1e-6: the same picture", partial(_scaled, [1e-6]), SAME),
+    Case("K2", "times 1e6: the same picture", partial(_scaled, [1e6]), SAME),
+    Case("K", "times 2^-60 .. 2^60: the same picture", _powers_of_two, SAME),
+    *(Case(n, f"r = {r:.0e} at 5 r", partial(_end_of_the_range, r), SHADOWS)
+      for n, r in (("X1", 1e20), ("X2", 1e30), ("X3", 1e-25), ("X4", 2.0**-149))),
+    *(Case("V", f"normals of R = {R:g}, up to 1e7 off", partial(_normals, R)) for R in (1e-3, 1.0, 1e3, 1e7)),
+    *(Case("R1", f"concentric spheres of {r:g}, one ulp apart", partial(_concentric, r), SHADOWS)
+      for r in (1.0, 1e-3, 1e6)),
+    Case("R2", "three of each sphere: the same picture", _duplicates, SAME),
+    Case("R3", "spheres that are equally near", _overlapping),
+    Case("D1", "rays that graze at r (1 +/- 2^-8 .. 2^-52)", _grazing),
+    Case("D2", "exactly tangent rays", _tangent),
+    *(Case("D3", f"directions of length up to {tan:g}", partial(_long_directions, tan))
+      for tan in (1e-3, 1.0, 573.0, 572958.0)),
+    Case("D5", "along the axes, with zeros of both signs", _along_axes),
+    Case("I1", "eye inside, 1 .. 1e-6 from the wall", partial(_from_the_wall, -1)),
+    Case("I2", "eye exactly on the surface", _on_the_surface),
+    Case("I3", "eye 1e-1 .. 1e-12 above the surface", partial(_from_the_wall, 1)),
+    *(Case("I4", f"eye at the centre, r = {r:g}", partial(_at_the_centre, r)) for r in (1.0, 1e-3, 1e7)),
+    *(Case("L1", f"own shadow, R = {R:g}, {far:g} R off", partial(_own_shadow, R, far), SHADOWS)
+      for R in (1e-3, 1.0, 1e3, 1e6) for far in (0, 1, 1e3, 1e6)),
+    Case("L2", "light before and beyond an occluder, by an ulp", _before_and_beyond, SHADOWS),
+    Case("L3", "light inside another sphere", _light_inside, SHADOWS),
+    *(Case("L4", f"light in and around a room of {r:g}", partial(_room, r), SHADOWS) for r in (1.0, 1e-3, 1e6)),
+    Case("L5", "light exactly on an occluder's surface", partial(_lit_point, [(3, 0, 0), (9, 0, 8)]), SHADOWS),
+    Case("L6", "light at the lit point, or 1e-30 from it", _light_at_the_point, SHADOWS),
+    *(Case("L7", f"light {h:g} above the surface", partial(_light_at_the_surface, h), SHADOWS) for h in (1e-6, -1e-6)),
+    Case("L8", "the terminator", _terminator, SHADOWS),
+    Case("L11", "points exactly on two spheres", _on_two_spheres, SHADOWS),
+    Case("L12", "the shadow of a tiny sphere 1e7 radii away", _shadow_from_afar, SHADOWS),
+    *(Case("L9", f"shell larger by {g}, from outside", partial(_core, g), SHADOWS) for g in GAPS),
+    *(Case("L9", f"shell larger by {g}, from between", partial(_between, g), SHADOWS) for g in GAPS),
+    *(Case("L10", f"balls resting on R = {R:.0e}", partial(_resting, R), SHADOWS) for R in (1e3, 1e5, 1e7)),
+    *(Case("C1", f"half opening of {fov:g} deg, sphere at 7e5", partial(_narrow, fov)) for fov in (1e-6, 5e-4, 1e-2)),
+    *(Case("C2", f"half opening of {fov:g} deg", partial(_wide, fov)) for fov in (89.9, 89.9999)),
+    Case("C4", "pictures of 1x1, 1x4096, 4096x1, 7x13 ...", _sizes, SHADOWS),
+    *(Case("P1", f"highlights of exponent {n:g}", partial(_shiny, n), SHADOWS) for n in (0, 0.5, 1, 20, 1e4, 1e6)),
+    *(Case("P2", f"the middle of a highlight of exponent {n:g}", partial(_highlight, n), SHADOWS)
+      for n in (0, 0.5, 20, 1e4, 1e6)),
+    Case("P3", "greys from 0 to 3.4e38", _greys, BYTES),
+    *(Case("E", name, partial(_regime, name)) for name, _ in REGIMES),
+    Refusal("R0", "no radius", [partial(_ball, radii=[r]) for r in NO_RADIUS]),
+    Refusal("C3", "no field of view", [partial(_camera, horizontal_fov=f) for f in NO_FOV]),
+    Refusal("C5", "no camera axes", [partial(_camera, up=up) for up in ((0, 0, 1), (0, 0, -1e30), (0, 1e-40, 7))]),
+    Refusal("D4", "no direction",
+            [partial(_camera, lookat=(0, 0, 0)), partial(_camera, lookat=(0, math.nan, 0)),
+             partial(_camera, lookat=(0, 0, -math.inf)), partial(_camera, position=(math.inf, 0, 0)),
+             partial(_camera, up=(0, 0, 0))]),
+    Refusal("N1", "what is no number, in a camera",
+            [partial(_camera, **{name: (0.5, 0.25, bad)}) for name in ("position", "lookat", "up") for bad in BAD]),
+    Refusal("N1", "what is no number, in a sphere",
+            [partial(_ball, radii=[bad]) for bad in BAD] + [partial(_ball, centers=[(0, 0, bad)]) for bad in BAD]),
+]
+# fmt: on
+
+
+def cases(*names: str) -> list[Case]:
+    """The cases of these names, or all of them."""
+    return [case for case in CATALOGUE if isinstance(case, Case) and (not names or case.name in names)]
