@@ -506,3 +506,70 @@ def test_bounds_of_doubles_hold() -> None:
         if surely_misses(second, along):
             assert second.equation(along).exact.first(0.0, math.inf) is None
     assert min(sure.values()) > 20
+
+
+def test_exact_tangents_are_hits() -> None:
+    """Spheres beside the axis that touch it exactly, and an ulp smaller ones, with a second one far away."""
+    for r in (0.1, 0.3, 0.5, 0.7, 1.0, 2.0):
+        for z in (0.3, 0.77, 1.234, 3.1415, 10.00001, 0.123456):
+            world = world_of(scene_of((r, 0, -z, r), (0, 1e14, -1e14, 1)))
+            at = closest_hit(world, AHEAD)
+            assert at is not None
+            assert at.index == 0
+            assert at.t == pytest.approx(z, rel=1e-15)
+            assert tuple(at.normal) == pytest.approx((-1, 0, 0), abs=1e-14)
+            assert hit(AHEAD, (r, 0, -z, math.nextafter(r, 0))) is None
+
+
+def test_along_a_surface_on_which_the_eye_is() -> None:
+    """c is exactly 0 and b all but 0: its sign alone says whether the ray leads outwards or through the sphere."""
+    rng = np.random.default_rng(9)
+    hits = 0
+    for _ in range(100):
+        k = 1 + float(rng.integers(1, 1000)) * 2.0**-48
+        x = rng.uniform(-2, 2)
+        y = -x * 0.75
+        for _ in range(int(rng.integers(3))):
+            y = math.nextafter(y, rng.choice([-9, 9]))
+        ray = Ray(EYE, Direction(x, y, -float(rng.choice([1, 2.0**-30]))))
+        at = hit(ray, (3 * k, 4 * k, 0, 5 * k))
+        index, t = oracle.closest_from((0, 0, 0), [tuple(ray.direction)], [(3 * k, 4 * k, 0)], [5 * k])
+        assert (at.index if at else -1) == index[0]
+        assert at is None or at.t == pytest.approx(t[0], rel=1e-7)
+        hits += at is not None
+    assert 20 < hits < 80
+
+
+@pytest.mark.parametrize("distance", [1 + 1e-9, 1.01, 3.0, 1e4])
+def test_rays_that_all_but_touch(distance: float) -> None:
+    """Tangents but for the rounding of their directions: hit or miss is below what doubles resolve."""
+    rng, hits = np.random.default_rng(10), []
+    for _ in range(4):
+        center = rng.normal(size=3)
+        radius = float(np.linalg.norm(center)) / distance
+        ahead = center / np.linalg.norm(center)
+        side = np.cross(ahead, rng.normal(size=(50, 3)))
+        side /= np.linalg.norm(side, axis=1)[:, None]
+        rows = ahead * (math.sqrt((distance - 1) * (distance + 1)) / distance) + side / distance
+        index, _ = oracle.closest((0, 0, 0), rows, [center], [radius])
+        world = world_of(scene_of((*center, radius)))
+        assert [closest_hit(world, Ray(EYE, Direction(*row))) is not None for row in rows] == (index == 0).tolist()
+        hits += (index == 0).tolist()
+    assert 0.2 < np.mean(hits) < 0.8
+
+
+def test_the_ends_of_a_range_are_exact() -> None:
+    """A range that ends at the rounded t, or starts there, holds the unrounded one or does not, as the oracle says."""
+    rng = np.random.default_rng(12)
+    for _ in range(60):
+        scene = scene_of((*rng.uniform(-1, 1, 2), -5.0, 2.5))
+        world, d = world_of(scene), Direction(*rng.uniform(-0.2, 0.2, 2), -1.0)
+        sphere = scene.spheres[0]
+        near, far = (
+            oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t)[1][0] for t in (0, 5)
+        )
+        for t_min, t_max in ((0.0, near), (near, far), (near, math.inf), (far, math.inf)):
+            at = closest_hit(world, Ray(EYE, d, t_min, t_max))
+            want = oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t_min, t_max)
+            assert (at is not None) == (want[0][0] == 0)
+            assert at is None or at.t == pytest.approx(want[1][0], rel=1e-14)
