@@ -32,6 +32,32 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("device", found, ids=[f"{d.spec}-{d.driver}" for d in found])
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """On a second driver, the ordinary run does only the first case of each test: --device SPEC does all of them there.
+
+    What differs between drivers is how they compile, which any case of a test shows.
+    """
+    found = cltrace.devices()
+    if config.getoption("--device") or "stress" in config.option.markexpr.replace("not stress", "") or not found:
+        return
+    seen: set[tuple[str, str]] = set()
+    kept, left = [], []
+    for item in items:
+        device = (
+            item.callspec.params.get("device")
+            if isinstance(item, pytest.Function) and hasattr(item, "callspec")
+            else None
+        )
+        key = (item.nodeid.split("[")[0], device.spec if device else "")
+        again = device is not None and device.spec != found[0].spec and key in seen
+        seen.add(key)
+        (left if again else kept).append(item)
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = kept
+
+
 def pytest_report_header() -> list[str]:
     return [f"device: {d.line()}" for d in cltrace.devices()]
 

@@ -42,11 +42,10 @@ LAYOUT = "tests/test_layout.py"
 READER = "tests/test_reader.py"
 
 MUTATIONS = [
-    # Rays and spheres.
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant >= 0) & (t >= 0)", "root 0", STRESS),
-    Mutation("bound = (bb + arr) * 0x1p-48", "bound = (bb + arr) * 0x1p-58", "bound of doubt", f"{EXACT} {STRESS}"),
-    Mutation("tiny = arr < bb * 0x1p-42", "tiny = arr < bb * 0x1p-60", "normals of tiny spheres", STRESS),
+    Mutation("bound = (bb + arr) * 0x1p-48", "bound = (bb + arr) * 0", "bound of doubt", f"{EXACT} {STRESS}"),
+    Mutation("tiny = arr < bb * 0x1p-42", "tiny = arr < 0", "normals of tiny spheres", STRESS),
     Mutation("e.by_b = bb < arr;", "e.by_b = bb >= arr;", "which form of the discriminant", f"{EXACT} {STRESS}"),
     Mutation("e.by_b = e.by_b | (sphere.c <= 0);", "", "discriminant from inside", STRESS),
     Mutation("0x1p-10 * (e.b * e.b)", "0x1p-40 * (e.b * e.b)", "cancellation in t", f"{EXACT} {STRESS}"),
@@ -54,11 +53,9 @@ MUTATIONS = [
     Mutation("at.from_center.z = s - e.v.z", "at.from_center.z = s + e.v.z", "the hit's point", STRESS),
     Mutation("{p, fma(a, b, -p)}", "{p, 0}", "products of pairs", f"{EXACT} {STRESS}"),
     Mutation("{s, (a - (s - t)) + (b - t)}", "{s, 0}", "sums of pairs", f"{EXACT} {STRESS}"),
-    Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)1", "length of normals", STRESS),
-    Mutation("e.v.z = ray.a <= 1.0625f ?", "e.v.z = ray.a <= 0.0f ?", "v.z in single", f"{SCENES} {AGREE} {LAYOUT}"),
-    # Which sphere is seen.
+    Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)0.5 * ((real)3.001 - DOT(n, n))", "length of normals", STRESS),
     Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
-    Mutation("(scene.number[index] < numbers_of", "(scene.number[index] > numbers_of", "ties", STRESS),
+    Mutation("(scene.id_of[index] < ids_of", "(scene.id_of[index] > ids_of", "ties", STRESS),
     Mutation("margin = hit.t * 0x1p-22", "margin = hit.t * 0x1p-60", "nearly equal distances", STRESS),
     Mutation("return (gap < -equal) | ((gap <= equal) & tie)", "return gap < 0", "exact ties", STRESS),
     Mutation("as_float(entry.y) > reach) break", "as_float(entry.y) > 0.5f * reach) break", "end of lists", AGREE),
@@ -70,65 +67,61 @@ MUTATIONS = [
         SCENES,
     ),
     Mutation(
-        "if (!ANY(b * magnitude(b) >= a * s.w))",
-        "if (!ANY(b * magnitude(b) >= a * s.w * 1.0001f))",
+        "if (!ANY(sphere_may_meet(b, a, s)))",
+        "if (!ANY(sphere_may_meet(b, a * 1.0001f, s)))",
         "the filter's bound",
         STRESS,
     ),
     Mutation("TO_REAL(size.y - 1 - 2 * row)", "TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
-    # Shadows.
-    Mutation("Real3 w = {(point.x - C.x) - P.p.x", "Real3 w = {point.x - (C.x + P.p.x)", "rounded points", STRESS),
-    Mutation("size < ff + rr ? shift + step : ff - rr", "ff - rr", "the power of a point", STRESS),
     Mutation("far ? (enters & (b < a)) | leaves", "far ? enters | leaves", "what is beyond the light", STRESS),
     Mutation("leaves = (c < 0) | ((c == 0) & ahead)", "leaves = (c <= 0)", "a point on another sphere", STRESS),
     Mutation("enters = (c > 0) & meets & ahead", "enters = (c > 0) & meets", "what is behind the point", STRESS),
     Mutation(
-        "if (outside == 0) return enters & (b < a);", "if (outside == 0) return enters;", "a light on a sphere", STRESS
+        "if (light_side == 0) return enters & (b < a);",
+        "if (light_side == 0) return enters;",
+        "a light on a sphere",
+        STRESS,
     ),
-    Mutation("if (outside < 0) return c > 0;", "if (outside < 0) return c < 0;", "a light inside", STRESS),
+    Mutation("if (light_side < 0) return c > 0;", "if (light_side < 0) return c < 0;", "a light inside", STRESS),
     Mutation("(bb < arr ? bb - a * c : arr - DOT(cross, cross))", "(bb - a * c)", "shadows that graze", STRESS),
-    Mutation("(self & (at.side < 0) & ((REAL)outside > 0))", "(self & ((REAL)outside > 0))", "own shadow", STRESS),
+    Mutation("(self & (start.side < 0) & ((REAL)side > 0))", "(self & ((REAL)side > 0))", "own shadow", STRESS),
     Mutation("may = may & (own != index);", "", "own shadow, lean kernel", SCENES),
-    Mutation("at.side * cosine > 0);", "at.side * cosine >= 0);", "lights in the tangent plane", STRESS),
     Mutation(
-        "MASK may = in & lit & (measure > as_float(entry.y))",
-        "MASK may = in & lit & (measure > 2 * as_float(entry.y))",
+        "at.start.side * direction.cosine > 0);",
+        "at.start.side * direction.cosine >= 0);",
+        "lights in the tangent plane",
+        STRESS,
+    ),
+    Mutation(
+        "MASK may = in & lit & (place.depth > as_float(entry.y))",
+        "MASK may = in & lit & (place.depth > 2 * as_float(entry.y))",
         "end of lists of lights",
         CULLING,
     ),
-    Mutation("FMA(du, du, dv * dv) <= s.z", "FMA(du, du, dv * dv) <= 0.99f * s.z", "parallel filter", CULLING),
+    Mutation("FMA(du, du, dv * dv) <= s.z)", "FMA(du, du, dv * dv) <= 0.99f * s.z)", "parallel filter", CULLING),
     Mutation(
-        "if (!at_light && !ANY(may & (b * magnitude(b) >= a * s.w)))",
-        "if (!ANY(may & (b * magnitude(b) >= 1.001f * a * s.w)))",
+        "ANY(may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s))",
+        "ANY(may & sphere_may_meet(dot_float(ray.w32, s), 1.001f * ray.a, s))",
         "point filter",
         STRESS,
     ),
     Mutation("number].z >> (own & 31)) & 1)", "number].z >> ((own + 1) & 31)) & 1)", "what may be blocked", SCENES),
     Mutation(
-        "u = column < last_column ? column : last_column;",
-        "u = column < last_column ? column : 0;",
+        "cell.column = column < last_column ? column : last_column;",
+        "cell.column = column < last_column ? column : 0;",
         "the last cell of a window",
         CULLING,
     ),
     Mutation(
-        "(v >> level.level) * level.columns + (u >> level.level)",
-        "(v >> level.level) * level.columns + u",
-        "levels of a light",
-        CULLING,
+        "level.columns + (cell.column >> level.level)", "level.columns + cell.column", "levels of a light", CULLING
     ),
-    Mutation(
-        "(tile.y >> level.level) * level.columns + (tile.x >> level.level);\n        const int end",
-        "(tile.y >> level.level) * level.columns + tile.x;\n        const int end",
-        "levels of the picture",
-        CULLING,
-    ),
+    Mutation("level.columns + (place.x >> level.level)", "level.columns + place.x", "levels of the picture", CULLING),
     Mutation(
         "level.next += level.columns * (((grid.cells.y - 1) >> level.level) + 1)",
         "level.next += level.columns * ((grid.cells.y >> level.level) + 1)",
         "where a level begins",
         CULLING,
     ),
-    # Shading and output.
     Mutation("2 * dot * N.x - l.x + view.x", "2 * dot * N.x - l.x - view.x", "the mirrored ray", SCENES),
     Mutation("(exponent == 0 ? (SHADE)1 : (SHADE)0)", "(SHADE)0", "0 to the power of 0", STRESS),
     Mutation(
@@ -142,17 +135,21 @@ MUTATIONS = [
     Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),
     Mutation("low < 1 ? low : (SHADE)1", "low < 2 ? low : (SHADE)1", "what is brighter than white", STRESS),
     Mutation(
-        "v.x * view.right.y + v.y * view.up.y", "v.x * view.up.x + v.y * view.up.y", "normals in the world", AGREE
+        "v.x * frame.right.y + v.y * frame.up.y", "v.x * frame.up.x + v.y * frame.up.y", "normals in the world", AGREE
     ),
-    # The lists, on the host.
-    Mutation("radius + 8 * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60", "radius", "no slack in the filter", LISTS),
+    Mutation(
+        'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60',
+        "reach = radius",
+        "no slack in the filter",
+        LISTS,
+    ),
     Mutation("first) * scale + 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
     Mutation("first) * scale - 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
     Mutation("first) * scale + 1 / 64", "first) * scale + 1 / 3", "too many cells", LISTS),
-    Mutation("(middle + 1 / 16)), -1", "(middle + 1.5)), -1", "too many tiles", LISTS),
+    Mutation("(middle + 1 / 16)), first - 1", "(middle + 1.5)), first - 1", "too many tiles", LISTS),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
     Mutation("slack = (np.abs(low) + np.abs(high)) * real(SLACK)", "slack = 0 * low", "edges in the picture", LISTS),
-    Mutation("bound = c - 11 * U * (square + np.abs(c)) - 2.0**-100", "bound = c", "the filters' bound", LISTS),
+    Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),
     Mutation("gap * gap * (1 - 2.0**-19)", "gap * gap", "nearest points", LISTS),
     Mutation("-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100", "-(s + r)", "nearest ends", LISTS),
     Mutation("loose = slack * (1 + 2 * np.maximum", "loose = 0 * (1 + 2 * np.maximum", "edges of windows", LISTS),
@@ -164,13 +161,14 @@ MUTATIONS = [
     Mutation("middle - half, middle + half", "middle - half, middle", "tangents of discs", LISTS),
     Mutation("(exact[2] < exact_r * (1 + SLACK))", "(exact[2] < 0)", "spheres beside the eye", LISTS),
     Mutation("coarse = bool((window.half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS),
-    # Culling and packing.
     Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
     Mutation(
         "(r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)", "(c[1:] == c[:-1]).all(axis=1)", "equal spheres", CULLING
     ),
-    Mutation("outside[k] = np.sign(c)", "outside[k] = 1", "lights inside", STRESS),
-    Mutation("np.fill_diagonal(shadows, space.power <= 0)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
+    Mutation(
+        "self.radius, power), np.sign(power)", "self.radius, power), np.abs(np.sign(power))", "lights inside", STRESS
+    ),
+    Mutation("np.fill_diagonal(shadows, power <= 0)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
     Mutation(
         "return np.asarray((gap <= roomy[:, None] + roomy[None])",
         "return np.asarray((gap <= roomy[:, None])",
@@ -183,16 +181,11 @@ MUTATIONS = [
         "few spheres before a lamp",
         CULLING,
     ),
+    Mutation('"WITH_SPECULAR": lit and (contents.shiny or full)', '"WITH_SPECULAR": lit and full', "a flag", SCENES),
+    Mutation('"WITH_INSIDE": contents.inside or full', '"WITH_INSIDE": full', "a flag", SCENES),
     Mutation(
-        '"WITH_SPECULAR": lit and (bool(scene.materials["ks"].any()) or full)',
-        '"WITH_SPECULAR": full',
-        "a flag",
-        SCENES,
-    ),
-    Mutation('"WITH_INSIDE": inside or full', '"WITH_INSIDE": full', "a flag", SCENES),
-    Mutation(
-        '"WITH_SHADOWS": lit and (len(scene.spheres) > 1 or',
-        '"WITH_SHADOWS": lit and (len(scene.spheres) > 2 or',
+        '"WITH_SHADOWS": lit and (contents.spheres > 1 or',
+        '"WITH_SHADOWS": lit and (contents.spheres > 2 or',
         "a flag",
         f"{SCENES} {LAYOUT}",
     ),
@@ -211,9 +204,8 @@ MUTATIONS = [
         "powers of 0",
         PROPERTIES,
     ),
-    Mutation("self._margin = (region[0] % 4, region[1] % 4)", "self._margin = (0, 0)", "crops", AGREE),
-    Mutation("rounding = 0.0 if truncate else 0.5", "rounding = 0.5", "truncated bytes", STRESS),
-    # The reader.
+    Mutation('self._margin = (region[0] % CONSTANTS["TILE"],', "self._margin = (0,", "crops", AGREE),
+    Mutation("rounding = 0.0 if request.truncate else 0.5", "rounding = 0.5", "truncated bytes", STRESS),
     Mutation(
         "cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]",
         "cos * p[i] + sin * p[j], cos * p[j] - sin * p[i]",

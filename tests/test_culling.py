@@ -133,8 +133,13 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
 
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fetching ahead, other levels, bounds made in blocks: as if 20 spheres were a million."""
-    for seed in range(6):
-        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed)
+    # In the last one, each level of each list has as many rows as a power of two.
+    sizes = np.random.default_rng(6).choice(2.0 ** -np.arange(7), 60)
+    centers = np.random.default_rng(7).uniform(-3, 3, (60, 3))
+    camera = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 64))
+    layers = Scene.from_spheres(camera, [LAMP, SUN], centers, sizes)
+    for seed in range(7):
+        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed) if seed < 6 else layers
         for precision in ("accurate", "single"):
             want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
