@@ -67,7 +67,7 @@ class FromEye(Equation):
     def __init__(self, sphere: Sphere, ray: Ray) -> None:
         super().__init__(sphere, ray)
         C, d, r, c = sphere.center - EYE, ray.direction, sphere.radius, sphere.eye_power
-        self.a, self.b, self.outside = d.dot(d), C.dot(d), sphere.exact_power > 0
+        self.a, self.b, self.outside = d.dot(d), C.dot(d), sphere.eye_outside
         k = self.b * (1 / self.a)
         self.v = Direction(C.x - k * d.x, C.y - k * d.y, C.z - k * d.z)
         bb, rr, arr = self.b * self.b, r * r, self.a * (r * r)

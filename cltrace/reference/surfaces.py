@@ -144,3 +144,7 @@ class Sphere(Surface):
     @cached_property
     def eye_power(self) -> float:
         return float(self.exact_power)
+
+    @cached_property
+    def eye_outside(self) -> bool:
+        return self.exact_power > 0
