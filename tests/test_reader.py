@@ -750,9 +750,15 @@ def test_lines_beyond_16_bits_of_wide_characters(encoding: str) -> None:
     ]
 
 
-def test_wide_characters_that_are_none() -> None:
-    text = SCENE[SCENE.index("<scene") :].replace("<surfaces>", "<surfaces>" + "\n" * 70_000 + "<torus/>\ud800")
-    assert "not well-formed XML" in faults_of(text.encode("utf-16", "surrogatepass"))[0]
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-32-le"])
+@pytest.mark.parametrize("wrong", [b"\xff\xff\xff\xff", b"\xd8\xd8\xd8\xd8", b"\xff"])
+def test_wide_characters_that_are_none(encoding: str, wrong: bytes) -> None:
+    """Also where it takes the second pass to find out."""
+    text = SCENE[SCENE.index("<scene") :].replace("<surfaces>", "<surfaces>" + "\n" * 70_000 + "<torus/>")
+    text = "\ufeff" + text if encoding == "utf-16-be" else text
+    encoded = text.encode(encoding)
+    for at in (len(encoded), len(encoded) - 400):
+        assert "not well-formed XML" in faults_of(encoded[:at] + wrong + encoded[at:])[-1]
 
 
 def message(fault: str) -> str:

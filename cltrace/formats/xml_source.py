@@ -169,10 +169,14 @@ def _wide(first: bytes) -> str | None:
 
 
 def _as_utf8(chunks: Iterator[bytes], encoding: str) -> Iterator[bytes]:
-    """The same text; what is none in this encoding is none in UTF-8 either."""
-    decoder = codecs.getincrementaldecoder(encoding)("surrogatepass")
-    for chunk in chunks:
-        yield decoder.decode(chunk).encode(errors="surrogatepass")
+    """The same text up to where it is none, and there a byte that UTF-8 does not have, which the parser refuses."""
+    decoder = codecs.getincrementaldecoder(encoding)()
+    try:
+        for chunk in chunks:
+            yield decoder.decode(chunk).encode()
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError as error:
+        yield error.object[: error.start].decode(encoding).encode() + b"\xff"
 
 
 def check_prologue(first: bytes) -> None:
