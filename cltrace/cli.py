@@ -20,7 +20,7 @@ from cltrace.doctor import doctor
 from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import is_named_as_folder
-from cltrace.picture.image import SHOWS, Image, Show
+from cltrace.picture.image import SHOWS, Image, Output, Show
 from cltrace.plan.request import KEEPS, PRECISIONS, Crop
 from cltrace.reference.check import check
 from cltrace.renderer import Renderer
@@ -128,7 +128,7 @@ def _run(args: argparse.Namespace) -> int:
     target = _target(scene, args)
 
     device = choose(args.device)
-    outputs = ["rgb8"] if args.show == "color" else [args.show]
+    outputs: list[Output] = ["rgb8"] if args.show == "color" else [args.show]
     if args.check is not None:
         outputs += ["rgb8", "id"]
     try:

@@ -7,10 +7,10 @@ import time
 from copy import copy
 
 from cltrace.errors import DeviceError
-from cltrace.picture.image import Image
+from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Plan, View, World
-from cltrace.plan.request import Crop, Region, Request
+from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
 from cltrace.scene import Camera, Scene
@@ -36,11 +36,11 @@ class Renderer:
         scene: Scene,
         device: str | Device | None = None,
         precision: Precision | None = None,
-        outputs: tuple[str, ...] = ("rgb8",),
+        outputs: tuple[Output, ...] = ("rgb8",),
         crop: Crop | None = None,
         truncate: bool = False,
         width: int | None = None,
-        keep: tuple[str, ...] = (),
+        keep: tuple[Keep, ...] = (),
     ) -> None:
         check_process()
         if not isinstance(scene, Scene):
@@ -53,7 +53,7 @@ class Renderer:
                 "use --precision single or another device"
             )
         self.width = self.device.width if width is None else width
-        if not isinstance(self.width, int) or self.width not in WIDTHS:
+        if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
         start = time.perf_counter()
         self._world = World.of(scene, self.request)
@@ -104,7 +104,7 @@ class Renderer:
         """
         check_process()
         executor = self._executor
-        if out is not None and getattr(out.frame, "owner", None) is not executor:
+        if out is not None and (not isinstance(out, Image) or getattr(out.frame, "owner", None) is not executor):
             raise ValueError("out: must be an image that this Renderer has rendered")
         with self._lock, executor.driver_errors():
             frame = executor.frame() if out is None else out.frame
@@ -127,7 +127,7 @@ def render(
     scene: Scene,
     device: str | Device | None = None,
     precision: Precision | None = None,
-    outputs: tuple[str, ...] = ("rgb8",),
+    outputs: tuple[Output, ...] = ("rgb8",),
     crop: Crop | None = None,
     truncate: bool = False,
 ) -> Image:

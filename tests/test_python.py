@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,22 +87,36 @@ def test_threads_share_a_renderer(any_device: Device) -> None:
     assert all(np.array_equal(image.rgb8, want.rgb8) and np.array_equal(image.id, want.id) for image in got)
 
 
-def _in_a_fork(queue: multiprocessing.Queue[str]) -> None:
-    try:
-        cltrace.render(random_scene(1))
-        queue.put("rendered")
-    except cltrace.DeviceError as error:
-        queue.put(str(error))
+def _in_a_fork(queue: multiprocessing.Queue[str], attempts: list[Callable[[], object]]) -> None:
+    for attempt in attempts:
+        try:
+            attempt()
+            queue.put("rendered")
+        except cltrace.DeviceError as error:
+            queue.put(str(error))
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_a_fork_is_told(any_device: Device) -> None:
-    cltrace.render(random_scene(1), any_device)
+    """Whatever would ask the driver for something: it would wait for threads that the fork has lost."""
+    scene = random_scene(1)
+    renderer = Renderer(scene, any_device)
+    image = renderer.render()
+    attempts: list[Callable[[], object]] = [
+        lambda: cltrace.render(scene),
+        renderer.render,
+        lambda: renderer.render(image),
+        renderer.work,
+        lambda: renderer.look(scene.camera),
+        lambda: Renderer(scene, any_device),
+        cltrace.devices,
+    ]
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
-    process = context.Process(target=_in_a_fork, args=(queue,))
+    process = context.Process(target=_in_a_fork, args=(queue, attempts))
     process.start()
-    assert queue.get(timeout=60).startswith("OpenCL does not survive a fork")
+    for _ in attempts:
+        assert queue.get(timeout=60).startswith("OpenCL does not survive a fork")
     process.join(60)
 
 
@@ -217,6 +232,11 @@ def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
         ({"precision": "half"}, ValueError, "precision: must be one of accurate, single, double, got 'half'"),
         ({"outputs": ()}, ValueError, "outputs: must be some of "),
         ({"outputs": ("heat",)}, ValueError, "outputs: must be some of "),
+        ({"outputs": "id"}, ValueError, "outputs: must be a tuple, such as ('id',), got 'id'"),
+        ({"outputs": [["id"]]}, ValueError, "outputs: must be some of "),
+        ({"truncate": "no"}, ValueError, "truncate: must be True or False, got 'no'"),
+        ({"crop": 5}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got 5"),
+        ({"crop": (True, 0, 2, 2)}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got (True, 0, 2, 2)"),
         ({"crop": (0, 0, 1)}, ValueError, "crop: must be 4 whole numbers"),
         ({"crop": (0, 0, 1.5, 2)}, ValueError, "crop: must be 4 whole numbers"),
         ({"crop": (0, 0, 99, 2)}, ValueError, "crop: must be within 0,0,47,33 and not empty, got 0,0,99,2"),
@@ -226,6 +246,13 @@ def test_refused_arguments(arguments: dict[str, object], error: type[Exception],
     with pytest.raises(error) as caught:
         cltrace.render(**{"scene": random_scene(1), **arguments})  # type: ignore[arg-type]
     assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("width", [16.0, True, 3, "16"])
+def test_refused_widths(width: object) -> None:
+    with pytest.raises(ValueError, match=r"^width: must be 1, 4, 8, 16 or None, got ") as caught:
+        Renderer(random_scene(1), width=width)  # type: ignore[arg-type]
+    assert str(caught.value).endswith(f"got {width!r}")
 
 
 def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, render, spot_light
 from cltrace.picture.image import Output, Show
 
 RGB8 = np.zeros((1, 2, 3), np.uint8)
+SCENE = Scene.from_spheres(Camera(), [], [(0, 0, -3)], 1)
 
 
 def test_vectors_may_be_tuples_lists_and_arrays() -> None:
@@ -52,6 +53,7 @@ REFUSED: list[Callable[[], Any]] = [
     lambda: Camera(horizontal_fov="30"),  # type: ignore[arg-type]
     lambda: Camera(resolution=512),  # type: ignore[arg-type]
     lambda: Scene.from_spheres([], Camera(), [(0, 0, 0)], 1),  # type: ignore[arg-type]
+    lambda: render(SCENE, outputs=("rbg",)),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).as_rgb8("heat"),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).save("x.png", "rgb8"),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).colour,  # type: ignore[attr-defined]

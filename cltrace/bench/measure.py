@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cltrace.plan.abi import Precision
+from cltrace.plan.request import Keep
 from cltrace.reference.check import sample
 from cltrace.run.devices import Device
 
@@ -93,7 +94,7 @@ def configurations(device: Device, precisions: Sequence[Precision], quick: bool)
     """
     out: list[Tracer] = []
     for precision in precisions:
-        kept = {(): "", (ACCELERATION,): "no lists"}
+        kept: dict[tuple[Keep, ...], str] = {(): "", (ACCELERATION,): "no lists"}
         if not quick:
             kept |= {SKIPS: "no skipping", (ACCELERATION, *SKIPS): "neither"}
             if precision == precisions[0]:

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from cltrace.picture.image import Image
+from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.exact import processors
-from cltrace.plan.request import KEEPS
+from cltrace.plan.request import KEEPS, Keep
 from cltrace.renderer import Renderer
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, POINT, Scene
@@ -32,7 +32,7 @@ from .textbook import Textbook
 from .truth import Answer, lamps
 
 # The one of KEEPS that is an acceleration structure; the others are work that a scene does not need.
-ACCELERATION = "lists"
+ACCELERATION: Keep = "lists"
 SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 
 # Without lists every ray tries every sphere: beyond so many tests a frame would take seconds.
@@ -77,7 +77,7 @@ class Tracer(ABC):
 class Product(Tracer):
     """cltrace on a device. keep: what it does not skip; mode: device and precision, which alone decide the picture."""
 
-    def __init__(self, device: Device, precision: Precision, keep: tuple[str, ...] = (), variant: str = "") -> None:
+    def __init__(self, device: Device, precision: Precision, keep: tuple[Keep, ...] = (), variant: str = "") -> None:
         self.on, self.precision, self.keep = device, precision, keep
         self.name, self.variant, self.device = precision, variant, device.label
         self.mode = (device.spec, precision)
@@ -106,7 +106,7 @@ class Product(Tracer):
         dull = [self._picture(lamp, "color", "normal", "depth", "id") for lamp in lamps(scene)]
         return answer_of(scene, self._picture(scene, "rgb8", "color"), dull)
 
-    def _picture(self, scene: Scene, *outputs: str) -> Image:
+    def _picture(self, scene: Scene, *outputs: Output) -> Image:
         return Renderer(scene, self.on, self.precision, outputs, keep=self.keep).render()
 
 

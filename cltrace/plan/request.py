@@ -47,12 +47,15 @@ class Request:
     def __post_init__(self) -> None:
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision: must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
-        for name, allowed in (("outputs", tuple(OUTPUTS)), ("keep", KEEPS)):
+        for name, allowed, least in (("outputs", tuple(OUTPUTS), 1), ("keep", KEEPS, 0)):
             value = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, Sequence) or set(value) - set(allowed):
+            if isinstance(value, str) and value in allowed:
+                raise ValueError(f"{name}: must be a tuple, such as ({value!r},), got {value!r}")
+            listed = isinstance(value, Sequence) and not isinstance(value, str) and len(value) >= least
+            if not listed or any(v not in allowed for v in value):
                 raise ValueError(f"{name}: must be some of {', '.join(allowed)}, got {value!r}")
-        if not self.outputs:
-            raise ValueError(f"outputs: must be some of {', '.join(OUTPUTS)}, got {self.outputs!r}")
+        if not isinstance(self.truncate, bool):
+            raise ValueError(f"truncate: must be True or False, got {self.truncate!r}")
         also = PICTURES if "outputs" in self.keep else ()
         object.__setattr__(self, "outputs", tuple(n for n in OUTPUTS if n in self.outputs or n in also))
         object.__setattr__(self, "keep", tuple(self.keep))
@@ -61,7 +64,10 @@ class Request:
         """The part of a picture of this size, (width, height). ValueError if the crop is not within it."""
         if self.crop is None:
             return (0, 0, *size)
-        if len(self.crop) != 4 or not all(isinstance(n, (int, np.integer)) for n in self.crop):
+        whole = isinstance(self.crop, Sequence) and [
+            isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in self.crop
+        ]
+        if whole != [True] * 4:
             raise ValueError(f"crop: must be 4 whole numbers (x0, y0, x1, y1), got {self.crop!r}")
         x0, y0, x1, y1 = (int(n) for n in self.crop)
         if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):
