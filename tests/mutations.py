@@ -38,7 +38,7 @@ AGREE = "tests/test_consistency.py"
 SCENES = "tests/test_scenes.py"
 EXACT = "tests/test_exact.py"
 PROPERTIES = "tests/test_properties.py"
-LAYOUT = "tests/test_layout.py"
+ABI = "tests/test_abi.py"
 READER = "tests/test_reader.py"
 
 MUTATIONS = [
@@ -187,7 +187,7 @@ MUTATIONS = [
         '"WITH_SHADOWS": lit and (contents.spheres > 1 or',
         '"WITH_SHADOWS": lit and (contents.spheres > 2 or',
         "a flag",
-        f"{SCENES} {LAYOUT}",
+        f"{SCENES} {ABI}",
     ),
     Mutation(
         "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", SCENES

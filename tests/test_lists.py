@@ -442,3 +442,9 @@ def test_little_else_is_offered(make: Callable[[], Scene], pixels: float, sun: f
     assert check_pixels(scene, np.arange(0, 64 * 48, 7)) <= pixels
     for light, most in (("sun aslant", sun), ("lamp far away", lamp)):
         assert check_light(replace(scene, lights=np.concatenate(LIGHTS[light])), points) <= most
+
+
+def test_little_else_is_offered_in_a_small_window() -> None:
+    """Cells far smaller than what float32 resolves at 1: they are looked up in double."""
+    scene = cluster("lamp far away", 2.0**-9)
+    assert check_light(scene, on_surfaces(scene, 300)) <= 3.6

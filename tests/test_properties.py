@@ -137,6 +137,7 @@ def test_the_order_of_spheres_changes_only_their_numbers(scene: Scene, numbers: 
 @given(st.lists(st.tuples(numbers, numbers, numbers, positive), min_size=1, max_size=8), st.tuples(moderate, moderate))
 @example([(0.0, 0.0, 1.0, 1.0)], (0.0, 0.0))
 @example([(3e38, 1e-40, 0.0, 3e38)], (1.0, 0.0))
+@example([(3e4, 4e4, 0.5, 5e4)], (1e-13, 0.0))
 @example([(0.0, 1.182595400475193e38, 2.7434398881631518e38, 2.9798931274642443e38)], (0.0, 0.0))
 def test_powers_are_rounded_once(spheres: list[tuple[float, float, float, float]], eye: tuple[float, float]) -> None:
     """|C - O|^2 - r^2 against rational arithmetic, and exact in sign."""
