@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -240,22 +241,27 @@ def places(scratch: Path, text: str) -> list[Path]:
     return [path for path in files for _ in range(path.read_text("utf-8").count(text))]
 
 
+def passes(scratch: Path, tests: Sequence[str], device: str | None) -> bool:
+    """Whether these tests pass in the scratch copy."""
+    command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *tests]
+    more = ["--device", device] if device else []
+    # From here the scratch copy is what `import cltrace` finds.
+    env = os.environ | {"PYTHONPATH": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run([*command, *more], cwd=scratch, env=env, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1) and done.returncode >= 0:  # a signal is as good as a failed test
+        raise SystemExit(f"pytest did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.returncode == 0
+
+
 def survives(scratch: Path, mutation: Mutation, device: str | None) -> bool:
     """Whether the tests pass with the mistake in."""
     (path,) = places(scratch, mutation.text)
     before = path.read_text("utf-8")
     path.write_text(before.replace(mutation.text, mutation.other), "utf-8")
-    command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *mutation.tests.split()]
-    more = ["--device", device] if device else []
     try:
-        # From here the scratch copy is what `import cltrace` finds.
-        env = os.environ | {"PYTHONPATH": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run([*command, *more], cwd=scratch, env=env, capture_output=True, text=True, check=False)
+        return passes(scratch, mutation.tests.split(), device)
     finally:
         path.write_text(before, "utf-8")
-    if done.returncode not in (0, 1) and done.returncode >= 0:  # a signal is as good as a failed test
-        raise SystemExit(f"pytest did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
-    return done.returncode == 0
 
 
 def main() -> int:
@@ -271,6 +277,8 @@ def main() -> int:
         lost = [m.text for m in chosen if len(places(scratch, m.text)) != 1]
         if lost:
             raise SystemExit("\n".join(["must be there exactly once:", *lost]))
+        if not passes(scratch, sorted({test for m in chosen for test in m.tests.split()}), args.device):
+            raise SystemExit("the tests must pass without any mistake")
         survivors = 0
         for mutation in chosen:
             start = time.monotonic()
