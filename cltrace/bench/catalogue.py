@@ -242,6 +242,10 @@ def _from_the_wall(sign: int, amount: int) -> Scenes:
         w = unit(np.random.default_rng(k)) if k % 2 else np.array(BACK)
         for axis in (AXES[k % 6],) if amount == 1 else AXES:
             yield balls(looking((w * (1 + sign * 10.0**-k)).tolist(), 3, frame(amount, 300), axis), [((0, 0, 0), 1)])
+    if sign > 0:
+        # Straight down, where |C| is hardly more than r and b hardly more than the root.
+        for h in (1e-6, 1e-9, 1e-12):
+            yield balls(looking((0, 0, 1 + h), math.sqrt(h), frame(amount, 300)), [((0, 0, 0), 1)])
 
 
 def _on_the_surface(amount: int) -> Scenes:
