@@ -28,7 +28,6 @@ from cltrace.formats.xml_transforms import transformed
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
 from cltrace.scene import ANY, LIGHT, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
 
-MAX_LIGHTS = 2**16
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
 
 _VIEW = ("position", "lookat", "up")

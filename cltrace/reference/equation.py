@@ -61,7 +61,7 @@ class FromEye(Equation):
 
     c = |C|^2 - r^2 comes from the exact scene, rounded once. The discriminant b^2 - a c is kept where it is accurate,
     for |b| < r |d| and from inside; elsewhere a (r^2 - |v|^2) is, where v leads from the ray's closest point to the
-    centre. kernels/sphere.cl derives both, and the bound below which the sign of the result is in doubt.
+    centre. kernels/shapes/sphere.cl derives both, and the bound below which the sign of the result is in doubt.
     """
 
     def __init__(self, sphere: Sphere, ray: Ray) -> None:

@@ -4,6 +4,7 @@ from cltrace.scene.camera import MAX_BOUNCES, Camera, check_resolution
 from cltrace.scene.lights import (
     AMBIENT,
     LIGHT,
+    MAX_LIGHTS,
     PARALLEL,
     POINT,
     SPOT,
@@ -25,6 +26,7 @@ __all__ = [
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",
+    "MAX_LIGHTS",
     "MAX_SPHERES",
     "NOT_NEGATIVE",
     "PARALLEL",

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, numbers
 
+# A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap.
+MAX_LIGHTS = 1024
 LIGHT = np.dtype(
     [
         ("kind", "i4"),  # one of the four constants below
@@ -91,6 +93,8 @@ def joined(lights: Iterable[NDArray[np.void]] | NDArray[np.void]) -> NDArray[np.
 
 def check_lights(lights: NDArray[np.void]) -> None:
     """Raises ValueError, which names field and index, where a LIGHT array holds what is not allowed."""
+    if len(lights) > MAX_LIGHTS:
+        raise ValueError(f"lights: must be at most {MAX_LIGHTS}, got {len(lights)}")
     for name, rule in (("color", NOT_NEGATIVE), ("position", ANY), ("direction", ANY)):
         checked(f"lights.{name}", rule, lights[name], (-1, 3))
     for name in ("alpha1", "alpha2"):

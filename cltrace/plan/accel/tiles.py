@@ -49,12 +49,12 @@ def picture_tiles(seen: Seen, among: Mask, window: Window) -> CellGrid:
         left, right, top, bottom = slopes([x, -y], -z, r, gap)
         for k, (low, high) in enumerate(((left, right), (top, bottom))):
             slack = (np.abs(low) + np.abs(high)) * real(SLACK)
-            # Pixel i is at slope (2i + 1 - n) step; 1/16 of a pixel more, for what float32 cannot count in a wide
-            # picture, and for pictures a few ulp wide.
+            # Pixel i is at slope (2i + 1 - n) step. The product and the sum below are rounded, each by 2^-24 of up to
+            # 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
             scale, middle = 0.5 / step[k], (size[k] - 1) / 2
             first, stop = bounds[k]
-            begin = np.clip(np.ceil((low - slack) * scale + (middle - 1 / 16)), first, stop)
-            end = np.clip(np.floor((high + slack) * scale + (middle + 1 / 16)), first - 1, stop - 1)
+            begin = np.clip(np.ceil((low - slack) * scale + (middle - 1 / 64)), first, stop)
+            end = np.clip(np.floor((high + slack) * scale + (middle + 1 / 64)), first - 1, stop - 1)
             visible &= begin <= end
             covers[k] = begin.astype(np.int32) >> SHIFT
             covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
