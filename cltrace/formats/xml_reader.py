@@ -26,7 +26,7 @@ from cltrace.formats.xml_faults import MAX_MESSAGES, FatalError, Messages, close
 from cltrace.formats.xml_source import Document, LinesNeededError
 from cltrace.formats.xml_transforms import transformed
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
-from cltrace.scene import ANY, LIGHT, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
+from cltrace.scene import ANY, LIGHT, MAX_LIGHTS, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
 
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
 
