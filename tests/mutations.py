@@ -58,7 +58,13 @@ MUTATIONS = [
     Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
     Mutation("(scene.id_of[index] < ids_of", "(scene.id_of[index] > ids_of", "ties", STRESS),
     Mutation("margin = hit.t * 0x1p-22", "margin = hit.t * 0x1p-60", "nearly equal distances", STRESS),
-    Mutation("return (gap < -equal) | ((gap <= equal) & tie)", "return gap < 0", "exact ties", STRESS),
+    Mutation("return (exact < 0) | ((exact == 0) & tie);", "return exact < 0;", "exact ties", EXACT),
+    Mutation("return (x.hi + (x.lo + 2 * error) == x.hi)", "return (x.hi == x.hi)", "doubts of pairs", EXACT),
+    Mutation("!((gap > error) | (gap < -error))", "(gap != gap)", "doubts of pairs about distances", EXACT),
+    Mutation("#define DIGITS 108", "#define DIGITS 80", "room for whole numbers", EXACT),
+    Mutation("set_to(&other, -(i == 0 ? eye.x", "set_to(&other, -(i == 0 ? 0", "the eye in whole numbers", EXACT),
+    Mutation("sign_root = s * t * sign_D", "sign_root = s * sign_D", "the order of two roots", EXACT),
+    Mutation("(cut > 0x400 ||", "(cut > 0x4ff ||", "rounding of whole numbers", EXACT),
     Mutation("as_float(entry.y) > reach) break", "as_float(entry.y) > 0.5f * reach) break", "end of lists", AGREE),
     Mutation("REACH_SLACK (1.0f + 0x1p-20f)", "REACH_SLACK (1.0f - 0x1p-3f)", "the reach's slack", f"{STRESS} {ENDS}"),
     Mutation(
@@ -194,10 +200,10 @@ MUTATIONS = [
         "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", SCENES
     ),
     Mutation(
-        "np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1)",
-        "np.concatenate([0 * small.center_rest, 0 * small.power_rest[:, None]], axis=1)",
+        "np.concatenate([world.center, space.power_rest[:, None]], axis=1)",
+        "np.concatenate([world.center, 0 * space.power_rest[:, None]], axis=1)",
         "what was cut off",
-        STRESS,
+        EXACT,
     ),
     Mutation(
         "doubtful: list[int] = (np.flatnonzero(np.abs(c[block]) < 2.0**-45 * size)",

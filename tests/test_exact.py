@@ -1,13 +1,17 @@
-"""The kernel against the exact oracle: 21 regimes, no excused band."""
+"""The kernel against the exact oracle: hostile regimes, and exact tangents and ties; no excused band."""
 
 from __future__ import annotations
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import cltrace
+from cltrace import Camera, Scene
 from cltrace.bench.oracle import closest
-from cltrace.bench.regimes import REGIMES, camera_space, rays
+from cltrace.bench.regimes import EDGES, REGIMES, camera_space, rays
+from cltrace.reference import primary_ray, trace, world_of
 from cltrace.run.devices import Device
 
 THINNED = (8_000, 2)
@@ -16,7 +20,7 @@ LONG = (1_050_000, 12)
 
 def compare(name: str, device: Device, precision: str, total: int, seeds: int) -> None:
     """`total` rays of a regime, over several seeds: no other id, t within 0.52 ulp of float32 and 1e-8 in double."""
-    make = dict(REGIMES)[name]
+    make = dict(REGIMES + EDGES)[name]
     side = int(np.ceil(np.sqrt(total / seeds)))
     wrong = 0
     for seed in range(seeds):
@@ -36,13 +40,102 @@ def compare(name: str, device: Device, precision: str, total: int, seeds: int) -
     assert wrong == 0
 
 
-@pytest.mark.parametrize("name", [name for name, _ in REGIMES])
+@pytest.mark.parametrize("name", [name for name, _ in REGIMES + EDGES])
 @pytest.mark.parametrize("precision", ["accurate", "double"])
 def test_regime(device: Device, name: str, precision: str) -> None:
     compare(name, device, precision, *THINNED)
 
 
 @pytest.mark.stress
-@pytest.mark.parametrize("name", [name for name, _ in REGIMES])
+@pytest.mark.parametrize("name", [name for name, _ in REGIMES + EDGES])
 def test_regime_with_a_million_rays(device: Device, name: str) -> None:
     compare(name, device, "accurate", *LONG)
+
+
+@pytest.mark.parametrize("precision", ["accurate", "double"])
+def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
+    """Spheres at decimal places that the middle ray touches, alone and with something far away in the scene."""
+    camera = Camera((0, 0, 0), (0, 0, -1), (0, 1, 0), 45, (3, 3), square_pixels=False)
+    for number in range(300 if precision == "accurate" else 30):
+        # The literal case first; then of one to six decimals.
+        z = 0.3 if number == 0 else round(9 * (number * 0.6180339887498949 % 1) + 0.2, number % 6 + 1)
+        r = (1, 0.1, 0.3, 0.5, 0.7, 2)[number % 6]
+        for more in ([], [(1e14, 0, -5)]):
+            scene = Scene.from_spheres(camera, [], [(r, 0, -z), *more], [r, *[1.0] * len(more)])
+            image = cltrace.render(scene, device, precision, ("id", "depth"))
+            assert image.id is not None
+            assert image.depth is not None
+            assert image.id[1, 1] == 0, (z, r, more)
+            assert abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
+
+
+def far_and_small(seed: int) -> Scene:
+    """A turned camera, one pixel of which looks at a sphere that is 1e13 to 1e30 times as far away as it is large.
+
+    The centre is a double; the eye is where the ray from there goes by in less than a few radii.
+    """
+    rng = np.random.default_rng(seed)
+    view, up = np.round(rng.normal(size=3) * 2.0**16) / 2.0**16, (0, 1, 0.25)
+    camera = Camera((0, 0, 0), view, up, 40, (9, 7))
+    ray = primary_ray(camera, int(rng.integers(9)), int(rng.integers(7)))
+    distance = Fraction(2) ** int(rng.integers(20, 75))
+    to = [
+        distance * sum(Fraction(d) * Fraction(axis[i]) for d, axis in zip(ray.direction, camera.basis(), strict=True))
+        for i in range(3)
+    ]
+    center = [float(x) for x in to]
+    grid = Fraction(2) ** -24
+    eye = [float(round((Fraction(c) - x) / grid) * grid) for c, x in zip(center, to, strict=True)]
+    moved = Camera(eye, eye + view, up, 40, (9, 7))
+    assert moved.basis() == camera.basis()
+    return Scene.from_spheres(moved, [], [center], 2.0 ** rng.uniform(-26, -22))
+
+
+def test_far_and_small_spheres_by_turned_cameras(device: Device, width: int) -> None:
+    """To the bit as the reference, which decides in exact arithmetic; about half of the spheres are hit."""
+    hits = 0
+    for seed in range(80):
+        scene = far_and_small(seed)
+        image = cltrace.Renderer(scene, device, "accurate", ("id", "depth"), width=width).render()
+        world = world_of(scene)
+        for y in range(7):
+            for x in range(9):
+                _, at = trace(world, primary_ray(scene.camera, x, y))
+                hits += at is not None
+                assert image.id is not None
+                assert image.depth is not None
+                assert image.id[y, x] == (at.index if at else -1), seed
+                assert image.depth[y, x] == (at.distance if at else np.inf), seed
+    assert 20 < hits < 80
+
+
+def extreme(seed: int) -> Scene:
+    """Numbers with all the bits that a scene can have: the exact arithmetic of the kernel takes the most digits."""
+    rng = np.random.default_rng(seed)
+    up, tiny, huge = (0.0, 1.0, 2.0**-149), 2.0**-149 * (1 + 2.0**-52), 2.0**127 * (2 - 2.0**-23)
+    camera = Camera(
+        (tiny, 0, tiny), (2.0**-149 * 3, 2.0**-149, -huge), up, 2.0**-149 * 1.3, (9, 7), square_pixels=False
+    )
+    # Each rests on the plane x = tiny, which is about the middle column's, and each is there twice, but for an ulp.
+    centers, radii = [], []
+    for r in (huge / 2, 1.5 * tiny, 1.1, 1e20, 1e-20):
+        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, tiny]))
+        for k in (0, 1):
+            centers.append((r * rng.choice([-1, 1]), 0 if k else tiny, z))
+            radii.append(r)
+    return Scene.from_spheres(camera, [], centers, radii)
+
+
+def test_the_most_digits(device: Device, width: int) -> None:
+    seen = set()
+    for seed in range(12):
+        scene = extreme(seed)
+        image = cltrace.Renderer(scene, device, "accurate", ("id",), width=width).render()
+        world = world_of(scene)
+        for y in range(7):
+            for x in range(9):
+                _, at = trace(world, primary_ray(scene.camera, x, y))
+                assert image.id is not None
+                assert image.id[y, x] == (at.index if at else -1), (seed, x, y)
+                seen.add(at.index if at else -1)
+    assert len(seen) > 3

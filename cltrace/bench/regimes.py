@@ -4,6 +4,10 @@ REGIMES lists (name, function); function(seed, size) is a scene without lights, 
 pixels. The camera looks exactly along -z with +y up, so camera space is the world moved by the eye, without a rounding.
 Every coordinate and radius is a float32 value; the float64 arrays of the scene hold it exactly.
 
+EDGES is a list of the same kind, of scenes in which many rays meet a decision exactly: they touch, or meet two spheres
+at one point. Their numbers are doubles, and both sides of their pictures are odd: the directions (x, 0, -1) of the
+middle row, or (0, y, -1) of the middle column, are the rays for which that can be arranged.
+
 Most pictures are zoomed in on limbs: with "spread" w, the rays of the picture pass a sphere of radius r at r (1 +/- w)
 from its centre. w is drawn down to where the regime still is one, so a good share of all rays is close to the decision,
 and where spheres overlap they are about equally far.
@@ -220,4 +224,87 @@ REGIMES: list[tuple[str, Regime]] = [
     _regime(aimed, "nonunit |d| 1..800", (60.0, 89.9)),
     _regime(limbs, "huge r=1e20 d=5e20", 1e20, 5e20, (-8, 0.5)),
     _regime(limbs, "tiny r=1e-25 d=5e-25", 1e-25, 5e-25, (-8, 0.5)),
+]
+
+
+def _edges(name: str, seed: int, size: Size) -> tuple[np.random.Generator, Camera, Floats, int]:
+    """Random numbers, a camera at 0, the directions (n, 3) of the middle row or column, and the axis across them."""
+    rng, across = _seeded(name, seed), 1 - seed % 2
+    width, height = (n | 1 for n in size)
+    camera = _camera((0, 0, 0), rng.uniform(0.3, 1), (width, height))
+    d = rays(camera).reshape(height, width, 3)
+    return rng, camera, d[height // 2] if across else d[:, width // 2], across
+
+
+def _colored(camera: Camera, centers: Sequence[Floats], radii: ArrayLike) -> Scene:
+    colors = np.linspace(0.1, 1, len(centers))[:, None] * [1.0, 0.5, 0.25]
+    return Scene.from_spheres(camera, [], np.array(centers), radii, colors, ka=0.1)
+
+
+def tangents(name: str, scale: tuple[int, int], seed: int, size: Size = SIZE, count: int = 24) -> Scene:
+    """Spheres that rest on the plane of the middle row, or column, each on the ray of one pixel; and one far away.
+
+    scale: log2 of the least and the greatest distance.
+    """
+    rng, camera, d, across = _edges(name, seed, size)
+    m = 2.0 ** rng.integers(*scale, count)
+    radii = m * 2 ** rng.uniform(-4, 3, count)
+    centers = d[rng.integers(0, len(d), count)] * m[:, None]
+    centers[:, across] = radii * rng.choice([-1, 1], count)
+    return _colored(camera, [*centers, np.array([1e38, 0, -5])], [*radii, 1.0])
+
+
+def ties(name: str, beside: tuple[int, int] | None, seed: int, size: Size = SIZE, count: int = 5) -> Scene:
+    """Groups of three different spheres that meet the plane of the middle row, or column, in one circle.
+
+    beside: None, or log2 of the least and the greatest share d of its size by which a fourth one is beside the plane:
+    there it is met later, by about d^2.
+    """
+    rng, camera, _, across = _edges(name, seed, size)
+    centers, radii = [], []
+    for _ in range(count):
+        s = 2.0 ** rng.integers(-4, 4)
+        place = np.array([*rng.uniform(-6, 6, 2), -rng.uniform(8, 20)]) * s
+        # Pythagoras: the circle has the radius 4.
+        group = [(0.0, 4), (3.0, 5), (-3.0, 5), *([(2.0 ** rng.integers(*beside), 4)] if beside else [])]
+        for k in rng.permutation(len(group)):
+            place[across] = group[k][0] * s
+            centers.append(place.copy())
+            radii.append(group[k][1] * s)
+    return _colored(camera, centers, radii)
+
+
+def mixed(name: str, seed: int, size: Size = SIZE, count: int = 40) -> Scene:
+    """Spheres of sizes from 1e-30 to 1e30, some of them at the limb on the ray of a pixel, one around the eye."""
+    rng, camera, _, _ = _edges(name, seed, size)
+    d = rays(camera)
+    s = 10.0 ** rng.uniform(-30, 30, count)
+    radii = s * rng.uniform(0.01, 0.4, count)
+    side = rng.normal(size=(count, 3))
+    centers = d[rng.integers(0, len(d), count)] * s[:, None] + side * (radii / np.linalg.norm(side, axis=1))[:, None]
+    return _colored(camera, [*centers, np.array([0, 0, 1e10])], [*radii, 2e10])
+
+
+def touching(name: str, seed: int, size: Size = SIZE) -> Scene:
+    """The eye on spheres, and 2^-30 to 2^-70 of their size beside others, that rest on the plane of the middle row."""
+    rng, camera, _, across = _edges(name, seed, size)
+    centers, radii = [], []
+    for side in (-1, 1):
+        for beside in (0, 0, *(2.0 ** -rng.integers(30, 70, 4))):
+            radii.append(rng.uniform(0.5, 2))
+            center = np.zeros(3)
+            center[across], center[1 - across] = side * radii[-1], beside * rng.choice([-1, 1])
+            center[2] = rng.choice([0, -beside, beside])
+            centers.append(center)
+    order = rng.permutation(len(radii))
+    return _colored(camera, [centers[i] for i in order], [radii[i] for i in order])
+
+
+EDGES: list[tuple[str, Regime]] = [
+    _regime(tangents, "tangents", (-3, 4)),
+    _regime(tangents, "tangents 1e-30..1e30", (-100, 100)),
+    _regime(ties, "ties", None),
+    _regime(ties, "ties, but for 2^-50..2^-100", (-50, -25)),
+    _regime(mixed, "mixed 1e-30..1e30"),
+    _regime(touching, "touching"),
 ]

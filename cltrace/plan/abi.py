@@ -117,12 +117,12 @@ ARGUMENTS = (
         ("count", "int", "of spheres"),
         ("unit", "real", "a power of two: times a length, it is what the float buffers hold, which is about 1 at most"),
     ),
-    *_values("Spheres", ("length", "real", "1 / unit")),
     *_buffers(
         "Spheres",
         ("center_radius", "real4", "centre in camera space, radius"),
         ("power", "real2", "|centre|^2 - radius^2 of the unrounded scene, 1 / radius"),
-        ("rest", "float4", "what was cut off when centre and power were rounded, in units of length"),
+        ("world", "real4", "centre in the world, as the scene has it; w: what was cut off of power. Not in single"),
+        ("camera", "real4", "in the world: the eye, right, up and back. Not in single"),
     ),
     *_buffers(
         "Scene",

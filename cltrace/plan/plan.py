@@ -115,7 +115,7 @@ class View:
         exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
 
         lights = pack_lights(world.lights, exact.position, basis, request.precision, world.materials.brightest)
-        arrays = _spheres(world, exact, small, real) | {"light": lights}
+        arrays = _spheres(world, exact, small, real) | _in_world(world, camera, space, real) | {"light": lights}
         skipped = dict(world.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
@@ -134,7 +134,6 @@ class View:
                 "lights": (*counts(world.lights), len(world.lights)),
                 "count": len(world.radius),
                 "unit": math.ldexp(1.0, unit),
-                "length": math.ldexp(1.0, -unit),
             },
             bool((space.power <= 0).any()),
             skipped,
@@ -215,11 +214,20 @@ def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any]) -> d
     return {
         "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, np.minimum(1 / exact.radius, largest)], axis=1).astype(real),
-        "rest": np.concatenate([small.center_rest, small.power_rest[:, None]], axis=1).astype("f4"),
         "id_of": world.id,
         "material_of": world.material_of,
         "material": world.materials.packed,
         "eye_filter": eye_filter,
+    }
+
+
+def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
+    """The buffers by which a ray from the eye is decided exactly; empty in single. space: in scene units."""
+    if real.itemsize == 4:
+        return {"world": np.zeros((0, 4), real), "camera": np.zeros((0, 4), real)}
+    return {
+        "world": np.concatenate([world.center, space.power_rest[:, None]], axis=1),
+        "camera": np.array([(*vector, 0.0) for vector in (camera.position, *camera.basis())]),
     }
 
 

@@ -18,12 +18,11 @@ class Space:
     """Spheres (n) and lights (m) in camera space, in scene units.
 
     center (n, 3) and position (m, 3): rotated, each coordinate rounded once; power (n,): |center|^2 - radius^2 of the
-    exact offset from the eye, rounded once, so that no rounding of centres enters it; *_rest: what the rounding cut
+    exact offset from the eye, rounded once, so that no rounding of centres enters it; power_rest (n,): what that cut
     off; *_hi + *_lo: the exact offsets from the eye, along the world's axes.
     """
 
     center: Array
-    center_rest: Array
     radius: Array
     power: Array
     power_rest: Array
@@ -40,7 +39,8 @@ class Space:
         hi, lo = differences(center, None, eye, None)
         at_hi, at_lo = two_sum(lights["position"], -eye)
         place, _ = dot_products(basis, at_hi, at_lo)
-        return cls(*dot_products(basis, hi, lo), radius, *square_excess(hi, lo, radius), hi, lo, place, at_hi, at_lo)
+        turned, _ = dot_products(basis, hi, lo)
+        return cls(turned, radius, *square_excess(hi, lo, radius), hi, lo, place, at_hi, at_lo)
 
     def times_two_to(self, k: int) -> Space:
         """All lengths times 2^k, which is exact: what float32 holds is within 2^-149 and 2^128."""

@@ -81,6 +81,9 @@ class FromEye(Equation):
             self.hits = self.exact.discriminant.sign() >= 0
             if tiny:
                 self.v = self._exact_v()
+            # All but on the sphere, and all but along it, b cancels, too.
+            if self.unsure and bb < arr * 2.0**-16:
+                self.b = float(self.exact.b.p)
         else:
             self.hits = self.discriminant >= 0
         self.root = math.sqrt(max(self.discriminant, 0.0))

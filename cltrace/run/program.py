@@ -23,6 +23,7 @@ SOURCES = (
     "abi",
     "counters.cl",
     "pairs.cl",
+    "integers.cl",
     "ray.cl",
     "shapes/sphere.cl",
     "find/cells.cl",

@@ -67,6 +67,7 @@ class Camera:
     def basis(self) -> tuple[Vector, Vector, Vector]:
         """The camera's x (right), y (up) and z (backward) axes in the world: unit and orthogonal to rounding.
 
+        They are multiples of 2^-300, so that exact arithmetic with them has an end: what is below 2^-247 is rounded.
         Raises ValueError if they are undefined: position equals lookat, or up is 0 or parallel to the view.
         """
         eye, at = self.position, self.lookat
@@ -88,7 +89,7 @@ class Camera:
         # enough").
         along = _dot(x, z)
         x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
-        return x, _unit(_cross(z, x)), z
+        return _on_grid(x), _on_grid(_unit(_cross(z, x))), _on_grid(z)
 
     def half_angles(self) -> tuple[float, float]:
         """Half of the horizontal and half of the vertical opening angle, degrees. The longer side has horizontal_fov.
@@ -140,3 +141,9 @@ def _unit(v: Vector) -> Vector:
     w = (v[0] / scale, v[1] / scale, v[2] / scale)
     length = math.hypot(*w)
     return (w[0] / length, w[1] / length, w[2] / length)
+
+
+def _on_grid(v: Vector) -> Vector:
+    """v rounded to multiples of 2^-300; the doubles from 2^-247 on are some."""
+    x, y, z = (a if a == 0 or abs(a) >= 2.0**-247 else math.ldexp(round(math.ldexp(a, 300)), -300) for a in v)
+    return (x, y, z)

@@ -30,7 +30,7 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
     const REAL t = at.t;
     const REAL_MASK nearer = t < hit.t;
 #if REAL_BYTES == 8
-    /* Where a discriminant is not computed in pairs, the distance is off by at most 2^-25 (see sphere_meet). */
+    /* The distance is off by at most 2^-24 (see sphere_meet). */
     const REAL margin = hit.t * 0x1p-22;
     const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
 #else
@@ -39,7 +39,7 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
     if (!ANY(TO_MASK(close))) return nearer;
     REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
 #if REAL_BYTES == 8
-    first = comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first);
+    first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close);
 #endif
     return close ? first : nearer;
 }

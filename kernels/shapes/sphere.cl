@@ -1,8 +1,8 @@
 /* sphere.cl: the sphere, decided in `real`.
  *
- * A shape has five functions: X_may_meet is a float32 filter with a proof, X_meet finds where a ray meets it, X_exact_t
- * finds that in pairs, X_surface gives the point's normal, and X_stops tells whether it stands between a point and a
- * light. cltrace/reference has the same, without the filter.
+ * A shape has five functions: X_may_meet is a float32 filter with a proof, X_meet finds where a ray meets it,
+ * X_comes_first tells which of two is met first, X_surface gives the point's normal, and X_stops tells whether it stands
+ * between a point and a light. cltrace/reference has the same, without the filter.
  */
 
 /* One sphere in all lanes, or each lane's own one. */
@@ -39,26 +39,6 @@ static Sphere spheres_of(const Spheres spheres, const INT index) {
     return own;
 }
 
-#if REAL_BYTES == 8
-/* What was cut off of each lane's sphere. */
-typedef struct {
-    REAL x, y, z, c;
-} Rest;
-
-static Rest rest_of(const Spheres spheres, const INT index) {
-    Rest own = {0, 0, 0, 0};
-    FOR_EACH_INDEX(one, index) {
-        const REAL_MASK here = TO_REAL_MASK(index == one);
-        const float4 rest = spheres.rest[one];
-        PUT_WHERE(here, own.x, rest.x * spheres.length);
-        PUT_WHERE(here, own.y, rest.y * spheres.length);
-        PUT_WHERE(here, own.z, rest.z * spheres.length);
-        PUT_WHERE(here, own.c, rest.w * (spheres.length * spheres.length));
-    }
-    return own;
-}
-#endif
-
 /* Which lanes' rays from a fixed point may meet a sphere, by a test in float32 that costs no more than a float tracer's
  * own.
  *
@@ -90,32 +70,260 @@ typedef struct {
 } Quadratic;
 
 #if REAL_BYTES == 8
-/* The same numbers in pairs; by_b says which form of the discriminant. Rarely needed and long: kept out of line. */
+/* The last word on a ray and a sphere, where doubles are unsure: first in pairs, then in whole numbers.
+ *
+ * What is decided about is the scene as its file has it, in the world: the sphere |p - C| = r around f = C - eye, and the
+ * ray along w = B^T d, where the rows of B are the camera's axes and d is the ray's direction in camera space, all of
+ * them exactly the doubles that they are (see cltrace/reference/exact.py). With
+ *
+ *     a = w.w,   b = f.w,   c = f.f - r^2,   X = f x w,   D = b^2 - a c = a r^2 - X.X
+ *
+ * the ray hits if D >= 0 and, unless c < 0, b > 0; it does so at t = (b - sqrt(D)) / a, or with a plus if c <= 0.
+ */
 typedef struct {
-    Pair a, b, c, discriminant;
-    Real3 v;
-} Exact;
+    Pair x, y, z;
+} Pair3;
 
-static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere,
-                                                       const REAL_MASK by_b) {
-    Exact e;
-    const Rest rest = rest_of(spheres, sphere.index);
-    const Pair x = pair(sphere.center.x, rest.x), dx = pair(ray.d.x, 0);
-    const Pair y = pair(sphere.center.y, rest.y), dy = pair(ray.d.y, 0);
-    const Pair z = pair(sphere.center.z, rest.z);
-    e.c = pair(sphere.c, rest.c);
-    e.a = plus(plus(times(dx, dx), times(dy, dy)), pair(1, 0));
-    e.b = minus(plus(times(x, dx), times(y, dy)), z);
-    const Pair k = over(e.b, e.a), vx = minus(x, times(k, dx)), vy = minus(y, times(k, dy)), vz = plus(z, k);
-    const Pair vv = plus(plus(times(vx, vx), times(vy, vy)), times(vz, vz));
-    const Pair far = times(e.a, minus(two_product(sphere.r, sphere.r), vv));
-    const Pair near = minus(times(e.b, e.b), times(e.a, e.c));
-    e.v.x = vx.hi;
-    e.v.y = vy.hi;
-    e.v.z = vz.hi;
-    e.discriminant.hi = by_b ? near.hi : far.hi;
-    e.discriminant.lo = by_b ? near.lo : far.lo;
+static Pair dot_pairs(const Pair3 u, const Pair3 v) {
+    return plus(plus(times(u.x, v.x), times(u.y, v.y)), times(u.z, v.z));
+}
+
+static Pair3 cross_pairs(const Pair3 u, const Pair3 v) {
+    const Pair3 cross = {minus(times(u.y, v.z), times(u.z, v.y)), minus(times(u.z, v.x), times(u.x, v.z)),
+                         minus(times(u.x, v.y), times(u.y, v.x))};
+    return cross;
+}
+
+/* Of numbers of which two are no pairs. */
+static Pair dot_axis(const real4 axis, const Pair3 v) {
+    const Pair x = pair(axis.x, 0), y = pair(axis.y, 0), z = pair(axis.z, 0);
+    return plus(plus(times(x, v.x), times(y, v.y)), times(z, v.z));
+}
+
+/* w. */
+static Pair3 ray_in_world(const Spheres spheres, const Ray ray) {
+    const real4 right = spheres.camera[1], up = spheres.camera[2], back = spheres.camera[3];
+    const Pair3 w = {
+        plus(plus(two_product(right.x, ray.d.x), two_product(up.x, ray.d.y)), pair(-back.x, 0)),
+        plus(plus(two_product(right.y, ray.d.x), two_product(up.y, ray.d.y)), pair(-back.y, 0)),
+        plus(plus(two_product(right.z, ray.d.x), two_product(up.z, ray.d.y)), pair(-back.z, 0)),
+    };
+    return w;
+}
+
+/* The numbers above in pairs, and bounds of what b and D are off by. */
+typedef struct {
+    Pair3 w, X;
+    Pair a, b, c, D;
+    REAL b_error, D_error;
+} Fine;
+
+/* The bounds. With u = 2^-53, a sum of pairs is off by 3 u^2 of itself and a product by 7 u^2, products of two doubles by
+ * nothing (Joldes, Muller and Popescu 2017). f is exact, as two_sum() is. No entry of B is above 1 but for rounding, so
+ * with s = |d.x| + |d.y| + 1 each coordinate of w is off by 6 u^2 s. Let F = |f.x| + |f.y| + |f.z|.
+ *   - b, and each coordinate of X: (7 + 6) u^2 of each product's F s, and 6 u^2 for the sums: below e = 2^-101 F s.
+ *   - a: as s <= 1.74 |w|, it is 2 * 6 u^2 s (|w.x| + |w.y| + |w.z|) + 13 u^2 a < 50 u^2 a.
+ *   - c comes from the host, to 2^-99 of itself: square_excess() in cltrace/plan/exact.py.
+ *   - D from b: (2 |b| + e) e + 7 u^2 b^2 + (57 u^2 + 2^-99) a |c|, and 3 u^2 D: the bound below has 2^-98 for these.
+ *   - D from X: (2 (|X.x| + |X.y| + |X.z|) + 3 e) e + 13 u^2 X.X + 57 u^2 a r^2, and 3 u^2 D: likewise 2^-99.
+ * The constants have room for the rounding of the bounds themselves. Nothing underflows that matters: f is a multiple of
+ * 2^-201 and w of 2^-523 (see below), so products of two doubles lose nothing up to b and X; and what vanishes below
+ * 2^-1074 in D is nothing beside a bound of 2^-98 a r^2 or a |c|, which are 0 or at least 2^-404.
+ */
+static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere) {
+    Fine e;
+    const real4 eye = spheres.camera[0];
+    REAL x = 0, y = 0, z = 0, rest = 0;
+    FOR_EACH_INDEX(one, sphere.index) {
+        const REAL_MASK here = TO_REAL_MASK(sphere.index == one);
+        const real4 s = spheres.world[one];
+        PUT_WHERE(here, x, (REAL)s.x);
+        PUT_WHERE(here, y, (REAL)s.y);
+        PUT_WHERE(here, z, (REAL)s.z);
+        PUT_WHERE(here, rest, (REAL)s.w);
+    }
+    const Pair3 f = {two_sum(x, (REAL)-eye.x), two_sum(y, (REAL)-eye.y), two_sum(z, (REAL)-eye.z)};
+    e.w = ray_in_world(spheres, ray);
+    e.a = dot_pairs(e.w, e.w);
+    e.b = dot_pairs(f, e.w);
+    e.c = pair(sphere.c, rest);
+    e.X = cross_pairs(f, e.w);
+    e.b_error = 0x1p-101 * ((fabs(f.x.hi) + fabs(f.y.hi)) + fabs(f.z.hi)) * ((fabs(ray.d.x) + fabs(ray.d.y)) + 1);
+    const Pair bb = times(e.b, e.b), ac = times(e.a, e.c), XX = dot_pairs(e.X, e.X);
+    const Pair arr = times(e.a, two_product(sphere.r, sphere.r)), by_b = minus(bb, ac), by_X = minus(arr, XX);
+    const REAL size = (fabs(e.X.x.hi) + fabs(e.X.y.hi)) + fabs(e.X.z.hi);
+    const REAL error_b = (2 * fabs(e.b.hi) + e.b_error) * e.b_error + 0x1p-98 * (bb.hi + fabs(ac.hi));
+    const REAL error_X = (2 * size + 3 * e.b_error) * e.b_error + 0x1p-99 * (arr.hi + XX.hi);
+    const REAL_MASK better = error_b < error_X;
+    e.D.hi = better ? by_b.hi : by_X.hi;
+    e.D.lo = better ? by_b.lo : by_X.lo;
+    e.D_error = better ? error_b : error_X;
     return e;
+}
+
+/* The same in whole numbers, for one ray and one or two spheres.
+ *
+ * unit: the exponent of the unit of lengths, and of b; a has twice the exponent of w's, which nobody needs.
+ *
+ * How many digits it takes. A coordinate and a radius are 0 or within 2^-149 .. 2^128 in magnitude (cltrace/scene/rules.py)
+ * and have 53 bits: multiples of 2^-201. The axes are multiples of 2^-300 and not above 1 (cltrace/scene/camera.py). An
+ * opening angle of 2^-149 degrees on 2^16 pixels is the least that makes d.x or d.y, a multiple of 2^-223; larger angles
+ * have the larger d, up to 2^53 from multiples of 2^-83 on. So with F and G bits for the coordinates of f and w,
+ * F <= 129 + 201 = 330 and G <= 4 + 523. Then |b| < 2^(F + G + 2), |D| < 2^(2 (F + G) + 5), and what comes_first() compares
+ * is below 2^(4 (F + G) + 15): with the sign at most 3444 bits: DIGITS.
+ */
+typedef struct {
+    Integer w[3], a;
+    int unit, unit_f, digits;
+} WholeRay;
+
+static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const double x, const double y, const int first,
+                                                    const int second, const int squares) {
+    WholeRay ray;
+    const double d[3] = {x, y, -1};
+    Span span_f = {INT_MAX, INT_MIN}, span_B = span_f, span_d = span_f;
+    for (int k = 0; k < 3; k++) {
+        const real4 axis = spheres.camera[k + 1], point = k == 0 ? spheres.camera[0] : spheres.world[k == 1 ? first : second];
+        const double r = spheres.center_radius[k == 1 ? first : second].w;
+        span_d = span_of_both(span_d, span_of(d[k]));
+        span_B = span_of_both(span_B, span_of_both(span_of(axis.x), span_of_both(span_of(axis.y), span_of(axis.z))));
+        span_f = span_of_both(span_f, span_of_both(span_of(point.x), span_of_both(span_of(point.y), span_of(point.z))));
+        span_f = span_of_both(span_f, span_of(r));
+    }
+    const int bits = span_f.high - span_f.low + 1 + span_B.high - span_B.low + span_d.high - span_d.low + 2;
+    const int n = ray.digits = min(DIGITS, ((squares ? 4 * bits + 16 : 2 * bits + 6) + 31) / 32);
+    ray.unit_f = span_f.low;
+    ray.unit = span_f.low + span_B.low + span_d.low;
+    set_to(&ray.a, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        set_to(&ray.w[i], 0, 0, n);
+        for (int k = 0; k < 3; k++) {
+            const real4 axis = spheres.camera[k + 1];
+            Integer B, own;
+            set_to(&B, i == 0 ? axis.x : i == 1 ? axis.y : axis.z, span_B.low, n);
+            set_to(&own, d[k], span_d.low, n);
+            add_product(&ray.w[i], &B, &own, n);
+        }
+        add_product(&ray.a, &ray.w[i], &ray.w[i], n);
+    }
+    return ray;
+}
+
+/* b and D of one sphere. */
+static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, const Spheres spheres, const int index,
+                                                      const WholeRay *ray) {
+    const real4 eye = spheres.camera[0], center = spheres.world[index];
+    const double r = spheres.center_radius[index].w;
+    const int n = ray->digits;
+    Integer f, other, less_c;
+    set_to(b, 0, 0, n);
+    set_to(&less_c, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        set_to(&f, i == 0 ? center.x : i == 1 ? center.y : center.z, ray->unit_f, n);
+        set_to(&other, -(i == 0 ? eye.x : i == 1 ? eye.y : eye.z), ray->unit_f, n);
+        add(&f, &other, n);
+        add_product(b, &f, &ray->w[i], n);
+        add_product(&less_c, &f, &f, n);
+    }
+    negate(&less_c, n);
+    set_to(&f, r, ray->unit_f, n);
+    add_product(&less_c, &f, &f, n);
+    set_to(D, 0, 0, n);
+    add_product(D, b, b, n);
+    add_product(D, &ray->a, &less_c, n);
+}
+
+/* D and b, correctly rounded, of the sphere `index` and the ray (x, y, -1). */
+static __attribute__((noinline)) double2 rounded_quadratic(const Spheres spheres, const int index, const double x,
+                                                           const double y) {
+    const WholeRay ray = whole_ray(spheres, x, y, index, index, 0);
+    Integer b, D;
+    whole_quadratic(&b, &D, spheres, index, &ray);
+    return (double2)(nearest_double(&D, 2 * ray.unit, ray.digits), nearest_double(&b, ray.unit, ray.digits));
+}
+
+/* -1, 0, 1: whether the ray (x, y, -1), which meets both spheres, meets the first one before the second, at the same
+ * point, or after it.
+ *
+ * a (t - t') is p + v with p = b - b' and v = s sqrt(D) - s' sqrt(D'), where s = -1 from outside and else 1. Where p and
+ * v differ in sign, the larger square decides: p^2 - v^2 = P + 2 s s' sqrt(D D') with P = p^2 - D - D'. Where these two
+ * differ in sign, the larger square does: P^2 - 4 D D'.
+ */
+static __attribute__((noinline)) int order_of(const Spheres spheres, const int first, const int second, const double x,
+                                              const double y) {
+    const WholeRay ray = whole_ray(spheres, x, y, first, second, 1);
+    const int n = ray.digits;
+    const int s = spheres.power[first].x > 0 ? -1 : 1, t = spheres.power[second].x > 0 ? -1 : 1;
+    Integer p, b, D, E, P;
+    whole_quadratic(&p, &D, spheres, first, &ray);
+    whole_quadratic(&b, &E, spheres, second, &ray);
+    negate(&b, n);
+    add(&p, &b, n);
+    const int sign_D = sign_of(&D, n), sign_E = sign_of(&E, n), sign_p = sign_of(&p, n);
+    /* v has the sign of s D - s' E. */
+    set_to(&P, 0, 0, n);
+    add(&P, &E, n);
+    negate(&P, n);
+    add(&P, &D, n);
+    const int sign_v = s != t ? (s * sign_D != 0 ? s * sign_D : -t * sign_E) : s * sign_of(&P, n);
+    if (sign_p * sign_v >= 0) return sign_p != 0 ? sign_p : sign_v;
+    /* p^2 - D - E. */
+    set_to(&P, 0, 0, n);
+    add(&P, &D, n);
+    add(&P, &E, n);
+    negate(&P, n);
+    add_product(&P, &p, &p, n);
+    const int sign_P = sign_of(&P, n), sign_root = s * t * sign_D * sign_E;
+    if (sign_P * sign_root >= 0) return sign_p * (sign_P != 0 ? sign_P : sign_root);
+    set_to(&b, 0, 0, n);
+    add_product(&b, &D, &E, n);
+    add(&b, &b, n);
+    add(&b, &b, n);
+    negate(&b, n);
+    add_product(&b, &P, &P, n);
+    return sign_p * sign_P * sign_of(&b, n);
+}
+
+/* Which lanes' pairs, off by this error at most, surely round to their hi. As hi + lo +/- error may be rounded down to
+ * the middle between two doubles, it is twice the error; all that is below u of lo is below that. */
+static REAL_MASK rounds_to_hi(const Pair x, const REAL error) {
+    return (x.hi + (x.lo + 2 * error) == x.hi) & (x.hi + (x.lo - 2 * error) == x.hi);
+}
+
+/* D, b and v; the first two correctly rounded. */
+typedef struct {
+    REAL discriminant, b;
+    Real3 v;
+} Decided;
+
+/* For the lanes of `wanted`; b only for those of `with_b`. v = (w x X) / a, as w x (f x w) is a f - b w. */
+static __attribute__((noinline)) Decided decide(const Spheres spheres, const Ray ray, const Sphere sphere,
+                                                const REAL_MASK wanted, const REAL_MASK with_b) {
+    const Fine e = fine_quadratic(spheres, ray, sphere);
+    const Pair3 across = cross_pairs(e.w, e.X), v = {over(across.x, e.a), over(across.y, e.a), over(across.z, e.a)};
+    Decided decided = {e.D.hi, e.b.hi,
+                       {dot_axis(spheres.camera[1], v).hi, dot_axis(spheres.camera[2], v).hi,
+                        dot_axis(spheres.camera[3], v).hi}};
+    const MASK unsure = TO_MASK((wanted & !rounds_to_hi(e.D, e.D_error)) | (with_b & !rounds_to_hi(e.b, e.b_error)));
+    if (ANY(unsure)) {
+        int index[W], left[W];
+        double x[W], y[W], D[W], b[W];
+        STORE_LANES(sphere.index, index);
+        STORE_LANES(unsure, left);
+        STORE_LANES(ray.d.x, x);
+        STORE_LANES(ray.d.y, y);
+        STORE_LANES(decided.discriminant, D);
+        STORE_LANES(decided.b, b);
+        for (int lane = 0; lane < W; lane++) {
+            if (!left[lane] || index[lane] < 0) continue;
+            const double2 whole = rounded_quadratic(spheres, index[lane], x[lane], y[lane]);
+            D[lane] = whole.x;
+            b[lane] = whole.y;
+        }
+        decided.discriminant = LOAD_LANES(D);
+        decided.b = LOAD_LANES(b);
+    }
+    return decided;
 }
 #endif
 
@@ -125,11 +333,17 @@ static __attribute__((noinline)) Exact exact_quadratic(const Spheres spheres, co
  * a (r^2 - |v|^2) has u (2 r |C| + r^2) a: they are equal at about |b| = r |d|. So the first form is for rays that
  * start near the sphere or inside of it, and the second one for far and small spheres.
  *
- * The sign decides between hit and miss. Both forms are off by less than 16 u a |C|^2, u = 2^-53: |b| <= |C||d|, b is
- * off by 4 u |C||d| and v by 6 u |C|. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant D below 2^-48 of that
- * is computed again in pairs. Above it, the error e of D moves sqrt(D) by e / (2 sqrt(D)). In the second form e is at
- * most 14 u a r |C| and sqrt(D) >= 2^-24 sqrt(a) |C|, so that is below 2^-26 r |d| <= 2^-26 |b|. In the first one e is
- * 8 u |b| r |d| + 2 u a |c|, which is below 2^-26 of D, or of b^2 where b is larger than sqrt(D).
+ * The sign decides between hit and miss, that of the exact one as the last stage defines it. Both forms are off by less
+ * than 16 u a |C|^2, u = 2^-53: |b| <= |C||d|, b is off by 4 u |C||d| and v by 6 u |C|. That the camera's axes are
+ * orthonormal but for k, a few u, adds k a |C|^2. For a grazing ray b^2 + a r^2 is a |C|^2, so a discriminant D below
+ * 2^-48 of that is left to decide(), which knows its sign and rounds it correctly. Above it, the error e of D moves
+ * sqrt(D) by e / (2 sqrt(D)). In the second form e is at most (14 u + 2 k) a r |C| and sqrt(D) >= 2^-24 sqrt(a) |C|, so
+ * that is below 2^-25 r |d| <= 2^-25 |b|. In the first one e is 8 u |b| r |d| + (2 u + k) a |c|, which is below 2^-25 of
+ * D, or of b^2 where b is larger than sqrt(D).
+ *
+ * Nor is the sign of b in doubt then, or its error above 2^-26 of |b| + sqrt(D): if D is beyond the bound, sqrt(D) or,
+ * where c > 0, |b| > sqrt(D) is at least 2^-24 r |d|. If it is not, |b| or r |d| is at least |C||d| / 2, and b is below
+ * 2^-8 r |d| only if the eye is all but on the sphere and the ray all but along it: then it comes from decide(), too.
  *
  * v is off by 6 u |C|, which turns the normal by 6 u |C| / r. From |C| = 2^21 r on it comes from pairs, too.
  */
@@ -162,11 +376,13 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound), tiny = arr < bb * 0x1p-42;
     if (ANY(TO_MASK(unsure | tiny))) {
-        const Exact exact = exact_quadratic(spheres, ray, sphere, e.by_b);
-        e.discriminant = (unsure | tiny) ? exact.discriminant.hi : e.discriminant;
-        e.v.x = tiny ? exact.v.x : e.v.x;
-        e.v.y = tiny ? exact.v.y : e.v.y;
-        e.v.z = tiny ? exact.v.z : e.v.z;
+        const REAL_MASK all_but_on = unsure & (bb < arr * 0x1p-16);
+        const Decided decided = decide(spheres, ray, sphere, unsure | tiny, all_but_on);
+        e.discriminant = (unsure | tiny) ? decided.discriminant : e.discriminant;
+        e.b = all_but_on ? decided.b : e.b;
+        e.v.x = tiny ? decided.v.x : e.v.x;
+        e.v.y = tiny ? decided.v.y : e.v.y;
+        e.v.z = tiny ? decided.v.z : e.v.z;
     }
 #endif
     return e;
@@ -230,30 +446,51 @@ static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sp
 }
 
 #if REAL_BYTES == 8
-/* The same in pairs, for a ray that is known to hit. */
-static __attribute__((noinline)) Pair sphere_exact_t(const Spheres spheres, const Ray ray, const Sphere sphere) {
-    const Real3 C = sphere.center;
-    const REAL b = (C.x * ray.d.x + C.y * ray.d.y) - C.z;
-    const Exact e = exact_quadratic(spheres, ray, sphere, b * b < ray.a * (sphere.r * sphere.r));
-    const Pair c = e.c, D = e.discriminant;
-    const REAL_MASK some = D.hi > 0;
-    const REAL near = some ? sqrt(D.hi) : (REAL)0;
-    const Pair rest = minus(D, two_product(near, near));
+/* t of a ray that is known to hit, in pairs, and a bound of its error. */
+typedef struct {
+    Pair t;
+    REAL error;
+} FineT;
+
+/* D is off by D_error, its root by the lesser of D_error / sqrt(D) and sqrt(D_error), and q = |b| + sqrt(D) by that and
+ * b_error. What a, c and the division add is below 2^-97 of t: see fine_quadratic(). Twice the sum of the shares is a
+ * bound as long as it is below 1/2, and beyond that it is so large that it decides nothing. */
+static __attribute__((noinline)) FineT fine_t(const Spheres spheres, const Ray ray, const Sphere sphere) {
+    const Fine e = fine_quadratic(spheres, ray, sphere);
+    const REAL_MASK some = e.D.hi > 0;
+    const REAL near = some ? sqrt(e.D.hi) : (REAL)0;
+    const Pair rest = minus(e.D, two_product(near, near));
     const Pair root = two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
-    const REAL_MASK behind = e.b.hi < 0, first = (c.hi > 0) | behind;
+    const REAL_MASK behind = e.b.hi < 0, first = (e.c.hi > 0) | behind;
     const Pair sum = plus(e.b, root), difference = minus(e.b, root);
     const Pair q = {behind ? difference.hi : sum.hi, behind ? difference.lo : sum.lo};
-    const Pair numerator = {first ? c.hi : q.hi, first ? c.lo : q.lo};
+    const Pair numerator = {first ? e.c.hi : q.hi, first ? e.c.lo : q.lo};
     const Pair denominator = {first ? q.hi : e.a.hi, first ? q.lo : e.a.lo};
-    return over(numerator, denominator);
+    const REAL by_root = e.D_error / near, least = sqrt(e.D_error), root_error = by_root < least ? by_root : least;
+    FineT t = {over(numerator, denominator), 0};
+    t.error = 2 * fabs(t.t.hi) * ((e.b_error + root_error) / fabs(q.hi) + 0x1p-97);
+    return t;
 }
 
-/* Whether the ray meets A before B. Distances that differ by less than 2^-70 are equal: then `tie` says. */
-static REAL_MASK comes_first(const Spheres spheres, const Ray ray, const Sphere A, const Sphere B,
-                             const REAL_MASK tie) {
-    const Pair a = sphere_exact_t(spheres, ray, A), b = sphere_exact_t(spheres, ray, B);
-    const REAL gap = (a.hi - b.hi) + (a.lo - b.lo), equal = b.hi * 0x1p-70;
-    return (gap < -equal) | ((gap <= equal) & tie);
+/* Which of the lanes of `wanted`, whose rays hit both spheres, hit A before B; where they are hit at once, `tie` says. */
+static REAL_MASK sphere_comes_first(const Spheres spheres, const Ray ray, const Sphere A, const Sphere B,
+                                    const REAL_MASK tie, const REAL_MASK wanted) {
+    const FineT a = fine_t(spheres, ray, A), b = fine_t(spheres, ray, B);
+    const REAL gap = (a.t.hi - b.t.hi) + (a.t.lo - b.t.lo), error = a.error + b.error;
+    const MASK unsure = TO_MASK(wanted & !((gap > error) | (gap < -error)));
+    if (!ANY(unsure)) return gap < 0;
+    int first[W], second[W], left[W];
+    double x[W], y[W], order[W];
+    STORE_LANES(A.index, first);
+    STORE_LANES(B.index, second);
+    STORE_LANES(unsure, left);
+    STORE_LANES(ray.d.x, x);
+    STORE_LANES(ray.d.y, y);
+    STORE_LANES(gap, order);
+    for (int lane = 0; lane < W; lane++)
+        if (left[lane] && second[lane] >= 0) order[lane] = order_of(spheres, first[lane], second[lane], x[lane], y[lane]);
+    const REAL exact = LOAD_LANES(order);
+    return (exact < 0) | ((exact == 0) & tie);
 }
 #endif
 

@@ -1,0 +1,121 @@
+/* integers.cl: whole numbers of many digits, for the decisions of which even pairs are unsure.
+ *
+ * A double is a whole number times a power of two, so sums and products of doubles are, too. An Integer is such a whole
+ * number; how much one of it is, its unit, is known to whoever computes with it. It is a row of digits of 32 bits, the
+ * least one first, and a negative number is 2^(32 n) less its magnitude, n being the number of digits in use. Sums and
+ * products that leave out what is beyond n digits are right for both signs, if the result has room in n digits; what is
+ * computed on the way need not have.
+ *
+ * The functions take one number each, not a packet's, and are kept out of line: rays that need them are rare.
+ */
+#if REAL_BYTES == 8
+/* Room for what the last stage of sphere.cl computes at most: see there. */
+#define DIGITS 108
+
+typedef struct {
+    uint digit[DIGITS];
+} Integer;
+
+/* The exponents of a number's first and last bit that are not zero: it is a multiple of 2^low, and below 2^high. */
+typedef struct {
+    int low, high;
+} Span;
+
+static Span span_of(const double x) {
+    const ulong bits = as_ulong(x) & 0x7fffffffffffffffUL;
+    Span span = {INT_MAX, INT_MIN};
+    if (bits == 0) return span;
+    const int exponent = (int)(bits >> 52);
+    const ulong fraction = bits & 0xfffffffffffffUL;
+    const ulong whole = exponent ? fraction | 0x10000000000000UL : fraction;
+    /* whole & -whole is the last bit. */
+    span.low = (exponent ? exponent : 1) - 1075 + 63 - (int)clz(whole & (~whole + 1));
+    span.high = exponent ? exponent - 1022 : -1022;
+    return span;
+}
+
+static Span span_of_both(const Span a, const Span b) {
+    const Span span = {a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
+    return span;
+}
+
+/* x, a multiple of 2^unit, in that unit. */
+static __attribute__((noinline)) void set_to(Integer *out, const double x, const int unit, const int n) {
+    const ulong bits = as_ulong(x);
+    const int exponent = (int)(bits >> 52) & 0x7ff;
+    long whole = (long)(exponent ? (bits & 0xfffffffffffffUL) | 0x10000000000000UL : bits & 0xfffffffffffffUL);
+    int shift = (exponent ? exponent : 1) - 1075 - unit;
+    if (whole == 0) shift = 0; /* it has no exponent of its own */
+    if (bits >> 63) whole = -whole;
+    if (shift < 0) { /* that many of its last bits are zero */
+        whole >>= -shift;
+        shift = 0;
+    }
+    for (int i = 0; i < n; i++) {
+        const int from = 32 * i - shift;
+        out->digit[i] = from <= -32 ? 0 : from < 0 ? (uint)((ulong)whole << -from) : (uint)(whole >> min(from, 63));
+    }
+}
+
+static __attribute__((noinline)) void negate(Integer *x, const int n) {
+    ulong carry = 1;
+    for (int i = 0; i < n; i++) {
+        carry += ~x->digit[i];
+        x->digit[i] = (uint)carry;
+        carry >>= 32;
+    }
+}
+
+/* sum += x. */
+static __attribute__((noinline)) void add(Integer *sum, const Integer *x, const int n) {
+    ulong carry = 0;
+    for (int i = 0; i < n; i++) {
+        carry += (ulong)sum->digit[i] + x->digit[i];
+        sum->digit[i] = (uint)carry;
+        carry >>= 32;
+    }
+}
+
+/* sum += x y; the sum is neither of them. */
+static __attribute__((noinline)) void add_product(Integer *sum, const Integer *x, const Integer *y, const int n) {
+    for (int i = 0; i < n; i++) {
+        const ulong one = x->digit[i];
+        ulong carry = 0;
+        for (int j = 0; one && i + j < n; j++) {
+            carry += one * y->digit[j] + sum->digit[i + j]; /* at most 2^64 - 1 in all */
+            sum->digit[i + j] = (uint)carry;
+            carry >>= 32;
+        }
+    }
+}
+
+static int sign_of(const Integer *x, const int n) {
+    if (x->digit[n - 1] >> 31) return -1;
+    uint any = 0;
+    for (int i = 0; i < n; i++) any |= x->digit[i];
+    return any != 0;
+}
+
+/* The double that is nearest to x 2^unit; of two equally near ones the even one. What is not 0, but below all normal
+ * numbers, becomes the smallest of those, so that its sign stays. Changes x. */
+static __attribute__((noinline)) double nearest_double(Integer *x, const int unit, const int n) {
+    const int sign = sign_of(x, n);
+    if (sign == 0) return 0;
+    if (sign < 0) negate(x, n);
+    int top = n - 1;
+    while (x->digit[top] == 0) top--;
+    /* The first 64 bits from the first one that is not zero. Whether any other is not goes into the last of them. */
+    const int shift = (int)clz(x->digit[top]);
+    const ulong first = x->digit[top], second = top > 0 ? x->digit[top - 1] : 0, third = top > 1 ? x->digit[top - 2] : 0;
+    ulong head = (first << 32 | second) << shift | (third << shift) >> 32;
+    uint rest = (uint)(third << shift);
+    for (int i = 0; i < top - 2; i++) rest |= x->digit[i];
+    head |= rest != 0;
+    const uint cut = (uint)head & 0x7ff;
+    const ulong kept = head >> 11;
+    const ulong whole = kept + (cut > 0x400 || (cut == 0x400 && (kept & 1)));
+    const int exponent = 32 * (top + 1) - shift + unit + 1022; /* x is within 2^(exponent - 1023) and twice that */
+    const ulong bits = exponent < 1 ? 1UL << 52 : ((ulong)(exponent - 1) << 52) + whole; /* whole has the bit 52 */
+    return as_double(bits | (sign < 0 ? 1UL << 63 : 0));
+}
+#endif
