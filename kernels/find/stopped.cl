@@ -64,7 +64,6 @@ typedef struct {
 
 static Cell cell_on(const Grid grid, const ShadowRay ray, const Place place, const MASK lit) {
     Cell cell = {lit, 0, 0};
-    if (grid.cells.x <= 1 && grid.cells.y <= 1) return cell;
     FLOAT x, y, ahead = 1;
     if (grid.flags.x && !place.touches) {
         ahead = -dot_float(ray.w32, grid.near_ahead);
@@ -161,8 +160,11 @@ static MASK cast_shadow_ray(const Scene scene, const ShadowRay ray, const Start 
     const int4 grids = scene.light_buffer[ray.number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
-        const Cell cell = cell_on(grid, ray, place, lit);
-        if (!ANY(cell.here)) continue;
+        Cell cell = {lit, 0, 0};
+        if (grid.cells.x > 1 || grid.cells.y > 1) {
+            cell = cell_on(grid, ray, place, lit);
+            if (!ANY(cell.here)) continue;
+        }
         Level level = first_level(grid);
         while (level.mask) {
             level = next_level(grid, level);
