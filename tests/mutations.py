@@ -153,7 +153,7 @@ MUTATIONS = [
     Mutation("first) * scale + 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
     Mutation("first) * scale - 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
     Mutation("first) * scale + 1 / 64", "first) * scale + 1 / 3", "too many cells", LISTS),
-    Mutation("(middle + 1 / 16)), first - 1", "(middle + 1.5)), first - 1", "too many tiles", LISTS),
+    Mutation("(middle + 1 / 64)), first - 1", "(middle + 1.5)), first - 1", "too many tiles", LISTS),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
     Mutation("slack = (np.abs(low) + np.abs(high)) * real(SLACK)", "slack = 0 * low", "edges in the picture", LISTS),
     Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),
