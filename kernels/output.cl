@@ -1,6 +1,7 @@
 /* output.cl: from colours and hits to the outputs in memory. */
 
-/* 0 .. 255, linear, no gamma; rounding: 0.5 to nearest, 0 down. Written such that a NaN would be black. */
+/* The byte, 0 .. 255, of a part of a linear colour, without gamma. rounding: 0.5 rounds to nearest, 0 rounds down. The
+ * comparisons are such that a NaN would be black. */
 static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
     const SHADE low = value > 0 ? value : (SHADE)0;
     const SHADE clamped = low < 1 ? low : (SHADE)1;
@@ -8,7 +9,7 @@ static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
 }
 
 #if defined(OUT_NORMAL) || defined(OUT_DIRECTION)
-/* A direction of camera space, in the world. */
+/* Turns a direction from camera space into the world. */
 static Float3 to_world(const Frame frame, const Real3 v) {
     const Float3 w = {TO_FLOAT(v.x * frame.right.x + v.y * frame.up.x + v.z * frame.back.x),
                       TO_FLOAT(v.x * frame.right.y + v.y * frame.up.y + v.z * frame.back.y),
@@ -56,7 +57,8 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
 }
 #endif
 
-/* Writes one number a lane, `stride` apart. */
+/* Writes one number for each lane. first: index of the packet's first pixel; stride: numbers from a pixel to the
+ * next. */
 #if W == 1
 #define STORE(type, out, first, pitch, stride, value) (out)[(long)(first) * (stride)] = (value)
 #else
@@ -77,7 +79,7 @@ typedef struct {
     INT rays;      /* shadow rays */
 } Pixels;
 
-/* Writes what the OUT_ flags ask for. first: the packet's first pixel in the outputs. */
+/* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
 static void write(const Frame frame, const int2 size, const INT column, const INT row, const Pixels pixels,
                   const Work *work, const Outputs out, const int first) {
     const int pitch = out.pitch;

@@ -2,7 +2,8 @@
  *
  * A work-item owns a packet of W pixels and computes them side by side in vectors of W lanes: 4 columns by W/4 rows on
  * a CPU (W = 4, 8 or 16), one pixel on a GPU (W = 1). The same source serves all of them. A lane never looks at another
- * one, except to ask whether any lane still needs some work. So a picture does not depend on W.
+ * one, except to ask whether any lane still needs some work, and how far the furthest one has to look. So a picture
+ * does not depend on W.
  *
  * What is compiled is set by -D flags: the host derives them from scene, outputs and device. FLAGS in
  * cltrace/plan/abi.py lists them all, and what each one means.
@@ -62,7 +63,8 @@ typedef LANES(int) INT;
 #define TO_FLOAT(x) TO(float, x)
 #define TO_INT(x) TO(int, x)
 
-/* Masks: what a comparison gives, -1 or 0 in each lane, as wide as what was compared. A scalar one is an int. */
+/* A mask is what a comparison gives: -1 or 0 in each lane, as wide as the numbers that were compared. With W = 1 it is
+ * an int, 1 or 0. */
 #if W == 1
 typedef int MASK;       /* of INT and FLOAT */
 typedef int REAL_MASK;  /* of REAL */
@@ -85,8 +87,8 @@ typedef SHADE_INT SHADE_MASK;
 #define ALL_LANES ((MASK)(-1))
 #endif
 
-/* Whether any lane of a mask is set, and the largest one of whole numbers. The built-in any() looks at one lane after
- * the other on the CPU drivers, which cost more than all arithmetic: 64 spheres took three times as long. */
+/* ANY: whether any lane of a MASK is set. LARGEST: the largest lane of an INT. On the CPU drivers the built-in any()
+ * looks at one lane after the other, which cost more than all arithmetic: 64 spheres took three times as long. */
 #if W == 1
 #define ANY(mask) (mask)
 #define LARGEST(value) (value)
@@ -129,7 +131,7 @@ static int LARGEST(const INT x) {
 }
 #endif
 #endif
-/* The largest lane of numbers >= 0, of which float and int are in the same order. */
+/* The largest lane of a FLOAT, all >= 0: read as whole numbers, the bits of such floats are in the same order. */
 #define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
 
 /* Writes the lanes to an array in memory, and reads them. */
@@ -166,7 +168,8 @@ static int LARGEST(const INT x) {
 #error "W must be 1, 4, 8 or 16"
 #endif
 
-/* Points and directions of a packet, in camera space; colours. */
+/* Real3 and Float3: a point or a direction for each lane, in camera space unless told otherwise. Shade3: a colour for
+ * each lane, linear, or a direction in the precision of colours. */
 typedef struct {
     REAL x, y, z;
 } Real3;
@@ -194,9 +197,10 @@ static FLOAT magnitude(const FLOAT x) {
     return AS(float, AS(int, x) & 0x7fffffff);
 }
 
-/* What the lanes have in memory at their own index, such as each lane's sphere. Neighbours mostly have the same one: so
- * the block that follows runs once for each run of lanes with the same index, which is `one`. Lanes with a negative
- * index have none. In the block, PUT_WHERE puts a value into some lanes of a variable. */
+/* FOR_EACH_INDEX is for reading what each lane has in memory at its own index, such as its sphere's material. The block
+ * that follows it runs once for each run of neighbouring lanes with the same index, and `one` is that index: mostly all
+ * lanes have the same one. Lanes with a negative index are left out. In the block, PUT_WHERE puts a value into those
+ * lanes of a variable that a mask names. */
 #define FOR_EACH_INDEX(one, index)          \
     int one##_[W], one = -1;                \
     STORE_LANES(index, one##_);             \

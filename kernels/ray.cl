@@ -1,9 +1,11 @@
 /* ray.cl: the rays from the eye.
  *
- * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. A primary ray is t d
- * with d = (x, y, -1), not normalised: that is one rounding less, and t comes out in units of d. The host has moved the
- * scene there in more than double precision. Where `real` is float, and in all float buffers, lengths are times a power
- * of two that makes the largest coordinate about 1.
+ * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. The host has moved the
+ * scene there in more than double precision. Lengths are in scene units. Where `real` is float, and in all float
+ * buffers, they are multiplied by a power of two that makes the largest coordinate about 1.
+ *
+ * A primary ray is the points t d, t > 0, with d = (x, y, -1). d is not normalised, which would be one rounding more,
+ * so t is in units of |d|.
  */
 
 typedef struct {

@@ -30,7 +30,7 @@ static Intersection intersection_at(const Scene scene, const Ray ray, const Hit 
     return at;
 }
 
-/* The colour of a ray that hit, and how many shadow rays it took. */
+/* The colour of each ray that hit. own: index of the sphere that was hit; rays: each lane's shadow rays, counted up. */
 static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, const INT own, INT *rays, Work *work) {
     Shade3 color = at.ambient;
 #ifdef WITH_LIGHTS
@@ -42,7 +42,8 @@ static Shade3 shade(const Scene scene, const Ray ray, const Intersection at, con
     return color;
 }
 
-/* What a packet of rays sees. tile: its place in the picture, in units of TILE x TILE pixels. */
+/* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`. tile: the packet's place in the
+ * picture, in units of TILE x TILE pixels. */
 static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
 #ifdef WITH_INTERSECTION
@@ -67,7 +68,8 @@ static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const i
     return pixels;
 }
 
-/* The packet at (x, y) of the region (x, y, width, height) of a picture of this size; all of them multiples of TILE. */
+/* Renders the packet at (x, y) of a region (x, y, width, height) of a picture of this size, all in pixels. The region
+ * begins at a tile, so no packet is in two tiles. */
 static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x,
                           const int y, const Outputs out) {
     const INT column = region.x + x + LANE_COLUMN, row = region.y + y + LANE_ROW;
@@ -91,8 +93,8 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     write(frame, size, column, row, pixels, work, out, y * out.pitch + x);
 }
 
-/* A run of packets of the region. The run is a loop of ours, not a work-group: for one of several work-items, PoCL keeps
- * all variables in memory, which took a tenth of the time. */
+/* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
+ * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. */
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     const Outputs out = OUTPUTS_OF_PARAMETERS;

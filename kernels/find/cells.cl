@@ -1,10 +1,14 @@
-/* cells.cl: which surfaces a ray from a fixed point can meet at all. cltrace/plan/accel/cells.py says what a grid is, and
- * makes them.
+/* cells.cl: which surfaces a ray from a fixed point can meet at all. cltrace/plan/accel/cells.py says what a grid is,
+ * and makes the grids.
  */
 
-/* The next level of a grid, from coarse to fine. mask: the levels still to come; first: its first cell's number. */
+/* A level of a grid, on the way from coarse to fine through those levels that hold anything. */
 typedef struct {
-    int mask, level, columns, first, next;
+    int mask;    /* a bit for each level that is still to come */
+    int level;   /* a cell of this level is 2^level cells of level 0 wide and high */
+    int columns; /* cells in one of its rows */
+    int first;   /* where its first cell is in lists.start */
+    int next;    /* where the first cell of the next level is */
 } Level;
 
 static Level first_level(const Grid grid) {
@@ -21,12 +25,12 @@ static Level next_level(const Grid grid, Level level) {
     return level;
 }
 
-/* The number of the cell of this level that holds a cell of level 0. */
+/* Where the cell of this level that holds a cell of level 0 is in lists.start. place: that one's column and row. */
 static int cell_of(const Level level, const int2 place) {
     return level.first + (place.y >> level.level) * level.columns + (place.x >> level.level);
 }
 
-/* Whether the picture's lists hold anything for a tile: if not, it is all background. */
+/* Whether the picture's lists hold anything for a tile: if not, it is all background. tile: its column and row. */
 static int tile_has_any(const Lists lists, const int2 tile) {
     const Grid grid = lists.grid[0];
     Level level = first_level(grid);
@@ -38,9 +42,9 @@ static int tile_has_any(const Lists lists, const int2 tile) {
     return 0;
 }
 
-/* Tells a CPU to fetch what the first entries of a list will ask for: the filter's and the spheres' numbers. With many
- * spheres those are far apart in memory, and half of the time went into waiting for them. OpenCL's own prefetch() does
- * nothing on the CPU drivers. */
+/* Tells a CPU to fetch what the first entries of a list will ask for: filter constants, and the spheres themselves.
+ * With many spheres those are far apart in memory, and half of the time went into waiting for them. OpenCL's own
+ * prefetch() does nothing on the CPU drivers. */
 #if defined(WITH_PREFETCH) && W > 1 && defined(__has_builtin)
 #if __has_builtin(__builtin_prefetch)
 #define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))

@@ -3,28 +3,28 @@
 
 /* A shadow ray, from a point P of a surface to a light. */
 typedef struct {
-    int number;   /* the light's place in the buffers */
+    int number;   /* the light's index in the buffers */
     int at_point; /* whether the light is at a point; else it is parallel */
     Real3 w;      /* from P to the light; to a parallel light a vector of length 1 */
-    Float3 w32;   /* the same in the float buffers' unit */
-    FLOAT a;      /* its square */
+    Float3 w32;   /* the same in the float buffers' unit; a parallel light's has length 1 here, too */
+    FLOAT a;      /* |w32|^2 */
 } ShadowRay;
 
-/* Where a shadow ray is in the light's buffer. */
+/* Where a shadow ray is in the light buffer. Lengths are in the float buffers' unit. */
 typedef struct {
-    Real3 from;  /* the direction from the light to P, of a length that float can hold; parallel: P in the float unit */
-    FLOAT u, v;  /* parallel: P across the light */
-    FLOAT depth; /* of P, as the lists are sorted: its squared distance from the light; parallel: how far it is behind */
-    int touches; /* whether P is so near the light that float32 cannot tell the direction */
+    Real3 from;  /* from the light to P, times 2^80 if `touches`; of a parallel light: P itself */
+    FLOAT u, v;  /* of a parallel light: the coordinates of P across it */
+    FLOAT depth; /* P's place in the depth order: |P - L|^2; of a parallel light: -P.l, with l the unit vector to it */
+    int touches; /* whether some lit P is so near the light that float32 cannot tell the direction between them */
 } Place;
 
-/* Whether anything can stand between a sphere and a light at all: one bit for each of few spheres, which the host
- * knows; of many spheres, all bits are set. */
+/* In which lanes anything can stand between the light and the own sphere at all. Of few spheres the host has a bit for
+ * each one; of many, all bits are set. */
 static MASK may_be_stopped(const Scene scene, const int number, const INT own) {
     return -(((INT)scene.light_buffer[number].z >> (own & 31)) & 1);
 }
 
-/* Of a direction with the first three of a filter constant or an axis. */
+/* The scalar product, in float, of a direction and the first three of a filter constant, or of a grid's axis. */
 static FLOAT dot_float(const Float3 w, const float4 s) {
     return FMA(w.x, (FLOAT)s.x, FMA(w.y, (FLOAT)s.y, w.z * s.z));
 }
@@ -56,7 +56,8 @@ static Place place_of(const Scene scene, const ShadowRay ray, const Start start,
     return place;
 }
 
-/* A cell of level 0 of a grid for each lane of `here`; the others see nothing of this grid. */
+/* The cell of level 0 of a grid that each lane's shadow ray goes through. here: the lanes that meet the grid's
+ * window. */
 typedef struct {
     MASK here;
     INT column, row;
@@ -86,7 +87,7 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const Place place, con
     }
     cell.here = cell.here & (magnitude(x) <= grid.window.x) & (magnitude(y) <= grid.window.y);
     if (!ANY(cell.here)) return cell;
-    /* x and y count from the middle. Lanes elsewhere get 0, a number that can be converted. */
+    /* x and y count from the window's middle. Lanes elsewhere get 0, as not every float can be converted to int. */
     const INT column = TO_INT(cell.here ? (x + grid.window.x) * grid.window.z : (FLOAT)0);
     const INT row = TO_INT(cell.here ? (y + grid.window.y) * grid.window.w : (FLOAT)0);
     const INT last_column = grid.cells.x - 1, last_row = grid.cells.y - 1;
@@ -95,17 +96,19 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const Place place, con
     return cell;
 }
 
-/* Whether the filter leaves any lane of `may` that the sphere can stop.
+/* Whether the float32 filter leaves it open, for any lane of `may`, that the sphere stops the ray.
  *
- * A light at a point L: the sphere's constant is (L - C, c'), with c' made from |L - C|^2 - r^2 as for rays from the eye.
- * The line from the light to the point is a ray from a fixed point, too, and the proof of sphere_may_meet holds with
- * d = -w: L - C is rounded from the exact difference, and the rotation adds 2^-50 of it, a part of what 5.01 u leaves.
- * |w|^2 > 2^-40 makes up for a >= 1; shorter ones are left to sphere_stops().
+ * A light at a point L: the filter constant is (L - C, c'), with c' made from |L - C|^2 - r^2 as for rays from the eye.
+ * The line from the light to the point is a ray from a fixed point, too, so the proof of sphere_may_meet holds with
+ * d = -w. There L - C is rounded from the exact difference, and turning it into camera space adds an error of 2^-50 of
+ * it, for which 5.01 u has room. The proof needs a >= 1 against underflow alone, and |w|^2 >= 2^-40 does as well;
+ * shorter rays are left to sphere_stops().
  *
- * A parallel light: the constant is (u, v, r'^2) in the light's own coordinates. A ray that hits is within r of the axis
- * through the centre: sqrt((u - pu)^2 + (v - pv)^2) <= r. Rounding the coordinates moves each difference by at most
- * u (|u| + |pu|) <= 2.01 u (|u| + r), and the sum costs 3 u, where u = 2^-24 is the unit: what it takes is less than
- * r' = r + 8 u (|u| + |v| + r) + 2^-60 [DISC_ROUNDINGS = 8].
+ * A parallel light: the filter constant is (U, V, r'^2), with (U, V) the centre's coordinates across the light. A ray
+ * from P, which is at (u, v), that meets the sphere passes its centre within r: sqrt((U - u)^2 + (V - v)^2) <= r. Let
+ * e = 2^-24. Rounding the coordinates moves each difference by at most e (|U| + |u|) <= 2.01 e (|U| + r), or the same
+ * of V, and the sum of squares is off by 3 e of itself: both together are less than what r' has more than r,
+ * r' = r + 8 e (|U| + |V| + r) + 2^-60 [DISC_ROUNDINGS = 8]. See disc_filter in cltrace/plan/shapes/sphere.py.
  */
 static int filter_leaves(const Scene scene, const ShadowRay ray, const Place place, const int index, const MASK may) {
 #ifdef WITH_FILTER
@@ -118,8 +121,9 @@ static int filter_leaves(const Scene scene, const ShadowRay ray, const Place pla
 #endif
 }
 
-/* Which of the lit lanes of `in` stay lit after one list. Lists are in the order of the depth of the spheres' nearest
- * points from the light: what is not nearer than P does not matter. */
+/* The lanes of `lit` that stay lit after the list of one cell, which the rays of the lanes `in` go through. The list
+ * is in depth order, by the spheres' points nearest to the light. A sphere no point of which is nearer to the light
+ * than P stops nothing, so there the list ends for a lane. */
 static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place place, const Start start, const INT own,
                            const int cell, const MASK in, MASK lit, Work *work) {
     const int first = scene.lists.start[cell], end = scene.lists.start[cell + 1];
@@ -149,10 +153,11 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
     return lit;
 }
 
-/* Which of the lit lanes stay lit: those without a sphere between the point and the light.
+/* The lanes of `lit` that stay lit: those without a sphere between the point and the light. own: index of the sphere
+ * that the point is on.
  *
- * The own sphere is not tested: it is convex, so a ray that leaves on the normal's side never meets it again. Only from
- * its inside it stops a ray, if and only if the light is outside.
+ * The own sphere needs no test. It is convex, so a ray that leaves it outwards never meets it again; a ray that leaves
+ * it inwards is stopped by it if and only if the light is outside of it.
  */
 static MASK cast_shadow_ray(const Scene scene, const ShadowRay ray, const Start start, const INT own, MASK lit,
                             Work *work) {

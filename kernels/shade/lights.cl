@@ -6,7 +6,7 @@ typedef struct {
 #ifdef WITH_BLACK
     MASK black; /* the material reflects no light at all */
 #endif
-    Real3 normal;   /* outward unit normal of the sphere */
+    Real3 normal;   /* outward unit normal of the sphere, in camera space */
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
@@ -14,8 +14,9 @@ typedef struct {
 } Intersection;
 
 #ifdef WITH_LIGHTS
-/* 0 parallel, 1 point, 2 spot. One loop over all lights calls illuminate() from one place, where it is inlined: else
- * compilers copy an Intersection for each call, which took a fifth of the time. */
+/* The kind of a light, by its index in the buffers: 0 parallel, 1 point, 2 spot. So one loop over all lights can
+ * call illuminate() from one place, where it is inlined: otherwise compilers copy an Intersection for each call,
+ * which took a fifth of the time. lights: how many there are of each kind, and of all. */
 static int kind_of(const int4 lights, const int number) {
 #ifdef WITH_PARALLEL
     if (number < lights.x) return 0;
@@ -34,7 +35,7 @@ static int kind_of(const int4 lights, const int number) {
 /* A light as it is seen from the points that were hit. */
 typedef struct {
     Real3 w;     /* from the point to the light; to a parallel light a vector of length 1 */
-    REAL cosine; /* of the outward normal and the light, times |w| */
+    REAL cosine; /* of the angle between w and the outward normal, times |w| */
 } Direction;
 
 static Direction direction_to(const Light light, const int kind, const Intersection at) {
@@ -53,14 +54,15 @@ static Direction direction_to(const Light light, const int kind, const Intersect
     return direction;
 }
 
-/* The unit vector to the light. w: not scaled; w32, a: the same in the float buffers' unit, and its square. */
+/* The unit vector from the point to the light. w: the vector itself; w32: the same in the float buffers' unit;
+ * a: |w32|^2; unit: w32 / w. */
 static Shade3 unit_to(const Real3 w, const Float3 w32, const FLOAT a, const MASK lit, const real unit) {
 #if SHADE_BYTES == 8
     Shade3 l = {TO_SHADE(w.x), TO_SHADE(w.y), TO_SHADE(w.z)};
 #else
     Shade3 l = w32;
     if (ANY(lit & (a < 0x1p-80f))) {
-        /* A light that all but touches the surface: |w|^2 must not vanish. */
+        /* The light all but touches the surface: without a factor, |w|^2 would vanish in float. */
         const MASK tiny = a < 0x1p-80f;
         l.x = tiny ? TO_FLOAT(w.x * unit * (real)0x1p80f) : l.x;
         l.y = tiny ? TO_FLOAT(w.y * unit * (real)0x1p80f) : l.y;
@@ -74,7 +76,8 @@ static Shade3 unit_to(const Real3 w, const Float3 w32, const FLOAT a, const MASK
     return l;
 }
 
-/* The share of a spot light that leaves along -l: 1 within alpha1, falling linearly with the angle to 0 at alpha2. */
+/* The share of a light that leaves along -l. Of a spot light it is 1 up to the angle alpha1 from its axis, and falls
+ * linearly with the angle to 0 at alpha2; of other lights it is 1. */
 static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
     SHADE strength = 1;
 #ifdef WITH_SPOT
@@ -89,8 +92,9 @@ static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
     return strength;
 }
 
-/* What one light adds to the colour: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
- * kind: of kind_of(). view: the ray's unit direction. rays: the shadow rays cast so far. */
+/* The colour and what one light adds to it: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
+ * number: the light's index in the buffers; kind: of kind_of(); own: index of the sphere that was hit; view: the unit
+ * direction of the ray that hit; rays: how many shadow rays each lane has sent, counted up. */
 static Shade3 illuminate(const Scene scene, const int number, const int kind, const Intersection at, const INT own,
                          const Shade3 view, Shade3 color, INT *rays, Work *work) {
     const Light light = scene.light[number];
@@ -132,7 +136,8 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
     /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
     const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
     const SHADE z = (shade_t)-0.5 * DOT(e, e);
-    /* As log(1 + z) <= z, the lobe is at most exp(exponent z): below light.cone.z, no pixel shows that. */
+    /* As log(1 + z) <= z, the lobe is at most exp(exponent z). Where exponent z is less than light.cone.z, that is too
+     * faint for any pixel to show. */
     const SHADE_MASK shines = on & (at.ks > 0) & (at.exponent * z >= (shade_t)light.cone.z);
     COUNT(HIGHLIGHTS, TO_MASK(shines));
     COUNT(FAINT_HIGHLIGHTS, TO_MASK(on & !shines));

@@ -42,8 +42,8 @@ static FLOAT exp_negative(const FLOAT y) {
 #define exp_negative(y) exp(y)
 #endif
 
-/* max(0, r.v)^exponent for unit r and v, given z = -|r - v|^2 / 2 = r.v - 1, which keeps all digits where r.v is close
- * to 1 and is <= 0 by construction: the power then loses none, however large the exponent. 0^0 = 1. */
+/* max(0, r.v)^exponent for unit vectors r and v; 0^0 = 1. z = r.v - 1, computed as -|r - v|^2 / 2. So z is never
+ * above 0, and it keeps all digits where r.v is close to 1: then the power loses none, however large the exponent. */
 static SHADE lobe(const SHADE z, const SHADE exponent) {
     const SHADE_MASK facing = z > -1;
     const SHADE power = exp_negative(exponent * log_1_plus(facing ? z : (SHADE)0));
