@@ -2,8 +2,11 @@
 
 Everything that either side needs of it is made from here: the numpy dtypes, the order of the kernel's arguments, and a
 header in OpenCL C that stands before the kernel's own files (`python -m cltrace.plan.abi` prints it). So a new buffer
-or a new output is one line here. Lengths are in scene units where the type is `real` and double, and otherwise in units
-of which one is `length` scene units.
+or a new output is one line here.
+
+Units: where `real` is double, lengths of that type are in scene units. All lengths that are float, and so in single
+every length, are in the float buffers' unit: a power of two of scene units, for which the largest coordinate is about
+1. The argument `unit` leads from lengths of type `real` to float ones; in single it is 1.
 """
 
 from __future__ import annotations
@@ -28,30 +31,30 @@ class Field(NamedTuple):
 # Only whole vectors of 4, so that there is nothing to pad.
 STRUCTS = {
     "Frame": (
-        Field("pixel", "real4", "x, y: size of a pixel on the image plane z = -1"),
+        Field("pixel", "real4", "x, y: half of a pixel's width and height on the image plane z = -1"),
         Field("right", "real4", "xyz: the camera's x axis in the world"),
         Field("up", "real4", "xyz: its y axis"),
         Field("back", "real4", "xyz: its z axis, against the view"),
         Field("background", "float4", "rgb, linear"),
-        Field("quantize", "float4", "x: what is added to 255 c before it is cut to an integer: 0.5 or 0"),
+        Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
     ),
     "Light": (
         Field("position", "real4", "point, spot: xyz in camera space; parallel: unit vector towards the light"),
-        Field("axis", "real4", "spot: unit vector in which it points, w: cosine of alpha2; parallel: u axis across it"),
+        Field("axis", "real4", "spot: unit vector along which it points, w: cos(alpha2); parallel: u axis across it"),
         Field("across", "real4", "parallel: v axis across it"),
         Field("color", "float4", "rgb, linear"),
-        Field("cone", "float4", "spot: x: alpha1, y: 1 / (alpha2 - alpha1), radians, 0 if equal; z: see illuminate()"),
+        Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see illuminate()"),
     ),
     "Grid": (
-        Field("right", "real4", "x axis; w: added to the coordinate, so that a parallel light's count from the middle"),
-        Field("up", "real4", "y axis, likewise"),
+        Field("right", "real4", "xyz: x axis; w, of a parallel light: what makes x count from the window's middle"),
+        Field("up", "real4", "y axis, the same"),
         Field("ahead", "real4", "z axis"),
-        Field("near_right", "float4", "the same three in float"),
+        Field("near_right", "float4", "these three axes in float"),
         Field("near_up", "float4", ""),
         Field("near_ahead", "float4", ""),
-        Field("window", "float4", "x, y: half of the sides; z, w: cells in a unit of length"),
-        Field("cells", "int4", "columns and rows on level 0; the first cell's number; which levels hold anything"),
-        Field("flags", "int4", "x: whether float is fine enough for the cells"),
+        Field("window", "float4", "x, y: half of its sides; z, w: columns and rows of cells in a unit of length"),
+        Field("cells", "int4", "columns, rows on level 0; where its first cell is in start; a bit for each level used"),
+        Field("flags", "int4", "x: whether float tells the cells apart"),
     ),
 }
 
@@ -60,8 +63,9 @@ STRUCTS = {
 class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
-    kind: value (a scalar or a struct), buffer (read by the kernel) or output (written, one record a pixel); group: the
-    struct of the kernel in which it is found; channels: of an output, numbers a pixel.
+    kind: value (a scalar or a struct), buffer (read by the kernel) or output (written, one record for each pixel);
+    group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
+    output.
     """
 
     name: str
@@ -90,7 +94,7 @@ def _outputs(*rows: tuple[str, str, int, str]) -> tuple[Argument, ...]:
     return tuple(Argument(name, type_, "output", "Outputs", text, n) for name, type_, n, text in rows)
 
 
-# What --stats counts, by the last index of the output `work`: the kernel's name for it, and the words for a reader.
+# What --stats counts, in the order of the last axis of the output `work`: the kernel's names, and words for a reader.
 COUNTERS = {
     "SHADOW_RAYS": "shadow rays traced",
     "FACING_AWAY": "shadow rays to lights that shine on the other side or elsewhere",
@@ -107,82 +111,82 @@ ARGUMENTS = (
         "",
         ("frame", "Frame", "the camera and the picture"),
         ("size", "int2", "pixels of the whole picture"),
-        ("region", "int4", "x, y, width, height: the part that is wanted; x and y are multiples of TILE"),
-        ("row", "int", "of the region: where this launch starts"),
+        ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
+        ("row", "int", "row of the region at which this launch starts"),
     ),
-    *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs: whole packets")),
+    *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
     *_values(
         "Scene",
-        ("lights", "int4", "numbers of parallel, point and spot lights, and of all"),
-        ("count", "int", "of spheres"),
-        ("unit", "real", "a power of two: times a length, it is what the float buffers hold, which is about 1 at most"),
+        ("lights", "int4", "how many parallel, point and spot lights there are, and how many in all"),
+        ("count", "int", "how many spheres there are"),
+        ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
     ),
     *_buffers(
         "Spheres",
         ("center_radius", "real4", "centre in camera space, radius"),
-        ("power", "real2", "|centre|^2 - radius^2 of the unrounded scene, 1 / radius"),
-        ("world", "real4", "centre in the world, as the scene has it; w: what was cut off of power. Not in single"),
-        ("camera", "real4", "in the world: the eye, right, up and back. Not in single"),
+        ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
+        ("world", "real4", "xyz: centre in the world, as the scene has it; w: what was cut off of power. Not in single"),
+        ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
     ),
     *_buffers(
         "Scene",
-        ("id_of", "int", "a sphere's place in the scene file"),
-        ("material_of", "int", "a sphere's index into material"),
+        ("id_of", "int", "a sphere's index in the scene"),
+        ("material_of", "int", "the index in material of a sphere's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
         ("light", "Light", "parallel lights, then point lights, then spot lights"),
-        ("eye_filter", "float4", "a sphere, for sphere_may_meet"),
-        ("light_filter", "float4", "a light's spheres, for the filters of stopped()"),
-        ("light_side", "char", "a light's spheres: whether the light is outside (1), on (0) or inside (-1)"),
-        ("light_buffer", "int4", "a light's first grid, their number; z: see may_be_stopped()"),
+        ("eye_filter", "float4", "a sphere's filter constant for rays from the eye, see sphere_may_meet()"),
+        ("light_filter", "float4", "for each light in turn, all spheres' filter constants, see filter_leaves()"),
+        ("light_side", "char", "the same: whether the light is outside of the sphere (1), on it (0) or inside (-1)"),
+        ("light_buffer", "int4", "x: index of a light's first grid, y: how many it has, z: see may_be_stopped()"),
     ),
     *_buffers(
         "Lists",
         ("grid", "Grid", "the picture's tiles, then the grids of the lights"),
-        ("start", "int", "where a cell's list begins in entry; the next cell's begin is its end"),
-        ("entry", "int2", "a sphere's index, and the depth by which the list is sorted, as float bits"),
+        ("start", "int", "where a cell's list begins in entry; it ends where the next cell's list begins"),
+        ("entry", "int2", "x: a sphere's index, y: the depth by which the list is sorted, as the bits of a float"),
     ),
     *_outputs(
-        ("rgb8", "uchar", 3, "linear bytes"),
-        ("color", "float", 3, "linear, not clamped"),
-        ("normal", "float", 3, "unit, in the world, facing the camera"),
-        ("direction", "float", 3, "of the pixel's ray, unit, in the world"),
-        ("depth", "real", 1, "distance from the eye"),
-        ("id", "int", 1, "the sphere's place in the scene file, -1 = nothing"),
-        ("shadow_rays", "int", 1, "to how many lights"),
-        ("work", "int", len(COUNTERS), "how often was done what COUNTERS names"),
+        ("rgb8", "uchar", 3, "linear colour in bytes, without gamma"),
+        ("color", "float", 3, "linear colour, not clamped"),
+        ("normal", "float", 3, "unit vector in the world, facing the camera, 0 = nothing"),
+        ("direction", "float", 3, "unit vector of the pixel's ray in the world"),
+        ("depth", "real", 1, "distance from the eye, infinite = nothing"),
+        ("id", "int", 1, "the sphere's index in the scene, -1 = nothing"),
+        ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
+        ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
     ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}
-# What can be shown; the other outputs count what was done.
+# The outputs that show something of the picture; the other ones count what was done for it.
 PICTURES = tuple(name for name in OUTPUTS if name not in ("shadow_rays", "work"))
 
 # Numbers that both sides rely on. A comment that proves something from one of them names it in brackets with its value,
 # such as [TILE = 4], and a test compares the two.
 CONSTANTS = {
     "TILE": 4,  # pixels in the side of a cell of the picture's finest tiles, and in a packet's row
-    "AHEAD": 8,  # entries that the kernel fetches ahead, even beyond the last list
-    "FEW": 16,  # up to so many spheres, a light has one list for all of them, and a bit for each
-    "WHOLE": 30,  # the level of a grid that is one cell only
-    "FILTER_ROUNDINGS": 11,  # units of 2^-24 by which float32 filters of rays from a fixed point are made wider
+    "AHEAD": 8,  # entries that the kernel looks at to fetch their spheres ahead, even beyond the end of the last list
+    "FEW": 16,  # with at most so many spheres, a light has one list of all of them, and a bit for each
+    "WHOLE": 30,  # the level that a grid of one cell uses
+    "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
 }
 
-# The -D flags that have no value. Each is set if the scene, the outputs or the device need it.
+# The -D flags without a value. Each is set if the scene, the outputs or the device need it.
 FLAGS = {
-    "NO_FMA": "the driver calls a function for each fma",
-    "WITH_FILTER": "a float32 test with a proved bound goes before each exact one",
-    "WITH_INTERSECTION": "more is needed of a hit than its index and distance",
-    "WITH_NORMAL": "the normal, too",
-    "WITH_INSIDE": "the camera is inside of a sphere",
+    "NO_FMA": "this driver's fma() is a slow call of a function: multiply and add instead",
+    "WITH_FILTER": "a float32 test with a proved bound goes before each decision",
+    "WITH_INTERSECTION": "more of a hit is needed than its index and distance",
+    "WITH_NORMAL": "its normal is needed",
+    "WITH_INSIDE": "the eye is inside of a sphere or on it",
     "WITH_SHADING": "colours are wanted",
-    "WITH_LIGHTS": "some light adds to them",
+    "WITH_LIGHTS": "some light may add to them",
     "WITH_PARALLEL": "there is a parallel light",
     "WITH_POINT": "there is a point light",
     "WITH_SPOT": "there is a spot light",
     "WITH_SHADOWS": "something may stand between a sphere and a light",
     "WITH_SPECULAR": "some sphere shines",
     "WITH_BLACK": "some sphere reflects no light at all",
-    "WITH_PREFETCH": "the spheres are so many that a cache holds few of them",
+    "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     **{f"OUT_{name.upper()}": f"write {name}" for name in OUTPUTS},
 }
@@ -197,17 +201,17 @@ VALUES = {
 
 
 def real_dtype(precision: Precision) -> np.dtype[Any]:
-    """The type that decides hits and shadows in this precision."""
+    """The dtype that hits and shadows are decided in: `real` of the kernel."""
     return np.dtype("f4" if precision == "single" else "f8")
 
 
 def shade_dtype(precision: Precision) -> np.dtype[Any]:
-    """The type that colours are computed in."""
+    """The dtype that colours are computed in: `shade` of the table, SHADE of the kernel."""
     return np.dtype("f8" if precision == "double" else "f4")
 
 
 def dtype_of(type_: str, precision: Precision) -> np.dtype[Any]:
-    """The numpy dtype of a type of this table. Of a vector type it has a shape, of a struct fields."""
+    """The numpy dtype of a type of this table: with a shape for a vector type, with fields for a struct."""
     if type_ in STRUCTS:
         return np.dtype([(f.name, *_scalar_and_width(f.type, precision)) for f in STRUCTS[type_]])
     scalar, width = _scalar_and_width(type_, precision)

@@ -1,7 +1,8 @@
-"""What cannot matter: spheres inside others or there twice, and those that cannot stand between one and a light.
+"""Which spheres cannot matter: those inside others, those that are there twice, those that can shadow nothing.
 
-All tests are made with every sphere larger by more than any rounding, here or in the kernel, can amount to: a sphere is
-left out only if no ray could ever tell, so no picture changes. (Extreme scenes in single: docs/accuracy.md.)
+All tests are made with spheres that are larger by more than any rounding, here or in the kernel, can amount to. So a
+sphere is left out only if no ray could ever tell, and no picture changes. (In single some extreme scenes are an
+exception: docs/speed.md.)
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from cltrace.plan.exact import Array, squared_length
 from cltrace.plan.shapes.sphere import Seen
 
 Mask = NDArray[np.bool_]
-# Spheres that others are looked for in: the largest ones.
+# How many spheres, the largest ones, are looked into for others inside of them.
 SHELLS = 8
 
 
 def larger(radius: Array, slack: float) -> Array:
-    """Radii with room for rounding. slack: relative to lengths, of 4 at most; in a discriminant it moves the silhouette
-    of a sphere of radius r at such a distance by 16 slack / r.
+    """The radii (n,), larger by more than rounding can move the silhouette of such a sphere.
+
+    slack: the relative error of lengths. Lengths are at most 4: an error of 16 slack in a discriminant, or in a squared
+    length, moves the silhouette of a sphere of radius r by less than 16 slack / r.
     """
     return radius + 16 * slack * (1 + 1 / radius)
 
@@ -27,8 +30,8 @@ def larger(radius: Array, slack: float) -> Array:
 def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     """Which spheres lie inside a larger one, one of the SHELLS largest, that has the eye and all lights outside of it.
 
-    Whoever looks at such a sphere, eye or light, sees the larger one: all spheres are opaque. center: (n, 3), lengths
-    at most 4; outside: (n,), whether eye and lights are outside of this sphere.
+    All spheres are opaque, so eye and lights see the larger sphere in place of what is inside of it. center: (n, 3),
+    lengths at most 4; outside: (n,), whether the eye and all lights are outside of this sphere; slack: as in larger().
     """
     out = np.zeros(len(radius), bool)
     roomy = larger(radius, slack)
@@ -43,10 +46,10 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
 
 
 def repeated(center: Array, radius: Array, by_place: bool) -> Mask:
-    """(n,): which spheres are the same as one before them: of those, the first one counts.
+    """(n,): which spheres are equal to one before them, and so never seen: of equal ones, the first one counts.
 
-    by_place: whether they are in the order of spatial_order(). There only neighbours are compared: equal ones mostly
-    are some.
+    by_place: whether they are in the order of spatial_order(). Then only neighbours in that order are compared, which
+    finds nearly all that are equal without sorting once more.
     """
     order = np.arange(len(radius)) if by_place else np.lexsort((radius, *center.T))
     c, r = center[order], radius[order]
@@ -56,10 +59,10 @@ def repeated(center: Array, radius: Array, by_place: bool) -> Mask:
 
 
 def point_shadows(seen: Seen, slack: float) -> Mask:
-    """(n, n): whether sphere [j] can stand between a light and any point of sphere [i]. seen: from the light."""
+    """(n, n): whether sphere [j] can stand between a point light and any point of sphere [i]. seen: from the light."""
     roomy = larger(seen.radius, slack)
     distance = np.sqrt(squared_length(seen.center))
-    # A light inside of a sphere, or all but, sees it everywhere.
+    # A light that is inside of a sphere, or all but, sees it in every direction.
     clear = distance > roomy
     safe = np.where(clear, distance, 1.0)
     half = np.where(clear, np.arcsin(np.minimum(roomy / safe, 1)), np.pi)
@@ -72,7 +75,7 @@ def point_shadows(seen: Seen, slack: float) -> Mask:
 
 
 def parallel_shadows(axes: Array, seen: Seen, slack: float) -> Mask:
-    """The same for a parallel light. axes: (3, 3), two across the light and one towards it."""
+    """The same for a parallel light. axes: (3, 3), two across the light and one towards it; seen: from the eye."""
     roomy = larger(seen.radius, slack) + slack * 16
     u, v, s = axes @ seen.center.T
     gap = np.hypot(u[:, None] - u[None], v[:, None] - v[None])

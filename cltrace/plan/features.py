@@ -1,4 +1,4 @@
-"""Which parts of the kernel a scene and its outputs need: abi.FLAGS."""
+"""Which parts of the kernel a scene and its outputs need: which of abi.FLAGS are set."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 from cltrace.plan.request import Request
 
-# From so many spheres on, the kernel fetches them ahead. A million take 0.85 of the time then, 300,000 take 0.93,
-# 100,000 take 0.96; 30,000 take the same, and 1,000 would take 1.02 (PoCL 3.1, 1920x1080).
+# From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
+# 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 of it (PoCL 3.1, 1920x1080).
 PLENTY = 2**16
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What the features depend on. spheres: their number; lights: of parallel, point and spot lights; inside: whether
-    the eye is inside of a sphere; shiny, black: whether some material shines, or reflects nothing.
+    """What of a scene the features depend on.
+
+    spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
+    a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light.
     """
 
     spheres: int

@@ -1,4 +1,4 @@
-"""Lights as the kernel reads them, and what each one sees."""
+"""Lights as the kernel reads them, and the spheres as each light sees them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 
 def useful_lights(scene: Scene, materials: Materials, all_of_them: bool) -> NDArray[np.void]:
-    """The lights that can add to a colour, by kind: parallel, point, spot. all_of_them: the black ones, too."""
+    """The lights that can add to a colour, (m,) in the order parallel, point, spot.
+
+    Without all_of_them, black lights are left out, and all of them where no material that is used reflects any.
+    """
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
     used = np.zeros(len(scene.materials), bool)
     used[scene.spheres["material"]] = True
@@ -27,7 +30,7 @@ def useful_lights(scene: Scene, materials: Materials, all_of_them: bool) -> NDAr
 
 
 def counts(lights: NDArray[np.void]) -> tuple[int, int, int]:
-    """How many are parallel, point and spot lights."""
+    """How many of the lights are parallel, point and spot lights."""
     parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
     return parallel, point, spot
 
@@ -35,21 +38,24 @@ def counts(lights: NDArray[np.void]) -> tuple[int, int, int]:
 def pack_lights(
     lights: NDArray[np.void], position: Array, basis: Array, precision: Precision, brightest: float
 ) -> NDArray[np.void]:
-    """Records of abi's `Light`. position: (m, 3) in camera space; basis: (3, 3), the camera's axes; brightest: the
-    largest ks of any material.
+    """(m,) records of abi's `Light`.
+
+    position: (m, 3), in camera space; basis: (3, 3), the camera's axes in the world; brightest: the largest ks of any
+    material.
     """
     out = np.zeros(len(lights), dtype_of("Light", precision))
     color = finite32(lights["color"])
     out["color"][:, :3], out["cone"][:, 2] = color, -np.inf
     if shade_dtype(precision).itemsize == 4:
-        # The exponent of a highlight of 2^-20 of a byte's level: fainter ones are none. Not so in double, which is the
-        # reference's formula throughout.
+        # The logarithm of the lobe that makes a highlight of 2^-20 of a byte's level: fainter ones are left out. Not so
+        # in double, which follows the reference's formula throughout.
         out["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
     for k, light in enumerate(lights):
         direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
         if light["kind"] == PARALLEL:
             towards = -direction
-            # Any two axes across: the first one from the coordinate axis that is furthest from the light's.
+            # Any two axes across do. The first one is made from the coordinate axis that is furthest from the light's
+            # direction, where the cross product loses least.
             helper = np.eye(3)[np.argmin(np.abs(towards))]
             axis = _unit(np.cross(helper, towards)[None])[0]
             out["position"][k, :3] = towards
@@ -65,17 +71,17 @@ def pack_lights(
 
 
 def _unit(v: Array) -> Array:
-    """(n, 3) vectors scaled to length 1, without overflow."""
+    """Vectors (n, 3) scaled to length 1. No square overflows, however long they are."""
     scaled = v / np.abs(v).max(axis=1, keepdims=True)
     return np.asarray(scaled / np.sqrt((scaled * scaled).sum(axis=1, keepdims=True)))
 
 
 @dataclass(frozen=True)
 class LightView:
-    """The spheres (n) as one light sees them.
+    """The n spheres as one light sees them.
 
-    axes: (3, 3), of a parallel light the two across and the one towards it, None for a light at a point; seen: from the
-    light, or for a parallel one from the eye, lengths in the float buffers' unit; filter: (n, 4) float32, abi's
+    axes: (3, 3), the two across a parallel light and the one towards it, None for a light at a point; seen: from the
+    light, or from the eye for a parallel one, lengths in the float buffers' unit; filter: (n, 4) float32, abi's
     light_filter; side: (n,) int8, abi's light_side.
     """
 
@@ -87,7 +93,7 @@ class LightView:
 
 @dataclass(frozen=True)
 class LightViews:
-    """All of them: views (m); filter (m, n, 4) and side (m, n) hold what the views refer to."""
+    """The n spheres as each of m lights sees them. The views' arrays are parts of filter (m, n, 4), side (m, n)."""
 
     views: list[LightView]
     filter: NDArray[np.float32]
@@ -95,7 +101,11 @@ class LightViews:
 
     @classmethod
     def of(cls, lights: NDArray[np.void], packed: NDArray[np.void], space: Space, basis: Array) -> LightViews:
-        """lights: of useful_lights(); packed: the same of pack_lights(); space: in the float buffers' unit."""
+        """The views of the lights of a Space that is in the float buffers' unit.
+
+        lights: (m,), of useful_lights(); packed: the same lights, of pack_lights(); basis: (3, 3), the camera's axes in
+        the world.
+        """
         n, m = len(space.radius), len(lights)
         filters, sides, views = np.zeros((m, n, 4), np.float32), np.ones((m, n), np.int8), []
         for k, (filter_, side) in enumerate(zip(filters, sides, strict=True)):

@@ -1,4 +1,4 @@
-"""Materials as the kernel reads them, and what of Phong's formula they need at all."""
+"""Materials as the kernel reads them, and which parts of Phong's formula they need."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from cltrace.scene import AMBIENT, Scene
 
 @dataclass(frozen=True)
 class Materials:
-    """packed: (m, 8) of shade_dtype, ka La C (rgb), kd C (rgb), ks, exponent; shiny: whether any shines; black: (m,),
-    which reflect nothing of any light; brightest: the largest ks.
+    """m materials.
+
+    packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
+    material's colour, linear; shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light
+    that is not ambient; brightest: the largest ks.
     """
 
     packed: NDArray[Any]
@@ -26,7 +29,7 @@ class Materials:
 
     @classmethod
     def of(cls, scene: Scene, precision: Precision) -> Materials:
-        """Those of a scene, with its ambient light."""
+        """The materials of a scene in its ambient light."""
         m = scene.materials
         ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         packed = np.empty((len(m), 8))
@@ -39,5 +42,7 @@ class Materials:
 
 
 def finite32(value: Array) -> Array:
-    """The values, but none beyond float32's range: products of colours may leave it, and are white at any rate."""
+    """The values, with float32's largest number in place of larger ones. Products of colours may be as large; they are
+    white in any picture.
+    """
     return np.minimum(value, float(np.finfo(np.float32).max))

@@ -9,12 +9,16 @@ from cltrace.plan.exact import Array, blockwise
 
 
 def spatial_order(center: Array) -> NDArray[np.int64]:
-    """Indices of points (n, 3) along a curve through space on which neighbours are near each other: Morton 1966."""
+    """The indices (n,) of points (n, 3) in the order of a curve through space, of which neighbours are near each other.
+
+    That is Morton's order (1966).
+    """
     n, axes = len(center), center.T
     low = [float(x.min()) for x in axes]
-    # Halves, as the difference of two numbers may be beyond all numbers.
+    # Halves, as the difference of two doubles may overflow.
     size = max(1e-300, *(float(x.max()) / 2 - least / 2 for x, least in zip(axes, low, strict=True)))
-    # One number for each point, to be sorted: from the top, the bits of its coordinates in turn, and its index.
+    # One whole number for each point is sorted. From the top it has the bits of the three coordinates in turn, then the
+    # point's index.
     index_bits = (n - 1).bit_length()
     bits = (63 - index_bits) // 3
     every_third = np.zeros(2**bits, np.int64)

@@ -31,18 +31,20 @@ from cltrace.plan.shapes.sphere import Seen, filter_constant
 from cltrace.plan.space import Space
 from cltrace.scene import AMBIENT, Camera, Scene, Vector
 
-# From so many spheres on, they are sorted by place. A shell of 100,000 takes 27 ms a frame then, against 37; 10,000
-# take 10 either way, as all that a picture needs stays in a cache.
+# From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
+# 10,000 takes 10 either way, as all that a picture needs stays in a cache.
 MANY = 4096
 
 
 @dataclass(frozen=True)
 class World:
-    """What no camera changes, for one precision.
+    """What no camera changes: n spheres, their materials and the lights, for one precision.
 
-    center (n, 3), radius (n,): of the spheres in the world, in the order in which they are packed; id (n,): their
-    places in the scene; material_of (n,): index into materials; again (n,): whether it is the same sphere as one before
-    it; lights: those that can add to a colour; skipped: what the scene did not need, and how often.
+    center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
+    packed; id: (n,), the index of each one in the scene; material_of: (n,), the index of each one's material in
+    materials; again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that
+    can add to a colour, in the order parallel, point, spot; background: linear (r, g, b); skipped: what the scene does
+    not need, in words, and how often.
     """
 
     center: Array
@@ -57,7 +59,7 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene, request: Request) -> World:
-        """Sorts many spheres by place, so that neighbours are near each other in memory."""
+        """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory."""
         n = len(scene.spheres)
         center, radius, of = (np.ascontiguousarray(scene.spheres[name]) for name in ("center", "radius", "material"))
         order, by_place = np.arange(n), n >= MANY and "order" not in request.keep
@@ -85,11 +87,12 @@ class World:
 
 @dataclass(frozen=True)
 class View:
-    """A world as a camera sees it.
+    """A world as one camera sees it.
 
-    region: the part of its picture that is wanted; exponent: depths come out in units of 2^exponent; arrays: the
-    buffers by the kernel's names, none of them empty; values: the kernel's other arguments that depend on no output;
-    inside: whether the eye is inside of a sphere; seconds: of making the lists.
+    region: (x, y, width, height), the part of the picture that is wanted, in pixels; exponent: the kernel's depths are
+    in units of 2^exponent scene units; arrays: the kernel's buffers by name, with the dtypes of abi.ARGUMENTS, none of
+    them empty; values: those of its other arguments that depend on no output; inside: whether the eye is inside of a
+    sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists".
     """
 
     camera: Camera
@@ -103,13 +106,16 @@ class View:
 
     @classmethod
     def of(cls, world: World, camera: Camera, request: Request) -> View:
-        """Moves the world into camera space, exactly, and finds out which surfaces a ray can meet."""
+        """Moves the world into camera space, in more than double precision, and lists which surfaces a ray can meet.
+
+        request: the one that the world was made for. Raises ValueError if its crop is not within the picture.
+        """
         region = request.region_of(camera.resolution)
         real, basis = real_dtype(request.precision), np.array(camera.basis())
         space = Space.of(camera, world.center, world.radius, world.lights)
-        # float32 has little room for squares. So what is float32 has its lengths times a power of two that makes the
-        # largest coordinate about 1: a scene and the same one scaled by a power of two are the same numbers there.
-        # Double has room for the fourth power of every float32 number, and keeps scene units.
+        # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
+        # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
+        # room for the fourth power of every float32 number, and keeps scene units.
         k = space.exponent(world.lights)
         small = space.times_two_to(k)
         exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
@@ -143,10 +149,11 @@ class View:
 
 @dataclass(frozen=True)
 class Plan:
-    """A view and what is to be written of it: all that a device needs.
+    """A view and what is to be written of it: all that a device needs. numpy alone, and picklable.
 
-    size: of the whole picture; features: the names of the -D flags; exponent, arrays, skipped, seconds: of View;
-    values: all the kernel's arguments that are no buffers, but for those that only the launch knows.
+    request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
+    arrays, skipped, seconds: of View; features: names of abi.FLAGS; values: the kernel's arguments by name that are
+    neither buffers nor outputs, but for those that only the launch knows.
     """
 
     request: Request
@@ -161,7 +168,7 @@ class Plan:
 
     @classmethod
     def of(cls, world: World, view: View, request: Request) -> Plan:
-        """request: the one that world and view were made for, or the same with other outputs."""
+        """The plan of a view. request: the one that world and view were made for, or the same with other outputs."""
         contents = Contents(
             len(world.radius),
             counts(world.lights),
@@ -183,18 +190,21 @@ class Plan:
 
     @classmethod
     def of_scene(cls, scene: Scene, request: Request) -> Plan:
-        """All three steps at once, for a scene that is seen by its own camera only."""
+        """World, View and Plan at once, for a scene that is seen by its own camera only.
+
+        Raises ValueError if the request's crop is not within the picture.
+        """
         world = World.of(scene, request)
         return cls.of(world, View.of(world, scene.camera, request), request)
 
     def counting(self) -> Plan:
-        """The same, for a kernel that does all that it did, but writes only what it has counted."""
+        """The plan of a kernel that does all that this one's does, but writes only what it has counted."""
         rest = (name for name in self.features if not name.startswith("OUT_"))
         request = replace(self.request, outputs=("work",), keep=())
         return replace(self, request=request, features=frozenset((*rest, "OUT_WORK")))
 
     def options(self) -> list[str]:
-        """The compiler's options: one program for each combination of features, whatever the scene's numbers are."""
+        """The compiler's options. They depend on precision and features alone: scenes with the same share a program."""
         return abi.options(self.request.precision, self.features)
 
 
@@ -206,8 +216,9 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
 
 
 def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
-    """The buffers that have a record for each sphere. exact: in units of `real`; small: in those of float buffers."""
-    # Beyond float32's range is only the reciprocal of a radius that vanishes there: such a sphere is never hit.
+    """The buffers of spheres and materials. exact: in the unit of `real`; small: in that of the float buffers."""
+    # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a sphere is
+    # never hit.
     largest = float(np.finfo(np.float32).max) if real.itemsize == 4 else np.inf
     eye_filter = np.empty((len(small.radius), 4), np.float32)
     eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
@@ -234,7 +245,7 @@ def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -
 def _lists(
     world: World, seen: Seen, lights: list[LightView], window: Window, request: Request, skipped: dict[str, int]
 ) -> dict[str, NDArray[Any]]:
-    """The lists of the picture's tiles and of all light buffers. skipped: counts what is in none of them."""
+    """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them."""
     n, keep = len(seen.radius), request.keep
     slack = SLACK if request.precision == "single" else FINE_SLACK
     visible = np.ones(n, bool)
@@ -266,13 +277,13 @@ def _lists(
 
 
 def _light_buffer(light: LightView, power: Array, who: Shadows, keep: tuple[str, ...]) -> tuple[list[CellGrid], int]:
-    """The grids of a light, and for few spheres a bit for each one that anything can stop the light for; else all bits.
+    """The grids of one light, and a bit for each sphere on its way to which something may stop the light.
 
-    power: of the eye, (n,).
+    Where spheres are many, all bits are set. power: (n,), of the eye, as of Seen.
     """
     n = len(power)
-    # Up to FEW spheres, finding the right list for a shadow ray costs more than trying them all: 3.5 ms a frame against
-    # 3.2 for a box of 16 (PoCL 3.1, 1920x1080), but 4.3 against 4.6 for a shell of 28.
+    # With FEW spheres at most, finding the right list for a shadow ray costs more than trying them all: a box of 16
+    # takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
     if n > CONSTANTS["FEW"]:
         if light.axes is None:
             return point_buffer(light.seen, who), -1
@@ -282,7 +293,7 @@ def _light_buffer(light: LightView, power: Array, who: Shadows, keep: tuple[str,
     else:
         shadows = parallel_shadows(light.axes, light.seen, who.slack)
     shadows &= who.receiver[:, None] & who.occluder
-    # From outside a sphere never stands in its own way, from inside it may.
+    # Seen from outside, a sphere never stands between itself and a light; seen from inside, it may.
     np.fill_diagonal(shadows, power <= 0)
     casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
     stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
@@ -305,9 +316,9 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
 
 
 def _same_byte(c: float, rounding: float, shade: np.dtype[Any]) -> np.float32:
-    """A background colour in float32, moved by an ulp if that is what its byte needs to be that of the double.
+    """A part c of the background's colour in float32, moved by an ulp if its byte would else be another than that of c.
 
-    0.7 is all but 178.5 of 255: without this, the whole sky could be another level than the reference's.
+    Without this the whole sky could be a level off: 0.7 times 255 is 178.5, all but for a rounding.
     """
     near = np.float32(min(c, float(np.finfo(np.float32).max)))
     want = int(min(c, 1.0) * 255 + rounding)

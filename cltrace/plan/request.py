@@ -1,4 +1,4 @@
-"""What is wanted of a scene, beside the scene itself."""
+"""What is wanted of a scene: the precision, the outputs, the part of the picture."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Keep = Literal[
     "lists", "filter", "features", "lights", "hidden", "receivers", "unstopped", "highlights", "outputs", "order"
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
-# x0, y0, x1, y1: exactly those pixels of the whole picture, x1 and y1 excluded.
+# x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
 Crop = tuple[int, int, int, int]
-# x, y, width, height: the same.
+# x, y, width, height in pixels of the whole picture: what a Crop is turned into.
 Region = tuple[int, int, int, int]
 
 
@@ -25,17 +25,27 @@ Region = tuple[int, int, int, int]
 class Request:
     """What is wanted of a scene.
 
-    precision: accurate, single or double; outputs: names of abi.OUTPUTS; crop: a part of the picture, None for all of
-    it; truncate: bytes are trunc(255 c) instead of rounded.
+    precision: "accurate", "single" or "double", which arithmetic decides hits and computes colours (docs/accuracy.md);
+    outputs: one or more names of abi.OUTPUTS, kept in the table's order; crop: (x0, y0, x1, y1), a part of the picture
+    in pixels, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead
+    of rounded to the nearest.
 
-    keep: what not to leave out, for measuring. No picture depends on it, but for those of some extreme scenes in
-    single, as docs/speed.md says. lists: one list of all spheres for every ray; filter: each test in the precision that
-    decides; features: the code of every feature; lights: lights that are black, or that shine on nothing that reflects;
-    hidden: spheres inside others, or there twice; receivers: in a light's lists, spheres that shadow nothing in the
-    picture; unstopped: of few spheres, shadow rays that none can stop; highlights: those too faint for a byte; outputs:
-    all pictures that the kernel can write; order: that of the spheres in the scene.
+    keep: names of KEEPS, what not to leave out, for measuring. No picture depends on it, but for those of some extreme
+    scenes in single, as docs/speed.md says.
 
-    Raises ValueError naming the field.
+        lists: one list of all spheres for every ray
+        filter: every sphere of a list is decided in full, without a float32 test before that
+        features: the kernel has the code of every feature
+        lights: lights that are black, or that shine on nothing that reflects
+        hidden: spheres inside others, or there twice
+        receivers: in the lists of a light, spheres that shadow nothing in the picture
+        unstopped: where spheres are few, shadow rays that none of them can stop
+        highlights: those too faint for a byte
+        outputs: all pictures that the kernel can write
+        order: the spheres stay in the scene's order
+
+    Raises ValueError, naming the field, for a precision, outputs, truncate or keep that is not allowed. A crop is
+    checked by region_of(), where the size of the picture is known.
     """
 
     precision: Precision = "accurate"
@@ -61,7 +71,10 @@ class Request:
         object.__setattr__(self, "keep", tuple(self.keep))
 
     def region_of(self, size: tuple[int, int]) -> Region:
-        """The part of a picture of this size, (width, height). ValueError if the crop is not within it."""
+        """The part that is wanted of a picture of this size, (width, height) in pixels.
+
+        Raises ValueError if the crop is not four whole numbers, is empty, or is not within the picture.
+        """
         if self.crop is None:
             return (0, 0, *size)
         whole = isinstance(self.crop, Sequence) and [

@@ -1,4 +1,4 @@
-"""The world in camera space, in more than double precision: the eye is the origin, x right, y up, -z ahead."""
+"""The world in camera space, in more than double precision. The eye is the origin, x is right, y up and -z ahead."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from cltrace.scene import PARALLEL, Camera
 
 @dataclass(frozen=True)
 class Space:
-    """Spheres (n) and lights (m) in camera space, in scene units.
+    """n spheres and m lights in camera space, in scene units; of times_two_to(k), in units of 2^-k scene units.
 
-    center (n, 3) and position (m, 3): rotated, each coordinate rounded once; power (n,): |center|^2 - radius^2 of the
-    exact offset from the eye, rounded once, so that no rounding of centres enters it; power_rest (n,): what that cut
-    off; *_hi + *_lo: the exact offsets from the eye, along the world's axes.
+    center (n, 3) and position (m, 3): along the camera's axes, each coordinate rounded once; power (n,): |C|^2 - r^2
+    for the exact offset C of the centre from the eye, rounded once, so that no rounding of centres enters it;
+    power_rest (n,): what that rounding cut off; center_hi + center_lo (n, 3) and position_hi + position_lo (m, 3): the
+    exact offsets from the eye, along the world's axes.
     """
 
     center: Array
@@ -34,7 +35,7 @@ class Space:
 
     @classmethod
     def of(cls, camera: Camera, center: Array, radius: Array, lights: NDArray[np.void]) -> Space:
-        """center (n, 3), radius (n,), lights (m,): in the world."""
+        """center (n, 3), radius (n,) and lights (m,) are in the world, in scene units."""
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, None, eye, None)
         at_hi, at_lo = two_sum(lights["position"], -eye)
@@ -43,12 +44,12 @@ class Space:
         return cls(turned, radius, *square_excess(hi, lo, radius), hi, lo, place, at_hi, at_lo)
 
     def times_two_to(self, k: int) -> Space:
-        """All lengths times 2^k, which is exact: what float32 holds is within 2^-149 and 2^128."""
+        """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
         factor = {f.name: 2.0 ** (2 * k if f.name.startswith("power") else k) for f in fields(self)}
         return Space(**{name: getattr(self, name) * by for name, by in factor.items()})
 
     def exponent(self, lights: NDArray[np.void]) -> int:
-        """The k for which 2^k times the largest coordinate, or radius, is within [1/2, 1)."""
+        """The k for which 2^k times the largest coordinate or radius is in [1/2, 1)."""
         parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL])
         return -math.frexp(max(float(np.abs(part).max(initial=0)) for part in parts))[1]
 
@@ -57,7 +58,11 @@ class Space:
         return Seen(self.center, self.radius, self.power)
 
     def seen_from_light(self, k: int, basis: Array) -> tuple[Seen, Array]:
-        """The spheres as light k sees them, along the camera's axes, and the sign of its power, exact, (n,)."""
+        """The spheres as light k, at a point, sees them along the camera's axes; and (n,) the exact sign of its power.
+
+        basis: (3, 3), the camera's axes in the world. The sign is 1 where the light is outside of a sphere, 0 where it
+        is on it, -1 where it is inside.
+        """
         # From the light to the centre: the eye cancels, exactly.
         hi, lo = differences(self.center_hi, self.center_lo, self.position_hi[k], self.position_lo[k])
         power, _ = square_excess(hi, lo, self.radius)

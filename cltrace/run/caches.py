@@ -1,8 +1,8 @@
 """A folder for the kernel caches of PoCL and pyopencl, where the usual one cannot be written.
 
-PoCL hides its devices, and pyopencl fails, if they cannot create their caches: as in containers and on clusters with a
-read-only home. This is imported before pyopencl, which looks once. What is in these caches is run, so a folder is used
-only if nobody else can have filled it.
+PoCL hides its devices, and pyopencl fails, if they cannot create their caches, as in containers and on clusters with a
+read-only home. This module is imported before pyopencl, which looks only once. The programs in these caches are run, so
+a folder is used only if nobody else can have filled it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CACHES = ("pocl", "pyopencl", "pytools")
 def ensure() -> None:
     """Points XDG_CACHE_HOME to a temporary folder of this user if the usual cache folder cannot be used.
 
-    Where there is no such folder either, pyopencl is told to do without a cache. Nothing is raised.
+    Where there is no such folder either, pyopencl is told to do without a cache. Raises nothing.
     """
     chosen = os.environ.get("XDG_CACHE_HOME")
     if _usable(Path(chosen)) if chosen else _usual():
@@ -41,7 +41,7 @@ def _usual() -> bool:
 
 
 def _spare() -> Path | None:
-    """A folder of this user among the temporary ones. Others may have taken its name: then the next one is tried."""
+    """A folder of this user among the temporary ones, or None. If others have taken its name, the next one is tried."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     for suffix in ("", *(f"-{k}" for k in range(1, 10))):
         try:
@@ -56,7 +56,7 @@ def _spare() -> Path | None:
 
 
 def is_own(found: os.stat_result) -> bool:
-    """Whether this user owns a folder and not everybody may write there, as far as the system has users."""
+    """Whether this user owns a folder, and not everybody may write there. True on a system that has no users."""
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH)
 
 

@@ -22,9 +22,11 @@ from cltrace.run.program import Announcement, build, context_of
 
 
 @dataclass(frozen=True)
-class Shape:
-    """Of a packet width: the local size, one for all pictures, as PoCL compiles the kernel anew for each; the packets
-    that a work-item renders one after the other; a packet's columns and rows.
+class Packet:
+    """How packets of one width are rendered.
+
+    group: the local size in work-items, the same for all pictures, as PoCL compiles the kernel anew for each size; run:
+    packets that a work-item renders, one after the other; columns, rows: of a packet, in pixels.
     """
 
     group: tuple[int, int]
@@ -33,16 +35,21 @@ class Shape:
     rows: int
 
 
-WIDTHS = {1: Shape((16, 4), 1, 1, 1), **{w: Shape((1, 1), 8, 4, w // 4) for w in (4, 8, 16)}}
-# Pixels of one launch at most.
+WIDTHS = {1: Packet((16, 4), 1, 1, 1), **{w: Packet((1, 1), 8, 4, w // 4) for w in (4, 8, 16)}}
+# A launch has at most so many pixels.
 STRIP = 2**22
-# Seconds of one launch, about, at most, so that Ctrl-C is heard; rows of a first one, which may turn out to be slow.
+# A launch takes about so many seconds at most, so that Ctrl-C is heard. A first one, which may turn out to be slow, has
+# so many rows.
 PATIENCE, FIRST_ROWS = 0.25, 64
 
 
 @dataclass(eq=False)
 class Frame:
-    """Room for the outputs of one frame: whole packets. width, height: in pixels; arrays (height, width, channels)."""
+    """Room for the outputs of one frame, which are whole packets.
+
+    owner: the executor that made it; width, height: in pixels; arrays: on the host, by the outputs' names, (height,
+    width, channels) each; buffers: on the device. On a CPU a buffer is its array.
+    """
 
     owner: Executor
     width: int
@@ -52,14 +59,17 @@ class Frame:
 
 
 class Executor:
-    """A plan on a device. seconds: what build and upload took.
+    """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
-    width: pixels in a packet, a key of WIDTHS; before: an executor of a plan with which this one shares arrays, whose
-    buffers are then used again. Raises DeviceError, BuildError. One thread at a time.
+    plan: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
+    device, whose buffers are used again for the arrays that its plan shares with this one. seconds: what "build" and
+    "upload" took. For one thread at a time.
+
+    Raises BuildError if the kernel does not build, and DeviceError if the driver fails or has not enough memory.
     """
 
     def __init__(self, plan: Plan, device: Device, width: int, before: Executor | None = None) -> None:
-        self.plan, self.device, self.width, self.shape = plan, device, width, WIDTHS[width]
+        self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
         self._rows = FIRST_ROWS
         self._move_to(plan.region)
@@ -75,12 +85,12 @@ class Executor:
             }
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            # PoCL generates the code at the first launch: one that returns at once, with the same sizes.
+            # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
             self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait()
 
     def frame(self) -> Frame:
-        """Room for one frame."""
-        columns, rows = self.shape.columns, self.shape.rows
+        """Room for one frame. Its arrays hold nothing yet."""
+        columns, rows = self.packet.columns, self.packet.rows
         wide, high = (n + margin for n, margin in zip(self.region[2:], self._margin, strict=True))
         width, height = (-(-wide // columns) * columns, -(-high // rows) * rows)
         precision = self.plan.request.precision
@@ -101,7 +111,8 @@ class Executor:
     def draw(self, frame: Frame) -> None:
         """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
 
-        A strip that takes long makes the next one smaller, and else larger; the next frame begins with what was found.
+        A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
+        frame begins with the size that was found.
         """
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
@@ -118,7 +129,11 @@ class Executor:
                 self._rows *= 2
 
     def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
-        """The outputs as host arrays of exactly the region's size, (h, w) or (h, w, channels)."""
+        """The outputs by name, as host arrays of exactly the region's size, (h, w) or (h, w, channels).
+
+        The dtypes are those of abi.OUTPUTS, but depth is float64, in scene units. The arrays are views of the frame's,
+        which the next draw() of that frame writes over; the depth of single precision is a copy.
+        """
         out = {}
         for name, array in frame.arrays.items():
             if self.device.kind == "cpu":
@@ -138,7 +153,10 @@ class Executor:
         return out
 
     def work(self) -> dict[str, int]:
-        """How often a frame does what COUNTERS names: renders one more, in strips, with a kernel that counts."""
+        """How often a frame does what each text of COUNTERS says: renders it once more, with a kernel that counts.
+
+        It does so in strips, as the counters of all pixels at once might need too much memory.
+        """
         x, y, width, height = self.region
         counter = copy(self)
         counter.plan = self.plan.counting()
@@ -154,7 +172,7 @@ class Executor:
 
     @contextmanager
     def driver_errors(self) -> Iterator[None]:
-        """Turns what pyopencl raises into a DeviceError."""
+        """Turns what pyopencl raises into a DeviceError that names the device."""
         try:
             yield
         except cl.MemoryError as error:
@@ -169,9 +187,9 @@ class Executor:
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
     def _move_to(self, region: Region) -> None:
-        """Renders this part of the picture from now on."""
+        """Renders this part of the picture from now on: x, y, width, height in pixels."""
         self.region = region
-        # Packets keep to tiles of the whole picture.
+        # How many columns and rows of the tile in which the region begins are not in it. No packet may be in two tiles.
         self._margin = (region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"])
 
     def _buffer(self, array: NDArray[Any]) -> Any:
@@ -179,20 +197,20 @@ class Executor:
         return cl.Buffer(self._context, flags, hostbuf=np.ascontiguousarray(array))
 
     def _built(self) -> Any:
-        flags = (f"W={self.width}", f"RUN={self.shape.run}", *self.device.flags)
+        flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
         return build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
-        """Starts the kernel for some rows of a region, in the order of the table's arguments."""
-        packets = (-(-frame.width // (self.shape.run * self.shape.columns)), -(-rows // self.shape.rows))
-        grid = tuple(-(-n // g) * g for n, g in zip(packets, self.shape.group, strict=True))
+        """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
+        packets = (-(-frame.width // (self.packet.run * self.packet.columns)), -(-rows // self.packet.rows))
+        grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
         values = self.plan.values | {"region": region, "row": row, "pitch": frame.width}
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         arguments = (
             _value(a.type, values[a.name], self.plan) if a.kind == "value" else buffers[a.name] for a in ARGUMENTS
         )
-        return self._kernel(self._queue, grid, self.shape.group, *arguments)
+        return self._kernel(self._queue, grid, self.packet.group, *arguments)
 
 
 def _value(type_: str, value: Any, plan: Plan) -> Any:

@@ -1,4 +1,4 @@
-"""Kernel sources + options -> a program for one device."""
+"""Kernel sources and options -> a program for one device."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ log = logging.getLogger("cltrace")
 
 @cache
 def context_of(device: cl.Device) -> Any:
-    """The one context of a device: programs are shared by all pictures of a process."""
+    """The one context of a device, so that all pictures of a process share its programs."""
     return cl.Context([device])
 
 
 def kernel_folder() -> Traversable:
     """The folder of the kernel's files: of the package cltrace.kernels, or in a checkout kernels/ beside cltrace/.
 
-    An installed cltrace has the former. Python that is started in a checkout finds the checkout's cltrace before the
-    installed one, and there only the latter. Raises BuildError if neither is there.
+    An installed cltrace has the package. Python that is started in a checkout finds the checkout's cltrace first, even
+    if another one is installed, and a checkout has the folder only. Raises BuildError if neither is there.
     """
     try:
         return resources.files("cltrace.kernels")
@@ -62,7 +62,7 @@ def kernel_folder() -> Traversable:
 
 @cache
 def source(files: tuple[str, ...] = SOURCES) -> str:
-    """The kernel's files as one text. `#line` makes the compiler's messages name the file they are about."""
+    """The kernel's files as one text, with `#line`s, so that the compiler's messages name the file they are about."""
     folder = kernel_folder()
     texts = (abi.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
     return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
@@ -71,8 +71,9 @@ def source(files: tuple[str, ...] = SOURCES) -> str:
 def build(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Any:
     """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log.
 
-    Building takes most of the time of a small picture, even from the driver's cache: a program is kept for the next
-    one. A kernel holds its arguments, so each caller gets its own.
+    files: names of SOURCES, or of others in that folder. Building takes most of the time of a small picture, even from
+    the driver's cache, so programs are kept for the next picture. A kernel holds its arguments, so each caller gets its
+    own kernel.
     """
     try:
         return cl.Kernel(_program(device.cl, tuple(options), files), "render")

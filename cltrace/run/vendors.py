@@ -1,12 +1,12 @@
-"""Makes Intel's driver known where pip has installed it (the extra `intel`).
+"""Makes Intel's driver known to the OpenCL loader where pip has installed it (the extra `intel`).
 
 The OpenCL loader finds drivers by .icd files, each of which holds the path of a driver's library, in one folder of the
 system. Intel's wheels bring such a file, but pip puts it elsewhere, and the path in it is that of another machine. The
 loader reads one folder only, which OCL_ICD_VENDORS names (drivers from wheels beside pyopencl come on top): so a
 folder is made here that holds the system's .icd files and a right one for Intel's driver.
 
-Loading the library beforehand does not do: with its symbols shared, it takes the place of the loader and hides every
-other driver; without, the loader does not know it.
+It is not enough to load the library beforehand. With its symbols shared, it takes the place of the loader and hides
+every other driver; without, the loader does not know it.
 """
 
 from __future__ import annotations
@@ -50,8 +50,11 @@ def _icd_files(library: Path) -> dict[str, str]:
 
 
 def _folder(files: dict[str, str]) -> Path:
-    """A folder of the user's cache that holds these files. Its name depends on them: it is written once, by whoever
-    comes first, and no process changes what another one reads. What it names is run: it must be this user's own.
+    """A folder of the user's cache that holds these files, by name and text.
+
+    Its name depends on them, so it is written once, by whoever comes first, and no process changes what another one
+    reads. The libraries that it names are run, so it must be this user's own. Raises OSError if it is not, or cannot be
+    made.
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     key = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]

@@ -1,1 +1,1 @@
-"""Which surfaces a ray can meet at all: tiles of the picture and light buffers, both grids of cells with lists."""
+"""Which surfaces a ray can meet at all: tiles and light buffers, both of which are grids of cells with lists."""

@@ -1,7 +1,7 @@
 """Light buffers: the directions from a light in cells, each with the spheres that can stop a shadow ray there.
 
-A point light has the sides of a cube around it (Haines and Greenberg 1986), as far as there is anything to be seen
-there; a parallel light has the plane across it.
+A point light has a grid on each side of a cube around it, the direction cube (Haines and Greenberg 1986). A side on
+which nothing is to be seen has none. A parallel light has one grid, on the plane across it.
 """
 
 from __future__ import annotations
@@ -17,17 +17,19 @@ from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Ints, Mask, joined
 from cltrace.plan.exact import Array, blockwise, concurrently, rounded_down
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
-# What SLACK is for float32, for double.
+# The same as SLACK, for arithmetic in double.
 FINE_SLACK = 2.0**-44
-# A window at least so wide has no cell (see _on_window) below 2^-15, 32 times SLACK.
+# The cells of a window that is at least so wide are at least 2^-15 wide, 32 times SLACK: see _on_window().
 NARROW = 2.0**-4
-# The size of one in so many discs is enough to know that of most.
+# One in so many discs is looked at to know the size of most.
 SAMPLE = 16
 
 
 class Shadows(NamedTuple):
-    """Who takes part in shadows. occluder (n,): which spheres to enter; receiver (n,): of those, where shadow rays end;
-    slack: SLACK or FINE_SLACK, by what the kernel decides in.
+    """Who takes part in shadows.
+
+    occluder: (n,), the spheres that may stop light, which are the ones to enter; receiver: (n,), those of them on which
+    shadow rays may end; slack: SLACK if the kernel decides in float32, else FINE_SLACK.
     """
 
     occluder: Mask
@@ -36,7 +38,7 @@ class Shadows(NamedTuple):
 
 
 def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
-    """The grids of a light at a point, up to six. seen: from the light, along the camera's axes."""
+    """The grids of a light at a point, at most six. seen: from the light, along the camera's axes."""
     sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
     cube = _towards(seen.center)
 
@@ -47,12 +49,12 @@ def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
         r, distance = exact_r.astype(real), length(*f)
         near, far = nearest(distance, r, seen.power[block]), (distance + r) ** 2 * real(1 + 2.0**-10)
         size = [np.abs(axis) for axis in f]
-        # How far beyond the side of a pyramid a centre may be, whose sphere still reaches into it.
+        # How far beyond the face of a pyramid a centre may be if its sphere still reaches into the pyramid.
         reach = r * real(2**0.5 * (1 + SLACK)) + np.maximum(np.maximum(size[0], size[1]), size[2]) * real(SLACK)
         reach[~who.occluder[block]] = -np.inf
         found = []
         for axis, sign in sides:
-            # The side of the cube is the pyramid |c| <= d, |e| <= d.
+            # What is seen through a side of the cube is the pyramid |c| <= d, |e| <= d, with d along the side's axis.
             right, up = (axis + 1) % 3, (axis + 2) % 3
             i = np.flatnonzero(np.maximum(size[right], size[up]) <= (reach + f[axis] if sign > 0 else reach - f[axis]))
             d, radii = exact[axis][i] * sign, exact_r[i]
@@ -85,12 +87,15 @@ def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
 
 
 def _towards(offset: Array) -> Array:
-    """(3, 3): axes of which the last one points at the middle of points (n, 3), about, or away from it."""
+    """(3, 3): three axes at right angles. The last one points about at the middle of points (n, 3), or away from it.
+
+    So the discs of a distant group of spheres are in the middle of one side of the cube, not on an edge.
+    """
     some = offset[:: len(offset) // 4096 + 1]
     middle = some.min(axis=0) / 2 + some.max(axis=0) / 2
     if np.abs(middle).max() < 2.0**-20:
         return np.eye(3)
-    # Householder's reflection of the last axis onto that direction, which is orthogonal to the last digits.
+    # Householder's reflection of the last axis onto that direction: it keeps right angles to the last digits.
     ahead = middle / np.abs(middle).max()
     ahead /= np.sqrt((ahead * ahead).sum())
     v = ahead + np.array([0, 0, np.copysign(1, ahead[2])])
@@ -98,7 +103,10 @@ def _towards(offset: Array) -> Array:
 
 
 def parallel_buffer(axes: Array, seen: Seen, who: Shadows) -> list[CellGrid]:
-    """The grid of a parallel light, if there is any. axes: (3, 3), the two across and the one towards the light."""
+    """The grid of a parallel light; none if it can shadow nothing.
+
+    axes: (3, 3), the two across and the one towards the light; seen: from the eye.
+    """
 
     def look(block: slice) -> _Discs:
         i = np.flatnonzero(who.occluder[block])
@@ -115,11 +123,12 @@ def parallel_buffer(axes: Array, seen: Seen, who: Shadows) -> list[CellGrid]:
 
 @dataclass(frozen=True)
 class _Discs:
-    """Some spheres as seen on a grid.
+    """n spheres as discs in the plane of a grid.
 
-    member: their indices; edges: their left, right, low and high coordinates; near: a lower bound of the depth of
-    their nearest points; spans: the extreme ones of the edges of all of them, and of those where shadow rays end;
-    nearest, furthest: bounds of the depth of any point where shadow rays end.
+    member: (n,), their indices; edges: four of (n,), their left, right, low and high coordinates; near: (n,), a lower
+    bound of the depth of their nearest points; spans: two lists of the outermost left, right, low and high edge, first
+    of all discs, then of those where shadow rays end; nearest, furthest: bounds of the depth of all points where shadow
+    rays end.
     """
 
     member: Ints
@@ -131,7 +140,7 @@ class _Discs:
 
     @staticmethod
     def of(member: Ints, edges: list[Reals], near: NDArray[np.float32], far: Reals, receiver: Mask) -> _Discs:
-        """far: an upper bound of the depth of their furthest points; receiver: whether shadow rays end there."""
+        """far: (n,), upper bounds of the depth of their furthest points; receiver: (n,), where shadow rays end."""
         ends = np.flatnonzero(receiver)
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
         return _Discs(
@@ -140,12 +149,12 @@ class _Discs:
 
 
 def _extreme(k: int, edge: Reals) -> float:
-    """The outermost one of left, right, low or high edges."""
+    """The outermost one of left, right, low or high edges, by k = 0, 1, 2 or 3."""
     return float(edge.max(initial=-np.inf) if k % 2 else edge.min(initial=np.inf))
 
 
 class _Window(NamedTuple):
-    """What a grid shows: its middle and half of its sides, (2,) each; furthest: where the last shadow ray ends."""
+    """The rectangle of a grid. middle: (2,); half: (2,), half of its sides; furthest: depth where the last ray ends."""
 
     middle: Array
     half: Array
@@ -153,14 +162,16 @@ class _Window(NamedTuple):
 
 
 def _window(discs: list[_Discs], slack: float, perspective: bool) -> _Window | None:
-    """A window as large as the discs, and as those where shadow rays end, if there are any; the side of a cube ends at
-    +-1.
+    """The window that holds what is common to the extent of all discs and to that of those where shadow rays end.
+
+    On the side of a cube, it ends at +-1. None if there is nothing in common.
     """
     spans = np.array([part.spans for part in discs])
     (least, first), (most, last) = spans[:, :, ::2].min(axis=0), spans[:, :, 1::2].max(axis=0)
     if (first > last).any():
         return None
-    # Where a ray ends is known to 256 slack, at 2^-8 and more from a light; nearer to one it may be seen anywhere.
+    # The end of a ray that is 2^-8 or more from the light is seen from there where it is, but for 256 slack. Nearer to
+    # the light it may be seen anywhere. Of a light at a point, `nearest` is a squared distance.
     if not perspective or min(part.nearest for part in discs) > 2.0**-16:
         room = 256 * slack * (1 + np.maximum(np.abs(first), np.abs(last)))
         least, most = np.maximum(least, first - room), np.minimum(most, last + room)
@@ -174,17 +185,17 @@ def _window(discs: list[_Discs], slack: float, perspective: bool) -> _Window | N
 
 
 def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, coarse: bool | None) -> CellGrid:
-    """The grid of a window, with cells in its proportion. coarse: None for a parallel light."""
+    """The grid of a window, with cells that are about square. coarse: of CellGrid; None for a parallel light."""
     members = sum(len(part.member) for part in discs)
     low, sides = window.middle - window.half, 2 * window.half
-    # From 64 to a million spheres, in whatever layout, cells of 2 discs were within 5 % of the fastest. At most as
-    # many as discs, and never one only: that would do without the window.
+    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout. There are
+    # about as many cells as discs, at most; but two a side at least, as the kernel looks up no window of one cell.
     each = [part.edges[k + 1][::SAMPLE] - part.edges[k][::SAMPLE] for part in discs for k in (0, 2)]
     cell = max(2 * float(np.median(np.concatenate(each))), np.sqrt(sides[0] * sides[1] / max(2, members)))
     cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
 
     def place(part: _Discs) -> tuple[NDArray[Any], ...]:
-        # Whoever lies wholly beside the window is not met by any ray that has its number there.
+        # A sphere that is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
         within = part.near < window.furthest
         covers = np.empty((4, len(within)), np.int16)
         for k, (begin, end) in enumerate((part.edges[:2], part.edges[2:])):
@@ -192,7 +203,7 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
             begin, end = begin - loose, end + loose
             first, scale = float(low[k]), cells[k] / float(sides[k])
             within &= (end >= first) & (begin <= first + float(sides[k]))
-            # A 64th of a cell more: the kernel's float32 cell number may be off by that.
+            # A 64th of a cell more, as the kernel computes column and row in float32: they may be off by that.
             covers[k] = np.clip((begin - first) * scale - 1 / 64, 0, cells[k] - 1)
             covers[2 + k] = np.clip((end - first) * scale + 1 / 64, 0, cells[k] - 1)
             covers[2 + k] -= covers[k]

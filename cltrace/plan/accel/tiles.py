@@ -1,4 +1,4 @@
-"""Tiles: the picture in cells of 4x4 pixels, each with the spheres that its rays may meet, nearest first."""
+"""Tiles: the picture in cells of 4x4 pixels [TILE = 4], each with the spheres that its rays may meet, nearest first."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from cltrace.plan.exact import blockwise
 from cltrace.plan.request import Region
 from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes
 
-# Angles of a pixel below this are beyond what float32 can count in.
+# Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
 TINY = 2.0**-64
 SHIFT = CONSTANTS["TILE"].bit_length() - 1
 
 
 @dataclass(frozen=True)
 class Window:
-    """What of the image plane is to be drawn. step: a pixel's width and height at z = -1; size: pixels of the whole
-    picture; region: the part of it that is wanted.
+    """What of the image plane is to be drawn.
+
+    step: half of a pixel's width and height on the image plane z = -1; size: (width, height) of the whole picture in
+    pixels; region: the part of it that is wanted.
     """
 
     step: tuple[float, float]
@@ -33,7 +35,7 @@ class Window:
 def picture_tiles(seen: Seen, among: Mask, window: Window) -> CellGrid:
     """The picture's grid. seen: from the eye, in camera space; among: (n,), which spheres to enter.
 
-    Left out is what cannot be seen: spheres behind the eye, beside the region, or between the centres of its pixels.
+    Spheres that cannot be seen are left out: those behind the eye, beside the region, or between the centres of pixels.
     """
     step, size, (left_most, top_most, width, height) = window.step, window.size, window.region
     bounds = ((left_most, left_most + width), (top_most, top_most + height))
@@ -44,7 +46,7 @@ def picture_tiles(seen: Seen, among: Mask, window: Window) -> CellGrid:
         x, y, z = exact.astype(real)
         r, gap = exact_r.astype(real), ((exact[2] - exact_r) * (exact[2] + exact_r)).astype(real)
         covers = np.empty((4, len(r)), np.int16)
-        # Not z < r: the eye may be inside by less than a centre's rounding.
+        # More than z < r, as the eye may be inside by less than the rounding of the centre.
         visible = (exact[2] < exact_r * (1 + SLACK)) & among[block]
         left, right, top, bottom = slopes([x, -y], -z, r, gap)
         for k, (low, high) in enumerate(((left, right), (top, bottom))):

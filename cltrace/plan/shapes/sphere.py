@@ -19,8 +19,10 @@ U = 2.0**-24
 
 @dataclass(frozen=True)
 class Seen:
-    """Spheres as seen from a point: center (n, 3), from that point; radius (n,); power (n,): |center|^2 - radius^2
-    without the rounding of that difference.
+    """n spheres as seen from a point.
+
+    center: (n, 3), from that point to the centres; radius: (n,); power: (n,), |center|^2 - radius^2 of the exact
+    center, rounded once.
     """
 
     center: Array
@@ -29,7 +31,7 @@ class Seen:
 
 
 def filter_constant(seen: Seen) -> NDArray[np.float32]:
-    """c' of sphere_may_meet in kernels/shapes/sphere.cl, where it is derived. (n,)"""
+    """(n,): the c' of sphere_may_meet in kernels/shapes/sphere.cl, where it is derived."""
     c = seen.power
     wide = CONSTANTS["FILTER_ROUNDINGS"] * U * (squared_length(seen.center) + np.abs(c))
     bound = c - wide - 2.0**-100
@@ -37,20 +39,21 @@ def filter_constant(seen: Seen) -> NDArray[np.float32]:
 
 
 def disc_filter(u: Array, v: Array, radius: Array) -> NDArray[np.float32]:
-    """r'^2 of filter_leaves in kernels/find/stopped.cl, where it is derived, for spheres at (u, v) across a parallel
-    light. (n,)
+    """(n,): the r'^2 of filter_leaves in kernels/find/stopped.cl, where it is derived.
+
+    u, v, radius: (n,), the coordinates of the centres across a parallel light, and the radii.
     """
     reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
     return rounded_up(reach * reach)
 
 
 def slopes(across: list[Reals], d: Reals, r: Reals, gap: Reals) -> list[Reals]:
-    """The tangents, from the origin, at circles with centre (c, d) and radius r, for each c of `across`: lowest and
-    highest c/d, one after the other.
+    """The slopes c/d of the two tangents from the origin to circles with centre (c, d) and radius r.
 
-    gap: d^2 - r^2. The tangents exist where the circle is clear of the line d = 0; else the answer is all numbers. With
-    each argument rounded once, both are right to 8 roundings of the larger one, which is |middle| + half: neither of
-    those has more. Where squares are about to vanish there is no answer either.
+    Returns, for each c of `across`, first the lower slopes (n,), then the higher ones. across: arrays (n,); gap: (n,),
+    d^2 - r^2. Where a circle is not clear of the line d = 0, it has no such tangents, and the answer is -inf and inf,
+    as it is where squares are about to underflow. If each argument is rounded once, both slopes are right to 8
+    roundings of the larger one, |middle| + half, as neither of these takes more.
     """
     clear = (d > 0) & (gap >= d * d * (1 / 16)) & (gap > 2.0**-100)
     over = 1 / np.where(clear, gap, 1)
@@ -66,15 +69,16 @@ def slopes(across: list[Reals], d: Reals, r: Reals, gap: Reals) -> list[Reals]:
 
 
 def length(x: Reals, y: Reals, z: Reals) -> Reals:
-    """|(x, y, z)|, (n,), to 2^-22 of it in float32; too much of less than 2^-60, where squares vanish."""
+    """(n,): |(x, y, z)|, in float32 right to 2^-22 of it. Below 2^-60, where squares underflow, it is too large."""
     return np.asarray(np.sqrt(x * x + y * y + z * z + x.dtype.type(2.0**-120)))
 
 
 def nearest(distance: Reals, r: Reals, power: Array) -> NDArray[np.float32]:
-    """A lower bound of the squared distance of each sphere's nearest point, (n,); -1 from inside, or all but.
+    """(n,): a lower bound of the squared distance of each sphere's nearest point; -1 from inside, or all but.
 
-    distance, r: of length() and the radius, (n,); power: of Seen.
+    distance: (n,), of length(); r, power: (n,), of Seen.
     """
-    # The gap is right to 6 units of 2^-24, and its square to 14; those of the kernel's lengths are right to 5.
+    # Relative errors, in units of 2^-24: the gap is right to 6, its square to 14, and the kernel's squared lengths are
+    # right to 5.
     gap = power.astype(np.float32) / (distance + r)
     return np.where(gap > 2.0**-50, gap * gap * (1 - 2.0**-19), -1).astype(np.float32)
