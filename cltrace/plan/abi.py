@@ -125,7 +125,7 @@ ARGUMENTS = (
         "Spheres",
         ("center_radius", "real4", "centre in camera space, radius"),
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
-        ("world", "real4", "xyz: centre in the world, as the scene has it; w: what was cut off of power. Not in single"),
+        ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
         ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
     ),
     *_buffers(
