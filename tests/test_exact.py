@@ -69,6 +69,21 @@ def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
             assert abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
 
 
+@pytest.mark.parametrize("name", [name for name, _ in EDGES])
+def test_edges_to_the_bit(device: Device, width: int, name: str) -> None:
+    """The same distances as the reference's, whose discriminants are exact where they are in doubt."""
+    for seed in range(2):
+        scene = dict(EDGES)[name](seed, size=(33, 5) if seed % 2 == 0 else (5, 33))
+        image = cltrace.Renderer(scene, device, "accurate", ("id", "depth"), width=width).render()
+        world = world_of(scene)
+        assert image.id is not None
+        assert image.depth is not None
+        for y, x in np.ndindex(image.id.shape):
+            _, at = trace(world, primary_ray(scene.camera, x, y))
+            assert image.id[y, x] == (at.index if at else -1)
+            assert image.depth[y, x] == (at.distance if at else np.inf)
+
+
 def far_and_small(seed: int) -> Scene:
     """A turned camera, one pixel of which looks at a sphere that is 1e13 to 1e30 times as far away as it is large.
 

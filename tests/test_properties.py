@@ -150,7 +150,27 @@ def test_powers_are_rounded_once(spheres: list[tuple[float, float, float, float]
         exact -= Fraction(row[3]) ** 2
         assert (got > 0) - (got < 0) == (exact > 0) - (exact < 0)
         assert abs(Fraction(got) - exact) <= abs(exact) * Fraction(1, 2**52)
-        assert abs(Fraction(got) + Fraction(more) - exact) <= abs(exact) * Fraction(1, 2**100)
+        assert abs(Fraction(got) + Fraction(more) - exact) <= abs(exact) * Fraction(1, 2**99)
+
+
+def test_powers_that_cancel_need_no_rational_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many spheres through a point, or past it by an ulp, as it happens where all pass through the origin."""
+    monkeypatch.setattr(cltrace.plan.exact, "Fraction", None)
+    rng = np.random.default_rng(0)
+    # In decimals, a vector is as long as the radius but for an ulp; the point adds a hi and a lo.
+    spheres = np.array([(3, 4, 0, 5), (1, 2, 2, 3), (2, 3, 6, 7), (4, 4, 7, 9)])[rng.integers(4, size=500)] * 0.1
+    point, r = rng.normal(size=3), spheres[:, 3]
+    hi, lo = two_sum(spheres[:, :3] + point, -point)
+    c, rest = square_excess(hi, lo, r)
+    for i in range(500):
+        exact = sum((Fraction(x) + Fraction(y)) ** 2 for x, y in zip(hi[i].tolist(), lo[i].tolist(), strict=True))
+        exact -= Fraction(float(r[i])) ** 2
+        assert c[i] == float(exact)
+        assert abs(Fraction(float(c[i])) + Fraction(float(rest[i])) - exact) <= abs(exact) * Fraction(1, 2**99)
+    whole = np.array([(3.0, 4.0, 0.0, 5.0), (1.0, 2.0, 2.0, 3.0), (2.0, 3.0, 6.0, 7.0)]) * 2.0**-30
+    c, rest = square_excess(whole[:, :3], 0 * whole[:, :3], whole[:, 3])
+    assert not c.any()
+    assert not rest.any()
 
 
 @PLAIN

@@ -300,11 +300,56 @@ def touching(name: str, seed: int, size: Size = SIZE) -> Scene:
     return _colored(camera, [centers[i] for i in order], [radii[i] for i in order])
 
 
+def crossing(name: str, seed: int, size: Size = SIZE, count: int = 6) -> Scene:
+    """Spheres of different sizes and places through one point on the ray of a pixel, count times.
+
+    The first group, which is the farthest, has two that are around the eye, too.
+    """
+    rng, camera, d, across = _edges(name, seed, size)
+    centers, radii = [], []
+    # Pythagoras again: from the point to the centre it is 5. The third coordinate leads on, away from the eye.
+    to = np.array([(0, 3, -4), (0, -3, -4), (0, 4, -3), (3, 0, -4), (-3, 0, -4), (0, 0, -5)])
+    for group in range(count):
+        m = 8.0 if group == 0 else 2.0 ** rng.integers(-2, 2)
+        point = d[rng.integers(0, len(d))] * m
+        shifts = [v * 2.0 ** -rng.integers(5, 8) * m for v in to[rng.permutation(6)[:4]]]
+        if group == 0:
+            shifts += [np.array([0, 0, 5]) * 4 * m, np.array([0, 3, 4]) * 4 * m]
+        for shift in shifts:
+            if across == 0:
+                shift[[0, 1]] = shift[[1, 0]]
+            center = point + shift
+            # The sum must be exact, or the sphere would not go through that point.
+            if (center - point == shift).all() and (center - shift == point).all():
+                centers.append(center)
+                radii.append(float(np.abs(shift).max() if (shift != 0).sum() == 1 else math.hypot(*shift)))
+    order = rng.permutation(len(radii))
+    return _colored(camera, [centers[i] for i in order], [radii[i] for i in order])
+
+
+def horizon(name: str, seed: int, size: Size = SIZE) -> Scene:
+    """Two globes, above and below the eye and so near that their horizons all but are the middle row, or column.
+
+    They reach beyond it by 2^-50 to 2^-46 of their radius, and touch it 2^-20 to 2^-10 radii away.
+    """
+    rng, camera, d, across = _edges(name, seed, size)
+    centers, radii = [], []
+    for side in (-1, 1):
+        center = d[rng.integers(0, len(d))].copy()
+        height = 2 ** rng.uniform(10, 20)
+        center[across] = side * height
+        centers.append(center)
+        radii.append(height * (1 + 2.0 ** -rng.integers(46, 51)))
+    return _colored(camera, centers, radii)
+
+
 EDGES: list[tuple[str, Regime]] = [
     _regime(tangents, "tangents", (-3, 4)),
     _regime(tangents, "tangents 1e-30..1e30", (-100, 100)),
     _regime(ties, "ties", None),
     _regime(ties, "ties, but for 2^-50..2^-100", (-50, -25)),
+    _regime(crossing, "crossing"),
     _regime(mixed, "mixed 1e-30..1e30"),
     _regime(touching, "touching"),
+    _regime(horizon, "horizon"),
 ]
