@@ -209,6 +209,14 @@ except program.BuildError as error:
 """
 
 
+def test_a_script_beside_the_checkout(tmp_path: Path) -> None:
+    """Where a folder named cltrace is beside a script, as a clone is, it must not be taken for an empty package."""
+    (tmp_path / "cltrace").mkdir()
+    script = "import cltrace; print(cltrace.__version__)"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.stdout.strip(), done.stderr) == (cltrace.__version__, "")
+
+
 def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
     """Installed, not editable: the checkout's cltrace comes first, and in it there is no cltrace.kernels."""
     root = Path(__file__).parents[1]
