@@ -17,18 +17,26 @@ from cltrace.scene import Camera, Scene
 
 
 def default_precision(device: Device) -> Precision:
-    """accurate where the device has doubles, else single."""
+    """What a device renders in if nothing else is asked for: accurate if it has double precision, else single."""
     return "accurate" if device.has_double else "single"
 
 
 class Renderer:
     """A scene on a device: program and buffers are kept, so that each render() costs only the kernel and the readback.
 
-    device: None, a SPEC as on the command line, or a Device; precision: accurate, single, double or None for the
-    device's default; outputs: any of rgb8, color, normal, direction, depth, id, shadow_rays, work; crop: (x0, y0, x1,
-    y1), exactly those pixels of the full picture, x1 and y1 excluded; truncate: bytes are trunc(255 c) instead of
-    rounded; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for
-    measuring. One thread at a time: a second one waits. Raises DeviceError, BuildError, ValueError.
+    scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
+    as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
+    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, shadow_rays and work, which
+    Image describes; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all
+    of it; truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in
+    a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for measuring, see Request.
+
+    It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
+    "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
+
+    Raises TypeError if scene is not a Scene or device is of another type, ValueError for any other argument that is not
+    allowed, DeviceError if there is no such device, if it lacks double precision that is asked for, if its driver fails
+    or has not enough memory, or in a forked process, and BuildError if the kernel does not build.
     """
 
     def __init__(
@@ -62,9 +70,10 @@ class Renderer:
     def look(self, camera: Camera) -> Renderer:
         """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
 
-        It keeps what no camera changes: the program, the order of the spheres and their materials, also on the device.
-        What float32 and double can hold of a place depends on the eye, and so do the lists: those are made again.
-        Raises DeviceError, BuildError, ValueError if the crop is not within its picture.
+        What no camera changes is kept, also on the device: the program, the order of the spheres and their materials.
+        What depends on the eye is made again: coordinates, which are rounded from there, and the lists. Raises
+        TypeError if camera is not a Camera, ValueError if the crop is not within its picture, and DeviceError and
+        BuildError as Renderer does.
         """
         check_process()
         other = copy(self)
@@ -72,7 +81,7 @@ class Renderer:
         return other
 
     def _look(self, scene: Scene, start: float, before: Executor | None) -> None:
-        """start: when the work began, for the statistics."""
+        """Makes plan and executor for a scene. start: time.perf_counter() when the work began; before: see Executor."""
         self.scene = scene
         view = View.of(self._world, scene.camera, self.request)
         self.plan = Plan.of(self._world, view, self.request)
@@ -84,23 +93,24 @@ class Renderer:
 
     @property
     def precision(self) -> Precision:
-        """accurate, single or double."""
+        """The precision that is used: accurate, single or double."""
         return self.request.precision
 
     @property
     def region(self) -> Region:
-        """The part of the picture that is rendered: x, y, width, height."""
+        """The part of the picture that is rendered: (x, y, width, height) in pixels of the whole picture."""
         return self.plan.region
 
     @property
     def skipped(self) -> dict[str, int]:
-        """What this scene did not need, and how often."""
+        """What this scene did not need, in words, and how often."""
         return self.plan.skipped
 
     def render(self, out: Image | None = None) -> Image:
-        """One frame. With `out`, an Image of an earlier render() of this Renderer, its arrays are written over.
+        """One frame, as an Image whose arrays have the region's height and width.
 
-        Raises ValueError if `out` is none of those, DeviceError if the driver fails or in a forked process.
+        out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones.
+        Raises ValueError if `out` is no such image, and DeviceError if the driver fails or in a forked process.
         """
         check_process()
         executor = self._executor
@@ -117,7 +127,10 @@ class Renderer:
         return Image(**arrays, seconds=seconds, frame=frame)
 
     def work(self) -> dict[str, int]:
-        """How often a frame does what abi.COUNTERS names: renders one more with a kernel that counts."""
+        """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
+
+        The keys are the texts of abi.COUNTERS. Raises DeviceError and BuildError as Renderer does.
+        """
         check_process()
         with self._lock, self._executor.driver_errors():
             return self._executor.work()
@@ -131,5 +144,5 @@ def render(
     crop: Crop | None = None,
     truncate: bool = False,
 ) -> Image:
-    """One picture of a scene; see Renderer for the arguments."""
+    """One picture of a scene. The arguments and what is raised are those of Renderer, which is for several pictures."""
     return Renderer(scene, device, precision, outputs, crop, truncate).render()

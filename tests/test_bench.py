@@ -155,8 +155,8 @@ def test_measuring(any_device: Device, long: bool) -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
     rows: list[measure.Row] = []
     every = measure.configurations(any_device, ("accurate", "single", "double"), quick=not long)
-    plan = measure.Plan(rounds=2, seconds=1e9, sample=60)
-    measure.measure(case, every, tracers.Product(any_device, "double"), plan, rows, lambda text: None)
+    budget = measure.Budget(rounds=2, seconds=1e9, sample=60)
+    measure.measure(case, every, tracers.Product(any_device, "double"), budget, rows, lambda text: None)
     assert [row.name for row in rows] == [t.name for t in every]
     for row in rows:
         assert not row.note

@@ -1,7 +1,7 @@
 """What stress cases are made of: cameras whose rays are known exactly, and spheres aimed at their pixels.
 
-A camera here looks along a coordinate axis with up along another one: its basis holds 0, 1 and -1 only, so the world is
-camera space without a rounding, and the exact oracle can say what every pixel must be.
+A camera here looks along a coordinate axis, with up along another one. Its basis holds 0, 1 and -1 only, so turning the
+world into camera space rounds nothing, and the exact oracle can say what every pixel must be.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ AXES = (AHEAD, BACK, LEFT, RIGHT, DOWN, UP)
 def looking(
     eye: Sequence[float] = (0, 0, 0), tan: float = 1.0, size: tuple[int, int] = (32, 24), axis: Sequence[int] = AHEAD
 ) -> Camera:
-    """A camera along an axis; tan: half of the longer side of its image plane at distance 1."""
+    """A camera that looks along an axis. tan: half of the longer side of its image plane at distance 1."""
     (x, y, z), (u, v, w) = map(float, eye), (a * max(1.0, abs(e)) for e, a in zip(eye, axis, strict=True))
     camera = Camera(
         position=(x, y, z),
@@ -49,25 +49,28 @@ def frame(amount: int, pixels: int = 800) -> tuple[int, int]:
 
 
 def balls(camera: Camera, spheres: Iterable[Ball], lights: Iterable[np.ndarray] = (), **material: ArrayLike) -> Scene:
-    """A scene of (center, radius)."""
+    """A scene of spheres that are given as (center, radius)."""
     centers, radii = zip(*spheres, strict=True)
     material.setdefault("ka", 0.1)
     return Scene.from_spheres(camera, lights, np.array(centers, float), np.array(radii, float), **material)  # type: ignore[arg-type]
 
 
 def lit(camera: Camera, spheres: Iterable[Ball], point: Sequence[float], travels: Sequence[float]) -> Scene:
-    """White dull spheres without ambient light: red is what the point light adds, green what the parallel one does."""
+    """White spheres without highlights, in a red point light at `point` and a green parallel one along `travels`."""
     lights = [point_light(point, (1, 0, 0)), parallel_light(travels, (0, 1, 0))]
     return balls(camera, spheres, lights, ka=0, kd=1, ks=0)
 
 
 def directions(camera: Camera) -> Floats:
-    """Every pixel's ray in the world, exactly: (n, 3)."""
+    """(n, 3): the direction of every pixel's ray in the world, without a rounding."""
     return np.asarray(rays(camera) @ np.array(camera.basis()))
 
 
 def aimed(camera: Camera, distance: ArrayLike, radius: ArrayLike, near: Floats, rng: np.random.Generator) -> list[Ball]:
-    """Spheres this far from the eye (the origin), each passed by the ray of some pixel at radius (1 + near)."""
+    """n spheres at these distances from the eye, which is the origin, for `near` (n,).
+
+    The ray of some pixel passes each one at radius (1 + near) from its centre.
+    """
     d = directions(camera)[rng.integers(0, camera.resolution[0] * camera.resolution[1], len(near))]
     d /= np.linalg.norm(d, axis=1)[:, None]
     side = np.cross(d, rng.normal(size=d.shape))
@@ -78,7 +81,7 @@ def aimed(camera: Camera, distance: ArrayLike, radius: ArrayLike, near: Floats, 
 
 
 def limbs(low: int, high: int, count: int, rng: np.random.Generator) -> Floats:
-    """+/-2^-k, each k of low..high equally often."""
+    """(count,): numbers +/-2^-k, with each k of low..high about equally often."""
     near: Floats = np.resize(2.0 ** -np.arange(low, high + 1), count) * rng.choice([-1, 1], count)
     return near
 
@@ -92,14 +95,14 @@ def ulp32(x: float, steps: int = 1) -> float:
 
 
 def unit(rng: np.random.Generator, n: int | None = None) -> Floats:
-    """A direction of length 1, (3,), or n of them, (n, 3)."""
+    """A random unit vector, (3,), or n of them, (n, 3)."""
     v = rng.normal(size=3 if n is None else (n, 3))
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 @functools.cache
 def between_doubles(seed: int) -> tuple[float, ...]:
-    """A point strictly between the spheres of radius 1 and 1 + 2^-52, near (0, 0, 1): |p|^2 by exact arithmetic."""
+    """A point p near (0, 0, 1), strictly between the spheres of radius 1 and 1 + 2^-52. |p|^2 is computed exactly."""
     rng = np.random.default_rng(seed)
     while True:
         w = unit(rng) * (0.1, 0.1, 1)
@@ -111,9 +114,9 @@ def between_doubles(seed: int) -> tuple[float, ...]:
 
 @functools.cache
 def everything(offset: tuple[float, ...] = (0, 0, 0), factor: float = 1, order: tuple[int, ...] = ()) -> Scene:
-    """Ground, overlapping spheres and all kinds of light, seen aslant, all on a grid of 2^-20.
+    """Ground, overlapping spheres and all kinds of light, seen aslant. Coordinates are multiples of 2^-20.
 
-    Moved by `offset`, then times `factor`, with the spheres in this order.
+    All of it is moved by `offset`, then scaled by `factor`. order: the spheres that there are, by index; () for all.
     """
     rng = np.random.default_rng(5)
 

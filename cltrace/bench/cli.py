@@ -26,12 +26,12 @@ from cltrace.renderer import default_precision
 from cltrace.run.devices import Device, choose, devices
 
 from . import report
-from .measure import Plan, Row, configurations, measure
+from .measure import Budget, Row, configurations, measure
 from .scenes import GIVEN, Case, Size, few, generated, growing
 from .tracers import Baseline, Embree, Product, Tracer, peers
 
 SIZE, QUICK_SIZE = (960, 540), (320, 180)
-FULL, QUICK = Plan(), Plan(rounds=3, seconds=1, sample=100)
+FULL, QUICK = Budget(), Budget(rounds=3, seconds=1, sample=100)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -101,7 +101,7 @@ class Bench:
     growth: list[Case]
     devices: list[Device]
     precisions: list[Precision] | None
-    plan: Plan
+    budget: Budget
     quick: bool
     rows: list[Row] = field(default_factory=list)
 
@@ -131,16 +131,16 @@ class Bench:
         for case in self.cases:
             progress.step(f"{case.group}: {case.name}")
             first = len(self.rows)
-            measure(case, tracers, reference, self.plan, self.rows, progress.say)
+            measure(case, tracers, reference, self.budget, self.rows, progress.say)
             progress.clear()
             print(report.scene_table(self.rows[first:]), end="\n\n", flush=True)
-        plan = replace(self.plan, errors=False)
-        if math.isfinite(plan.seconds):  # else so many rounds were asked for
-            plan = replace(plan, rounds=3, seconds=3)
+        budget = replace(self.budget, errors=False)
+        if math.isfinite(budget.seconds):  # else so many rounds were asked for
+            budget = replace(budget, rounds=3, seconds=3)
         few_tracers = [t for t in tracers if _grows(t)]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
-            measure(case, few_tracers, None, plan, self.rows, progress.say)
+            measure(case, few_tracers, None, budget, self.rows, progress.say)
         progress.clear()
 
 
@@ -169,16 +169,16 @@ def _run(args: argparse.Namespace) -> int:
     folder = _folder(args.output)
 
     size = args.size or (QUICK_SIZE if args.quick else SIZE)
-    plan = QUICK if args.quick else FULL
+    budget = QUICK if args.quick else FULL
     if args.rounds:
         # All of them, whatever they take.
-        plan = replace(plan, rounds=args.rounds, seconds=math.inf)
+        budget = replace(budget, rounds=args.rounds, seconds=math.inf)
     bench = Bench(
         cases=_given(args.scenes, args.size) if args.scenes else (few if args.quick else generated)(size),
         growth=[] if args.scenes or args.quick else growing(),
         devices=chosen,
         precisions=args.precision,
-        plan=plan,
+        budget=budget,
         quick=args.quick,
     )
     bench.tracers([])  # finds what cannot be before the work

@@ -24,15 +24,17 @@ from .truth import Answer, answer
 ENOUGH = 0.05
 MOST_FRAMES = 5
 
-# The exact sample: so many pixels, but fewer where there are so many spheres that the search for those near a pixel's
-# rays takes long.
+# So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
+# long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least.
 SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 500, 100, 50_000_000
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How much to measure. rounds: the most; seconds: after which a scene gets no further round, once it has had two;
-    errors: whether to look for them; sample: pixels that are checked exactly.
+class Budget:
+    """How much to measure.
+
+    rounds: how often each tracer is timed on a scene, at most; seconds: after which a scene gets no further round, once
+    it has had two; errors: whether to look for errors, too; sample: how many pixels are checked exactly.
     """
 
     rounds: int = 5
@@ -45,10 +47,11 @@ class Plan:
 class Row:
     """What was measured of one tracer on one scene.
 
-    kernel, whole: seconds, as of tracers.Run, of all frames and rounds; picture: errors of the whole picture against
-    cltrace's double precision; sample: errors of some pixels against exact arithmetic; differ, off: shares of the
-    picture's pixels of which a byte differs from that of double precision at all, and by more than a level; keep: what
-    cltrace did not skip; work: of tracers.Run; note: why something is missing.
+    name, variant, device: of the tracer; keep: what cltrace did not skip; kernel: seconds of each frame of all rounds;
+    whole: seconds of each round, as of tracers.Run; picture: errors of the whole picture against cltrace's double
+    precision; sample: errors of some pixels against exact arithmetic; differ: share of the picture's pixels of which a
+    byte differs from that of double precision; off: the same, by more than a level; work: of tracers.Run; note: why
+    something is missing.
     """
 
     case: Case
@@ -76,8 +79,9 @@ class Row:
 
     @property
     def errors(self) -> Errors | None:
-        """Of the whole picture, but with the largest errors of the sample where they are larger, as those of an exact
-        normal are; of the sample alone, where the picture is what others are held against.
+        """The errors of the whole picture, or those of the sample if the picture is what others are held against.
+
+        The largest errors are those of the sample where they are larger, as those of an exact normal are.
         """
         if not self.picture or not self.sample:
             return self.picture or self.sample
@@ -88,9 +92,10 @@ class Row:
 
 
 def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
-    """What is measured on a device: each precision with and without acceleration and skipping, and the textbook.
+    """The tracers to measure on a device: each precision with and without acceleration and skipping, and the textbook.
 
-    The first of the precisions is also measured with each single piece of work that is otherwise skipped.
+    The first of the precisions is also measured with each single piece of work that is otherwise skipped. quick: only
+    with and without acceleration.
     """
     out: list[Tracer] = []
     for precision in precisions:
@@ -107,13 +112,15 @@ def measure(
     case: Case,
     tracers: Sequence[Tracer],
     reference: Product | None,
-    plan: Plan,
+    budget: Budget,
     rows: list[Row],
     say: Callable[[str], None],
 ) -> None:
-    """Adds a row for each tracer, and fills them as it goes: whoever is interrupted keeps what there is.
+    """Measures all tracers on one scene, in turn, round by round.
 
-    reference: what whole pictures are held against, in double precision; None: nothing can be that here.
+    Adds a row for each tracer to `rows`, and fills them as it goes: after an interruption they hold what there is.
+    reference: what whole pictures are held against, in double precision, None if no device has that; say: is told what
+    happens, for a user who waits.
     """
     mine = [Row(case, t.name, t.variant, t.device, t.keep if isinstance(t, Product) else ()) for t in tracers]
     rows += mine
@@ -136,13 +143,13 @@ def measure(
             continue
         frames[id(tracer)] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(run.kernel, default=1)))))
         pictures[id(tracer)], row.work = run.rgb8, run.work
-    if plan.errors:
-        _errors(case, live, pictures, reference, plan, say)
+    if budget.errors:
+        _errors(case, live, pictures, reference, budget, say)
 
     start = time.perf_counter()
-    for number in range(plan.rounds):
+    for number in range(budget.rounds):
         for tracer, row in list(live):
-            say(f"{row.label}: round {number + 1} of {plan.rounds}")
+            say(f"{row.label}: round {number + 1} of {budget.rounds}")
             try:
                 run = tracer.run(case.scene, frames[id(tracer)])
             except PeerError as error:
@@ -151,7 +158,7 @@ def measure(
                 continue
             row.kernel += run.kernel
             row.whole.append(run.whole)
-        if number and time.perf_counter() - start > plan.seconds:
+        if number and time.perf_counter() - start > budget.seconds:
             break
 
 
@@ -160,10 +167,10 @@ def _errors(
     live: list[tuple[Tracer, Row]],
     pictures: dict[int, np.ndarray],
     reference: Product | None,
-    plan: Plan,
+    budget: Budget,
     say: Callable[[str], None],
 ) -> None:
-    """Fills the errors of all rows. What is skipped changes no byte, so one picture of each mode is enough."""
+    """Fills in the errors of all rows. No byte depends on what is skipped, so one picture of each mode is enough."""
     answers: dict[object, Answer] = {}
     true = None
     if reference:
@@ -182,7 +189,7 @@ def _errors(
         if checked is None and mode in answers:
             say("exact arithmetic, on a sample")
             width, height = case.scene.camera.resolution
-            count = min(plan.sample, max(LEAST_SAMPLE, SAMPLE_TESTS // max(1, len(case.scene.spheres))))
+            count = min(budget.sample, max(LEAST_SAMPLE, SAMPLE_TESTS // max(1, len(case.scene.spheres))))
             chosen_by = true or answers[mode]
             pixels = sample(chosen_by.id.reshape(height, width), count)
             checked = answer(case.scene, pixels)
@@ -204,5 +211,5 @@ def _errors(
 
 
 def median(values: list[float]) -> float:
-    """NaN of nothing."""
+    """The median, NaN of nothing."""
     return statistics.median(values) if values else math.nan

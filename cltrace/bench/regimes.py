@@ -8,9 +8,9 @@ EDGES is a list of the same kind, of scenes in which many rays meet a decision e
 at one point. Their numbers are doubles, and both sides of their pictures are odd: the directions (x, 0, -1) of the
 middle row, or (0, y, -1) of the middle column, are the rays for which that can be arranged.
 
-Most pictures are zoomed in on limbs: with "spread" w, the rays of the picture pass a sphere of radius r at r (1 +/- w)
-from its centre. w is drawn down to where the regime still is one, so a good share of all rays is close to the decision,
-and where spheres overlap they are about equally far.
+Most pictures are zoomed in on limbs. With a "spread" of w, the rays of the picture pass a sphere of radius r between
+r (1 - w) and r (1 + w) from its centre. w is drawn at random, and so small that a good share of all rays is close to
+the decision. Where spheres overlap, they are about equally far.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ SIZE = (160, 120)
 
 
 def rays(camera: Camera) -> Floats:
-    """The direction of every pixel, (n, 3), row by row from the top: what kernel and reference use, bit for bit."""
+    """(n, 3): the direction of every pixel's ray in camera space, row by row from the top.
+
+    Kernel and reference use the same numbers, bit for bit.
+    """
     (width, height), (tan_x, tan_y) = camera.resolution, camera.image_plane()
     i, j = np.arange(width), np.arange(height)
     out = np.empty((height, width, 3))
@@ -49,7 +52,7 @@ def camera_space(scene: Scene) -> tuple[Floats, Floats, Floats]:
 
 
 def _camera(eye: Sequence[float], tan: float, size: Size) -> Camera:
-    """tan: half of the longer side of the image plane."""
+    """A camera at float32 coordinates. tan: half of the longer side of its image plane at distance 1."""
     x, y, z = (float(np.float32(v)) for v in eye)
     return Camera(
         position=(x, y, z),
@@ -61,7 +64,7 @@ def _camera(eye: Sequence[float], tan: float, size: Size) -> Camera:
 
 
 def _scene(camera: Camera, centers: NDArray[np.floating], radii: ArrayLike) -> Scene:
-    """The spheres rounded to float32, each of its own colour, so that pictures tell them apart."""
+    """A scene of spheres, rounded to float32, each of its own colour, so that pictures tell them apart."""
     r32 = np.asarray(radii, np.float32).astype(float)
     c32 = np.asarray(centers, np.float32).astype(float)
     colors = np.linspace(0.1, 1, len(r32))[:, None] * [1.0, 0.5, 0.25]
@@ -94,18 +97,19 @@ def limbs(
 ) -> Scene:
     """Spheres of about this radius at about this distance whose limbs all pass close to the middle of the picture.
 
-    spread: log2 of the least and the greatest w, see above; offset: the magnitude of the eye's coordinates.
+    spread: log2 of the least and the greatest w, see the module's first lines; offset: the magnitude of the eye's
+    coordinates; count: how many spheres.
     """
     rng = _seeded(name, seed)
     w = _log2(rng, *spread)
     eye = np.float32(offset * rng.uniform(0.5, 1, 3) * rng.choice([-1, 1], 3)).astype(float)
-    # s is a multiple of what float32 resolves at the eye (or has 20 bits), so that eye + 5 s is exact.
+    # s, a fifth of a radius, is a multiple of what float32 resolves at the eye, or has 20 bits, so eye + 5 s is exact.
     grid = max(float(np.spacing(np.float32(offset))) if offset else 0, 2.0 ** (math.floor(math.log2(radius / 5)) - 20))
     s = np.maximum(np.round(radius / 5 * rng.uniform(0.75, 1.25, count) / grid), 1) * grid
     # The directions are in one half, so that some of the picture is left to the background.
     turn = rng.integers(len(TANGENT)) + rng.choice(len(TANGENT) // 2, count, replace=False)
     toward = np.array(TANGENT)[turn % len(TANGENT)]
-    # In depth the spheres are apart by what the picture is wide, so that they are in front of each other in places.
+    # In depth the spheres are about as far apart as the picture is wide, so that each is in front in places.
     depth = distance * (1 + 0.25 * w * rng.uniform(-1, 1, count) * radius / distance)
     centers = eye + np.column_stack([toward * s[:, None], -depth])
     radii = 5 * s * (1 + rng.choice([0, 1, 1]) * 0.3 * w * rng.uniform(-1, 1, count))
@@ -113,7 +117,7 @@ def limbs(
 
 
 def ground(name: str, radius: float, seed: int, size: Size = SIZE) -> Scene:
-    """The eye 1 above a sphere below, balls resting on it, and the horizon in the picture."""
+    """The eye 1 above a ground sphere, which is straight below, with balls on it, and the horizon in the picture."""
     rng = _seeded(name, seed)
     tan = math.sqrt(2 / radius) * _log2(rng, 0.5, 4)
     # The picture reaches tan * height / width below the eye's level: the ground is seen from a distance of 1 / that.
@@ -128,7 +132,8 @@ def ground(name: str, radius: float, seed: int, size: Size = SIZE) -> Scene:
 def globe(name: str, radius: float, height: tuple[float, float], seed: int, size: Size = SIZE) -> Scene:
     """The eye above a globe that is anywhere but straight below; the horizon crosses the picture, tilted.
 
-    height: log2 of the least and the greatest. There is a second such globe a few heights to the side.
+    height: log2 of the least and the greatest height of the eye. There is a second such globe, up to four heights to
+    the side.
     """
     rng = _seeded(name, seed)
     h = _log2(rng, *height)
@@ -143,10 +148,10 @@ def globe(name: str, radius: float, height: tuple[float, float], seed: int, size
 def grazing(name: str, seed: int, size: Size = SIZE) -> Scene:
     """Nested discs whose limbs pass pixel centres at r (1 -/+ 2^-8..2^-26).
 
-    A circle around the middle of the picture passes many pixel centres if the odd numbers 2 i + 1 - W, 2 j + 1 - H have
-    many pairs with one sum of squares. For each of the best such sums there is a sphere on the axis, seen under that
-    circle but for 2^-k; the larger the circle, the farther the sphere, so that none hides the limb of another.
-    (For sizes that are odd, the numbers are even.)
+    A circle around the middle of the picture passes many pixel centres if many pairs of the odd numbers 2 i + 1 - width
+    and 2 j + 1 - height have the same sum of squares. (For sizes that are odd, the numbers are even.) For each of the
+    sums that occur most often there is a sphere on the axis, which is seen as that circle but for 2^-k. The larger the
+    circle, the farther is the sphere, so that none hides the limb of another.
     """
     rng = _seeded(name, seed)
     width, height = size
@@ -158,7 +163,7 @@ def grazing(name: str, seed: int, size: Size = SIZE) -> Scene:
     tan = rng.uniform(0.3, 1)
     near = np.repeat(np.arange(8, 27), 2)[: len(best)]
     off = rng.permutation(2.0**-near * np.resize([1, -1], len(best)))
-    # Seen under the angle atan(q), q the radius of the circle on the image plane: sin of it is q / sqrt(1 + q^2).
+    # q is the radius of a circle on the image plane. It is at atan(q) from the axis, whose sine is q / sqrt(1 + q^2).
     q = np.sqrt(np.array(best, float)) * tan / max(size)
     depth = 5 * 1.25 ** np.arange(len(best))
     radii = np.float32(depth) * q / np.sqrt(1 + q * q) * (1 + off)
@@ -168,7 +173,7 @@ def grazing(name: str, seed: int, size: Size = SIZE) -> Scene:
 
 
 def inside(name: str, seed: int, size: Size = SIZE) -> Scene:
-    """The eye within a room of radius 1, 10^-k from the wall (k = 0..6), with balls in it, and a second such room."""
+    """The eye in a room of radius 1, 10^-k from the wall (k = 0..6). There are balls and about the same room again."""
     rng = _seeded(name, seed)
     gap, tan = 10.0 ** -rng.integers(0, 7), _log2(rng, -2, 1)
     out = rng.normal(size=3) * [1, 1, 0.3]  # to the nearest wall: not ahead, where it would hide the rest
@@ -181,9 +186,10 @@ def inside(name: str, seed: int, size: Size = SIZE) -> Scene:
 
 
 def aimed(name: str, half_angle: tuple[float, float], seed: int, size: Size = SIZE, count: int = 24) -> Scene:
-    """A very wide picture, whose rays have a length of 1..tan(89.9) sqrt(2), and unit spheres 5 away all over it.
+    """A very wide picture, and unit spheres 4 to 6 away all over it. half_angle: degrees, the least and the greatest.
 
-    Every sphere is moved sideways until the ray of one pixel passes it at 1 -/+ 2^-4..2^-20.
+    With 89.9 degrees, rays are up to tan(89.9) sqrt(2) long. Every sphere is moved sideways until the ray of one pixel
+    passes its centre at 1 -/+ 2^-4..2^-20.
     """
     rng = _seeded(name, seed)
     most, least = (90 - angle for angle in half_angle)
@@ -228,7 +234,10 @@ REGIMES: list[tuple[str, Regime]] = [
 
 
 def _edges(name: str, seed: int, size: Size) -> tuple[np.random.Generator, Camera, Floats, int]:
-    """Random numbers, a camera at 0, the directions (n, 3) of the middle row or column, and the axis across them."""
+    """Random numbers, a camera at 0, directions (n, 3) of the middle row or column, and the index of the axis across.
+
+    By the seed it is the middle row, and axis 1, or the middle column, and axis 0.
+    """
     rng, across = _seeded(name, seed), 1 - seed % 2
     width, height = (n | 1 for n in size)
     camera = _camera((0, 0, 0), rng.uniform(0.3, 1), (width, height))
@@ -257,8 +266,8 @@ def tangents(name: str, scale: tuple[int, int], seed: int, size: Size = SIZE, co
 def ties(name: str, beside: tuple[int, int] | None, seed: int, size: Size = SIZE, count: int = 5) -> Scene:
     """Groups of three different spheres that meet the plane of the middle row, or column, in one circle.
 
-    beside: None, or log2 of the least and the greatest share d of its size by which a fourth one is beside the plane:
-    there it is met later, by about d^2.
+    beside: None, or log2 of the least and the greatest d, for a fourth sphere in each group, whose centre is beside the
+    plane by d of the group's unit: so it is met later than the others, by about d^2.
     """
     rng, camera, _, across = _edges(name, seed, size)
     centers, radii = [], []
@@ -275,7 +284,7 @@ def ties(name: str, beside: tuple[int, int] | None, seed: int, size: Size = SIZE
 
 
 def mixed(name: str, seed: int, size: Size = SIZE, count: int = 40) -> Scene:
-    """Spheres of sizes from 1e-30 to 1e30, some of them at the limb on the ray of a pixel, one around the eye."""
+    """Spheres of sizes from 1e-30 to 1e30, some of whose limbs are on the ray of a pixel, and one around the eye."""
     rng, camera, _, _ = _edges(name, seed, size)
     d = rays(camera)
     s = 10.0 ** rng.uniform(-30, 30, count)
@@ -286,7 +295,7 @@ def mixed(name: str, seed: int, size: Size = SIZE, count: int = 40) -> Scene:
 
 
 def touching(name: str, seed: int, size: Size = SIZE) -> Scene:
-    """The eye on spheres, and 2^-30 to 2^-70 of their size beside others, that rest on the plane of the middle row."""
+    """Spheres that rest on the plane of the middle row or column. The eye is on some, 2^-30..2^-70 beside others."""
     rng, camera, _, across = _edges(name, seed, size)
     centers, radii = [], []
     for side in (-1, 1):

@@ -23,7 +23,7 @@ COLUMNS = ("kernel ms", "median", "whole ms", "median", "wrong ids", "t ulp", "n
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Few digits, and as few characters as will do; nothing for NaN."""
+    """A number as text, with this many digits in as few characters as will do; empty for NaN."""
     if math.isnan(value):
         return ""
     if value == 0 or math.isinf(value):
@@ -39,7 +39,7 @@ def percent(share: float | None) -> str:
 
 
 def cells(row: Row) -> list[str]:
-    """A row under COLUMNS; times in ms."""
+    """A row's texts under COLUMNS, with times in ms."""
     times = [number(1e3 * value, 3) for values in (row.kernel, row.whole) for value in _best_and_median(values)]
     e = row.errors
     if e is None:
@@ -98,22 +98,22 @@ def tracers_of(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def mean_time(rows: Sequence[Row]) -> float:
-    """The geometric mean of the best kernel times, seconds."""
+    """The geometric mean of the rows' best kernel times, in seconds."""
     return math.exp(sum(math.log(row.best) for row in rows) / len(rows))
 
 
 def worst(rows: Iterable[Row], name: str) -> float:
-    """The largest of one kind of error, of the field of Errors with that name; NaN if it is not known."""
+    """The largest error of one kind, by the name of a field of Errors; NaN if none is known."""
     return max((float(getattr(row.errors, name)) for row in rows if row.errors), default=math.nan)
 
 
 def worst_share(rows: Iterable[Row]) -> float:
-    """The largest share of pixels that differ; NaN if it is not known."""
+    """The largest share of pixels that differ; NaN if none is known."""
     return max((row.differ for row in rows if row.differ is not None), default=math.nan)
 
 
 def complete(rows: Sequence[Row], group: Sequence[Row]) -> bool:
-    """Whether a tracer has drawn all scenes of its class: otherwise its mean time is that of other scenes."""
+    """Whether a tracer has drawn all scenes of a class: otherwise its mean time cannot be compared."""
     return {row.case.name for row in rows} == {row.case.name for row in group}
 
 
@@ -169,7 +169,7 @@ def about(devices: Sequence[str], date: str) -> dict[str, Any]:
 
 
 def as_json(rows: Sequence[Row], about: dict[str, Any], finished: bool) -> str:
-    """Everything. Times are in seconds; what is infinite is null."""
+    """Everything that was measured, as JSON. Times are in seconds; what is infinite or NaN is null."""
     everything = {"about": about, "finished": finished, "rows": [_plain(row) for row in rows]}
     return json.dumps(everything, indent=1, allow_nan=False) + "\n"
 
@@ -197,5 +197,5 @@ def _plain(row: Row) -> dict[str, Any]:
 
 
 def _numbers(errors: Errors | None) -> dict[str, float | None] | None:
-    """JSON has no infinity."""
+    """The errors by name, None for what is infinite or NaN, as JSON has neither."""
     return {name: x if math.isfinite(x) else None for name, x in asdict(errors).items()} if errors else None

@@ -31,11 +31,11 @@ from cltrace.scene import AMBIENT, POINT, Scene
 from .textbook import Textbook
 from .truth import Answer, lamps
 
-# The one of KEEPS that is an acceleration structure; the others are work that a scene does not need.
+# The one of KEEPS that is an acceleration structure. The others are work that a scene does not need.
 ACCELERATION: Keep = "lists"
 SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 
-# Without lists every ray tries every sphere: beyond so many tests a frame would take seconds.
+# Without lists every ray tries every sphere. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
 PEER_SECONDS = 120
@@ -43,9 +43,11 @@ PEER_SECONDS = 120
 
 @dataclass(frozen=True)
 class Run:
-    """One measurement: kernel, seconds of each frame, with readback; whole: seconds from the scene in memory to the
-    first picture in memory, with everything compiled; rgb8 (h, w, 3): that picture; work: what the host has prepared,
-    the same for the same work.
+    """One measurement.
+
+    kernel: seconds of each frame, with readback; whole: seconds from the scene in memory to the first picture in
+    memory, with everything compiled; rgb8: (h, w, 3), that picture; work: what the host has prepared for the device,
+    equal where the device has the same work to do.
     """
 
     kernel: list[float]
@@ -55,7 +57,7 @@ class Run:
 
 
 class Tracer(ABC):
-    """Something that draws scenes. name, variant and device are what tables and plots call it."""
+    """Something that draws scenes. Tables and plots call it by name, variant and device."""
 
     name: str
     variant: str = ""
@@ -67,10 +69,10 @@ class Tracer(ABC):
 
     @abstractmethod
     def run(self, scene: Scene, frames: int) -> Run:
-        """Draws the scene so many times."""
+        """Draws the scene so many times. A peer may raise PeerError."""
 
     def answer(self, scene: Scene) -> Answer | None:
-        """All that it says of the pixels; None if it has only bytes."""
+        """All that it says of the pixels, row by row; None if it has only bytes."""
         return None
 
 
@@ -94,9 +96,8 @@ class Product(Tracer):
         for _ in range(frames - 1):
             image = renderer.render(image)
             kernel.append(image.frame_seconds)
-        assert image.rgb8 is not None
         plan = renderer.plan
-        # Shapes tell most of it; the order and what nothing can stop are told by values.
+        # Most differences show in the arrays' shapes. The order of the spheres and the bits of `unstopped` do not.
         shapes = {name: array.shape for name, array in plan.arrays.items()}
         values = [plan.arrays[name].tobytes() for name in ("id_of", "light_buffer")]
         work = plan.options(), plan.values["lights"], shapes, values
@@ -127,7 +128,6 @@ class Baseline(Tracer):
         image = textbook.render("rgb8")
         whole = time.perf_counter() - start
         images = [image, *(textbook.render("rgb8") for _ in range(frames - 1))]
-        assert image.rgb8 is not None
         return Run([image.frame_seconds for image in images], whole, image.rgb8)
 
     def answer(self, scene: Scene) -> Answer:
@@ -146,10 +146,7 @@ def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
 
     image: rgb8 and color; dull: color, normal, depth and id.
     """
-    assert image.rgb8 is not None
     first = dull[0]
-    assert first.id is not None
-    assert first.depth is not None
     count = int((scene.lights["kind"] != AMBIENT).sum())
     light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]
     return Answer(
@@ -197,7 +194,7 @@ def _seen_from_the_eye(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.
 
 
 class _Peer(Tracer):
-    """A program that is run on a scene's file. The file is written once for a scene."""
+    """A program that reads a scene from a file, which is written once for each scene."""
 
     def __init__(self, program: str, folder: Path) -> None:
         self._program, self._folder = program, folder
@@ -221,8 +218,8 @@ class _Peer(Tracer):
 class Embree(_Peer):
     """Embree's spheres in float32, as packets of 16 or as single rays, whichever is faster.
 
-    A program that is called with a scene as _write() makes it, a number of frames and a file for the bytes of the
-    picture, and prints {"best_ms": of a frame, "build_ms": of the tree}. whole: both together.
+    The program is called with a scene as _write() makes it, a number of frames, and a file for the picture's bytes. It
+    prints {"best_ms": milliseconds of the best frame, "build_ms": of building the tree}. whole: both together.
     """
 
     name = "Embree"
@@ -256,7 +253,7 @@ class Embree(_Peer):
 
 
 class PovRay(_Peer):
-    """POV-Ray. kernel: what it calls trace time; whole: the process, with reading the scene and writing a PNG."""
+    """POV-Ray. kernel: what it calls trace time; whole: the whole process, which reads the scene and writes a PNG."""
 
     name = "POV-Ray"
 
@@ -305,7 +302,7 @@ class PeerError(Exception):
 
 @contextlib.contextmanager
 def _understood(program: str) -> Iterator[None]:
-    """Reading what a peer has written."""
+    """Turns what goes wrong while reading what a peer has written into a PeerError."""
     try:
         yield
     except (ValueError, LookupError, TypeError, OSError) as error:
@@ -337,7 +334,7 @@ def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 def peers(embree: str | None, folder: Path) -> list[Tracer]:
-    """Those that are there. embree: where its program is; None: looked for on the PATH, as is POV-Ray."""
+    """The peers that are installed. embree: path of its program, None to look on the PATH, as for POV-Ray."""
     found: list[Tracer] = []
     if program := embree or shutil.which("embree_spheres"):
         found.append(Embree(program, folder))

@@ -1,7 +1,8 @@
 """What exact arithmetic says about the pixels of a scene: what is hit, where, and which lights reach it.
 
-Where the camera looks along an axis (see cases.py) all of it is the oracle's. Another camera rounds when it turns the
-world, and what is true of its picture is what the reference tracer says.
+Where the camera looks along an axis (see cases.py), the oracle says what is hit, at what distance, and what is lit. Any
+other camera rounds when it turns the world into camera space, and what is true of its picture is what the reference
+tracer says. Colours are always the reference tracer's.
 
 A scene of many spheres is thinned first: of a million, a ray and its shadow rays come near a few hundred.
 """
@@ -23,21 +24,23 @@ from .oracle import closest, normal_high, occluded
 
 Floats = NDArray[np.float64]
 
-# Up to so many spheres all of them are tried for every ray.
+# Up to so many spheres, all of them are tried for every ray.
 MANY = 128
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
 
 
 def looks_along_an_axis(camera: Camera) -> bool:
-    """Whether the world is camera space without a rounding."""
+    """Whether turning the world into camera space rounds nothing."""
     return set(np.abs(np.ravel(camera.basis()))) == {0.0, 1.0}
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What some pixels show: d (n, 3), their rays in the world; index (n,) int32, of the sphere, -1 = none; depth (n,)
-    long double, the distance in scene units, inf = none; outside (n,), whether the eye is outside of that sphere.
+    """What n pixels show.
+
+    d: (n, 3), directions of their rays in the world; index: (n,) int32, of the sphere, -1 = none; depth: (n,) long
+    double, distance from the eye in scene units, inf = none; outside: (n,), whether the eye is outside of that sphere.
     """
 
     d: Floats
@@ -47,7 +50,7 @@ class Hits:
 
 
 def hits(scene: Scene, pixels: ArrayLike | None = None) -> Hits:
-    """What the oracle says of these pixels, or of all; the camera must look along an axis."""
+    """What the oracle says of these pixels, counted row by row, or of all. The camera must look along an axis."""
     d = directions(scene.camera)
     d = d if pixels is None else d[np.asarray(pixels, int)]
     eye, spheres = scene.camera.position, scene.spheres
@@ -73,9 +76,9 @@ def facing_normal(scene: Scene, seen: Hits, row: int) -> tuple[Fraction, ...]:
 
 
 def reached(scene: Scene, seen: Hits, row: int) -> list[tuple[bool, bool]]:
-    """For each light that is not ambient: (lit, facing) of the hit of that row, as oracle.occluded says.
+    """For each light that is not ambient, (lit, facing) of the hit of that row, as oracle.occluded() says.
 
-    A spot light is a point here: its cone is not looked at.
+    A spot light is taken for a point light: its cone is not looked at.
     """
     spheres, index = scene.spheres, int(seen.index[row])
     out = []
@@ -90,11 +93,12 @@ def reached(scene: Scene, seen: Hits, row: int) -> list[tuple[bool, bool]]:
 
 @dataclass(frozen=True)
 class Answer:
-    """What some pixels must be, to be held against a picture; or what a picture says they are.
+    """What n pixels must be, to be held against a picture; or what a picture says they are.
 
-    id (n,), -1 = nothing; depth (n,) scene units, inf = nothing; normal (n, 3) unit, in the world, facing the eye, 0 =
-    nothing; lit (n, k), whether each of the k lights of lamps() reaches it; light (n, k), n.l times the strength of a
-    spot light, of a light that is not in the way of anything; color (n, 3) linear; rgb8 (n, 3).
+    id: (n,), index of the sphere, -1 = nothing; depth: (n,), distance from the eye in scene units, inf = nothing;
+    normal: (n, 3), unit vector in the world, facing the eye, 0 = nothing; lit: (n, k), whether each of k lights, all
+    that are not ambient, reaches the point; light: (n, k), n.l times the strength of a spot light, from answer() as if
+    nothing were in the way; color: (n, 3), linear; rgb8: (n, 3).
     """
 
     id: NDArray[Any]
@@ -111,8 +115,10 @@ class Answer:
 
 
 def lamps(scene: Scene) -> list[Scene]:
-    """The scene in dull white, in scenes of up to three of its lights, red, green and blue: a pixel is red exactly if
-    the first light reaches it, by its n.l. There is at least one, if without a light.
+    """The scene in white without highlights, once for every three of its lights, which are red, green and blue.
+
+    So a pixel is red by n.l of the first light if that light reaches it, and else not at all. Of a scene without lights
+    there is one, too.
     """
     lights = scene.lights[scene.lights["kind"] != AMBIENT].copy()
     lights["color"] = np.resize(np.eye(3), (len(lights), 3))
@@ -124,7 +130,7 @@ def lamps(scene: Scene) -> list[Scene]:
 
 
 def answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
-    """What these pixels, counted row by row, must be; see the module's first lines."""
+    """What these pixels, counted row by row, must be: see the module's first lines."""
     many = len(scene.spheres) > MANY
     every = np.arange(len(scene.spheres))
     parts = []
@@ -135,14 +141,14 @@ def answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
 
 
 def _only(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
-    """The scene with these spheres only, and with the materials that they have."""
+    """The scene with these spheres only, and with their materials only."""
     spheres = scene.spheres[chosen]
     used, spheres["material"] = np.unique(spheres["material"], return_inverse=True)
     return replace(scene, spheres=spheres, materials=scene.materials[used])
 
 
 def _near(scene: Scene, pixel: int) -> NDArray[np.intp]:
-    """The spheres that the pixel's ray may meet, or a shadow ray from where it ends, and a few more."""
+    """Indices of the spheres that the pixel's ray may meet, or a shadow ray from where it ends, and of a few more."""
     camera, (center, radius) = scene.camera, (scene.spheres["center"], scene.spheres["radius"])
     ray = primary_ray(camera, pixel % camera.resolution[0], pixel // camera.resolution[0])
     eye, d = np.array(camera.position), np.array(tuple(ray.direction)) @ np.array(camera.basis())
@@ -159,7 +165,7 @@ def _near(scene: Scene, pixel: int) -> NDArray[np.intp]:
 
 
 def _along(origin: Floats, d: Floats, center: Floats, radius: Floats) -> NDArray[np.intp]:
-    """The spheres that the line may meet: |f x d|^2 <= |d|^2 r^2, but for a margin far above all rounding."""
+    """Indices of the spheres that a line may meet: |f x d|^2 <= |d|^2 r^2, with a margin far above all rounding."""
     (x, y, z), f = d / np.linalg.norm(d), center - origin
     across = (f[:, 1] * z - f[:, 2] * y) ** 2 + (f[:, 2] * x - f[:, 0] * z) ** 2 + (f[:, 0] * y - f[:, 1] * x) ** 2
     margin = 1e-9 * (np.einsum("ij,ij->i", f, f) + float(origin @ origin))
@@ -167,7 +173,7 @@ def _along(origin: Floats, d: Floats, center: Floats, radius: Floats) -> NDArray
 
 
 def _answer(scene: Scene, chosen: NDArray[np.intp], pixels: NDArray[np.intp]) -> Answer:
-    """answer() by all spheres of the scene; they have these indices in the whole one."""
+    """answer() for a scene of which all spheres are looked at. chosen: their indices in the whole scene."""
     width = scene.camera.resolution[0]
     world = world_of(scene)
     # The same lights in white, with nothing in their way.

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 
 def is_named_as_folder(name: str) -> bool:
-    """Whether a name ends as only a folder's does, as "s.png/" and "s.png/.": Path() drops what tells."""
+    """Whether a name ends as only a folder's does, such as "s.png/" and "s.png/.". Path() drops these ends."""
     return os.path.basename(name) != Path(name).name  # noqa: PTH119
 
 
@@ -47,7 +47,7 @@ def _stream(path: Path) -> BinaryIO:
 @contextlib.contextmanager
 def _replacement(target: Path) -> Iterator[BinaryIO]:
     """A file beside the target under a name of its own, which takes the target's place at the end."""
-    # 64 bytes of the target's name leave room for the rest where a name may have 255. A letter may be several bytes.
+    # A name may have 255 bytes, so 64 bytes of the target's name leave room for the rest. A cut letter is dropped.
     name = os.fsencode(target.name)[:64].decode(errors="ignore")
     part = target.with_name(f".{name}-{secrets.token_hex(8)}.part")
     try:

@@ -22,17 +22,21 @@ SHOWS: tuple[Show, ...] = get_args(Show)
 class Image:
     """A rendered picture of w x h pixels. Row 0 is the top.
 
-    It has the outputs that were asked for, each an array of numpy:
+    It has those outputs that were asked for, each a numpy array:
 
-    rgb8: (h, w, 3) uint8, linear, no gamma; color: (h, w, 3) float32, linear, not clamped; normal: (h, w, 3) float32,
-    unit, in the world, facing the camera, 0 where nothing was hit; direction: (h, w, 3) float32, of the pixel's ray,
-    unit, in the world; depth: (h, w) float64, distance from the eye in scene units, inf where nothing was hit; id:
-    (h, w) int32, the sphere's index, -1 where nothing was hit; shadow_rays: (h, w) int32, to how many lights a ray was
-    sent, 0 where the scene has but one sphere; work: (h, w, 8) int32, how often was done what WORK of the plan names.
+        rgb8         (h, w, 3) uint8    linear colour in bytes, without gamma
+        color        (h, w, 3) float32  linear colour, 1 is full, not clamped
+        normal       (h, w, 3) float32  unit vector in the world, facing the camera; 0 where nothing was hit
+        direction    (h, w, 3) float32  unit vector of the pixel's ray, in the world
+        depth        (h, w) float64     distance from the eye in scene units; inf where nothing was hit
+        id           (h, w) int32       index of the sphere in the scene; -1 where nothing was hit
+        shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
+        work         (h, w, 8) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
 
-    Any other output raises AttributeError, so hasattr(image, "depth") tells whether there is one.
+    Asking for an output that it has not raises AttributeError, so hasattr(image, "depth") tells whether there is one.
 
-    seconds: what took how long; frame: the buffers that the arrays live in, for Renderer.render(out).
+    seconds: what took how long, in seconds, by name; frame: the buffers that the arrays live in, for
+    Renderer.render(out), None in a copy that was pickled.
     """
 
     rgb8: NDArray[np.uint8]
@@ -83,7 +87,7 @@ class Image:
 
     @property
     def frame_seconds(self) -> float:
-        """Seconds of the kernel and of reading the picture back."""
+        """Seconds that the kernel and reading the picture back took. KeyError if it was not a Renderer that made it."""
         return self.seconds["kernel"] + self.seconds["readback"]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -92,9 +96,9 @@ class Image:
     def as_rgb8(self, show: Show = "color") -> NDArray[np.uint8]:
         """(h, w, 3) uint8 that show one of the outputs: what the debugging hints of the course ask for.
 
-        color: the picture, rgb8; normal, direction: (v + 1)/2 as red, green, blue, black where nothing was hit; depth:
-        the nearest is white, the farthest dark, nothing black; id: a colour for each sphere, nothing black.
-        Raises ValueError if the image does not have that output.
+        color: the picture, which is rgb8; normal, direction: (v + 1)/2 as red, green and blue; depth: the nearest is
+        white, the farthest dark; id: a colour for each sphere. Where nothing was hit, all but color and direction are
+        black. Raises ValueError if there is no such show, or the image does not have that output.
         """
         if show not in SHOWS:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
@@ -115,9 +119,9 @@ class Image:
     def save(self, path: str | os.PathLike[str], show: Show = "color") -> None:
         """Writes a PNG, completely or not at all. A link is written through.
 
-        path: a name that ends in .png, in a folder that is there; show: which output, as `as_rgb8` shows it.
-        Raises ValueError if the name ends otherwise, which a slash does, too, or the image does not have that output,
-        and OSError if the file cannot be written; an old file of that name is then untouched.
+        path: a name that ends in .png, in a folder that is there; show: which output, as as_rgb8() shows it. Raises
+        TypeError if the path is neither a str nor a Path, ValueError if the name does not end in .png or the image does
+        not have that output, and OSError if the file cannot be written. An old file of that name is then untouched.
         """
         if not isinstance(path, (str, os.PathLike)):
             raise TypeError(f"path: must be a str or a Path, got {path!r}")
@@ -132,8 +136,8 @@ class Image:
             self.write_png(file, show)
 
     def write_png(self, file: BinaryIO, show: Show = "color") -> None:
-        """Writes a PNG to an open binary file; see `save`."""
-        # Level 1: a third of the time of the default level, for files that are a few per cent larger.
+        """Writes a PNG to an open binary file. show: see save()."""
+        # Level 1 takes a third of the default level's time. Its files are a few per cent larger.
         Picture.fromarray(np.ascontiguousarray(self.as_rgb8(show))).save(file, "PNG", compress_level=1)
 
     def _repr_png_(self) -> bytes:
@@ -144,7 +148,7 @@ class Image:
 
 
 def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """(h, w) depths as (h, w, 3) grey: the nearest 255, the farthest 32, nothing 0; linear in 1/depth."""
+    """Depths (h, w) as grey (h, w, 3): the nearest is 255, the farthest 32, nothing 0. It is linear in 1/depth."""
     hit = np.isfinite(depth)
     if not hit.any():
         return np.zeros((*depth.shape, 3), np.uint8)
@@ -156,9 +160,9 @@ def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def _distinct(index: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """(h, w) indices as (h, w, 3) colours; -1 is black.
+    """Indices (h, w) as colours (h, w, 3); -1 is black.
 
-    Neighbouring indices get very different colours: the bits of the index times an odd constant.
+    Neighbouring indices get very different colours, which are bits of the index times a large odd constant.
     """
     mixed = ((index.astype(np.uint64) + 1) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
     colors = np.stack([(mixed >> np.uint64(s)) & np.uint64(255) for s in (16, 8, 0)], axis=-1)
