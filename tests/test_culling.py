@@ -1,4 +1,4 @@
-"""What is left out because it cannot matter: that it is, and that no picture tells."""
+"""What is left out because it cannot matter is left out, and no picture tells."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUN = cltrace.parallel_light((-0.3, -1, -0.2))
 
 
 def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precision: str) -> None:
-    """The same bits with and without each of these skips."""
+    """The picture has the same bits with and without each of these skips."""
     want = picture(scene, device, precision)
     for name in names:
         image = picture(scene, device, precision, keep=(name,))
@@ -59,7 +59,7 @@ def test_spheres_inside_one_that_holds_a_light_or_the_eye_stay(device: Device) -
 
 @pytest.mark.parametrize("many", [2, 3000], ids=["few", "many"])
 def test_of_equal_spheres_only_the_first_is_looked_at(device: Device, many: int) -> None:
-    """Equal ones are red, green or blue: the first one's colour shows; one ulp larger is another sphere."""
+    """Of equal spheres the first one's id shows. A sphere that is an ulp smaller is not equal."""
     centers = np.array([*[(-2, 0, 0)] * many, *[(2, 0, 0)] * many, (2, 0, 0)])
     radii = np.array([*[1.0] * (2 * many), np.nextafter(1.0, 0)])
     colors = np.eye(3)[np.arange(len(centers)) % 3]
@@ -67,7 +67,8 @@ def test_of_equal_spheres_only_the_first_is_looked_at(device: Device, many: int)
     scene = Scene.from_spheres(CAMERA, [LAMP, SUN], centers[order], radii[order], colors[order])
     for precision in ("accurate", "single", "double"):
         drawn = renderer(scene, device, precision)
-        # The one that is an ulp smaller is inside another one, but by less than a rounding; it may come between two.
+        # The sphere that is an ulp smaller is inside another one, but by less than a rounding. Sorted by place, it may
+        # come between two equal ones, which are then both kept.
         assert 2 * (many - 1) - drawn.skipped["spheres inside others, or the same"] in (0, 1)
         ids = drawn.render().id
         first = [
@@ -132,7 +133,7 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
 
 
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fetching ahead, other levels, bounds made in blocks: as if 20 spheres were a million."""
+    """Few spheres are treated as a million: fetched ahead, on other levels, with bounds made in blocks."""
     # In the last one, each level of each list has as many rows as a power of two.
     sizes = np.random.default_rng(6).choice(2.0 ** -np.arange(7), 60)
     centers = np.random.default_rng(7).uniform(-3, 3, (60, 3))
@@ -157,7 +158,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
 
 
 def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
-    """1e12 inside of a sphere of 3.4e38, looking away from its centre: of its rounded centre, it is on the surface."""
+    """The eye is 1e12 inside of a sphere of 3.4e38 and looks outwards. By the rounded centre, it is on the sphere."""
     camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7), square_pixels=False)
     scene = Scene.from_spheres(camera, [], [(3.4e38, 0, 0)], [3.4e38])
     for precision in ("accurate", "double"):
@@ -165,7 +166,7 @@ def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
         assert (ids == 0).all()
 
 
-# What only changes the packed scene: no program has to be compiled for it.
+# These change the plan's arrays only, so no program has to be compiled for them.
 PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
 
 

@@ -1,7 +1,7 @@
 """The lists and the filters by themselves, without a device: what a ray can meet is offered to it, and little else.
 
-The lists are walked here as kernels/find walks them, in float32 where the kernel is; the oracle says what is met.
-Most spheres here touch a ray by a hair, at the edge of a cell: a list that is too narrow by the last digit lacks them.
+The lists are walked here as kernels/find walks them, in float32 where the kernel is. The oracle says what is met. Most
+spheres here touch a ray by a hair, at the edge of a cell: a list that is too narrow by the last digit lacks them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ REACH_SLACK = f32(1 + 2.0**-20)
 
 @pytest.fixture(autouse=True)
 def lists_for_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lists for lights of any number of spheres."""
+    """Lights have lists however few spheres there are."""
     monkeypatch.setitem(abi.CONSTANTS, "FEW", 0)
 
 
@@ -69,7 +69,7 @@ def offered_to_pixel(plan: Plan, column: int, row: int) -> dict[int, np.float32]
 
 
 def offered_to_shadow_ray(plan: Plan, light: int, w: Floats, p: Floats) -> set[int]:
-    """The spheres that a light's lists name for the point p (3,), in camera space; w: from there to the light."""
+    """The spheres in a light's lists for a shadow ray from p (3,), in camera space. w: (3,), from p to the light."""
     unit, lamp = plan.values["unit"], plan.arrays["light"][light]
     at_point = light >= plan.values["lights"][0]
     w32 = (w * unit).astype(f32)
@@ -92,7 +92,7 @@ def offered_to_shadow_ray(plan: Plan, light: int, w: Floats, p: Floats) -> set[i
 def cell_of(
     grid: np.void, w32: NDArray[np.float32], start: Floats, at_point: bool, at_light: bool
 ) -> tuple[int, int] | None:
-    """Where a shadow ray is on a grid; None if it is not on it."""
+    """Column and row of the cell of level 0 that a shadow ray goes through; None if it does not meet the window."""
     columns, rows, *_ = grid["cells"].tolist()
     if columns == rows == 1:
         return 0, 0
@@ -114,14 +114,14 @@ def cell_of(
 
 
 def filter_of_primary_ray(plan: Plan, d: Floats, index: int) -> bool:
-    """Whether float32 leaves it open that the ray d meets the sphere."""
+    """Whether the float32 filter leaves it open that the ray along d from the eye meets the sphere."""
     (dx, dy, _), s = d.astype(f32), plan.arrays["eye_filter"][index]
     a, b = fma(dx, dx, fma(dy, dy, f32(1))), fma(dx, s[0], fma(dy, s[1], -s[2]))
     return bool(b * abs(b) >= a * s[3])
 
 
 def filter_of_shadow_ray(plan: Plan, light: int, w: Floats, p: Floats, index: int) -> bool:
-    """The same for the way from p to a light."""
+    """The same for the shadow ray from p to a light, for which w and p are as above."""
     unit, lamp = plan.values["unit"], plan.arrays["light"][light]
     s = plan.arrays["light_filter"].reshape(-1, plan.values["count"], 4)[light, index]
     if light < plan.values["lights"][0]:
@@ -200,7 +200,7 @@ def check_light(scene: Scene, points: Floats, keep: tuple[str, ...] = ALL) -> fl
 
 
 def touching(across: Floats, ahead: Floats, x: float, p: Floats, radius: float, side: int) -> tuple[list[float], float]:
-    """A sphere whose outermost point, of the side (1: lowest, -1: highest slope), is p, and a hair more.
+    """Centre and radius of a sphere whose outermost point is p: with side 1 that of the lowest slope, -1 the highest.
 
     The slope is across.p / ahead.p, which is x at p: the plane through the origin that touches there has the normal
     across - x ahead.
@@ -272,7 +272,7 @@ def test_a_hair_at_the_edge_of_a_tile(tan: float, size: tuple[int, int], reach: 
         center, _ = touching(across, ahead, float(d[j, i, axis]), p, radius, s)
         spheres.append((center, radius * (1 + 2.0**-k)))
     scene = balls(camera, spheres)
-    # Sphere by sphere: only its own pixel matters.
+    # Of each sphere, only its own pixel matters.
     check_pixels(scene, np.unique(y[keep] * width + x[keep]))
 
 
@@ -324,7 +324,7 @@ def cluster(light: str, size: float) -> Scene:
 @pytest.mark.parametrize("size", [2.0**-4, 1.0, 3.0])
 @pytest.mark.parametrize("axis", [0, 1], ids=["columns", "rows"])
 def test_a_hair_at_the_edge_of_a_cell(light: str, size: float, axis: int) -> None:
-    """Of a light's window: spheres whose outermost points are where one cell ends, and rays through those points."""
+    """Spheres whose outermost points are where a cell of a light's window ends, and shadow rays through them."""
     base = cluster(light, size)
     plan = Plan.of_scene(base, Request(keep=ALL))
     grid = plan.arrays["grid"][plan.arrays["light_buffer"][0, 0]]
@@ -391,7 +391,7 @@ def test_a_hair_at_the_edge_of_a_window(light: str, size: float) -> None:
 
 @pytest.mark.parametrize("light", LIGHTS)
 def test_a_hair_behind_the_nearest_point(light: str) -> None:
-    """Of a ball that is on the way: the points are where it begins, as seen from the light, and hardly behind that."""
+    """Shadow rays from points just behind where a ball begins, as seen from the light: the ball is on their way."""
     scene = random_balls(60, 8, lights=LIGHTS[light])
     place = Plan.of_scene(scene, Request()).arrays["light"][0]["position"][:3].astype(float)
     centers, radii, points = scene.spheres["center"], scene.spheres["radius"], []
@@ -404,7 +404,7 @@ def test_a_hair_behind_the_nearest_point(light: str) -> None:
 
 @pytest.mark.parametrize("light", LIGHTS)
 def test_what_is_not_in_the_picture_casts_shadows_into_it(light: str) -> None:
-    """Beads on a ball, of which the picture shows only the middle: whatever they are in front of is the ball."""
+    """Beads on a ball, of which the picture shows only the middle. A bead may only shadow the ball, which is seen."""
     rng = np.random.default_rng(9)
     where = unit(rng, 300)
     center = np.array([0, 0, -5.0])
@@ -436,7 +436,7 @@ def grid_of_balls() -> Scene:
     ids=["box", "shell", "grid"],
 )
 def test_little_else_is_offered(make: Callable[[], Scene], pixels: float, sun: float, lamp: float) -> None:
-    """For each sphere that a ray meets, so many are in its lists: 3 % more than when this was measured is too many."""
+    """For each sphere that a ray meets, so many are in its lists; the bounds are what was measured and 3 % more."""
     scene = make()
     points = on_surfaces(scene, 300)
     assert check_pixels(scene, np.arange(0, 64 * 48, 7)) <= pixels

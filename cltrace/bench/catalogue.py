@@ -2,8 +2,8 @@
 
 G big spheres, T tiny ones, O offsets, K scales, X the ends of the range, V normals, R degenerate spheres, D rays,
 I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, E the hostile regimes of
-regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. Each function's docstring says
-what could go wrong; its `amount` is how many times as many pixels, spheres or scenes there are to be: 1 or 16.
+regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. The docstring of each function
+says what goes wrong in a careless tracer. Its `amount` is 1, or 16 for as many times the pixels, spheres or scenes.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ Scenes = Iterator[Scene]
 
 @dataclass(frozen=True)
 class Limits:
-    """What is required: the largest value that each of the fields of errors.Errors may have; None: not looked at.
+    """What is required: the largest value that the field of that name may have in errors.Errors; None if any may be.
 
-    same: pixels of a scene that may differ from the case's first scene, which is the same one moved or scaled.
+    same: how many pixels of each scene may differ from the case's first scene, which is the same, moved or scaled.
     """
 
     wrong_ids: int | None = 0
@@ -87,14 +87,14 @@ class Refusal:
 
 
 def _ground(radius: float, height: float, amount: int) -> Scenes:
-    """|C|^2 - R^2 cancels and R^2 swamps r^2 - v^2: rings, lost hits, or the height rounded away."""
+    """|C|^2 - R^2 cancels, and R^2 swamps r^2 - v^2: there are rings or lost hits, or the height is rounded away."""
     dip = math.sqrt(2 * height / radius)
     for tan, size in ((14.1, (3, 300 * amount)), (4 * dip, (3, 300 * amount)), (2 * dip, frame(amount, 400))):
         yield balls(looking((0, height, 0), tan, size), [((0, -radius, 0), radius)])
 
 
 def _globes(radius: float, amount: int) -> Scenes:
-    """As the ground, and no coordinate of the centre is exact."""
+    """The same as for the ground, and no coordinate of the centre is exact."""
     rng = np.random.default_rng(int(radius))
     for seed in range(3 if amount == 1 else 20):
         yield globe("G4", radius, (0, 0), seed, frame(amount, 300))
@@ -102,7 +102,7 @@ def _globes(radius: float, amount: int) -> Scenes:
 
 
 def _tiny(radius: float, distance: float, amount: int) -> Scenes:
-    """r^2 vanishes in |C|^2, and a direction of float32 passes by: a coin toss."""
+    """r^2 vanishes beside |C|^2, and a direction in float32 misses the sphere: whether it is hit is a coin toss."""
     for axis in AXES[: 1 if amount == 1 else 6]:
         center = np.array(axis) * distance + radius * np.array([0.31, -0.17, 0.23])
         yield balls(looking(tan=1.2 * radius / distance, size=frame(amount), axis=axis), [(center.tolist(), radius)])
@@ -111,27 +111,27 @@ def _tiny(radius: float, distance: float, amount: int) -> Scenes:
 
 
 def _small_and_far_off(amount: int) -> Scenes:
-    """P = o + t d is off the surface by 5 % of r, so a normal made from it is off by 0.05 rad."""
+    """P = o + t d is off the surface by 5 % of r, so a normal that is made from it is off by 0.05 rad."""
     for eye, distance in (((0, 0, 0), 1e3), ((1e3, -1e3, 5e2), 5e-3)):
         camera = looking(eye, 1.2e-3 / distance, frame(amount))
         yield balls(camera, [((np.array(eye) + (3e-4, -2e-4, -distance)).tolist(), 1e-3)])
 
 
 def _moved(k: float, amount: int) -> Scenes:
-    """World coordinates lose the digits that tell hits from misses: another picture than at the origin."""
+    """World coordinates lose the digits that tell hits from misses: the picture is another one than at the origin."""
     yield everything()
     yield everything((k, -0.7 * k, 0.3 * k))
 
 
 def _scaled(factors: Sequence[float], amount: int) -> Scenes:
-    """An absolute epsilon: spheres vanish when they are small, and shade themselves when they are big."""
+    """With an absolute epsilon, spheres vanish when they are small, and shadow themselves when they are big."""
     yield everything()
     for factor in factors:
         yield everything(factor=factor)
 
 
 def _powers_of_two(amount: int) -> Scenes:
-    """Any constant with a unit: then a scene times 2^k is not the same picture, bit for bit."""
+    """With any constant that has a unit, a scene times 2^k is not the same picture, bit for bit."""
     yield from _scaled([2.0**k for k in ((-60, -23, 1, 60) if amount == 1 else range(-60, 61))], amount)
 
 
@@ -145,7 +145,7 @@ def _end_of_the_range(r: float, amount: int) -> Scenes:
 
 
 def _normals(R: float, amount: int) -> Scenes:
-    """The normal is lost in P: offsets to 1e7, distances to 1e7, limbs."""
+    """The normal is lost in the digits of P, at offsets and distances up to 1e7, or at limbs."""
     for gap in (1e-3, 1e7) if amount == 1 else 10.0 ** np.arange(-3, 8):
         for offset in (1e7,) if amount == 1 else (0, 1, 1e4, 1e7):
             eye = offset * np.array([1, -0.7, 0.3])
@@ -164,7 +164,7 @@ def _normals(R: float, amount: int) -> Scenes:
 
 
 def _concentric(r: float, amount: int) -> Scenes:
-    """The two merge: which one is hit is random, and the inner one is lit through the outer one."""
+    """The two spheres merge: which one is hit is random, and the inner one is lit through the outer one."""
     inner, outer = ulp32(r, 0), ulp32(r)
     for radii in ((inner, outer), (outer, inner)):
         spheres: list[Ball] = [((0, 0, 0), radius) for radius in radii]
@@ -184,7 +184,7 @@ def _duplicates(amount: int) -> Scenes:
 
 
 def _overlapping(amount: int) -> Scenes:
-    """Two spheres are equally near, or nearly: below an ulp of float32 the farther one is seen."""
+    """Two spheres are equally near, or nearly. Below an ulp of float32 the farther one may be seen."""
     ties: list[Ball] = [((3, 0, -10), 5), ((-3, 0, -10), 5), ((0, 3, -10), 5), ((0, -3, -10), 5)]
     camera = looking(tan=0.1, size=frame(amount))
     yield balls(camera, ties)
@@ -206,7 +206,7 @@ def _overlapping(amount: int) -> Scenes:
 
 
 def _grazing(amount: int) -> Scenes:
-    """Rays that pass at r (1 +/- 2^-k), k = 8..26 and on to 52, are decided by noise."""
+    """Rays that pass at r (1 +/- 2^-k), with k from 8 to 26 and on to 52, are decided by noise."""
     rng = np.random.default_rng(3)
     camera = looking(tan=6, size=frame(1, 1200))
     for low, high, distance in ((8, 26, 5), (27, 46, 5), (47, 52, 5), (47, 52, 50)) * amount:
@@ -223,13 +223,13 @@ def _tangent(amount: int) -> Scenes:
 
 
 def _long_directions(tan: float, amount: int) -> Scenes:
-    """Code that takes |d| for 1: t in other units, P somewhere else. Here |d| is up to 8e5."""
+    """Code that takes |d| for 1 has t in other units, and P somewhere else. Here |d| is up to 8e5."""
     camera, rng = looking(tan=tan, size=frame(amount)), np.random.default_rng(4)
     yield balls(camera, aimed(camera, 50, 1, limbs(2, 20, 19 * math.isqrt(amount), rng), rng))
 
 
 def _along_axes(amount: int) -> Scenes:
-    """Zeros, and negative ones, in d: sign(0) = 0 makes q and then t NaN."""
+    """There are zeros in d, negative ones, too: if sign(0) is 0, q vanishes and t is NaN."""
     for axis in AXES:
         yield balls(looking((0, 0, 0), 1, (1, 1), axis), [((0, 0, 0), 2.5)])
         ahead = tuple(-0.0 if a == 0 else 5.0 * a for a in axis)
@@ -249,14 +249,14 @@ def _from_the_wall(sign: int, amount: int) -> Scenes:
 
 
 def _on_the_surface(amount: int) -> Scenes:
-    """The root 0 is taken for a hit at random. Outward is a miss, tangential too, and inward t = 2b/a."""
+    """The root 0 is taken for a hit at random. Outwards and along the surface is a miss, and inwards t = 2 b/a."""
     for center, r in (((0, 0, -1), 1.0), ((2, -3, 6), 7.0), ((-1, 2, -2), 3.0), ((3e4, 4e4, 12e4), 13e4)):
         for axis in AXES:
             yield balls(looking((0, 0, 0), 0.9 / math.sqrt(2), frame(amount, 100), axis), [(center, r)])
 
 
 def _at_the_centre(r: float, amount: int) -> Scenes:
-    """b = 0 for every ray."""
+    """b = 0 for every ray, so nothing may be decided or divided by b."""
     for axis in AXES[: 2 if amount == 1 else 6]:
         yield balls(looking((3, -5, 7), 2, frame(amount, 200), axis), [((3, -5, 7), r)])
 
@@ -265,7 +265,7 @@ def _at_the_centre(r: float, amount: int) -> Scenes:
 
 
 def _own_shadow(R: float, far: float, amount: int) -> Scenes:
-    """A sphere that shades itself: acne."""
+    """A sphere shadows itself: acne."""
     C = far * R * unit(np.random.default_rng(int(far)))
     spheres: list[Ball] = [(C.tolist(), R), ((C - (0, 40 * R, 0)).tolist(), R)]
     camera = looking((C + (0, 0, 3 * R)).tolist(), 0.4, frame(amount, 200))
@@ -273,10 +273,10 @@ def _own_shadow(R: float, far: float, amount: int) -> Scenes:
 
 
 def _lit_point(lights: Sequence[Sequence[float]], amount: int, occluder: Ball = ((6, 0, 4), 5)) -> Scenes:
-    """A light on, before or beyond an occluder, by an ulp: a coin toss. The way to it is open at both ends.
+    """A light on an occluder, or an ulp before or beyond it: a coin toss. Neither P nor the light itself is in the way.
 
-    P = (0, 0, -4), seen along the axis; from there along (3, 0, 4) to an occluder whose surface is entered at
-    (3, 0, 0) and left at (9, 0, 8), with no rounding in any of it.
+    P = (0, 0, -4) is seen along the axis. The way along (3, 0, 4) from there enters the occluder at (3, 0, 0) and
+    leaves it at (9, 0, 8). No rounding is in any of it.
     """
     for light in lights:
         yield lit(looking(tan=0.19, size=(11, 9)), [((0, 0, -5), 1), occluder], light, (-3, 0, -4))
@@ -300,7 +300,7 @@ def _before_and_beyond(amount: int) -> Scenes:
 
 
 def _light_inside(amount: int) -> Scenes:
-    """The sphere that holds the light darkens what is outside of it, and nothing that is inside of it, too."""
+    """The sphere that holds the light must darken what is outside of it, and nothing that is inside of it, too."""
     yield from _lit_point([(6, 0, 4), (6, 1, 3)], amount)
     house: list[Ball] = [((0, 1, -3), 9), ((0, -0.5, -5), 1), ((1, 0.5, -4), 0.5)]
     for light in ((2, 3, -1), (20, 30, -1)):
@@ -308,7 +308,7 @@ def _light_inside(amount: int) -> Scenes:
 
 
 def _room(r: float, amount: int) -> Scenes:
-    """A room darkens itself; or it does not, with the light outside of it. On the wall, nothing is between."""
+    """A room darkens itself, or light gets in from outside. A light exactly on the wall must light the room."""
     for point in ((0.3, 0.5, -0.2), (0, math.nextafter(1, 0), 0), (0, 1, 0), (0, math.nextafter(1, 2), 0), (0, 3, 1)):
         camera = looking((0.125 * r, 0, 0.5 * r), 1, frame(amount, 150))
         yield lit(camera, [((0, 0, 0), r)], (np.array(point) * r).tolist(), (0, -1, 0))
@@ -318,7 +318,7 @@ AT_THE_POINT = ((0, 0, 0), (0, 0, 1e-30), (0, 0, -1e-30), (1e-30, 0, 0), (1e-3, 
 
 
 def _light_at_the_point(amount: int) -> Scenes:
-    """L = P, or all but: 0/0. And a light in the tangent plane is no light.
+    """L = P, or all but: the direction is 0/0. A light in the tangent plane must add nothing.
 
     The ray along the axis meets the first sphere at the origin, the second time from inside.
     """
@@ -331,22 +331,22 @@ def _light_at_the_point(amount: int) -> Scenes:
 
 
 def _light_at_the_surface(height: float, amount: int) -> Scenes:
-    """A light 1e-6 above the surface is swallowed by an epsilon, and one below it leaks out."""
+    """A light 1e-6 above the surface is swallowed by an epsilon, and one below the surface leaks out."""
     camera = looking((0, 0, 1.5), 4 * math.sqrt(2e-6), frame(amount))
     yield lit(camera, [((0, 0, 0), 1), ((0, -40, 0), 1)], (0, 0, 1 + height), (1, 0, -1))
 
 
 def _terminator(amount: int) -> Scenes:
-    """n.l within an ulp of 0: a line of acne."""
+    """n.l is within an ulp of 0: there is a line of acne."""
     spheres: list[Ball] = [((0, 0, 0), 1), ((0, -9, 0), 1)]
     yield lit(looking((0, 0, 3), 0.4, frame(amount)), spheres, (5, 0, 1e-3), (-1, 1e-3, 1e-3))
 
 
 def _on_two_spheres(amount: int) -> Scenes:
-    """The point (0, 0, -4) is exactly on another sphere, too: its root 0 does not count, the other one does.
+    """The point (0, 0, -4) is exactly on another sphere, too, whose root 0 must not count, but whose other root must.
 
-    In the first scene that one touches the own sphere from outside, in the others the eye is in it, and the light is
-    in it or beyond.
+    In the first scene the other sphere holds the own one and touches it there. In the others it holds the eye, and the
+    light is in it or beyond.
     """
     camera, own = looking(tan=0.19, size=(3, 3)), ((0, 0, -5), 1)
     yield lit(camera, [own, ((0, 0, -6), 2)], (1, 2, 0), (0, 0, -1))
@@ -355,21 +355,21 @@ def _on_two_spheres(amount: int) -> Scenes:
 
 
 def _shadow_from_afar(amount: int) -> Scenes:
-    """A tiny sphere, ten million radii away: b^2 - a c loses the edge of its shadow, which fills the picture."""
+    """A tiny sphere is ten million radii away: b^2 - a c loses the edge of its shadow, which fills the picture."""
     P, way = np.array([0, 0, -4.0]), np.array([0.6, 0, 0.8])
     spheres: list[Ball] = [((0, 0, -5), 1), ((P + 1e4 * way).tolist(), 1e-3)]
     yield lit(looking(tan=5e-4, size=frame(amount)), spheres, (P + 3e4 * way).tolist(), (-way).tolist())
 
 
 def _shell_of(R: float, gap: float | str) -> tuple[float, float]:
-    """The radius of a sphere of about R, and that of a shell that is larger by a gap, or by an ulp of this type."""
+    """The radius of a sphere of about R, and of a shell that is larger by gap R, or by an ulp of the type `gap`."""
     if gap == "double":
         return R, math.nextafter(R, math.inf)
     return (ulp32(R, 0), ulp32(R)) if gap == "float" else (R, R * (1 + float(gap)))
 
 
 def _core(gap: float | str, amount: int) -> Scenes:
-    """The shell from outside, and from far off: a P that is off by more than the gap is inside of it, and dark."""
+    """A shell is seen from far off: a P that is off by more than the gap is inside of it, and dark."""
     for R, far in ((1.0, 1e6), (1e-3, 1e2), (1e6, 1e4), (1.0, 10)):
         core, shell = _shell_of(R, gap)
         C = R * np.array([0.3, -0.2, 0.1])
@@ -379,7 +379,7 @@ def _core(gap: float | str, amount: int) -> Scenes:
 
 
 def _between(gap: float | str, amount: int) -> Scenes:
-    """Light gets through a shell that is nearer than the epsilon. The eye is between sphere and shell."""
+    """Light gets through a shell that is nearer than an epsilon. Here the eye is between sphere and shell."""
     for R, far in ((1.0, 0.0), (1e-3, 0.0), (1e3, 1.0), (1.0, 1e3), (1e6, 0.0)):
         C = np.array([far * R, -far * R, 0.5 * far * R])
         for seed in range(1 if amount == 1 else 4):
@@ -403,7 +403,7 @@ def _resting(R: float, amount: int) -> Scenes:
 
 
 def _narrow(fov: float, amount: int) -> Scenes:
-    """The directions of neighbouring pixels are one and the same float32: a pixelated sphere."""
+    """The directions of neighbouring pixels are the same in float32, and the sphere looks pixelated."""
     tan = math.tan(math.radians(fov))
     r = 0.6 * 7e5 * tan
     for axis in AXES[: 1 if amount == 1 else 6]:
@@ -423,13 +423,13 @@ def _wide(fov: float, amount: int) -> Scenes:
 
 
 def _sizes(amount: int) -> Scenes:
-    """Half a pixel off, width and height swapped, or the packets at the edge write behind the picture."""
+    """The picture is half a pixel off, its sides are swapped, or packets at the edge write beyond it."""
     for size in ((1, 1), (1, 4096), (4096, 1), (7, 13), (33, 65), (40, 3)):
         yield replace(everything(), camera=Camera(horizontal_fov=40, resolution=size, square_pixels=False))
 
 
 def _mirrors(exponent: float, size: tuple[int, int], eye_light: bool) -> Scene:
-    """Two mirrors, all highlights; eye_light: every light stands where the eye is, so that r.v is 1 on the axis."""
+    """Two spheres that are all highlights. eye_light: every light stands where the eye is, so r.v is 1 on the axis."""
     at = (0, 0, 0) if eye_light else (2, 3, 0)
     lights = [
         point_light(at, (1, 0, 0)),
@@ -441,13 +441,13 @@ def _mirrors(exponent: float, size: tuple[int, int], eye_light: bool) -> Scene:
 
 
 def _shiny(exponent: float, amount: int) -> Scenes:
-    """0^0 is NaN by powr, and cos^1e6 from a float32 cosine is off by 15 %."""
+    """0^0 is NaN by powr(), and the power of 1e6 of a cosine in float32 is off by 15 %."""
     for eye_light in (False, True):
         yield _mirrors(exponent, frame(amount, 500), eye_light)
 
 
 def _highlight(exponent: float, amount: int) -> Scenes:
-    """r.v = 1 + 1e-7 by rounding, to the power of 1e6: above 1. The highlight fills the picture."""
+    """By rounding r.v = 1 + 1e-7, whose power of 1e6 is above 1. The highlight fills the picture."""
     scene = _mirrors(exponent, frame(amount, 300), True)
     yield replace(scene, camera=looking(tan=0.6 / math.sqrt(max(exponent, 20)), size=frame(amount, 300)))
 
@@ -458,7 +458,7 @@ GREYS = (0, 1, 1.5, 300, 2.0**-149, 1e-40, 1e38, 3.4e38, 0.5, 0.1, 0.999)
 def _greys(amount: int) -> Scenes:
     """255 c beyond a byte wraps around, and products of colours leave float32's range.
 
-    Spheres of these greys: two scenes in light that adds nothing, then four in light that is beyond float32.
+    The spheres are of GREYS: in two scenes with light that adds nothing, then in four with light beyond float32.
     """
     n = len(GREYS)
     spheres: list[Ball] = [(((2 * i - n + 1) / (2 * n + 1) * 20, 0, -10), 0.5) for i in range(n)]
@@ -492,7 +492,7 @@ def _ball(**changed: object) -> object:
     return Scene.from_spheres(Camera(), **given)  # type: ignore[arg-type]
 
 
-# What is no number that a kernel may see.
+# None of these may reach a kernel as a number.
 BAD: tuple[object, ...] = (math.nan, math.inf, -math.inf, 1e39, True, None, "1")
 NO_RADIUS = (0.0, -0.0, -1.0, -1e-45)
 NO_FOV = (0, 90, 180, 181, -1e-9, -45, math.nan)

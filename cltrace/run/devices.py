@@ -1,4 +1,4 @@
-"""OpenCL devices: which there are, which one is meant, and what is known of their drivers.
+"""OpenCL devices: which there are, which one is meant by a SPEC, and what is known of their drivers.
 
 Nothing here asks questions on a terminal, and no other device is ever taken than the one that was asked for.
 """
@@ -29,9 +29,9 @@ found beside pyopencl. PoCL shows no device where it cannot write its kernel cac
 class Driver:
     """What was measured of a CPU driver: the packet width that is right for it, and its place among the others.
 
-    pattern: of the platform's version, a space and the device's name; width: pixels in a packet; rank: the lower, the
-    faster (of two drivers for the same CPU, the better one is taken when none is asked for); flags: -D flags that it
-    needs.
+    pattern: a regular expression for the platform's name and version, a space, and the device's name; width: pixels in
+    a packet; rank: the lower, the faster, so that of two drivers for one CPU the faster one is taken when none is asked
+    for; flags: names of -D flags that it needs.
     """
 
     pattern: str
@@ -58,7 +58,7 @@ OTHER_CPU = Driver("", 8, 3)
 
 @dataclass(frozen=True)
 class Device:
-    """One OpenCL device. spec: what to type to get it, `P:D` (platform and device number)."""
+    """One OpenCL device. spec: what to type to get it, `P:D`, indices of platform and device; cl: pyopencl's own."""
 
     spec: str
     cl: Any
@@ -93,22 +93,22 @@ class Device:
 
     @property
     def record(self) -> Driver:
-        """What is known of a CPU driver."""
+        """What is known of its driver, if that is one for a CPU."""
         return next((d for d in DRIVERS if re.search(d.pattern, f"{self.platform} {self.cl.name}")), OTHER_CPU)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """-D flags that the driver needs."""
+        """Names of the -D flags that the driver needs."""
         return self.record.flags if self.kind == "cpu" else ()
 
     @property
     def width(self) -> int:
-        """Pixels in a packet: 1 on a GPU."""
+        """How many pixels a packet should have: 1 on a GPU."""
         return self.record.width if self.kind == "cpu" else 1
 
     @property
     def label(self) -> str:
-        """What tells it from all others, and its name."""
+        """Its spec, which tells it from all others, and its name."""
         return f"{self.spec} {self.name}"
 
     def line(self) -> str:
@@ -131,7 +131,7 @@ def check_process() -> None:
 
 
 def devices() -> list[Device]:
-    """All devices of all platforms, in the order of the OpenCL loader; none is an empty list."""
+    """All devices of all platforms, in the order of the OpenCL loader; an empty list if there are none."""
     check_process()
     found = []
     try:
@@ -150,8 +150,9 @@ def devices() -> list[Device]:
 def choose(spec: str | None = None) -> Device:
     """The device that `spec` names: cpu, gpu, P, P:D, or part of the name of a platform or device.
 
-    Without one, the environment's PYOPENCL_CTX counts; without that, the fastest CPU driver, by DRIVERS.
-    Raises DeviceError, with the list of devices, if there is none such or it could be several.
+    P and D are the indices of a platform and of a device. Without a spec, the environment's PYOPENCL_CTX counts, and
+    without that the fastest CPU driver by DRIVERS. Raises TypeError if spec is no text, and DeviceError, with the list
+    of devices, if there is no such device or it could be several.
     """
     if spec is not None and not isinstance(spec, str):
         raise TypeError(f"device: must be a text such as 'cpu' or '0:1', got {spec!r}")
