@@ -36,7 +36,7 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
 #else
     const REAL_MASK close = (t == hit.t) & (t < INFINITY);
 #endif
-    if (!ANY(TO_MASK(close))) return nearer;
+    if (!RARELY(ANY(TO_MASK(close)))) return nearer;
     REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
 #if REAL_BYTES == 8
     first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close);

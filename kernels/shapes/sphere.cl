@@ -375,7 +375,7 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
 #if REAL_BYTES == 8
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e.discriminant <= bound) & (e.discriminant >= -bound), tiny = arr < bb * 0x1p-42;
-    if (ANY(TO_MASK(unsure | tiny))) {
+    if (RARELY(ANY(TO_MASK(unsure | tiny)))) {
         const REAL_MASK all_but_on = unsure & (bb < arr * 0x1p-16);
         const Decided decided = decide(spheres, ray, sphere, unsure | tiny, all_but_on);
         e.discriminant = (unsure | tiny) ? decided.discriminant : e.discriminant;
