@@ -206,8 +206,8 @@ MUTATIONS = [
         EXACT,
     ),
     Mutation(
-        "_CANCELS = 2.0**-44",
-        "_CANCELS = 0.0",
+        "_CANCELS * sum(np.abs(term)",
+        "0 * sum(np.abs(term)",
         "powers that cancel",
         PROPERTIES,
     ),

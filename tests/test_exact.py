@@ -5,13 +5,16 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.bench.oracle import closest
 from cltrace.bench.regimes import EDGES, REGIMES, camera_space, rays
+from cltrace.plan import abi
 from cltrace.reference import primary_ray, trace, world_of
+from cltrace.run import program
 from cltrace.run.devices import Device
 
 THINNED = (8_000, 2)
@@ -122,6 +125,48 @@ def test_far_and_small_spheres_by_turned_cameras(device: Device, width: int) -> 
                 assert image.id[y, x] == (at.index if at else -1), seed
                 assert image.depth[y, x] == (at.distance if at else np.inf), seed
     assert 20 < hits < 80
+
+
+def test_whole_numbers(device: Device) -> None:
+    """x y + z w in integers.cl, rounded to the nearest double, ties to even: of both signs, with ties."""
+    if not device.has_double:
+        return
+    rng = np.random.default_rng(0)
+    data = rng.normal(size=(2000, 4)) * 2.0 ** rng.integers(-120, 120, (2000, 4))
+    data[:500, 2] = -data[:500, 0] * (1 + rng.integers(-3, 4, 500) * 2.0**-52)
+    data[:500, 3] = data[:500, 1] * (1 + rng.integers(-3, 4, 500) * 2.0**-52)
+    # Half a unit in the last place beside a whole number.
+    data[500:1000, :2] = rng.integers(2**52, 2**53, (500, 1)) * [1, 0] + [0, 1]
+    data[500:1000, 2:] = rng.choice([-0.5, 0.5, 0.5 + 2.0**-50, 0.5 - 2.0**-50], (500, 1)) * [1, 0] + [0, 1]
+    source = (
+        program.source(("packet.cl", "abi", "integers.cl"))
+        + """
+    __kernel void sums(__global const double4 *in, __global double *out) {
+        const double4 v = in[get_global_id(0)];
+        Span span = span_of_both(span_of_both(span_of(v.x), span_of(v.y)), span_of_both(span_of(v.z), span_of(v.w)));
+        const int n = (2 * (span.high - span.low) + 33) / 32;
+        Integer sum, a, b;
+        set_to(&sum, 0, 0, n);
+        set_to(&a, v.x, span.low, n);
+        set_to(&b, v.y, span.low, n);
+        add_product(&sum, &a, &b, n);
+        set_to(&a, v.z, span.low, n);
+        set_to(&b, v.w, span.low, n);
+        add_product(&sum, &a, &b, n);
+        out[get_global_id(0)] = nearest_double(&sum, 2 * span.low, n);
+    }"""
+    )
+    context = cl.Context([device.cl])
+    queue, flags = cl.CommandQueue(context), cl.mem_flags
+    given = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=data)
+    out = np.empty(len(data))
+    buffer = cl.Buffer(context, flags.WRITE_ONLY, out.nbytes)
+    built = cl.Program(context, source).build(["-DW=1", "-DRUN=1", *abi.options("double", frozenset())])
+    built.sums(queue, (len(data),), None, given, buffer)
+    cl.enqueue_copy(queue, out, buffer)
+    for row, got in zip(data.tolist(), out.tolist(), strict=True):
+        x, y, z, w = map(Fraction, row)
+        assert got == float(x * y + z * w)
 
 
 def extreme(seed: int) -> Scene:

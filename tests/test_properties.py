@@ -161,12 +161,15 @@ def test_powers_that_cancel_need_no_rational_numbers(monkeypatch: pytest.MonkeyP
     spheres = np.array([(3, 4, 0, 5), (1, 2, 2, 3), (2, 3, 6, 7), (4, 4, 7, 9)])[rng.integers(4, size=500)] * 0.1
     point, r = rng.normal(size=3), spheres[:, 3]
     hi, lo = two_sum(spheres[:, :3] + point, -point)
-    c, rest = square_excess(hi, lo, r)
-    for i in range(500):
-        exact = sum((Fraction(x) + Fraction(y)) ** 2 for x, y in zip(hi[i].tolist(), lo[i].tolist(), strict=True))
-        exact -= Fraction(float(r[i])) ** 2
-        assert c[i] == float(exact)
-        assert abs(Fraction(float(c[i])) + Fraction(float(rest[i])) - exact) <= abs(exact) * Fraction(1, 2**99)
+    first, _ = square_excess(hi, lo, r)
+    # Moved along itself by what is left, it is as long as the radius but for 2^-105.
+    for low in (lo, lo - first[:, None] * hi / (2 * (hi * hi).sum(axis=1))[:, None]):
+        c, rest = square_excess(hi, low, r)
+        for i in range(500):
+            exact = sum((Fraction(x) + Fraction(y)) ** 2 for x, y in zip(hi[i].tolist(), low[i].tolist(), strict=True))
+            exact -= Fraction(float(r[i])) ** 2
+            assert c[i] == float(exact)
+            assert abs(Fraction(float(c[i])) + Fraction(float(rest[i])) - exact) <= abs(exact) * Fraction(1, 2**99)
     whole = np.array([(3.0, 4.0, 0.0, 5.0), (1.0, 2.0, 2.0, 3.0), (2.0, 3.0, 6.0, 7.0)]) * 2.0**-30
     c, rest = square_excess(whole[:, :3], 0 * whole[:, :3], whole[:, 3])
     assert not c.any()
