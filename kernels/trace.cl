@@ -1,4 +1,8 @@
-/* trace.cl: from a pixel to its colour, as in the course's tutorial and in cltrace/reference/trace.py. */
+/* trace.cl: from a pixel to its colour, as in the course's tutorial and in cltrace/reference/trace.py.
+ *
+ * Functions of a packet get what they need as it is, scene and ray and counters apart, although it is up to nine
+ * arguments: a struct around them all is copied by compilers where the parts are not.
+ */
 
 /* Normal and material of each lane's hit. Lanes without a hit keep harmless values. */
 static Intersection intersection_at(const Scene scene, const Ray ray, const Hit hit) {

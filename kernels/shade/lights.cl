@@ -94,7 +94,8 @@ static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
 
 /* The colour and what one light adds to it: kd C L max(0, n.l) + ks L max(0, r.v)^exponent, if nothing stands between.
  * number: the light's index in the buffers; kind: of kind_of(); own: index of the sphere that was hit; view: the unit
- * direction of the ray that hit; rays: how many shadow rays each lane has sent, counted up. */
+ * direction of the ray that hit; rays: how many shadow rays each lane has sent, counted up. It is the tutorial's formula
+ * from its first line to its last, and so longer than a screen. */
 static Shade3 illuminate(const Scene scene, const int number, const int kind, const Intersection at, const INT own,
                          const Shade3 view, Shade3 color, INT *rays, Work *work) {
     const Light light = scene.light[number];
