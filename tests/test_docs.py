@@ -11,6 +11,10 @@ from readme import FILES, ROOT, blocks, commands
 import cltrace
 from cltrace import cli
 from cltrace.bench import cli as bench
+from cltrace.plan.request import KEEPS
+from cltrace.reference.check import DEFAULT_PIXELS, DEFAULT_TESTS
+from cltrace.scene import MAX_LIGHTS, MAX_SPHERES
+from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
 
@@ -31,6 +35,19 @@ def test_files_and_options_exist(file: Path) -> None:
     options = cli.parser().format_help() + bench.parser().format_help()
     for option in re.findall(r"`(?:cltrace[\w-]* )?(--[a-z-]+)", text):
         assert option in options, option
+
+
+def test_limits_and_names_are_those_of_the_code() -> None:
+    texts = {file.name: " ".join(file.read_text("utf-8").split()) for file in FILES}
+    for name in ("README.md", "format.md", "python.md"):
+        assert f"{MAX_LIGHTS:,} " in texts[name]
+    for name in ("command.md", "format.md", "python.md"):
+        assert f"{MAX_SIDE:,} pixels a side and 2^{MAX_PIXELS.bit_length() - 1} " in texts[name]
+    for name in ("format.md", "python.md"):
+        assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts[name]
+    assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
+    for name in KEEPS:
+        assert f"| `{name}` |" in texts["speed.md"] or f"`--keep {name}`" in texts["speed.md"]
 
 
 def test_the_version_is_told_everywhere() -> None:
