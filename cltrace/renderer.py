@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from copy import copy
+from typing import NoReturn
 
 from cltrace.errors import DeviceError
 from cltrace.picture.image import Image, Output
@@ -105,6 +106,21 @@ class Renderer:
     def skipped(self) -> dict[str, int]:
         """What this scene did not need, in words, and how often."""
         return self.plan.skipped
+
+    def __repr__(self) -> str:
+        size, spheres = "{2}x{3}".format(*self.region), len(self.scene.spheres)
+        return f"<cltrace.Renderer {size}: {spheres} spheres, {self.precision} precision, on {self.device.name}>"
+
+    def __copy__(self) -> Renderer:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        raise TypeError(
+            "a Renderer cannot be pickled, since its device's buffers stay with their process: pickle its scene, and "
+            "make a Renderer of that where it arrives"
+        )
 
     def render(self, out: Image | None = None) -> Image:
         """One frame, as an Image whose arrays have the region's height and width.

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image as Picture
 from random_scenes import random_scene
 
 import cltrace
@@ -75,6 +76,46 @@ def test_images_and_scenes_travel(any_device: Device, tmp_path: Path) -> None:
     assert np.array_equal(cltrace.render(scene, any_device).rgb8, image.rgb8)
 
 
+def test_a_renderer_does_not_travel(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    for how in (pickle.dumps, copy.deepcopy):
+        with pytest.raises(TypeError, match=r"^a Renderer cannot be pickled, since .*: pickle its scene, and "):
+            how(renderer)
+    assert np.array_equal(copy.copy(renderer).render().rgb8, renderer.render().rgb8)
+
+
+def test_repr_of_a_renderer(any_device: Device) -> None:
+    scene = random_scene(1)
+    count = len(scene.spheres)
+    renderer = Renderer(scene, any_device, "single", crop=(1, 2, 9, 5))
+    assert repr(renderer) == f"<cltrace.Renderer 8x3: {count} spheres, single precision, on {any_device.name}>"
+
+
+def test_an_image_is_an_array_of_its_bytes() -> None:
+    pixels = np.arange(6, dtype=np.uint8).reshape(1, 2, 3)
+    image = Image(rgb8=pixels, depth=np.zeros((1, 2)))
+    assert np.asarray(image) is pixels
+    assert np.array_equal(np.array(image), pixels)
+    assert not np.shares_memory(np.array(image, copy=True), pixels)
+    assert np.asarray(image, float).tolist() == pixels.tolist()
+    assert np.asarray(image, float).dtype == float
+    assert np.array_equal(np.asarray(Picture.fromarray(np.asarray(image))), pixels)
+    with pytest.raises(ValueError, match=r"^copy: rgb8 is uint8, and cannot become float64 without a copy$"):
+        image.__array__(float, copy=False)
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
+        np.asarray(Image(depth=np.zeros((1, 2))))
+
+
+def test_a_picture_of_depth_alone(tmp_path: Path) -> None:
+    image = Image(depth=np.array([[2.0, np.inf]]))
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
+        image.save(tmp_path / "s.png")
+    assert not list(tmp_path.iterdir())
+    image.save(tmp_path / "s.png", show="depth")
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only work$"):
+        Image(work=np.zeros((1, 1, 8), np.int32)).save(tmp_path / "s.png")
+
+
 def test_threads_share_a_renderer(any_device: Device) -> None:
     renderer = Renderer(random_scene(3), any_device, outputs=("rgb8", "id"))
     want, got = renderer.render(), []
@@ -132,7 +173,9 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
     assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
     assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
     assert image.as_rgb8("id")[0, 0].min() >= 64
-    with pytest.raises(ValueError, match=r"^show: the image has no direction, only rgb8, normal, depth, id$"):
+    with pytest.raises(
+        ValueError, match=r"^show: the image has no direction, only rgb8, normal, depth, id; show='color'"
+    ):
         image.as_rgb8("direction")
     with pytest.raises(ValueError, match="show: must be one of color, normal, direction, depth, id, got 'heat'"):
         image.as_rgb8("heat")

@@ -8,6 +8,7 @@ from array import array
 from collections.abc import Callable
 from dataclasses import fields, replace
 from datetime import timedelta
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -111,6 +112,32 @@ def test_bad_arrays(changed: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError) as caught:
         build(**changed)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("radii", [1, [], np.zeros(0)])
+@pytest.mark.parametrize("centers", [[], (), np.zeros((0, 3))])
+@pytest.mark.parametrize("colors", [(1, 1, 1), [], np.zeros((0, 3))])
+def test_no_spheres(centers: Any, radii: Any, colors: Any) -> None:
+    scene = Scene.from_spheres(Camera(resolution=(2, 1)), [], centers, radii, colors)
+    assert len(scene.spheres) == 0
+    assert cltrace.render(scene).rgb8.shape == (1, 2, 3)
+
+
+def test_no_centres_for_some_radii() -> None:
+    with pytest.raises(ValueError, match=r"^radii: must have shape \(0,\) or be one value, got \(2,\)$"):
+        Scene.from_spheres(Camera(resolution=(2, 1)), [], [], [1, 2])
+
+
+def test_what_lights_leave_to_the_scene() -> None:
+    """As their docstrings say."""
+    for light, message in (
+        (cltrace.parallel_light((0, 0, 0)), "lights.direction[0]: must not be 0"),
+        (cltrace.spot_light((0, 0, 0), (0, 0, -1), 20, 10), "lights.alpha1[0]: must be <= alpha2, got 20 > 10"),
+        (cltrace.point_light((0, 0, 0), (-1, 0, 0)), "lights.color[0][0]: must be >= 0, got -1"),
+    ):
+        with pytest.raises(ValueError) as caught:
+            Scene.from_spheres(Camera(resolution=(2, 1)), [light], [(0, 0, -3)], 1)
+        assert str(caught.value) == message
 
 
 def test_a_list_that_contains_itself_is_no_number() -> None:

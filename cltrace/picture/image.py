@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from PIL import Image as Picture
 
 from cltrace.picture.files import is_named_as_folder, whole_file
@@ -34,6 +34,7 @@ class Image:
         work         (h, w, 8) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
 
     Asking for an output that it has not raises AttributeError, so hasattr(image, "depth") tells whether there is one.
+    Where numpy or a plotting library wants an array, an image counts as its rgb8: plt.imshow(image), np.asarray(image).
 
     seconds: what took how long, in seconds, by name; frame: the buffers that the arrays live in, for
     Renderer.render(out), None in a copy that was pickled.
@@ -86,9 +87,22 @@ class Image:
         return f"<cltrace.Image {width}x{height}: {', '.join(self.outputs)}>"
 
     @property
+    def _shows(self) -> list[Show]:
+        """What it can show."""
+        return [show for show in SHOWS if ("rgb8" if show == "color" else show) in self.outputs]
+
+    @property
     def frame_seconds(self) -> float:
         """Seconds that the kernel and reading the picture back took. KeyError if it was not a Renderer that made it."""
         return self.seconds["kernel"] + self.seconds["readback"]
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """rgb8, for numpy.asarray(). Raises ValueError if the image has none, or if copy is False and it takes one."""
+        pixels = self.as_rgb8()
+        array: NDArray[Any] = pixels.astype(pixels.dtype if dtype is None else dtype, copy=bool(copy))
+        if copy is False and array is not pixels:
+            raise ValueError(f"copy: rgb8 is uint8, and cannot become {array.dtype} without a copy")
+        return array
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"frame": None}  # buffers stay with their process
@@ -104,7 +118,8 @@ class Image:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
         output: Output = "rgb8" if show == "color" else show
         if output not in self.outputs:
-            raise ValueError(f"show: the image has no {output}, only {', '.join(self.outputs) or 'nothing'}")
+            advice = f"; show={self._shows[0]!r} shows what it has" if self._shows else ""
+            raise ValueError(f"show: the image has no {output}, only {', '.join(self.outputs) or 'nothing'}{advice}")
         value = getattr(self, output)
         if show == "color":
             return np.asarray(value, np.uint8)
@@ -142,8 +157,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
-        shown = [show for show in SHOWS if ("rgb8" if show == "color" else show) in self.outputs]
-        self.write_png(buffer, shown[0] if shown else "color")
+        self.write_png(buffer, self._shows[0] if self._shows else "color")
         return buffer.getvalue()
 
 

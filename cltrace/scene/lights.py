@@ -29,18 +29,26 @@ def ambient_light(color: ArrayLike = (0.25, 0.25, 0.25)) -> NDArray[np.void]:
 
     Times a material's ka, this is how bright its unlit side is. The default is a quarter of a point light's: with the
     material that `Scene.from_spheres` takes unless told otherwise (ka = kd = 0.8), a surface that also faces a point
-    light has 0.8 (0.25 + 1) = 1, exactly its colour. Raises ValueError.
+    light has 0.8 (0.25 + 1) = 1, exactly its colour.
+
+    Raises ValueError if the colour is not 3 numbers; negative ones are refused by the Scene, as with every light.
     """
     return _light(AMBIENT, color)
 
 
 def parallel_light(direction: ArrayLike, color: ArrayLike = (1, 1, 1)) -> NDArray[np.void]:
-    """A (1,) LIGHT array: a light at infinity that travels along `direction` (any length but 0). Raises ValueError."""
+    """A (1,) LIGHT array: a light at infinity that travels along `direction` (any length but 0).
+
+    Raises ValueError if an argument is not 3 numbers; a direction of 0 is refused by the Scene.
+    """
     return _light(PARALLEL, color, direction=direction)
 
 
 def point_light(position: ArrayLike, color: ArrayLike = (1, 1, 1)) -> NDArray[np.void]:
-    """A (1,) LIGHT array: a point that shines equally in all directions, without attenuation. Raises ValueError."""
+    """A (1,) LIGHT array: a point that shines equally in all directions, without attenuation.
+
+    Raises ValueError if an argument is not 3 numbers.
+    """
     return _light(POINT, color, position=position)
 
 
@@ -49,7 +57,8 @@ def spot_light(
 ) -> NDArray[np.void]:
     """A (1,) LIGHT array: full light up to alpha1 degrees off `direction`, falling linearly to none at alpha2.
 
-    Both angles are measured from the axis, within 0..180 degrees. Raises ValueError.
+    Both angles are measured from the axis, within 0..180 degrees. Raises ValueError if an argument is not 3 numbers,
+    or not one where it is an angle; alpha1 > alpha2 and a direction of 0 are refused by the Scene.
     """
     return _light(SPOT, color, position=position, direction=direction, alpha1=alpha1, alpha2=alpha2)
 

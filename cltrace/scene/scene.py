@@ -124,8 +124,8 @@ class Scene:
         """A scene of plain arrays.
 
         camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; centers: (n, 3) and radii: (n,) or one number, scene units; colors: (n, 3) or one colour, linear, 1 =
-        full; background, output_file: see Scene.
+        return; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
+        colour, linear, 1 = full; background, output_file: see Scene.
 
         ka, kd, ks: how strongly a surface shows ambient light, diffuse light and highlights; exponent: the larger, the
         smaller the highlight; each (n,) or one number >= 0. Without ka it is kd: ambient light stands for light that
@@ -166,6 +166,8 @@ def _check_camera(camera: object, order: str = "") -> None:
 def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[np.float64]:
     """The centres as an (n, 3) array; ValueError if they are none, with advice where they and the radii are swapped."""
     points = numbers("centers", centers)
+    if points.shape == (0,):  # an empty list
+        return points.reshape(0, 3)
     if points.ndim == 2 and points.shape[1] == 3:
         return points
     swapped = points.ndim < 2 and np.shape(numbers("radii", radii))[1:] == (3,)
@@ -178,6 +180,8 @@ def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[np.float64]:
 def _values(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """One value or as many as the spheres, as the array that was given; ValueError names the argument and the index."""
     array = numbers(name, value)
+    if array.shape == shape[:1] == (0,):  # an empty list
+        return array.reshape(shape)
     try:
         np.broadcast_to(array, shape)
     except ValueError:
