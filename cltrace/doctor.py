@@ -44,26 +44,36 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         say(f"devices    {answer}")
         return _advise(say, [])
     listing = json.loads(answer)
-    default, every = listing["default"], listing["devices"]
+    wanted, every = listing["wanted"], listing["devices"]
+    asked = f"  ({_asked(spec)})"
     well = []
     for name, line in every.items():
-        if spec is not None and name != default:
+        if spec is not None and name != wanted:
             continue
-        say(f"device     {line}{'  (the default)' if name == default else ''}")
+        say(f"device     {line}{asked if name == wanted else ''}")
         status, answer = _child("-m", __name__, "draw", name)
         say(f"           {'ok' if status == 0 else 'FAILS'}: {answer}")
         if status == 0:
             well.append(name)
-    if default in well:
+    if wanted in well:
         return 0
-    if default is None:
+    if wanted is None:
         say(f"devices    {listing['problem']}")
+        for line in every.values() if spec is not None else ():  # the others have been listed as they were tried
+            say(f"           {line}")
     return _advise(say, well)
+
+
+def _asked(spec: str | None) -> str:
+    """What has made a device the one that is used."""
+    named = os.environ.get("PYOPENCL_CTX")
+    return f"-d {spec}" if spec is not None else f"PYOPENCL_CTX={named}" if named else "the default"
 
 
 def _advise(say: Callable[[str], None], well: list[str]) -> int:
     if well:
-        say(f"The default device cannot be used. Choose another: -d {well[0]}, or PYOPENCL_CTX={well[0]}")
+        which = "The device that PYOPENCL_CTX names" if os.environ.get("PYOPENCL_CTX") else "The default device"
+        say(f"{which} cannot be used. Choose another: -d {well[0]}, or PYOPENCL_CTX={well[0]}")
     else:
         say(where_drivers_are())
     return 3
@@ -86,6 +96,8 @@ def _drivers() -> list[str]:
     beside = Path(cl.__file__).parent / ".libs"
     files = [place] if place.is_file() else [*sorted(place.glob("*.icd")), *sorted(beside.glob("*.icd"))]
     lines = [f"driver     {file}: {_library(file)}" for file in files]
+    if os.environ.get("OCL_ICD_VENDORS") and not place.exists():
+        lines.insert(0, f"driver     OCL_ICD_VENDORS is {place}, which does NOT exist: unset it")
     return lines or [f"driver     none: no .icd file in {place}, nor in {beside}"]
 
 
@@ -159,11 +171,11 @@ def _picture() -> cltrace.Scene:
 
 def _list(spec: str | None = None) -> int:
     try:
-        default, problem = choose(spec).spec, ""
+        wanted, problem = choose(spec).spec, ""
     except CltraceError as error:
-        default, problem = None, str(error).splitlines()[0]
+        wanted, problem = None, str(error).splitlines()[0]
     every = {device.spec: device.line() for device in devices()}
-    print(json.dumps({"default": default, "problem": problem, "devices": every}))
+    print(json.dumps({"wanted": wanted, "problem": problem, "devices": every}))
     return 0
 
 

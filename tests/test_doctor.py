@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
@@ -12,8 +14,8 @@ import pytest
 
 import cltrace
 from cltrace import doctor
-from cltrace.run import vendors
-from cltrace.run.devices import Device
+from cltrace.run import devices, vendors
+from cltrace.run.devices import Device, where_drivers_are
 
 
 def report(spec: str | None = None) -> tuple[int, list[str]]:
@@ -47,7 +49,7 @@ def test_what_works_is_told(device: Device) -> None:
     assert all(line.endswith(", loads") for line in drivers)
     assert any(line.startswith("cache ") and line.endswith(", writable") for line in lines)
     assert lines[-2:] == [
-        f"device     {device.line()}  (the default)",
+        f"device     {device.line()}  (-d {device.spec})",
         f"           ok: 1728 pixels in {cltrace.renderer.default_precision(device)} precision "
         "are as the reference draws them",
     ]
@@ -86,6 +88,48 @@ def test_no_such_device() -> None:
     status, lines = report("nosuchthing")
     assert status == 3
     assert "devices    no device matches 'nosuchthing'; choose one of:" in lines
+    assert "Ways to get an OpenCL driver:" in lines
+    every = [f"           {device.line()}" for device in cltrace.devices()]
+    at = lines.index("devices    no device matches 'nosuchthing'; choose one of:")
+    assert lines[at + 1 : at + 1 + len(every)] == every
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_the_device_says_what_chose_it(named: bool, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_child", faked(device))
+    if named:
+        monkeypatch.setenv("PYOPENCL_CTX", device.spec)
+    else:
+        monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+    status, lines = report()
+    assert status == 0
+    assert lines[-2] == f"device     {device.line()}  ({f'PYOPENCL_CTX={device.spec}' if named else 'the default'})"
+
+
+def faked(device: Device) -> Callable[..., tuple[int, str]]:
+    """A child process that finds this device alone, which works."""
+    listing = {"wanted": device.spec, "problem": "", "devices": {device.spec: device.line()}}
+    return lambda *arguments: (0, json.dumps(listing) if "devices" in arguments else "fine")
+
+
+def test_a_folder_of_drivers_that_does_not_exist(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The OpenCL loader then finds no driver at all, not even one beside pyopencl."""
+    nowhere = str(tmp_path / "nonexistent")
+    monkeypatch.setenv("OCL_ICD_VENDORS", nowhere)
+    status, lines = report()
+    assert status == 3
+    assert lines[1] == f"driver     OCL_ICD_VENDORS is {nowhere}, which does NOT exist: unset it"
+    assert lines[-2:] == [
+        "devices    no OpenCL device found",
+        f"OCL_ICD_VENDORS is {nowhere}, which does not exist. No driver is found then, wherever it is: unset it.",
+    ]
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_is_installed_is_not_advised(there: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(devices, "_is_installed", lambda package: there and package == "pocl-binary-distribution")
+    assert ("pip install pocl-binary-distribution" in where_drivers_are()) is not there
+    assert "pip install intel-opencl-rt intel-cmplr-lib-rt" in where_drivers_are()
 
 
 def test_broken_icd_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
