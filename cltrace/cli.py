@@ -21,7 +21,7 @@ from cltrace.errors import UsageError
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import is_named_as_folder
 from cltrace.picture.image import SHOWS, Image, Output, Show
-from cltrace.plan.request import KEEPS, PRECISIONS, Crop
+from cltrace.plan.request import KEEPS, PRECISIONS, Crop, Keep
 from cltrace.reference.check import check
 from cltrace.renderer import Renderer
 from cltrace.run.devices import choose, devices, where_drivers_are
@@ -31,6 +31,8 @@ EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
   cltrace scene.xml -o n.png --show normal         its normals, as colours
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
+
+STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -62,15 +64,16 @@ def parser() -> argparse.ArgumentParser:
 
     group = p.add_argument_group("checking and measuring").add_argument
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
-          help="compare N pixels (default 20000) with the reference; exit 1 if they differ")  # fmt: skip
+          help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
+               "exit 1 if they differ")  # fmt: skip
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), help="times and counts")
     group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
-    group("--keep", metavar="NAME", action="append", choices=KEEPS, default=[],
-          help=f"do not skip this, to measure what it saves; may be repeated: {', '.join(KEEPS)}")  # fmt: skip
+    group("--keep", metavar="NAME,...", action="extend", type=_keep, default=[],
+          help=f"do not skip these, to measure what they save: {', '.join(KEEPS)}")  # fmt: skip
 
     group = p.add_argument_group("messages").add_argument
     group("-q", "--quiet", action="store_true", help="only errors")
-    group("-v", "--verbose", action="store_true", help="more, with tracebacks of errors")
+    group("-v", "--verbose", action="store_true", help="with an error, also its traceback")
     group("-h", "--help", action="help", help="show this and stop")
     group("--version", action="version", version=f"cltrace {__version__}")
     return p
@@ -78,9 +81,18 @@ def parser() -> argparse.ArgumentParser:
 
 def _crop(text: str) -> Crop:
     if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9}){3}", text):
-        raise argparse.ArgumentTypeError(f"must be X0,Y0,X1,Y1, such as 0,0,64,64, got {text!r}")
+        sign = " without a sign" if "-" in text or "+" in text else ""
+        raise argparse.ArgumentTypeError(f"must be X0,Y0,X1,Y1{sign}, such as 0,0,64,64, got {text!r}")
     x0, y0, x1, y1 = map(int, text.split(","))
     return (x0, y0, x1, y1)
+
+
+def _keep(text: str) -> list[Keep]:
+    names = [name for name in KEEPS if name in text.split(",")]
+    for name in text.split(","):
+        if name not in KEEPS:
+            raise argparse.ArgumentTypeError(f"must be of {', '.join(KEEPS)}, got {name!r}")
+    return names
 
 
 def _repeats(text: str) -> int:
@@ -109,14 +121,21 @@ def _run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     if args.quiet:
         logging.getLogger("cltrace").setLevel(logging.WARNING)
+    for option, given in (("--doctor", args.doctor), ("--list-devices", args.list_devices)):
+        if given and args.scene is not None:
+            raise UsageError(f"{option} takes no scene, got {args.scene!r}")
     if args.doctor:
         return doctor(args.device)
     if args.list_devices:
+        if args.device is not None:
+            raise UsageError("--list-devices lists all devices, so it takes no -d; --doctor -d SPEC tries one")
         listing = [d.line() for d in devices()]
         print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")
         return 0 if listing else 3
     if args.scene is None:
         raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
+    if args.scene == "-" and not Path("-").exists():
+        raise UsageError("a scene is not read from stdin: say the name of its file")
 
     say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
     start = time.perf_counter()
@@ -198,7 +217,8 @@ def _check_target(target: str, origin: str, scene: str) -> None:
     if path.is_dir() or is_named_as_folder(target):
         raise UsageError(f"{origin}: {target!r} is a folder")
     if path.suffix.lower() != ".png":
-        raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}")
+        advice = "; -o - writes it to stdout" if target in STDOUT else ""
+        raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}{advice}")
     if not path.parent.is_dir():
         raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
     try:

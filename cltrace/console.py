@@ -23,7 +23,11 @@ from cltrace.start import ENDING
 
 
 class Parser(argparse.ArgumentParser):
-    """Whose errors are a UsageError."""
+    """Whose errors are a UsageError. What begins with a minus and a digit is a value, since no option does."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._negative_number_matcher = re.compile(r"-[0-9]")
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}; see {self.prog} --help")
@@ -31,7 +35,7 @@ class Parser(argparse.ArgumentParser):
 
 def picture_size(text: str) -> tuple[int, int]:
     """An argument's WIDTHxHEIGHT."""
-    match = re.fullmatch(r"([0-9]{1,9})x([0-9]{1,9})", text)
+    match = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
     if not match:
         raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
     try:

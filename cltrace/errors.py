@@ -29,7 +29,11 @@ class Fault:
 
 
 class SceneError(CltraceError):
-    """A scene cannot be used. `faults` holds every fault of the file, in line order; `str()` is one line for each."""
+    """A scene cannot be used.
+
+    `faults` holds the faults of the file, in line order; equal ones are one, which says how often and where else it is
+    there. `str()` is one line for each.
+    """
 
     def __init__(self, path: str, faults: list[Fault]) -> None:
         super().__init__(path, faults)

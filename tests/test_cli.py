@@ -7,6 +7,7 @@ import io
 import json
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -142,6 +143,37 @@ def test_check(tmp_path: Path) -> None:
     assert b"check ok: 600 of 600 pixels" in crop.stderr
 
 
+def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of 300,000 spheres; the scene has 12."""
+    monkeypatch.setattr(cltrace.reference.check, "DEFAULT_TESTS", 5 * 12)
+    done = call(FIRST, "--check", cwd=tmp_path)
+    assert done.returncode == 0
+    first, second = done.stderr.decode().splitlines()[1:]
+    assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
+    told = r"only 5 pixels were compared, as the reference takes [0-9.]+ ms a pixel for 12 spheres; --check=N compares "
+    assert re.fullmatch(told + "more", second)
+    assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
+    assert b"only" not in call(FIRST, "--check", "--size=2x2", cwd=tmp_path).stderr
+    text = " ".join(cli.parser().format_help().split())
+    assert (
+        "compare N pixels with the reference (default 20000, fewer from 200 spheres on); exit 1 if they differ" in text
+    )
+
+
+def test_other_ways_to_write_options(tmp_path: Path) -> None:
+    small = json.loads(call(FIRST, "--stats=json", "--size", "80X60", "--keep", "lists,filter", cwd=tmp_path).stdout)
+    assert small["size"] == [80, 60]
+    assert small["work"]["spheres that float32 rules out for a ray"] == 0
+    same = cli.parser().parse_args(["x.xml", "--keep", "order,lists", "--keep=filter"])
+    assert same.keep == ["lists", "order", "filter"]
+
+
+def test_verbose_adds_the_traceback(tmp_path: Path) -> None:
+    brief, long = (call("nowhere.xml", *more, cwd=tmp_path).stderr.decode() for more in ((), ("-v",)))
+    assert long.startswith("Traceback ")
+    assert long.endswith(brief)
+
+
 def test_list_devices(tmp_path: Path) -> None:
     done = call("--list-devices", cwd=tmp_path)
     assert done.returncode == 0
@@ -159,7 +191,7 @@ def test_no_driver_gives_advice(tmp_path: Path) -> None:
         )
         assert done.returncode == 3
         assert "no OpenCL device found" in getattr(done, stream)
-        assert "pip install pocl-binary-distribution" in getattr(done, stream)
+        assert "apt-get install pocl-opencl-icd" in getattr(done, stream)
     assert not list(tmp_path.iterdir())
 
 
@@ -181,6 +213,23 @@ def test_no_driver_gives_advice(tmp_path: Path) -> None:
         (["{scene}", "-o", "x.jpg"], "-o: the picture is a PNG and its name must end in .png, got 'x.jpg'"),
         (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
         (["nowhere.xml"], "nowhere.xml: "),
+        (
+            ["{scene}", "--crop", "-1,0,10,10"],
+            "argument --crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got '-1,0,10,10';",
+        ),
+        (["{scene}", "--repeat", "-5"], "argument --repeat: must be a whole number >= 1, got '-5';"),
+        (
+            ["{scene}", "--keep", "lists,colour"],
+            f"argument --keep: must be of {', '.join(KEEPS)}, got 'colour';",
+        ),
+        (["{scene}", "-o", "/dev/stdout"], "must end in .png, got '/dev/stdout'; -o - writes it to stdout"),
+        (["-"], "a scene is not read from stdin: say the name of its file"),
+        (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
+        (["--list-devices", "x.xml"], "--list-devices takes no scene, got 'x.xml'"),
+        (
+            ["--list-devices", "-d", "gpu"],
+            "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC ",
+        ),
     ],
 )
 def test_bad_usage(tmp_path: Path, arguments: list[str], message: str) -> None:
@@ -217,8 +266,14 @@ def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path)
     done = call("bad.xml", cwd=tmp_path)
     assert done.returncode == 2
     lines = done.stderr.decode().splitlines()
-    assert len(lines) == FIRST.read_text().count("<sphere ")
-    assert all(line.startswith("bad.xml:") and ": sphere: radius must be > 0, got -" in line for line in lines)
+    assert lines == [
+        "bad.xml:36: sphere: radius must be > 0, got -1.2",
+        "bad.xml:45: sphere: radius must be > 0, got -0.5",
+        "bad.xml:54: sphere: radius must be > 0, got -1",
+        "bad.xml:63: sphere: radius must be > 0, got -0.4",
+        "bad.xml:72: sphere: radius must be > 0, got -0.55 (7 times, also in lines 81, 90, 99, …)",
+        "bad.xml:135: sphere: radius must be > 0, got -1000",
+    ]
     assert [p.name for p in tmp_path.iterdir()] == ["bad.xml"]
 
 

@@ -471,14 +471,57 @@ def test_an_empty_scene_lacks_everything() -> None:
 
 
 def test_a_hundred_faults_are_enough() -> None:
-    spheres = "".join(f'<sphere radius="{i}"/>\n' for i in range(150))
+    spheres = "".join(f'<sphere radius="-{i}"/>\n' for i in range(150))
     faults = faults_of(changed("<surfaces>\n", "<surfaces>\n" + spheres))
     assert faults[:3] == [
-        "25: sphere: <material_solid> or <material_textured> is missing",
-        "25: sphere: <position> is missing",
-        "25: sphere: radius must be > 0, got 0",
+        "25: sphere: <material_solid> or <material_textured> is missing (150 times, also in lines 26, 27, 28, …)",
+        "25: sphere: <position> is missing (150 times, also in lines 26, 27, 28, …)",
+        "25: sphere: radius must be > 0, got -0",
     ]
-    assert faults[99:] == ["74: sphere: <material_solid> or <material_textured> is missing", "74: … and 201 more"]
+    assert faults[99:] == ["122: sphere: radius must be > 0, got -97", "122: … and 52 more"]
+
+
+MATERIAL_PARTS = ("reflectance", "transmittance", "refraction")
+
+
+def test_one_mistake_in_all_spheres_is_told_once() -> None:
+    """3,000 spheres without three elements that their materials must have."""
+    sphere = (
+        '<sphere radius="1"><position x="0" y="0" z="0"/>'
+        '<material_solid><color r="1" g="1" b="1"/><phong ka="1" kd="1" ks="1" exponent="1"/></material_solid>'
+        "</sphere>\n"
+    )
+    faults = faults_of(changed("<surfaces>\n", "<surfaces>\n" + sphere * 3000))
+    often = "is missing (3000 times, also in lines 26, 27, 28, …)"
+    assert faults == [f"25: sphere material_solid: <{name}> {often}" for name in sorted(MATERIAL_PARTS)]
+
+
+@pytest.mark.parametrize(
+    ("breaks", "ending"),
+    [
+        ((), ""),
+        ((0,), " (2 times)"),
+        ((1,), " (2 times, also in line 26)"),
+        ((0, 1), " (3 times, also in line 26)"),
+        ((1, 0, 2), " (4 times, also in lines 26, 28)"),
+        ((1, 1, 1), " (4 times, also in lines 26, 27, 28)"),
+        ((1, 1, 1, 1), " (5 times, also in lines 26, 27, 28, …)"),
+        ((0, 0, 0, 0, 0, 3), " (7 times, also in line 28)"),
+    ],
+)
+def test_equal_messages_are_one(breaks: tuple[int, ...], ending: str) -> None:
+    """breaks: the line breaks before each element but the first."""
+    written = "<torus/>" + "".join("\n" * n + "<torus/>" for n in breaks)
+    warnings = warnings_of(changed("<surfaces>\n", f"<surfaces>\n{written}\n"))
+    assert warnings == [f"25: surfaces: unknown element <torus> ignored{ending}"]
+
+
+def test_one_of_equal_faults_has_a_hint() -> None:
+    spheres = '<sphere radius="1"/>\n<sphere radius="1"><postion x="0" y="0" z="0"/></sphere>\n'
+    faults = faults_of(changed("<surfaces>\n", "<surfaces>\n" + spheres))
+    assert (
+        faults[1] == "25: sphere: <position> is missing; did you mean <postion> on line 26? (2 times, also in line 26)"
+    )
 
 
 # --- Warnings
@@ -512,9 +555,9 @@ def test_a_misspelt_transform_is_pointed_out() -> None:
 
 
 def test_a_hundred_warnings_are_enough() -> None:
-    warnings = warnings_of(changed("<surfaces>\n", "<surfaces>\n" + "<torus/>\n" * 1000))
-    assert warnings[0] == "25: surfaces: unknown element <torus> ignored"
-    assert warnings[99:] == ["124: surfaces: unknown element <torus> ignored", "124: … and 900 more"]
+    warnings = warnings_of(changed("<surfaces>\n", "<surfaces>\n" + "".join(f"<torus{i}/>\n" for i in range(1000))))
+    assert warnings[0] == "25: surfaces: unknown element <torus0> ignored"
+    assert warnings[99:] == ["124: surfaces: unknown element <torus99> ignored", "124: … and 900 more"]
 
 
 @pytest.mark.parametrize(("name", "written"), [("a.jpg", "a.jpg.png"), ("a", "a.png"), (".png", ".png.png")])

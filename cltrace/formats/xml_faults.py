@@ -2,44 +2,75 @@
 
 from __future__ import annotations
 
+import bisect
 import difflib
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from cltrace.errors import Fault, printable
 
 MAX_MESSAGES = 100
+MAX_LINES = 4  # that are named of equal messages
 
 
 class FatalError(Exception):
     """Line and message of a fault after which no more of the file is read."""
 
 
+@dataclass
+class _Group:
+    """Equal messages: how many, the first lines that they are about, in order, and what makes their ends."""
+
+    count: int = 0
+    lines: list[int] = field(default_factory=list)  # one more than are told, to know whether there are more
+    hints: list[Callable[[], str]] = field(default_factory=list)
+
+    def add(self, line: int, hint: Callable[[], str]) -> None:
+        self.count += 1
+        if len(self.hints) < MAX_LINES:
+            self.hints.append(hint)
+        if line not in self.lines and (len(self.lines) <= MAX_LINES or line < self.lines[-1]):
+            bisect.insort(self.lines, line)
+            del self.lines[MAX_LINES + 1 :]
+
+    def text(self, message: str) -> str:
+        """The message with the first end that there is, and how often and where else it applies, if it does."""
+        message += next(filter(None, (hint() for hint in self.hints)), "")
+        if self.count == 1:
+            return message
+        others = ", ".join(map(str, self.lines[1:MAX_LINES])) + ", …" * (len(self.lines) > MAX_LINES)
+        where = f", also in line{'s' * (len(self.lines) > 2)} {others}" if others else ""
+        return f"{message} ({self.count} times{where})"
+
+
 class Messages:
-    """The first MAX_MESSAGES by line, however many there are."""
+    """The first MAX_MESSAGES by line, however many there are. Equal ones are one, at its first line."""
 
     def __init__(self) -> None:
         self.count = 0
-        self._kept: list[tuple[int, str, Callable[[], str]]] = []
+        self._groups: dict[str, _Group] = {}
 
     def add(self, line: int, message: str, hint: Callable[[], str] = lambda: "") -> None:
         """A message about this line of the file; 0 is the file as a whole.
 
-        `hint` makes the message's end, which may take a while: it is called only for the messages that are kept.
+        `hint` makes the message's end, which may take a while: it is called only for few of those that are kept.
         """
         self.count += 1
-        self._kept.append((line, message, hint))
-        if len(self._kept) >= 2 * MAX_MESSAGES:
+        self._groups.setdefault(message, _Group()).add(line, hint)
+        if len(self._groups) >= 2 * MAX_MESSAGES:
             self._trim()
 
     def _trim(self) -> None:
-        self._kept = sorted(self._kept, key=lambda kept: kept[:2])[:MAX_MESSAGES]
+        # If what goes were said again of a line further up, it would count from there, and the rest among the "more".
+        first = sorted(self._groups.items(), key=lambda item: (item[1].lines[0], item[0]))
+        self._groups = dict(first[:MAX_MESSAGES])
 
     def in_order(self) -> list[Fault]:
         """By line, each of them one line of text; a last one counts those that are left out."""
         self._trim()
-        told = [Fault(line, printable(message + hint())) for line, message, hint in self._kept]
-        more = self.count - len(told)
+        told = [Fault(group.lines[0], printable(group.text(message))) for message, group in self._groups.items()]
+        more = self.count - sum(group.count for group in self._groups.values())
         # The ellipsis sorts behind every message of the same line.
         return [*told, Fault(told[-1].line, f"… and {more} more")] if more else told
 

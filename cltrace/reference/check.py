@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +17,8 @@ from cltrace.scene import Scene
 # index may never differ but in precision single, where float32 decides.
 CONTRACT = {"accurate": (1e-4, 0.0, 0.0), "double": (1e-4, 0.0, 0.0), "single": (1.0, 1e-3, 1e-3)}
 DEFAULT_PIXELS = 20_000
-# The reference tries every surface for every ray, at about a microsecond each: beyond this many tests the default
-# sample shrinks, and says so.
+# The reference tries every surface for every ray, at about a microsecond each. Where the default sample would take more
+# tests than this, beyond 200 surfaces, it shrinks, and the report says so.
 DEFAULT_TESTS = 4_000_000
 
 
@@ -25,9 +26,10 @@ DEFAULT_TESTS = 4_000_000
 class Report:
     """What the comparison found.
 
-    pixels: how many were compared; wrong_ids, differing, off_by_more: numbers of pixels; largest, rms: error of the
-    bytes of a channel, in levels; where: the pixels (x, y) that break the contract, the worst first; ok: whether all is
-    within the contract of that precision.
+    pixels: how many were compared, of how many; wrong_ids, differing, off_by_more: numbers of pixels; largest, rms:
+    error of the bytes of a channel, in levels; where: the pixels (x, y) that break the contract, the worst first;
+    spheres: how many the scene has; seconds: what the reference took; shrunk: whether many spheres made it fewer pixels
+    than usual; ok: whether all is within the contract of that precision.
     """
 
     precision: str
@@ -39,6 +41,9 @@ class Report:
     largest: int
     rms: float
     where: list[tuple[int, int]]
+    spheres: int
+    seconds: float
+    shrunk: bool
 
     @property
     def ok(self) -> bool:
@@ -57,6 +62,12 @@ class Report:
             f"{self.wrong_ids} other ids, {self.differing} other bytes, {self.off_by_more} off by more than a level; "
             f"error at most {self.largest} levels, RMS {self.rms:.2g}"
         ]
+        if self.shrunk:
+            pace = f"{1e3 * self.seconds / self.pixels:.3g} ms a pixel for {self.spheres:,} spheres"
+            pixels = "pixel was" if self.pixels == 1 else "pixels were"
+            lines.append(
+                f"only {self.pixels} {pixels} compared, as the reference takes {pace}; --check=N compares more"
+            )
         if self.where:
             lines.append("at pixels " + ", ".join(f"({x}, {y})" for x, y in self.where))
         return "\n".join(lines)
@@ -92,14 +103,17 @@ def check(
     truncate: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Report:
-    """Compares `pixels` pixels of an image (None: the default number) with the reference.
+    """Compares `pixels` pixels of an image with the reference. None: 20,000, but at most 4,000,000 / spheres, and one.
 
     image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: called with the share done.
     """
     if not {"rgb8", "id"} <= set(image.outputs):
         raise ValueError("check: the image must have rgb8 and id")
+    affordable = max(1, DEFAULT_TESTS // max(1, len(scene.spheres)))
+    shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
     if pixels is None:
-        pixels = min(DEFAULT_PIXELS, max(1, DEFAULT_TESTS // max(1, len(scene.spheres))))
+        pixels = min(DEFAULT_PIXELS, affordable)
+    start = time.perf_counter()
     world = world_of(scene)
     width = image.id.shape[1]
     chosen = sample(image.id, pixels)
@@ -112,6 +126,7 @@ def check(
         wrong[i] = (at.index if at else -1) != image.id[y, x]
         if i % 256 == 0:
             progress(i / len(chosen))
+    seconds = time.perf_counter() - start
     levels -= image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
     error = np.abs(levels).max(axis=1)
     bad = np.flatnonzero(wrong | (error > 1))
@@ -126,4 +141,7 @@ def check(
         largest=int(error.max(initial=0)),
         rms=float(np.sqrt(np.mean(levels.astype(np.float64) ** 2))) if len(chosen) else 0.0,
         where=[(origin[0] + int(chosen[i]) % width, origin[1] + int(chosen[i]) // width) for i in worst],
+        spheres=len(scene.spheres),
+        seconds=seconds,
+        shrunk=shrunk,
     )
