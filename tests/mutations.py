@@ -135,8 +135,8 @@ MUTATIONS = [
         "fall = 1 - (angle - light.cone.x) * light.cone.y", "fall = 1 - angle * light.cone.y", "spot lights", SCENES
     ),
     Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", SCENES),
-    Mutation("MASK tiny = a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", STRESS),
-    Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", STRESS),
+    Mutation("MASK tiny = a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
+    Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", ENDS),
     Mutation("at.exponent * z >= (shade_t)light.cone.z", "at.exponent * z >= (shade_t)-1", "highlights", STRESS),
     Mutation("word[0] = p0 | (p1 << 24);", "word[0] = p0 | (p1 << 16);", "bytes", SCENES),
     Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),

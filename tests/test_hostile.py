@@ -136,3 +136,29 @@ def test_no_nan() -> None:
 @pytest.mark.stress
 def test_no_nan_in_a_hundred_thousand_scenes() -> None:
     look_for_nan(range(400, 100_400))
+
+
+def test_no_diffuse_light_beyond_full(device: Device) -> None:
+    """Where a surface faces the light, n.l is 1 but for rounding; above 1 it would be brighter than it can be."""
+    camera = Camera((0.3, 0.2, 5), (0.1, 0.1, 0), horizontal_fov=0.2, resolution=(64, 64))
+    toward = np.array([0.3, 0.2, 5]) - (0.1, 0.1, 0)
+    light = cltrace.parallel_light(-toward)
+    scene = Scene.from_spheres(camera, [light], [(0.1, 0.1, 0)], [1.0], ka=0, kd=0.8, ks=0)
+    color = cltrace.render(scene, device, "accurate", ("color",)).color
+    assert np.float32(0.799) < color.min()
+    assert color.max() <= np.float32(0.8)
+
+
+def test_tiny_things_in_a_large_scene(device: Device) -> None:
+    """A ball of 1e-24 and its light beside one at a distance of 1: squares of such lengths are nothing in float32."""
+    colors = []
+    for k, far in ((1.0, []), (1e-24, [((0.0, 0.0, -1.0), 0.1)])):
+        camera = Camera((0, 0, 0), (0, 0, -1), horizontal_fov=12, resolution=(24, 24))
+        centers, radii = zip(((0.0, 0.0, -3 * k), k), *far, strict=True)
+        lights = [cltrace.point_light((5 * k, 4 * k, k))]
+        scene = Scene.from_spheres(camera, lights, centers, radii, ka=0, kd=0.8, ks=0.5)
+        image = cltrace.render(scene, device, "accurate", ("color", "id"))
+        assert (image.id == 0).all()
+        colors.append(image.color)
+    assert colors[0].max() > 0.5
+    assert np.abs(colors[0] - colors[1]).max() <= 1e-6
