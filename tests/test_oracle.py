@@ -131,6 +131,123 @@ def test_what_is_not_finite_is_refused(bad):
             oracle.closest(case[0], [case[1]], [case[2]], [case[3]])
 
 
+ROWS = [(0, 0, -1), (0, 1, -1)]
+BALLS = {"centers": [(0, 0, -5), (0, 3, -5)], "radii": [1.0, 2.0]}
+RAYS = {"origin": O, "direction": ROWS, **BALLS}
+SHADE = {"origin": O, "direction_row": AHEAD, "hit_index": 0, **BALLS, "light": (9, 0, 0), "kind": "point"}
+FROM = {"start": O, "direction": ROWS, **BALLS}
+POINT = oracle.OnSphere(O, 1.0, (0, 0, -1))
+BLOCK = {"start": POINT, "light": (9, 0, 0), "kind": "point", **BALLS}
+ONE = {"origin": O, "direction_row": AHEAD, "center": (0, 0, -5), "radius": 1.0}
+FIT = {"normal": (0, 0, 1), "exact": (Fraction(0), Fraction(0), Fraction(1))}
+TURN = {"basis": np.eye(3), "v": (1, 2, 3)}
+CALLS = {
+    "closest": (oracle.closest, RAYS),
+    "closest_exact": (oracle.closest_exact, RAYS),
+    "filtered": (oracle.filtered, RAYS),
+    "occluded": (oracle.occluded, SHADE),
+    "closest_from": (oracle.closest_from, FROM),
+    "blocked": (oracle.blocked, BLOCK),
+    "t_high": (oracle.t_high, ONE),
+    "normal_high": (oracle.normal_high, ONE),
+    "normal_error": (oracle.normal_error, FIT),
+    "to_world": (oracle.to_world, TURN),
+}
+# By argument: values that no function which has it takes, and what the error says.
+REFUSED = [
+    ("origin", (0, 0), "origin: must have shape (3,), got (2,)"),
+    ("origin", (0, 0, np.nan), "origin: must be finite"),
+    ("origin", [O], "origin: must have shape (3,), got (1, 3)"),
+    ("direction", (0, 0, -1), "direction: must have shape (n, 3), got (3,)"),
+    ("direction", -1, "direction: must have shape (n, 3), got ()"),
+    ("direction", [(0, -1)], "direction: must have shape (n, 3), got (1, 2)"),
+    ("direction", [(0, 0, np.inf)], "direction: must be finite"),
+    ("direction", [("a", 0, 0)], "direction: must be numbers, got 'a'"),
+    ("direction_row", [AHEAD], "direction_row: must have shape (3,), got (1, 3)"),
+    ("direction_row", (0, np.nan, 0), "direction_row: must be finite"),
+    ("centers", [(1, 0), (2, 0)], "centers: must have shape (n, 3), got (2, 2)"),
+    ("centers", (0, 0, -5), "centers: must have shape (n, 3), got (3,)"),
+    ("centers", [(0, 0, 1j), O], "centers: must be numbers, got 1j among them"),
+    ("centers", [(0, 0, np.inf), O], "centers: must be finite"),
+    ("centers", [O], "radii: must be one number or as many as centers, 1, got 2"),
+    ("radii", [-1, 1], "radii: must be > 0, got -1"),
+    ("radii", [1, 0], "radii: must be > 0, got 0"),
+    ("radii", 0, "radii: must be > 0, got 0"),
+    ("radii", [1], "radii: must be one number or as many as centers, 2, got 1"),
+    ("radii", [[1], [1]], "radii: must have shape (n,), got (2, 1)"),
+    ("radii", np.nan, "radii: must be finite"),
+    ("radii", True, "radii: must be numbers, got True"),
+    ("hit_index", 2, "hit_index: must be the index of one of the 2 spheres, got 2"),
+    ("hit_index", -1, "hit_index: must be the index of one of the 2 spheres, got -1"),
+    ("hit_index", 0.0, "hit_index: must be the index of one of the 2 spheres, got 0.0"),
+    ("light", (0, 0), "light: must have shape (3,), got (2,)"),
+    ("kind", "spot", "kind: must be 'point' or 'parallel', got 'spot'"),
+    ("start", (0, 0), "start: must have shape (3,), got (2,)"),
+    ("start", oracle.OnSphere((0, 0), 1.0, AHEAD), "start.center: must have shape (3,), got (2,)"),
+    ("start", oracle.OnSphere(O, -1.0, AHEAD), "start.radius: must be > 0, got -1"),
+    ("start", oracle.OnSphere(O, (1, 1), AHEAD), "start.radius: must have shape () (one number), got (2,)"),
+    ("start", oracle.OnSphere(O, 1.0, (0, 0)), "start.normal: must be 3 numbers, got (0, 0)"),
+    ("start", oracle.OnSphere(O, 1.0, O), "start.normal: must not be 0"),
+    ("start", oracle.OnSphere(O, 1.0, (0, 0, Fraction(1, 3))), "start.normal: the denominator of a Fraction must be"),
+    ("t_min", np.nan, "t_min, t_max: must be numbers, t_min < inf and t_max > -inf, got nan, "),
+    ("t_min", np.inf, "t_min, t_max: must be numbers, "),
+    ("t_max", -np.inf, "t_min, t_max: must be numbers, "),
+    ("center", (0, 0), "center: must have shape (3,), got (2,)"),
+    ("radius", -1, "radius: must be > 0, got -1"),
+    ("radius", [1], "radius: must have shape () (one number), got (1,)"),
+    ("bits", 0, "bits: must be a whole number >= 1, got 0"),
+    ("normal", (0, 1), "normal: must have shape (3,), got (2,)"),
+    ("normal", O, "normal: must not be 0"),
+    ("exact", (Fraction(1),), "exact: must be 3 numbers, got "),
+    ("basis", np.eye(2), "basis: must be 3 vectors, got "),
+    ("basis", [(1, 0), (0, 1), (0, 0)], "basis: must be 3 numbers, got (1, 0)"),
+    ("v", (1, 2), "v: must be 3 numbers, got (1, 2)"),
+    ("v", (1, 2, np.nan), "v: must be finite"),
+]
+TAKES = {"t_min": ["closest_from"], "t_max": ["closest_from"], "bits": ["t_high"]}  # unless told otherwise
+
+
+@pytest.mark.parametrize(("name", "value", "message"), REFUSED)
+def test_what_is_refused(name, value, message):
+    takers = [call for call, (_, arguments) in CALLS.items() if name in arguments or call in TAKES.get(name, ())]
+    assert takers
+    for taker in takers:
+        function, arguments = CALLS[taker]
+        function(**arguments)
+        with pytest.raises(ValueError) as caught:
+            function(**{**arguments, name: value})
+        assert str(caught.value).startswith(message), taker
+
+
+def test_parallel_light_without_a_direction():
+    for name in ("occluded", "blocked"):
+        function, arguments = CALLS[name]
+        with pytest.raises(ValueError, match=r"^light: the direction of parallel light must not be 0$"):
+            function(**{**arguments, "light": O, "kind": "parallel"})
+
+
+@pytest.mark.parametrize("name", ["closest", "closest_exact", "closest_from", "occluded", "blocked"])
+def test_one_radius_for_all(name):
+    function, arguments = CALLS[name]
+    one_for_all, each = function(**{**arguments, "radii": 2}), function(**{**arguments, "radii": [2.0, 2.0]})
+    assert np.array_equal(np.array(one_for_all), np.array(each))
+
+
+@pytest.mark.parametrize("function", [oracle.closest, oracle.closest_exact, oracle.closest_from])
+def test_empty_lists(function):
+    for radii in ([], 1):
+        index, t = function(O, ROWS, [], radii)
+        assert (index.tolist(), t.tolist()) == ([-1, -1], [np.inf, np.inf])
+    index, t = function(O, [], **BALLS)
+    assert index.shape == t.shape == (0,)
+
+
+def test_a_zero_direction_hits_nothing():
+    """As the docstring says."""
+    for function in (oracle.closest, oracle.closest_exact, oracle.closest_from):
+        assert function(O, [O, AHEAD], [O], 1)[0].tolist() == [-1, 0]
+
+
 def test_nothing_there():
     assert one(O, AHEAD, np.zeros((0, 3)), []) == (-1, np.inf)
     assert one(O, O, [O, (0, 0, -3)], [1, 1]) == (-1, np.inf)  # a zero direction, from inside as well

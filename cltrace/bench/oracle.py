@@ -13,6 +13,9 @@ integers, or of p + q sqrt(D) with integers p and q, which squaring decides:
 
 Touching counts (D = 0), equal roots go to the lowest index, and a zero direction hits nothing.
 
+Spheres are given by centers (m, 3) and radii (m,) or one number for all, > 0; all numbers are finite. Every public
+function raises ValueError, which names the argument, where one is not of its shape or a value is not allowed.
+
 `closest` puts a filter in front of the integers: double-double arithmetic in numpy, with an error bound. Where the
 bound leaves a doubt, and only there, integers decide.
 """
@@ -27,8 +30,65 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.rules import is_whole, numbers
+
 Floats = NDArray[np.float64]
 Ints = tuple[int, ...]
+
+
+# ------------------------------------------------------------------------------------------------- what is handed over
+
+
+def _array(name: str, value: ArrayLike, *shape: int) -> Floats:
+    """`value` as finite doubles of this shape, where -1 is any length; [] is none of them."""
+    array = numbers(name, value)
+    if array.shape == (0,) and shape[:1] == (-1,):
+        array = array.reshape(0, *shape[1:])
+    if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
+        wanted = str(tuple("n" if n < 0 else n for n in shape)).replace("'", "") if shape else "() (one number)"
+        raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: must be finite")
+    return array
+
+
+def _balls(centers: ArrayLike, radii: ArrayLike) -> tuple[Floats, Floats]:
+    """(m, 3) and (m,)."""
+    places = _array("centers", centers, -1, 3)
+    sizes = numbers("radii", radii)
+    sizes = _array("radii", np.full(len(places), sizes) if sizes.ndim == 0 else sizes, -1)
+    if len(sizes) != len(places):
+        raise ValueError(f"radii: must be one number or as many as centers, {len(places)}, got {len(sizes)}")
+    if not (sizes > 0).all():
+        raise ValueError(f"radii: must be > 0, got {sizes[~(sizes > 0)][0]:g}")
+    return places, sizes
+
+
+def _ball(center: ArrayLike, radius: float, names: tuple[str, str] = ("center", "radius")) -> tuple[Floats, float]:
+    size = float(_array(names[1], radius))
+    if size <= 0:
+        raise ValueError(f"{names[1]}: must be > 0, got {size:g}")
+    return _array(names[0], center, 3), size
+
+
+def _exact(name: str, values: Sequence[float | Fraction]) -> list[float | Fraction]:
+    """Three numbers, each finite; a Fraction must be one that has a double's kind of denominator, a power of two."""
+    rows = list(values) if np.ndim(np.asarray(values, object)) == 1 else []
+    if len(rows) != 3:
+        raise ValueError(f"{name}: must be 3 numbers, got {values!r}")
+    out = [v if isinstance(v, Fraction) else float(_array(name, v)) for v in rows]
+    if any(isinstance(v, Fraction) and v.denominator & (v.denominator - 1) for v in out):
+        raise ValueError(f"{name}: the denominator of a Fraction must be a power of two, got {values!r}")
+    return out
+
+
+def _light(light: ArrayLike, kind: str) -> Floats:
+    if kind not in ("point", "parallel"):
+        raise ValueError(f"kind: must be 'point' or 'parallel', got {kind!r}")
+    array = _array("light", light, 3)
+    if kind == "parallel" and not array.any():
+        raise ValueError("light: the direction of parallel light must not be 0")
+    return array
 
 
 # ---------------------------------------------------------------------------------------------------------- integers
@@ -157,15 +217,16 @@ def closest_exact(
     origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
 ) -> tuple[NDArray[np.int32], Floats]:
     """What `closest` returns, by integers alone: about 5 us per ray and sphere."""
-    world = _World(origin, centers, radii)
-    hits = [world.closest(row) for row in np.asarray(direction, np.float64)]
+    world = _World(_array("origin", origin, 3), *_balls(centers, radii))
+    hits = [world.closest(row) for row in _array("direction", direction, -1, 3)]
     return np.array([i for i, _ in hits], np.int32), np.array([t for _, t in hits], np.float64)
 
 
 def _hit(origin: ArrayLike, row: ArrayLike, center: ArrayLike, radius: float) -> tuple[_Root, Ints, Ints, int, int]:
     """The root, d, f and r as integers, and the shift of t; ValueError if there is no hit."""
-    world = _World(origin, center, [radius])
-    d, k = _integers(np.asarray(row, np.float64).tolist())
+    center, radius = _ball(center, radius)
+    world = _World(_array("origin", origin, 3), center, [radius])
+    d, k = _integers(_array("direction_row", row, 3).tolist())
     root = _root(d, world.f[0], world.r[0])
     if root is None:
         raise ValueError("the ray does not hit the sphere")
@@ -173,7 +234,9 @@ def _hit(origin: ArrayLike, row: ArrayLike, center: ArrayLike, radius: float) ->
 
 
 def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float, bits: int = 160) -> Fraction:
-    """The hit's t with a relative error below 2^-bits; ValueError if there is no hit."""
+    """The hit's t with a relative error below 2^-bits, bits >= 1; ValueError if there is no hit."""
+    if not is_whole(bits) or bits < 1:
+        raise ValueError(f"bits: must be a whole number >= 1, got {bits!r}")
     root, _, _, _, shift = _hit(origin, direction_row, center, radius)
     return Fraction(*_scaled(next(_bracket(root, bits)), shift))
 
@@ -195,8 +258,12 @@ def normal_high(
 
 
 def normal_error(normal: ArrayLike, exact: Sequence[Fraction]) -> float:
-    """The angle between a normal of any length and one of normal_high(), radians."""
-    n = [Fraction(float(x)) for x in np.asarray(normal)]
+    """The angle between a normal of any length but 0 and one of normal_high(), radians."""
+    n = [Fraction(x) for x in _array("normal", normal, 3).tolist()]
+    if not any(n):
+        raise ValueError("normal: must not be 0")
+    if len(exact) != 3:
+        raise ValueError(f"exact: must be 3 numbers, got {exact!r}")
     cross = [n[i - 2] * exact[i - 1] - n[i - 1] * exact[i - 2] for i in range(3)]
     dot = sum((x * y for x, y in zip(n, exact, strict=True)), Fraction(0))
     return atan2(sqrt(sum(x * x for x in cross)), dot)
@@ -229,10 +296,11 @@ def occluded(
 
     Exact: P is o + (b + s sqrt(D)) d / a, so everything below is a vector or number p + q sqrt(D) of integers.
     """
-    if kind not in ("point", "parallel"):
-        raise ValueError(f"kind: must be 'point' or 'parallel', got {kind!r}")
-    world = _World(origin, centers, radii, *([light] if kind == "point" else []))
-    d, _ = _integers(np.asarray(direction_row, np.float64).tolist())
+    light = _light(light, kind)
+    world = _World(_array("origin", origin, 3), *_balls(centers, radii), *([light] if kind == "point" else []))
+    if not is_whole(hit_index) or not 0 <= hit_index < world.m:
+        raise ValueError(f"hit_index: must be the index of one of the {world.m} spheres, got {hit_index!r}")
+    d, _ = _integers(_array("direction_row", direction_row, 3).tolist())
     root = _root(d, world.f[hit_index], world.r[hit_index])
     if root is None:
         raise ValueError("the ray does not hit the sphere")
@@ -246,7 +314,7 @@ def occluded(
     if kind == "point":
         to_light = from_hit(world.more[0])
     else:
-        w, _ = _integers(np.asarray(light, np.float64).tolist())
+        w, _ = _integers(light.tolist())
         to_light = (-w[0], -w[1], -w[2]), (0, 0, 0)  # not times a: its length does not matter
 
     # C - P is the inward normal of the sphere, and faces a ray that came from inside.
@@ -318,9 +386,10 @@ Surd = tuple[int, int]  # p + q sqrt(s)
 
 def to_world(basis: Sequence[Sequence[float]], v: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
     """The vector v of camera space along the world's axes, exactly: v.x right + v.y up + v.z back."""
-    x, y, z = (
-        sum((Fraction(e) * Fraction(a[i]) for e, a in zip(v, basis, strict=True)), Fraction(0)) for i in range(3)
-    )
+    if len(basis) != 3:
+        raise ValueError(f"basis: must be 3 vectors, got {basis!r}")
+    axes, parts = [[Fraction(x) for x in _exact("basis", a)] for a in basis], [Fraction(x) for x in _exact("v", v)]
+    x, y, z = (sum((e * a[i] for e, a in zip(parts, axes, strict=True)), Fraction(0)) for i in range(3))
     return x, y, z
 
 
@@ -336,10 +405,15 @@ class _Start:
     """Where a ray starts, and everything else from there, as integers p + q sqrt(s) times 2^-k / (s or 1)."""
 
     def __init__(self, start: ArrayLike | OnSphere, centers: ArrayLike, radii: ArrayLike, *more: ArrayLike) -> None:
-        anchor, radius, normal = (start.center, start.radius, start.normal) if isinstance(start, OnSphere) else (
-            start, 0.0, None)  # fmt: skip
-        world = _World(anchor, centers, radii, *more, [radius, 0.0, 0.0])
-        n = _integers(normal)[0] if normal is not None else (0, 0, 0)
+        n: Ints = (0, 0, 0)
+        if isinstance(start, OnSphere):
+            anchor, radius = _ball(start.center, start.radius, ("start.center", "start.radius"))
+            n, _ = _integers(_exact("start.normal", start.normal))
+            if not any(n):
+                raise ValueError("start.normal: must not be 0")
+        else:
+            anchor, radius = _array("start", start, 3), 0.0
+        world = _World(anchor, *_balls(centers, radii), *more, [radius, 0.0, 0.0])
         self.s, self.k = _dot(n, n), world.k
         self.scale = self.s or 1
         (R,), own = _integers([radius])
@@ -413,11 +487,18 @@ def closest_from(
 
     There is no rule for the sphere that the ray starts on: c is 0 there, so that the ends are exactly 0, which is not
     within t > 0, and 2 b / a: outwards it is never met again, inwards at the far side.
+
+    start: (3,) or OnSphere; direction: rows of 3 numbers; t_min, t_max: the range, inf and -inf are no bounds.
     """
+    if not (t_min < np.inf and t_max > -np.inf):  # nor NaN
+        raise ValueError(f"t_min, t_max: must be numbers, t_min < inf and t_max > -inf, got {t_min!r}, {t_max!r}")
+    shape = np.asarray(direction, object).shape  # of objects: a Fraction stays what it is
+    if shape[1:] != (3,) and shape != (0,):
+        raise ValueError(f"direction: must have shape (n, 3), got {shape}")
     world = _Start(start, centers, radii)
     index, t = np.full(len(direction), -1, np.int32), np.full(len(direction), np.inf)
     for row, values in enumerate(direction):
-        d, k = _integers(values)
+        d, k = _integers(_exact("direction", values))
         # A number T for t is T unit in the integers' units.
         unit = Fraction(world.scale) * Fraction(2) ** (world.k - k)
         best: _End | None = None
@@ -473,12 +554,13 @@ def blocked(
 
     From inside, the sphere that the ray starts on blocks as any other: if and only if the light is strictly outside.
     """
+    light = _light(light, kind)
     if kind == "point":
         world = _Start(start, centers, radii, light)
         d = world.more[0]
     else:
         world = _Start(start, centers, radii)
-        w, _ = _integers(np.asarray(light, np.float64).tolist())
+        w, _ = _integers(light.tolist())
         d = (-w[0], -w[1], -w[2]), (0, 0, 0)
     return any(
         end.sign_less(0, 1, world.s) > 0 and (kind == "parallel" or end.sign_less(1, 1, world.s) < 0)
@@ -662,20 +744,22 @@ def closest(
 ) -> tuple[NDArray[np.int32], Floats]:
     """The nearest hit of every ray: sphere (n,) int32, -1 if none; t (n,), correctly rounded, inf if none.
 
-    origin (3,), direction (n, 3), centers (m, 3), radii (m,): finite float64, taken as exact numbers.
+    origin (3,), direction (n, 3), centers (m, 3), radii (m,) or one number > 0 for all: finite float64, taken as exact
+    numbers. t is in units of the ray's direction, which may have any length; a direction of 0 hits nothing. Raises
+    ValueError, which names the argument, where one is not of its shape or a value is not allowed.
     """
-    origin, direction, centers, radii = (np.asarray(x, np.float64) for x in (origin, direction, centers, radii))
     index, t, doubt = filtered(origin, direction, centers, radii)
-    index[doubt], t[doubt] = closest_exact(origin, direction[doubt], centers, radii)
+    rows = _array("direction", direction, -1, 3)[doubt]
+    index[doubt], t[doubt] = closest_exact(origin, rows, centers, radii)
     return index, t
 
 
 def filtered(
-    origin: Floats, direction: Floats, centers: Floats, radii: Floats
+    origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.bool_]]:
     """What `closest` returns, but for the rows in the third array, which the filter leaves to the integers."""
-    if not all(np.isfinite(x).all() for x in (origin, direction, centers, radii)):
-        raise ValueError("all inputs must be finite")
+    origin, direction = _array("origin", origin, 3), _array("direction", direction, -1, 3)
+    centers, radii = _balls(centers, radii)
     n, m = len(direction), len(radii)
     index, t = np.full(n, -1, np.int32), np.full(n, np.inf)
     if not (_in_range(origin[None]).all() and _in_range(centers, radii).all()):
