@@ -150,7 +150,9 @@ def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert done.returncode == 0
     first, second = done.stderr.decode().splitlines()[1:]
     assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
-    told = r"only 5 pixels were compared, as the reference takes [0-9.]+ ms a pixel for 12 spheres; --check=N compares "
+    told = (
+        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres; --check=N compares "
+    )
     assert re.fullmatch(told + "more", second)
     assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
     assert b"only" not in call(FIRST, "--check", "--size=2x2", cwd=tmp_path).stderr

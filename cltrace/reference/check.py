@@ -17,7 +17,7 @@ from cltrace.scene import Scene
 # index may never differ but in precision single, where float32 decides.
 CONTRACT = {"accurate": (1e-4, 0.0, 0.0), "double": (1e-4, 0.0, 0.0), "single": (1.0, 1e-3, 1e-3)}
 DEFAULT_PIXELS = 20_000
-# The reference tries every surface for every ray, at about a microsecond each. Where the default sample would take more
+# The reference tries every surface for every ray, at some microseconds each. Where the default sample would take more
 # tests than this, beyond 200 surfaces, it shrinks, and the report says so.
 DEFAULT_TESTS = 4_000_000
 
@@ -63,7 +63,7 @@ class Report:
             f"error at most {self.largest} levels, RMS {self.rms:.2g}"
         ]
         if self.shrunk:
-            pace = f"{1e3 * self.seconds / self.pixels:.3g} ms a pixel for {self.spheres:,} spheres"
+            pace = f"{1e3 * self.seconds / self.pixels:,.1f} ms a pixel for {self.spheres:,} spheres"
             pixels = "pixel was" if self.pixels == 1 else "pixels were"
             lines.append(
                 f"only {self.pixels} {pixels} compared, as the reference takes {pace}; --check=N compares more"
