@@ -162,3 +162,17 @@ def test_tiny_things_in_a_large_scene(device: Device) -> None:
         colors.append(image.color)
     assert colors[0].max() > 0.5
     assert np.abs(colors[0] - colors[1]).max() <= 1e-6
+
+
+@pytest.mark.parametrize("R", [1e2, 1e5, 1e9, 1e11, 1e13])
+def test_shadows_within_a_huge_shell(device: Device, R: float) -> None:
+    """docs/accuracy.md says up to which ratio of sizes shadows are right: this far, by the exact reference."""
+    camera = Camera((0.5, 0.5, 3), (2, 0, 0), horizontal_fov=40, resolution=(16, 12))
+    light = cltrace.point_light((4, 0.3, 0.2))
+    scene = Scene.from_spheres(camera, [light], [(2, 0, 0), (0, 0, 0)], [1, R], ka=0, kd=1, ks=0)
+    for precision in ("accurate", "double"):
+        image = cltrace.render(scene, device, precision, ("color", "id"))
+        for i in range(192):
+            color, at = trace(world(scene), primary_ray(camera, i % 16, i // 16))
+            assert image.id.ravel()[i] == (at.index if at else -1)
+            assert (image.color.reshape(-1, 3)[i, 0] > 0) == (color[0] > 0), i

@@ -17,7 +17,7 @@ from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.cases import aimed, balls, directions, limbs, looking, unit
 from cltrace.bench.oracle import closest_exact
 from cltrace.bench.scenes import cloud, field
-from cltrace.plan import abi
+from cltrace.plan import abi, exact
 from cltrace.plan.accel import cells
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
@@ -448,3 +448,13 @@ def test_little_else_is_offered_in_a_small_window() -> None:
     """Cells far smaller than what float32 resolves at 1: they are looked up in double."""
     scene = cluster("lamp far away", 2.0**-9)
     assert check_light(scene, on_surfaces(scene, 300)) <= 3.6
+
+
+def test_lights_where_many_spheres_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spheres through the origin and lights there: for each pair |L - C|^2 is r^2, and no fraction is made for any."""
+    size = np.arange(1, 61) / 8
+    scene = Scene.from_spheres(looking(), [point_light((0, 0, 0))] * 60, size[:, None] * (3, 4, 0), size * 5)
+    monkeypatch.setattr(exact, "Fraction", None)
+    sides = Plan.of_scene(scene, Request(keep=("hidden", "receivers"))).arrays["light_side"]
+    assert sides.shape == (3600,)
+    assert (sides == 0).all()
