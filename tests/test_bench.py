@@ -89,11 +89,12 @@ def test_lamps_are_the_lights_one_by_one(any_device: Device) -> None:
     scene = scenes.cloud(16, SMALL, *MORE)
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
     assert [len(lamp.lights) for lamp in truth.lamps(scene)] == [3, 1]
-    got = tracers.Product(any_device, "accurate").answer(scene)
+    got = tracers.Product(any_device, "accurate", ("features",)).answer(scene)
     for k in range(len(lights)):
         alone = lights[k : k + 1].copy()
         alone["color"] = 1
-        image = cltrace.render(replace(truth.lamps(scene)[0], lights=alone), any_device, outputs=("color",))
+        lamp = replace(truth.lamps(scene)[0], lights=alone)
+        image = cltrace.Renderer(lamp, any_device, outputs=("color",), keep=("features",)).render()
         assert np.array_equal(got.lit[:, k], image.color.reshape(-1, 3)[:, 0] > 0)
 
 
@@ -149,7 +150,8 @@ def test_all_that_is_skipped_is_measured(any_device: Device) -> None:
     assert set(KEEPS) == set(max(kept, key=len))
 
 
-@pytest.mark.parametrize("long", [False, pytest.param(True, marks=pytest.mark.stress)])
+@pytest.mark.stress
+@pytest.mark.parametrize("long", [False, True])
 def test_measuring(any_device: Device, long: bool) -> None:
     """Every tracer has a row with times and errors; what has no reference has those of the sample."""
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
@@ -219,8 +221,10 @@ def test_a_peer(tmp_path: Path) -> None:
 
 # --------------------------------------------------------------------------------------------------------- the report
 
+STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5")), "R3", "L6", "P3"]
 
-@pytest.mark.parametrize("name", ["G1", "O1", "R3", "L5", "L6", "P3"])
+
+@pytest.mark.parametrize("name", STRESS_CASES)
 def test_stress_case(any_device: Device, name: str) -> None:
     """The report finds what test_stress.py finds of the same catalogue."""
     case = catalogue.cases(name)[0]
@@ -280,6 +284,7 @@ def test_quick(tmp_path: Path) -> None:
         assert text in svg
 
 
+@pytest.mark.stress
 def test_given_scenes_without_plots(tmp_path: Path) -> None:
     scene = SCENES / "minimal.xml"
     done = run(scene, "--quick", "--no-plots", "--precision", "accurate", "-o", "out", "-q", cwd=tmp_path)
@@ -327,6 +332,7 @@ def test_faults(
 
 def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cltrace.bench", "--no-plots", "--size", "64x36", "--rounds", "1", "-o", "out"]
+    command += ["--precision", "accurate"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     for line in process.stdout:
