@@ -81,19 +81,18 @@ class LightView:
     """The n spheres as one light sees them.
 
     axes: (3, 3), the two across a parallel light and the one towards it, None for a light at a point; seen: from the
-    light, or from the eye for a parallel one, lengths in the float buffers' unit; filter: (n, 4) float32, abi's
-    light_filter; side: (n,) int8, abi's light_side.
+    light, or from the eye for a parallel one, lengths in the float buffers' unit; side: (n,) int8, abi's
+    light_side.
     """
 
     axes: Array | None
     seen: Seen
-    filter: NDArray[np.float32]
     side: NDArray[np.int8]
 
 
 @dataclass(frozen=True)
 class LightViews:
-    """The n spheres as each of m lights sees them. The views' arrays are parts of filter (m, n, 4), side (m, n)."""
+    """The n spheres as each of m lights sees them. filter: (m, n, 4), abi's light_filter; side: (m, n)."""
 
     views: list[LightView]
     filter: NDArray[np.float32]
@@ -118,5 +117,5 @@ class LightViews:
             else:
                 seen, side[:] = space.seen_from_light(k, basis)
                 filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(seen)
-            views.append(LightView(axes, seen, filter_, side))
+            views.append(LightView(axes, seen, side))
         return cls(views, filters, sides)
