@@ -158,7 +158,7 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         (
             lambda: Scene(Camera(), [], MATERIALS, SPHERES),
             "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of color, ka, kd, "
-            "ks, exponent, shape (0,); Scene.from_spheres() takes plain arrays",
+            "ks, exponent, reflectance, transmittance, index, shape (0,); Scene.from_spheres() takes plain arrays",
         ),
         (
             lambda: Scene(Camera(), [], SPHERES, [1.0]),  # type: ignore[arg-type]
@@ -168,7 +168,7 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         (
             lambda: Scene(Camera(), [], np.zeros((1, 2), SPHERE), MATERIALS),
             "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of center, radius, "
-            "material, shape (1, 2); Scene.from_spheres() takes plain arrays",
+            "material, to_object, shape (1, 2); Scene.from_spheres() takes plain arrays",
         ),
         (
             lambda: Scene([], Camera(), SPHERES, MATERIALS),  # type: ignore[arg-type]
@@ -331,15 +331,111 @@ def test_seen_by_another_camera() -> None:
     assert not anew.spheres.flags.writeable
 
 
+def test_materials_that_mirror_and_let_through() -> None:
+    scene = build(reflectance=[0.25, 0], transmittance=0.5, index=[1.5, 1.25])
+    assert scene.materials["reflectance"].tolist() == [0.25, 0]
+    assert scene.materials["transmittance"].tolist() == [0.5, 0.5]
+    assert scene.materials["index"].tolist() == [1.5, 1.25]
+    assert len(build(reflectance=0.3, transmittance=2, index=1.5).materials) == 1
+    assert build().materials[["reflectance", "transmittance", "index"]].tolist() == [(0, 0, 1)]
+    assert build(index=0).materials["index"].tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"reflectance": -0.5}, "reflectance: must be >= 0, got -0.5"),
+        ({"transmittance": [0, -1]}, "transmittance[1]: must be >= 0, got -1"),
+        ({"index": math.inf}, "index: must be a finite number, got inf"),
+        ({"index": 0, "transmittance": 0.5}, "index: must be > 0 where transmittance > 0, got 0"),
+        ({"index": -1, "transmittance": [0, 0.5]}, "index[1]: must be > 0 where transmittance > 0, got -1"),
+        ({"index": [1, -1], "transmittance": 0.5}, "index[1]: must be > 0 where transmittance > 0, got -1"),
+        ({"transform": [1, 2, 3]}, "transform: must have shape (3, 3) or (2, 3, 3), got (3,)"),
+        ({"transform": np.zeros((3, 3, 3))}, "transform: must have shape (3, 3) or (2, 3, 3), got (3, 3, 3)"),
+        ({"transform": np.diag([1, 1, math.nan])}, "transform[2][2]: must be a finite number, got nan"),
+        ({"transform": np.zeros((3, 3))}, "transform: must not be singular"),
+        ({"transform": [np.eye(3), np.arange(9).reshape(3, 3)]}, "transform[1]: must not be singular"),
+        (
+            {"transform": np.diag([1, 1, 1e-40])},
+            "transform: its inverse must not exceed 3.4e38 in magnitude, got 1e+40",
+        ),
+        (
+            {"transform": [np.eye(3), np.diag([1, 1e38, 1])], "radii": [1, 10]},
+            "transform: sphere 1 after it: half of its extent along y must not exceed 3.4e38 in magnitude, got 1e+39",
+        ),
+        (
+            {"transform": 1e-38 * np.eye(3), "radii": [1, 1e-38]},
+            "transform: sphere 1 after it: radius must be 0 or at least 1.4e-45 in magnitude, got 1e-76",
+        ),
+    ],
+)
+def test_bad_mirrors_glass_and_ellipsoids(changed: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        build(**changed)
+    assert str(caught.value) == message
+
+
+def test_a_linear_map_makes_an_ellipsoid() -> None:
+    """Its inverse is kept, each number rounded once."""
+    one = build(transform=np.diag([1.0, 3, 0.1]))
+    assert one.to_object.tolist() == [[[1, 0, 0], [0, 1 / 3, 0], [0, 0, 10]]]
+    assert one.spheres["to_object"].tolist() == [0, 0]
+    assert not one.to_object.flags.writeable
+    rng = np.random.default_rng(5)
+    maps = rng.normal(size=(2, 3, 3))
+    maps[1, 2] = maps[1, 0] * 3 + maps[1, 1] * 2.0**-40
+    scene = build(transform=maps)
+    mpmath.mp.dps = 80
+    for transform, to_object in zip(maps, scene.to_object, strict=True):
+        inverse = mpmath.matrix(transform.tolist()) ** -1
+        assert [[float(inverse[i, j]) for j in range(3)] for i in range(3)] == to_object.tolist()
+
+
+def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
+    turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    scene = build(transform=[-2 * turn, np.diag([3, 3, -3])])
+    assert len(scene.to_object) == 0
+    assert scene.spheres["to_object"].tolist() == [-1, -1]
+    assert scene.spheres["radius"].tolist() == [1, 1.5]
+    scene = build(transform=[np.eye(3), np.diag([3, 3, 4])])
+    assert scene.spheres["to_object"].tolist() == [-1, 0]
+    assert scene.spheres["radius"].tolist() == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("to_object", "index", "message"),
+    [
+        ((), 0, "spheres.to_object[1]: must be -1 or the index of one of to_object, got 0"),
+        ([np.eye(3)], 1, "spheres.to_object[1]: must be -1 or the index of one of to_object, got 1"),
+        ([np.eye(3)], -2, "spheres.to_object[1]: must be -1 or the index of one of to_object, got -2"),
+        (np.eye(3), 0, "to_object: must have shape (n, 3, 3), got (3, 3)"),
+        ([np.eye(3), np.ones((3, 3))], 0, "to_object[1]: must not be singular"),
+        ([np.diag([1, 1e39, 1])], 0, "to_object[0][1][1]: must not exceed 3.4e38 in magnitude, got 1e+39"),
+        (
+            [np.diag([1, 1, 1e-40])],
+            0,
+            "spheres.radius[1]: half of its extent along z must not exceed 3.4e38 in magnitude, got 5e+39",
+        ),
+    ],
+)
+def test_bad_maps(to_object: Any, index: int, message: str) -> None:
+    scene = build()
+    spheres = scene.spheres.copy()
+    spheres["to_object"][1] = index
+    with pytest.raises(ValueError) as caught:
+        replace(scene, spheres=spheres, to_object=to_object)
+    assert str(caught.value) == message
+
+
 def test_repr_is_short() -> None:
     assert repr(build()) == "<cltrace.Scene 512x512: 2 spheres, 1 lights>"
 
 
 def test_pickle() -> None:
-    scene = build()
+    scene = build(transform=np.diag([1, 2, 3]))
     again = pickle.loads(pickle.dumps(scene))
     assert again.camera == scene.camera
-    for name in ("spheres", "materials", "lights"):
+    for name in ("spheres", "materials", "lights", "to_object"):
         assert np.array_equal(getattr(again, name), getattr(scene, name))
 
 

@@ -73,9 +73,11 @@ def packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void
     rank[order] = np.arange(len(order))
     spheres = np.empty(len(rows), SPHERE)
     spheres["radius"], spheres["center"], spheres["material"] = rows[:, 0], rows[:, 1:4], rank[of_sphere.ravel()]
+    spheres["to_object"] = -1
     materials = np.empty(len(order), MATERIAL)
     shades = shades[first[order]]
     materials["color"] = shades[:, :3]
     for column, name in enumerate(("ka", "kd", "ks", "exponent"), 3):
         materials[name] = shades[:, column]
+    materials["reflectance"], materials["transmittance"], materials["index"] = 0, 0, 1
     return spheres, materials

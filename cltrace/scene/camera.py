@@ -44,7 +44,7 @@ class Camera:
         up: ArrayLike = (0.0, 1.0, 0.0),
         horizontal_fov: float = 45.0,
         resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
-        max_bounces: int = 0,
+        max_bounces: int = 8,
         square_pixels: bool = True,
     ) -> None:
         if not isinstance(square_pixels, (bool, np.bool_)):

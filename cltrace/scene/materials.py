@@ -1,4 +1,4 @@
-"""Materials: of one colour all over, shaded after Phong."""
+"""Materials: of one colour all over, shaded after Phong; what they mirror and let through."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.rules import NOT_NEGATIVE, check_rule
+from cltrace.scene.rules import ANY, NOT_NEGATIVE, check_rule
 
 MATERIAL = np.dtype(
     [
@@ -16,15 +16,33 @@ MATERIAL = np.dtype(
         ("kd", "f8"),  # share of the colour in diffuse light
         ("ks", "f8"),  # strength of the highlight
         ("exponent", "f8"),  # the larger, the smaller the highlight
+        ("reflectance", "f8"),  # share of the light that is mirrored
+        ("transmittance", "f8"),  # share of the light that is let through, refracted
+        ("index", "f8"),  # index of refraction inside, 1 outside; counts only where transmittance > 0
     ]
 )
-COEFFICIENTS = ("ka", "kd", "ks", "exponent")
+COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
 
 def check_materials(materials: NDArray[np.void]) -> None:
     """Raises ValueError, which names field and index, where a MATERIAL array holds what is not allowed."""
     for name in (*COEFFICIENTS, "color"):
         check_rule(f"materials.{name}", NOT_NEGATIVE, materials[name])
+    check_index("materials.index", materials["index"], materials["transmittance"])
+
+
+def check_index(name: str, index: NDArray[np.float64], transmittance: NDArray[np.float64]) -> None:
+    """Raises ValueError, which names the array and the place, where light is let through with an index <= 0.
+
+    Either may be one number for all.
+    """
+    check_rule(name, ANY, index)
+    index, transmittance = np.broadcast_arrays(index, transmittance)
+    bad = np.argwhere((index <= 0) & (transmittance > 0))
+    if len(bad):
+        where = tuple(bad[0])
+        place = "".join(f"[{i}]" for i in where)
+        raise ValueError(f"{name}{place}: must be > 0 where transmittance > 0, got {index[where]:g}")
 
 
 def packed(count: int, fields: Mapping[str, ArrayLike]) -> NDArray[np.void]:

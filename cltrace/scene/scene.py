@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
 from cltrace.scene.lights import check_lights, joined
-from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_materials, packed
+from cltrace.scene.maps import inverses, uniform_scales
+from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, check_materials, packed
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -28,7 +29,7 @@ from cltrace.scene.rules import (
     numbers,
     vector,
 )
-from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, check_spheres
+from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, check_spheres, checked_maps, extent_fault
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 
@@ -39,7 +40,8 @@ class Scene:
 
     camera: a Camera; lights: one (n,) LIGHT array or several, such as point_light() returns; spheres, materials: (n,)
     arrays of the dtypes SPHERE and MATERIAL of cltrace.scene; background: the linear colour of rays that hit nothing,
-    3 numbers >= 0; output_file: the picture's name, without a folder. The arrays are copied.
+    3 numbers >= 0; output_file: the picture's name, without a folder; to_object: (k, 3, 3), the linear maps of the
+    ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index. The arrays are copied.
 
     Raises ValueError, which names the field and the index, where a value is not allowed, and TypeError where an
     argument is something else altogether.
@@ -51,6 +53,7 @@ class Scene:
     materials: NDArray[np.void]
     background: Vector
     output_file: str
+    to_object: NDArray[np.float64]
 
     def __init__(
         self,
@@ -60,12 +63,14 @@ class Scene:
         materials: NDArray[np.void],
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
+        to_object: ArrayLike = (),
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
-        check_spheres(balls, len(shades))
+        maps = checked_maps(to_object)
+        check_spheres(balls, len(shades), maps)
         check_materials(shades)
-        self._fill(camera, joined(lights), balls, shades, background, output_file)
+        self._fill(camera, joined(lights), balls, shades, background, output_file, maps)
 
     def _fill(
         self,
@@ -75,14 +80,15 @@ class Scene:
         materials: NDArray[np.void],
         background: ArrayLike,
         output_file: str,
+        to_object: NDArray[np.float64],
     ) -> None:
-        """Takes these arrays as they are, of which spheres and materials have been checked."""
+        """Takes these arrays as they are, of which spheres, materials and to_object have been checked."""
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
         color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
-        values = (camera, lights, spheres, materials, color, output_file)
+        values = (camera, lights, spheres, materials, color, output_file, to_object)
         self.__setstate__(dict(zip((f.name for f in fields(self)), values, strict=True)))
 
     def seen_by(self, camera: Camera) -> Scene:
@@ -118,6 +124,10 @@ class Scene:
         kd: ArrayLike = 0.8,
         ks: ArrayLike = 0.5,
         exponent: ArrayLike = 50.0,
+        reflectance: ArrayLike = 0.0,
+        transmittance: ArrayLike = 0.0,
+        index: ArrayLike = 1.0,
+        transform: ArrayLike | None = None,
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
     ) -> Scene:
@@ -133,6 +143,13 @@ class Scene:
         reaches then shows kd times the ambient light, and with kd = 0.8 a surface that faces one white light beside
         the default ambient light shows exactly its colour.
 
+        reflectance, transmittance: the shares of the light that a surface mirrors and lets through, each (n,) or one
+        number >= 0; index: the index of refraction inside, (n,) or one number, > 0 where transmittance > 0; it is 1
+        outside, about 1.5 for glass, and with 1 rays pass straight on.
+
+        transform: a (3, 3) matrix for all or (n, 3, 3): a linear map of the world that is applied to each sphere about
+        its centre, which makes it an ellipsoid. One that only rotates, mirrors and scales uniformly leaves a sphere.
+
         Raises ValueError, which names the argument and the index, and TypeError as Scene does.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
@@ -146,13 +163,18 @@ class Scene:
         spheres["center"], spheres["radius"] = points, _values("radii", POSITIVE, radii, (n,))
         shade = {"color": _values("colors", NOT_NEGATIVE, colors, (n, 3))}
         check_not_bytes("colors", shade["color"], reflected=True)
-        for name, value in (("kd", kd), ("ks", ks), ("exponent", exponent)):
+        coefficients = {"kd": kd, "ks": ks, "exponent": exponent}
+        coefficients |= {"reflectance": reflectance, "transmittance": transmittance}
+        for name, value in coefficients.items():
             shade[name] = _values(name, NOT_NEGATIVE, value, (n,))
+        shade["index"] = _values("index", ANY, index, (n,))
+        check_index("index", shade["index"], shade["transmittance"])
         shade["ka"] = shade["kd"] if ka is None else _values("ka", NOT_NEGATIVE, ka, (n,))
-        one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in COEFFICIENTS)
+        one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
         spheres["material"] = 0 if one else np.arange(n)
+        maps = _shape(spheres, transform)
         scene = cls.__new__(cls)
-        scene._fill(camera, lights, spheres, packed(1 if one else n, shade), background, output_file)
+        scene._fill(camera, lights, spheres, packed(1 if one else n, shade), background, output_file, maps)
         return scene
 
 
@@ -188,6 +210,36 @@ def _values(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> 
         raise ValueError(f"{name}: must have shape {shape} or be one value, got {array.shape}") from None
     check_rule(name, rule, array)
     return array
+
+
+def _shape(spheres: NDArray[np.void], transform: ArrayLike | None) -> NDArray[np.float64]:
+    """Gives the spheres what a linear map makes of them, their radii or to_object, and returns the scene's to_object.
+
+    Raises ValueError, which names the argument and the index.
+    """
+    spheres["to_object"] = -1
+    if transform is None:
+        return np.empty((0, 3, 3))
+    to_world = numbers("transform", transform)
+    if to_world.shape not in ((3, 3), (len(spheres), 3, 3)):
+        raise ValueError(f"transform: must have shape (3, 3) or {(len(spheres), 3, 3)}, got {to_world.shape}")
+    check_rule("transform", ANY, to_world)
+    each = to_world.ndim == 3
+    maps = to_world.reshape(-1, 3, 3)
+    scales = uniform_scales(maps)
+    bent = np.flatnonzero(np.isnan(scales))
+    to_object = inverses(maps[bent])
+    for k in np.flatnonzero(~ANY.admits(to_object).all(axis=(1, 2))).tolist()[:1]:
+        fault = next(filter(None, map(ANY.fault, to_object[k].ravel().tolist())))
+        fault = "must not be singular" if np.isnan(to_object[k]).any() else f"its inverse {fault}"
+        raise ValueError(f"transform{f'[{bent[k]}]' if each else ''}: {fault}")
+    spheres["radius"] *= np.where(np.isnan(scales), 1.0, scales)
+    index = np.full(len(maps), -1)
+    index[bent] = np.arange(len(bent))
+    spheres["to_object"] = index
+    if extreme := extent_fault(spheres, maps[bent]):
+        raise ValueError(f"transform: sphere {extreme[0]} after it: {extreme[1]}")
+    return to_object
 
 
 def _records(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
