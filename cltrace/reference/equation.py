@@ -1,8 +1,8 @@
 """a t^2 - 2 b t + c = 0 in double precision, for a ray and a sphere: each number in the form that keeps its digits.
 
-A ray from the eye is computed as the kernel does it, operation by operation, so that both get the same bits; doubles
-decide where they are sure to be right, and exact.py where not. A ray from anywhere else is ruled out by doubles where
-those are sure, and otherwise left to exact.py altogether.
+A ray from the eye, and one from a sphere to wherever it leads, is computed as the kernel does it, operation by
+operation, so that both get the same bits; doubles decide where they are sure to be right, and exact.py where not. Any
+other ray is ruled out by doubles where those are sure, and otherwise left to exact.py altogether.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from cltrace.reference.doubt import surely_misses
 from cltrace.reference.exact import Quadratic, minus, vector
-from cltrace.reference.rays import EYE, Ray
+from cltrace.reference.rays import EYE, Ray, Start
 from cltrace.reference.vectors import Direction
 
 if TYPE_CHECKING:
@@ -25,7 +25,17 @@ if TYPE_CHECKING:
 def equation_of(sphere: Sphere, ray: Ray) -> Equation:
     a = ray.direction.dot(ray.direction)
     # Directions whose squares leave the range of double are for exact arithmetic.
-    return FromEye(sphere, ray) if ray.origin == EYE and 2.0**-900 < a < 2.0**900 else FromAnywhere(sphere, ray)
+    if ray.origin == EYE and 2.0**-900 < a < 2.0**900:
+        return FromEye(sphere, ray)
+    if isinstance(ray.origin, Start) and _fits(ray.origin, a) and (ray.t_min, ray.t_max) == (0, math.inf):
+        return FromSurface(sphere, ray, ray.origin)
+    return FromAnywhere(sphere, ray)
+
+
+def _fits(start: Start, a: float) -> bool:
+    """Whether the bounds of FromSurface hold: the normal unit to rounding, a = d.d far from the ends of the range."""
+    n = start.normal
+    return abs(n.dot(n) - 1) <= 2.0**-47 and 2.0**-200 < a < 2.0**200
 
 
 class Equation(ABC):
@@ -48,12 +58,28 @@ class Equation(ABC):
         """Where on the ray that end is."""
 
     @abstractmethod
-    def from_center(self, side: int, t: float) -> Direction:
-        """From the sphere's centre to the point at that end, in camera space, rounded."""
+    def outward(self, side: int, t: float) -> Direction:
+        """The sphere's outward unit normal at that end, in camera space."""
 
-    @abstractmethod
     def distance(self, t: float) -> float:
         """How far along the ray that is, in scene units."""
+        return t * self.ray.direction.length()
+
+    def _exact_t(self, side: int) -> float:
+        """Where on the ray that end is, by exact arithmetic."""
+        try:
+            return float(self._exact_value(side))
+        except OverflowError:
+            return math.inf
+
+    def _exact_value(self, side: int) -> Fraction:
+        return next(root for root in self.exact.roots() if root.side == side).value()
+
+    def _unit(self, from_center: Direction) -> Direction:
+        """From the centre to the point is r long but for rounding, so after the division by r one Newton step
+        n (3 - n.n)/2 makes it unit to the last digits."""
+        n = from_center * (1 / self.sphere.radius)
+        return n * (0.5 * (3 - n.dot(n)))
 
 
 class FromEye(Equation):
@@ -107,7 +133,7 @@ class FromEye(Equation):
     def t(self, side: int) -> float:
         t = self._t(side)
         if not self.ray.t_min < t < self.ray.t_max:  # only the exact one is
-            t = float(next(root for root in self.exact.roots() if root.side == side).value())
+            t = self._exact_t(side)
         return t
 
     def _t(self, side: int) -> float:
@@ -119,15 +145,99 @@ class FromEye(Equation):
         numerator, denominator = (q, a) if (b < 0) == (side < 0) else (c, q)
         return numerator / denominator if denominator else 0.0
 
-    def from_center(self, side: int, t: float) -> Direction:
-        """t d - C, or without its cancellation -v -/+ sqrt(D)/a d, where the discriminant comes from v."""
+    def outward(self, side: int, t: float) -> Direction:
+        """By way of t d - C, or without its cancellation -v -/+ sqrt(D)/a d, where the discriminant comes from v."""
         if self.by_b:
-            return self.ray.direction * t - (self.sphere.center - EYE)
+            return self._unit(self.ray.direction * t - (self.sphere.center - EYE))
         along = self.ray.direction * (self.root * (1 / self.a))
-        return -(self.v + along) if side < 0 else along - self.v
+        return self._unit(-(self.v + along) if side < 0 else along - self.v)
 
     def distance(self, t: float) -> float:
         return t * math.sqrt(self.a)
+
+
+class FromSurface(Equation):
+    """The equation of a ray that starts on a sphere A and leads from there to infinity, along the world's axes.
+
+    It starts at A's centre plus p = r_A m, with m = B^T q and the unit normal q of its start, and leads along
+    w = B^T d. So f = (C - C_A) - p, from the start to the centre C of this sphere, is right wherever in the world both
+    are. With b = f.w and X = |f x w|, the discriminant is D = a r^2 - X^2.
+
+    Where doubles are sure, they are right in which end is met, if any, and t is right to 2^-24 of itself. u = 2^-53; f,
+    w and X are those of doubles, f1, w1 and X1 the sums of their coordinates' magnitudes, and s = f1 + r_A.
+
+    m, w. Turning rounds three times, by u of at most |B^T| |q|: m is off by sqrt(27) u < 5.2 u, w by 5.2 u |w|. What m
+        stands for is B^T q / |B^T q|. As _fits() has it, |q|^2 is 1 -/+ 64 u as computed, 67 u in truth, and the axes
+        are orthonormal but for 12 u (see exact.Frame), so |B^T q| is 1 -/+ 40 u.
+    f. C - C_A rounds by u (|f| + r_A), p by u r_A, and their difference by u |f|: f is off by
+        f' = 2 u |f| + (40 + 5.2 + 2) u r_A < 48 u s.
+    b, X. 5.2 u |f| |w| + f' |w|, and 3 u |f| |w| for products and sums (of X, in the length of the vector):
+        < 57 u s w1 < e = 64 u s w1.
+    D. X^2 is off by 2 X1 e + e^2, and by 3 u of itself; a r^2 by 15.4 u of itself, as w turns a by 10.4 u and its sums
+        round by 3 u; D rounds by u. That is < D_error = 2 X1 e + e^2 + 64 u (a r^2 + X^2).
+    c. 2 |f| f' < 4 u |f|^2 + 95 u |f| r_A; the sums round by 3 u |f|^2, r^2 and the difference by 2 u (r^2 + |f|^2):
+        that is < c_error = 128 u s f1 + 8 u (|f|^2 + r^2), but for f'^2. It counts only where one of these holds:
+        |b| > e, so |f| > 64 u s > f': then f'^2 < 48 u s |f| is below 2^26 c_error by far;
+        e <= 2^-26 q, so 64 u s < 2^-26 (|f| + r): then f'^2 < 2.3 u (|f|^2 + r^2), and there is room for that.
+    t. q = |b| + sqrt(D) is off by 2^-26 q for b and by D_error / sqrt(D) <= 2^-25 q for the root; a by 14 u, and c by
+        2^-26 of itself. t is q / a or c / q: 2^-24. From outside |b| >= sqrt(D) in truth, so b's sign is sure.
+
+    On A itself c = 0 by definition: outwards it is never met again, inwards at t = 2 b / a.
+    """
+
+    def __init__(self, sphere: Sphere, ray: Ray, start: Start) -> None:
+        super().__init__(sphere, ray)
+        axes, own, r = sphere.frame.axes, start.surface, sphere.radius
+        self.is_own = own is sphere
+        p, w = axes.to_world(start.normal) * own.radius, axes.to_world(ray.direction)
+        f, rr = (sphere.place - own.place) - p, r * r
+        X = f.cross(w)
+        self.f, self.w, self.a, self.b, ff, XX = f, w, w.dot(w), f.dot(w), f.dot(f), X.dot(X)
+        self.c, arr = ff - rr, self.a * rr
+        self.discriminant = arr - XX
+        f1, w1, X1 = (abs(v.x) + abs(v.y) + abs(v.z) for v in (f, w, X))
+        s = f1 + own.radius
+        self.b_error = 2.0**-47 * s * w1
+        self.D_error = (2 * X1 * self.b_error + self.b_error * self.b_error) + 2.0**-47 * (arr + XX)
+        self.c_error = 2.0**-46 * s * f1 + 2.0**-50 * (ff + rr)
+        self.root = math.sqrt(max(self.discriminant, 0.0))
+        self.q = abs(self.b) + self.root
+        self.sure = self._own_side() if self.is_own else self._sure_side()
+
+    def _own_side(self) -> int | None:
+        if self.b < -self.b_error:
+            return 0
+        return 1 if self.b_error <= 2.0**-26 * self.b else None
+
+    def _sure_side(self) -> int | None:
+        """The end that is met, 0 if there is none; None if doubles are not sure."""
+        c_sure, outside = abs(self.c) > 2.0**26 * self.c_error, self.c > 0
+        if self.discriminant < -self.D_error or (c_sure and outside and self.b < -self.b_error):
+            return 0
+        D_sure = self.discriminant > self.D_error and self.D_error <= 2.0**-25 * self.root * self.q
+        if not (c_sure and D_sure and self.b_error <= 2.0**-26 * self.q):
+            return None
+        return 1 if not outside else -1 if self.b > 0 else 0
+
+    def side(self) -> int | None:
+        if self.sure is not None:
+            return self.sure or None
+        root = self.exact.first(0.0, math.inf)
+        return None if root is None else root.side
+
+    def t(self, side: int) -> float:
+        if self.sure is None:
+            return self._exact_t(side)
+        if self.is_own:
+            return (self.b + self.b) / self.a
+        if side < 0:
+            return self.c / self.q
+        return self.q / self.a if self.b >= 0 else -self.c / self.q
+
+    def outward(self, side: int, t: float) -> Direction:
+        """From the centre to the point is t w - f, which is turned to camera space last."""
+        g = self.w * t - self.f
+        return self.sphere.frame.axes.to_camera(g * (1 / math.sqrt(g.dot(g))))
 
 
 class FromAnywhere(Equation):
@@ -139,21 +249,12 @@ class FromAnywhere(Equation):
         root = self.exact.first(self.ray.t_min, self.ray.t_max)
         return None if root is None else root.side
 
-    def _value(self, side: int) -> Fraction:
-        return next(root for root in self.exact.roots() if root.side == side).value()
-
     def t(self, side: int) -> float:
-        try:
-            return float(self._value(side))
-        except OverflowError:
-            return math.inf
+        return self._exact_t(side)
 
-    def from_center(self, side: int, t: float) -> Direction:
-        """start + t d - C with the t of exact arithmetic, not the rounded one."""
+    def outward(self, side: int, t: float) -> Direction:
+        """By way of start + t d - C with the t of exact arithmetic, not the rounded one."""
         frame, line, bits = self.sphere.frame, self.ray.line(self.sphere.frame), 256
-        start, t_exact = minus(line.start, vector(self.sphere.ball.center)), self._value(side)
+        start, t_exact = minus(line.start, vector(self.sphere.ball.center)), self._exact_value(side)
         x, y, z = (p.between(bits).low + t_exact * q.p for p, q in zip(start, line.direction, strict=True))
-        return Direction(*map(float, frame.to_camera((x, y, z))))
-
-    def distance(self, t: float) -> float:
-        return t * self.ray.direction.length()
+        return self._unit(Direction(*map(float, frame.to_camera((x, y, z)))))

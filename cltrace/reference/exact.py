@@ -30,6 +30,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
+from cltrace.reference.vectors import Axes, Direction
+
 ZERO = Fraction(0)
 
 
@@ -144,6 +146,12 @@ class Frame:
             for j, v in enumerate(self.rows):
                 total += abs(sum((x * y for x, y in zip(u, v, strict=True)), ZERO) - (i == j))
         return math.nextafter(float(total), math.inf) if total else 0.0
+
+    @cached_property
+    def axes(self) -> Axes:
+        """The same in doubles, which the axes are."""
+        right, up, back = (Direction(*map(float, row)) for row in self.rows)
+        return Axes(right, up, back)
 
     def to_world(self, v: Iterable[float]) -> Rational:
         """B^T v: the vector v of camera space along the world's axes."""

@@ -17,13 +17,25 @@ from cltrace.reference.vectors import Color, Direction, Point
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Phong's coefficients and the colour of the surface."""
+    """Phong's coefficients and the colour of the surface, and what it passes on of the light.
+
+    reflectance, transmittance: the shares of what is seen in the mirrored and along the refracted ray; index: of
+    refraction inside, 1 outside.
+    """
 
     color: Color
     ka: float
     kd: float
     ks: float
     exponent: float
+    reflectance: float = 0.0
+    transmittance: float = 0.0
+    index: float = 1.0
+
+    @property
+    def passes_on(self) -> bool:
+        """Whether rays go on from it."""
+        return self.reflectance > 0 or self.transmittance > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +56,19 @@ class Intersection:
     index: int = -1
 
     @property
+    def side(self) -> int:
+        """The side from which the ray came: 1 from outside, -1 from inside."""
+        return -1 if self.inside else 1
+
+    @property
+    def outward(self) -> Direction:
+        """The unit normal that leads out of the surface."""
+        return -self.normal if self.inside else self.normal
+
+    @property
     def start(self) -> Start:
         """The point as the start of further rays."""
-        return Start(self.surface, -self.normal if self.inside else self.normal)
+        return Start(self.surface, self.outward)
 
 
 class Surface(ABC):
@@ -83,14 +105,15 @@ class Sphere(Surface):
     numbers in such a form that they lose no digits, and says which of them doubles cannot decide; exact.py decides
     those.
 
-    center: in camera space, rounded; radius; ball: centre and radius of the file, exactly, from the eye along the
-    world's axes; frame: the camera's axes, which lead from there to camera space.
+    center: in camera space, rounded; radius; place: the centre of the file, in the world; ball: centre and radius of
+    the file, exactly, from the eye along the world's axes; frame: the camera's axes, which lead from there to camera
+    space.
     """
 
-    def __init__(self, ball: Ball, frame: Frame, material: Material) -> None:
+    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material) -> None:
         self.center = Point(*map(float, frame.to_camera(ball.center)))
         self.radius = float(ball.radius)
-        self.ball, self.frame, self.material = ball, frame, material
+        self.place, self.ball, self.frame, self.material = place, ball, frame, material
 
     def equation(self, ray: Ray) -> Equation:
         return equation_of(self, ray)
@@ -111,11 +134,7 @@ class Sphere(Surface):
         side = equation.side()
         if side is None:
             raise ValueError("the ray does not hit the sphere")
-        # From the centre to the point is r long but for rounding, so after the division by r one Newton step
-        # n (3 - n.n)/2 makes it unit to the last digits.
-        outward = equation.from_center(side, t) * (1 / self.radius)
-        outward = outward * (0.5 * (3 - outward.dot(outward)))
-        inside = side > 0
+        outward, inside = equation.outward(side, t), side > 0
         return Intersection(
             point=ray.at(t),
             t=t,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
+from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import EYE, Ray
 from cltrace.reference.surfaces import Intersection, Surface
@@ -81,16 +83,86 @@ def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
     return (red, green, blue)
 
 
-def trace(world: World, ray: Ray) -> tuple[Color, Intersection | None]:
-    """The colour that is seen along a ray, not clamped, and what is there."""
-    at = closest_hit(world, ray)
-    if at is None:
-        return world.background, None
+def local_color(world: World, ray: Ray, at: Intersection) -> Color:
+    """What the point shows of the light that reaches it straight from the lights: ambient light and Phong's formula."""
     red, green, blue = (at.material.ka * a * c for a, c in zip(world.ambient, at.material.color, strict=True))
     for light in world.lights:
         more = illuminate(world, ray, at, light)
         red, green, blue = red + more[0], green + more[1], blue + more[2]
-    return (red, green, blue), at
+    return (red, green, blue)
+
+
+def trace(world: World, ray: Ray) -> tuple[Color, Intersection | None]:
+    """The colour that is seen along a ray, not clamped, and what is there.
+
+    Raises ValueError, which names max_bounces, where mirrors and glass make more than 2^20 rays of one.
+    """
+    at = closest_hit(world, ray)
+    if world.passes_on:
+        pixel = Pixel()
+        follow(world, ray, at, 1.0, 0, pixel)
+        return pixel.color, at
+    return (world.background if at is None else local_color(world, ray, at)), at
+
+
+def follow(world: World, ray: Ray, at: Intersection | None, weight: float, depth: int, pixel: Pixel) -> None:
+    """Adds to a pixel what a ray sees, with a weight, which is not 0, and what the rays see that go on from there.
+
+    at: what the ray meets; depth: how many bounces lie behind it. It bounces again while depth <= max_bounces; what is
+    met after the last bounce counts in full.
+    """
+    if at is None:
+        pixel.add(weight, world.background)
+        return
+    m, ends = at.material, depth > world.camera.max_bounces
+    share = 1.0 if ends else max(0.0, (1 - m.reflectance) - m.transmittance)
+    if weight * share > 0:
+        pixel.add(weight * share, local_color(world, ray, at))
+    if ends:
+        return
+    for direction, part in bounces(ray, at):
+        if weight * part > 0:
+            pixel.count_ray()
+            further = Ray(at.start, direction)
+            follow(world, further, closest_hit(world, further), weight * part, depth + 1, pixel)
+
+
+def bounces(ray: Ray, at: Intersection) -> Iterator[tuple[Direction, float]]:
+    """The directions in which a ray goes on, and how much of what is seen there it sees."""
+    m, d, n = at.material, ray.direction, at.outward
+    mirror = m.reflectance
+    if m.transmittance > 0:
+        through = refracted(d, n, at.side, m.index)
+        if through is None:  # total reflection
+            mirror += m.transmittance
+        else:
+            yield through, m.transmittance
+    if mirror > 0:
+        yield mirrored(d, n, at.side), mirror
+
+
+class Pixel:
+    """The sum of what all rays of one pixel see, in whole multiples of 2^-40, so that their order does not matter."""
+
+    UNIT, FULL, RAYS = 2.0**-40, 2**61, 2**20
+
+    def __init__(self) -> None:
+        self.sums, self.rays = [0, 0, 0], 1
+
+    def add(self, weight: float, color: Color) -> None:
+        for i, value in enumerate(color):
+            units = weight * value / self.UNIT
+            self.sums[i] = min(self.sums[i] + (round(units) if units < self.FULL else self.FULL), self.FULL)
+
+    def count_ray(self) -> None:
+        self.rays += 1
+        if self.rays > self.RAYS:
+            raise ValueError(f"camera.max_bounces: {self.RAYS} rays are not enough for one pixel; a lower number is")
+
+    @property
+    def color(self) -> Color:
+        red, green, blue = (units * self.UNIT for units in self.sums)
+        return (red, green, blue)
 
 
 def byte_of(value: float, truncate: bool = False) -> int:

@@ -76,3 +76,25 @@ class Point:
 
 
 EYE = Point(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """The camera's axes in the world. What they turn is right to a few ulp of its length."""
+
+    right: Direction
+    up: Direction
+    back: Direction
+
+    def to_world(self, v: Direction) -> Direction:
+        """B^T v."""
+        right, up, back = self.right, self.up, self.back
+        return Direction(
+            (right.x * v.x + up.x * v.y) + back.x * v.z,
+            (right.y * v.x + up.y * v.y) + back.y * v.z,
+            (right.z * v.x + up.z * v.y) + back.z * v.z,
+        )
+
+    def to_camera(self, v: Direction) -> Direction:
+        """B v."""
+        return Direction(self.right.dot(v), self.up.dot(v), self.back.dot(v))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +28,22 @@ class World:
     ambient: Color
     background: Color
 
+    @cached_property
+    def passes_on(self) -> bool:
+        """Whether anything mirrors or lets light through, so that a pixel may take more than one ray."""
+        return any(surface.material.passes_on for surface in self.surfaces)
+
 
 def world_of(scene: Scene) -> World:
     """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once."""
     right, up, back = scene.camera.basis()
     frame = Frame((rational(right), rational(up), rational(back)))
     eye = scene.camera.position
-    materials = [
-        Material(_color(m["color"]), *(float(m[k]) for k in ("ka", "kd", "ks", "exponent"))) for m in scene.materials
-    ]
+    names = ("ka", "kd", "ks", "exponent")
+    materials = [Material(_color(m["color"]), *(float(m[k]) for k in names)) for m in scene.materials]
     surfaces = [
         Sphere(
+            Point(*sphere["center"].tolist()),
             Ball(_from_eye(sphere["center"].tolist(), eye), Fraction(float(sphere["radius"]))),
             frame,
             materials[sphere["material"]],

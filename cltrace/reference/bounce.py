@@ -1,0 +1,53 @@
+"""Where a ray goes on from a mirror or through glass.
+
+d: the direction in which the ray came, of any length; n: the outward unit normal of the surface, both in camera space;
+side: 1 where the ray came from outside, -1 from inside. Nothing is normalised on the way: a mirror keeps the length of
+d, and so does Snell's law as it is written here.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cltrace.reference.vectors import Direction
+
+
+def mirrored(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Direction:
+    """d - 2 (n.d) n: the angle out is the angle in."""
+    return lift(d - n * (2 * n.dot(d)), n, side, spread)
+
+
+def refracted(d: Direction, n: Direction, side: int, index: float, spread: float = 1.0) -> Direction | None:
+    """Snell's law: the sine of the angle to the normal is divided by the index on the way in, multiplied by it on the
+    way out. None: total reflection, the sine would be above 1.
+
+    index: of refraction inside; outside it is 1.
+
+    With the normal N against the ray, c = -N.d is the ray's part along it and d + c N the part across, of length
+    |n x d|. The new part across is eta times that, and what is left of d.d is the square of the new part along N.
+    |n x d|^2 is not computed as d.d - c^2, which would cancel near the normal.
+    """
+    if index == 1:
+        return d
+    eta = 1 / index if side > 0 else index
+    facing = n * side
+    c, across = -facing.dot(d), n.cross(d)
+    k = d.dot(d) - (eta * eta) * across.dot(across)
+    if k < 0:
+        return None
+    return lift((d + facing * c) * eta - facing * math.sqrt(k), n, -side, spread)
+
+
+def lift(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Direction:
+    """d, turned a little where it does not surely leave on that side of the surface: by what rounding may have done.
+
+    spread: of an ellipsoid, by how much more its transform may turn an error, see surfaces.Ellipsoid.
+
+    Which side a ray takes is decided by the exact sign of (B^T q).(B^T d), where q is the normal of its start. n.d as
+    computed here is off by 4 u |d|_1, u = 2^-53, and the camera's skew (see exact.Frame), below 12 u, adds 12 u |d|. So
+    n.d > 32 u |d|_1 = `least` is sure, and so is what is below it after it has been set to twice that: this rounds d to
+    u |d|_1 more.
+    """
+    leaves = side * n.dot(d)
+    least = 2.0**-48 * ((abs(d.x) + abs(d.y)) + abs(d.z)) * spread
+    return d if leaves > least else d + n * (side * (2 * least - leaves))
