@@ -7,10 +7,11 @@ so that both compute the same bits.
 Everything happens in camera space, as in the tutorial: the eye is the origin, x is right, y is up, -z is ahead. Read
 the files in this order:
 
-    vectors.py     Point and Direction
+    vectors.py     Point, Direction, and Axes, which turn a direction
     rays.py        Ray, and Start, the point of a sphere by which a ray leaves it
     surfaces.py    Surface, Sphere with the tutorial's equation, Material, Intersection
     lights.py      Light, and ShadowRay, which leads to it
+    bounce.py      where a ray goes on from a mirror or through glass: mirrored, refracted
     world.py       World: a scene as these objects
     trace.py       the algorithm: primary_ray, closest_hit, cast_shadow_ray, illuminate, trace, byte_of
 
@@ -24,6 +25,7 @@ rest is the care that makes each decision of it right, hit or miss, which is nea
 check.py holds a picture against the reference.
 """
 
+from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import EYE, Ray, Start
 from cltrace.reference.surfaces import Intersection, Material, Sphere, Surface
@@ -33,6 +35,7 @@ from cltrace.reference.trace import (
     closest_hit,
     comes_first,
     illuminate,
+    local_color,
     primary_ray,
     trace,
 )
@@ -58,7 +61,10 @@ __all__ = [
     "closest_hit",
     "comes_first",
     "illuminate",
+    "local_color",
+    "mirrored",
     "primary_ray",
+    "refracted",
     "trace",
     "world_of",
 ]

@@ -39,7 +39,7 @@ def world_of(scene: Scene) -> World:
     right, up, back = scene.camera.basis()
     frame = Frame((rational(right), rational(up), rational(back)))
     eye = scene.camera.position
-    names = ("ka", "kd", "ks", "exponent")
+    names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
     materials = [Material(_color(m["color"]), *(float(m[k]) for k in names)) for m in scene.materials]
     surfaces = [
         Sphere(
