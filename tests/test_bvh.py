@@ -1,0 +1,307 @@
+"""The tree of boxes by itself, without a device: it holds every sphere once, and a ray that meets one gets to it.
+
+The boxes are tested here as the kernel tests them, in float32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cltrace.plan.accel import bvh
+from cltrace.plan.accel.bvh import Tree, build_tree
+from cltrace.plan.exact import two_sum
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+f32 = np.float32
+
+# Entries of the kernel's stack. A node leaves all of its children but one there, and goes on with that one.
+STACK = 64
+
+
+class Balls(NamedTuple):
+    """center: (n, 3), outer and inner: (n,)."""
+
+    center: Floats
+    outer: Floats
+    inner: Floats
+
+
+def balls(center: object, radius: object = 0.01, inner: object = None) -> Balls:
+    c = np.asarray(center, float).reshape(-1, 3)
+    r = np.broadcast_to(np.asarray(radius, float), len(c)).copy()
+    return Balls(c, r, r if inner is None else np.broadcast_to(np.asarray(inner, float), len(c)).copy())
+
+
+def rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def cloud(n: int, seed: int = 1) -> Balls:
+    r = rng(seed)
+    return balls(r.uniform(-1, 1, (n, 3)), r.uniform(0.1, 0.6, n) * n ** (-1 / 3))
+
+
+def shell(n: int) -> Balls:
+    r = rng(2)
+    d = r.normal(size=(n, 3))
+    return balls(d / np.linalg.norm(d, axis=1, keepdims=True), r.uniform(0.5, 1.5, n) / np.sqrt(n))
+
+
+def grid(side: int) -> Balls:
+    axis = (np.arange(side) + 0.5) / side * 2 - 1
+    return balls(np.stack(np.meshgrid(axis, axis, axis), axis=-1), 0.8 / side)
+
+
+def mixed(n: int) -> Balls:
+    """Radii from a thousandth of the typical distance to a hundred times as much."""
+    r = rng(3)
+    return balls(r.uniform(-1, 1, (n, 3)), n ** (-1 / 3) * 10 ** r.uniform(-3, 2, n))
+
+
+def ground(n: int) -> Balls:
+    """Small spheres that lie on a huge one."""
+    r = rng(4)
+    center = np.stack([r.uniform(-1e-3, 1e-3, n), np.full(n, 5e-6), r.uniform(-1e-3, 1e-3, n)], axis=1)
+    return balls(np.concatenate([center, [[0, -1, 0]]]), [5e-6] * n + [1])
+
+
+def thin(n: int) -> Balls:
+    """The surfaces of ellipsoids, between spheres of different radii, in no box of their own centres."""
+    r = rng(5)
+    outer = r.uniform(0.1, 0.6, n) * n ** (-1 / 3)
+    return balls(r.uniform(-1, 1, (n, 3)), outer, outer * r.uniform(0, 1, n))
+
+
+CASES = {
+    "none": balls([]),
+    "one": balls([0.5, -0.25, 0.1]),
+    "two": balls([[0.5, -0.25, 0.1], [-0.5, 0, 0]], [0.3, 0.1]),
+    "eight": cloud(8),
+    "nine": cloud(9),
+    "64": cloud(64),
+    "65": cloud(65),
+    "1000": cloud(1000),
+    "5000": cloud(5000),
+    "shell": shell(3000),
+    "grid": grid(12),
+    "mixed": mixed(3000),
+    "ground": ground(2000),
+    "thin": thin(700),
+    "equal": balls(np.full((700, 3), 1 / 3)),
+    "equal centres": balls(np.full((700, 3), 1 / 3), rng(6).uniform(1e-6, 0.5, 700)),
+    "line": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, 0, 0])),
+    "diagonal": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, -1, 1])),
+    "close, and one far away": balls(np.concatenate([rng(7).uniform(0, 1e-30, (300, 3)), [[1, 1, -1]]]), 1e-32),
+    "tiny": balls(rng(8).uniform(-1, 1, (300, 3)), 1e-60),
+    "no inside": balls(rng(9).uniform(-1, 1, (300, 3)), 1e-3, 0),
+}
+WIDEN = 24 * 2.0**-24
+
+
+@pytest.fixture(params=CASES)
+def case(request: pytest.FixtureRequest) -> Balls:
+    return CASES[request.param]
+
+
+def children(tree: Tree, node: int) -> Iterator[tuple[int, int]]:
+    """The slots of a node that are filled, and what is there."""
+    for slot in range(8):
+        if tree.node["low_x"][node, slot] <= tree.node["high_x"][node, slot]:
+            yield slot, int(tree.node["child"][node, slot])
+
+
+def sides(tree: Tree, node: int, slot: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    record = tree.node[node]
+    low = np.array([record[f"low_{axis}"][slot] for axis in "xyz"])
+    return low, np.array([record[f"high_{axis}"][slot] for axis in "xyz"])
+
+
+def spheres_below(tree: Tree) -> dict[tuple[int, int], Ints]:
+    """For each child of each node, as (node, slot), the indices of all spheres in it."""
+    found: dict[tuple[int, int], Ints] = {}
+
+    def visit(node: int) -> Ints:
+        parts = [np.zeros(0, np.int32)]
+        for slot, child in children(tree, node):
+            index = tree.block["index"][~child] if child < 0 else visit(child)
+            found[node, slot] = index[index >= 0]
+            parts.append(found[node, slot])
+        return np.concatenate(parts)
+
+    visit(0)
+    return found
+
+
+def stack_needed(tree: Tree, node: int = 0) -> int:
+    """The most entries that a walk may have on its stack, whatever its order."""
+    below = [stack_needed(tree, child) if child >= 0 else 0 for _, child in children(tree, node)]
+    return len(below) - 1 + max(below) if below else 0
+
+
+def build(scene: Balls) -> Tree:
+    return build_tree(*scene, WIDEN)
+
+
+def test_every_sphere_is_in_one_slot(case: Balls) -> None:
+    tree = build(case)
+    index = tree.block["index"]
+    assert sorted(index[index >= 0].tolist()) == list(range(len(case.outer)))
+    assert (tree.block["outer"][index < 0] == -1).all()
+    below = spheres_below(tree)
+    found = np.concatenate([np.zeros(0, np.int32), *(below[0, slot] for slot, _ in children(tree, 0))])
+    assert sorted(found.tolist()) == list(range(len(case.outer)))
+
+
+def test_members_alone_are_entered() -> None:
+    scene, member = CASES["1000"], np.flatnonzero(rng(10).random(1000) < 0.3).astype(np.int32)
+    index = build_tree(*scene, WIDEN, member).block["index"]
+    assert sorted(index[index >= 0].tolist()) == member.tolist()
+
+
+def test_boxes_hold_what_is_below_them(case: Balls) -> None:
+    """In exact arithmetic: the sum of two_sum()'s two numbers is not rounded."""
+    tree = build(case)
+    for (node, slot), index in spheres_below(tree).items():
+        low, high = sides(tree, node, slot)
+        for j in range(3):
+            c, r = case.center[index, j], case.outer[index]
+            near, rest = two_sum(c, -r)
+            assert ((near > low[j]) | (near == low[j]) & (rest >= 0)).all()
+            far, rest = two_sum(c, r)
+            assert ((far < high[j]) | (far == high[j]) & (rest <= 0)).all()
+
+
+def test_boxes_are_tight() -> None:
+    """To an ulp of float32, and so a tree is worth its walk."""
+    scene = CASES["5000"]
+    tree = build(scene)
+    for (node, slot), index in spheres_below(tree).items():
+        low, high = sides(tree, node, slot)
+        c, r = scene.center[index], scene.outer[index, None]
+        assert (np.abs((c - r).min(axis=0) - low) <= 2.0**-22).all()
+        assert (np.abs((c + r).max(axis=0) - high) <= 2.0**-22).all()
+
+
+def test_missing_children_are_empty(case: Balls) -> None:
+    tree = build(case)
+    missing = ~(tree.node["low_x"] <= tree.node["high_x"])
+    for axis in "xyz":
+        assert (tree.node[f"low_{axis}"][missing] == np.inf).all()
+        assert (tree.node[f"high_{axis}"][missing] == -np.inf).all()
+    assert (tree.node["child"][missing] == 0).all()
+
+
+def test_blocks_hold_the_surfaces(case: Balls) -> None:
+    """Between outer and inner, as float32 numbers and wider by what was asked for."""
+    block = build(case).block
+    index = block["index"][block["index"] >= 0]
+    row = {name: block[name][block["index"] >= 0] for name in ("x", "y", "z", "outer", "inner")}
+    for j, axis in enumerate("xyz"):
+        np.testing.assert_array_equal(row[axis], case.center[index, j].astype(f32))
+    outer, inner = case.outer[index] + WIDEN, np.maximum(case.inner[index] - WIDEN, 0)
+    assert (row["outer"] >= outer).all()
+    assert (row["outer"] <= outer * (1 + 2.0**-23)).all()
+    assert (row["inner"] <= inner).all()
+    assert (row["inner"] >= inner * (1 - 2.0**-23)).all()
+
+
+def test_depth_is_bounded(case: Balls) -> None:
+    assert stack_needed(build(case)) <= STACK
+
+
+@pytest.mark.parametrize("name", ["box", "equal", "line"])
+def test_many(name: str) -> None:
+    n = 100_000
+    scene = {
+        "box": lambda: cloud(n),
+        "equal": lambda: balls(np.full((n, 3), 0.1)),
+        "line": lambda: balls(np.linspace(-1, 1, n)[:, None] * np.array([0, 1, 0]), 1e-5),
+    }[name]()
+    tree = build(scene)
+    index = tree.block["index"]
+    np.testing.assert_array_equal(np.sort(index[index >= 0]), np.arange(n))
+    assert stack_needed(tree) <= STACK
+
+
+def reached(tree: Tree, origin: Floats, d: Floats, reach: float) -> set[int]:
+    """The spheres in the blocks that a ray gets to: a walk without an order, as the kernel tests boxes."""
+    least = 1e-18 * np.abs(d).max()
+    rd = (1 / np.where(np.abs(d) < least, np.copysign(least, d), d)).astype(f32)
+    o = origin.astype(f32)
+    pad = np.copysign(f32(2.0**-22) * np.abs(o) + f32(2.0**-100), rd)
+    found: set[int] = set()
+    todo = [0]
+    while todo:
+        record = tree.node[todo.pop()]
+        low = np.stack([record[f"low_{axis}"] for axis in "xyz"])
+        high = np.stack([record[f"high_{axis}"] for axis in "xyz"])
+        positive = (rd > 0)[:, None]
+        near = ((np.where(positive, low, high) - (o + pad)[:, None]) * rd[:, None]).max(axis=0)
+        far = ((np.where(positive, high, low) - (o - pad)[:, None]) * rd[:, None]).min(axis=0)
+        near = np.maximum(near, f32(0))
+        for slot in np.flatnonzero((near <= far * f32(1 + 2.0**-20)) & (near <= reach)):
+            child = int(record["child"][slot])
+            if child < 0:
+                found.update(tree.block["index"][~child].tolist())
+            else:
+                todo.append(child)
+    return found
+
+
+def aimed(scene: Balls, n: int, seed: int) -> Iterator[tuple[int, Floats, Floats, float]]:
+    """Rays that meet a sphere, most of them near its limb: its index, origin, direction and the distance, in |d|."""
+    r = rng(seed)
+    for k in range(n):
+        i = int(r.integers(len(scene.outer)))
+        start = r.uniform(-1.5, 1.5, 3)
+        if k % 3:  # on another sphere, as secondary rays do
+            j = int(r.integers(len(scene.outer)))
+            away = r.normal(size=3)
+            start = scene.center[j] + scene.outer[j] * away / np.linalg.norm(away)
+        w = scene.center[i] - start
+        if k % 4 == 0:  # along an axis
+            axis = int(r.integers(3))
+            start = scene.center[i] - np.eye(3)[axis] * r.choice([-1, 1]) * r.uniform(0, 2)
+            w = np.eye(3)[axis] * np.sign(scene.center[i] - start)[axis]
+        aside = np.cross(w, r.normal(size=3))
+        size = np.linalg.norm(aside)
+        rim = scene.outer[i] * (1 - 10 ** -r.uniform(0.1, 9))
+        if size > 0 and k % 4:
+            w = w + rim * aside / size
+        if k % 4 == 0:
+            start = start + rim * np.roll(np.abs(w), 1)
+        d = w * 10 ** r.uniform(-3, 3)
+        f = scene.center[i] - start
+        a, b, c = d @ d, f @ d, f @ f - scene.outer[i] ** 2
+        cross = np.cross(f, d)
+        root = a * scene.outer[i] ** 2 - cross @ cross
+        if a > 0 and root > 0 and (b > 0 or c < 0):
+            t = c / (b + np.sqrt(root)) if b > 0 else (b + np.sqrt(root)) / a
+            yield i, start, d, max(t, (b + np.sqrt(root)) / a if c < 0 else t)
+
+
+@pytest.mark.parametrize("name", ["two", "nine", "65", "1000", "shell", "grid", "mixed", "ground", "thin", "diagonal"])
+def test_a_ray_gets_to_what_it_meets(name: str) -> None:
+    scene, met = CASES[name], 0
+    tree = build(scene)
+    for i, origin, d, t in aimed(scene, 400, 11):
+        assert i in reached(tree, origin, d, np.nextafter(f32(t), f32(np.inf)) * f32(1 + 2.0**-20))
+        met += 1
+    assert met > 100
+
+
+def test_a_ray_is_spared_most_of_the_tree() -> None:
+    scene = CASES["5000"]
+    tree = build(scene)
+    counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(scene, 200, 12)]
+    assert np.mean(counts) < 5000 / 20
+
+
+def test_records_are_what_the_kernel_reads() -> None:
+    assert (bvh.NODE.itemsize, bvh.BLOCK.itemsize) == (224, 192)
