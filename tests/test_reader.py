@@ -8,7 +8,9 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -87,6 +89,10 @@ def faults_of(text: str | bytes) -> list[str]:
     return [line.removeprefix("scene.xml:") for line in str(caught.value).split("\n")]
 
 
+def all_carefully(spheres: list[object]) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), xml_bulk.ROW))
+
+
 def changed(old: str, new: str, text: str = SCENE) -> str:
     assert old in text
     return text.replace(old, new, 1)
@@ -98,7 +104,7 @@ def with_transform(*steps: str, position: str = 'x="4" y="5" z="6"') -> str:
 
 
 def same(a: Scene, b: Scene) -> bool:
-    arrays = ("lights", "spheres", "materials")
+    arrays = ("lights", "spheres", "materials", "to_object")
     return all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in arrays) and (
         (a.camera, a.background, a.output_file) == (b.camera, b.background, b.output_file)
     )
@@ -189,6 +195,32 @@ def test_equal_materials_are_one_record_in_the_order_of_first_use() -> None:
     assert scene.spheres["material"].tolist() == [0, 1, 0, 2, 1, 2]
     assert scene.materials["color"][:, 0].tolist() == [0.9, 0.5, 0.5]
     assert scene.materials["ks"].tolist() == [1, 1, 0]
+
+
+FINISH = '<reflectance r="0.0"/>\n        <transmittance t="0.0"/>\n        <refraction iof="0"/>'
+
+
+def finished(r: str, t: str, iof: str) -> str:
+    return changed(FINISH, f'<reflectance r="{r}"/><transmittance t="{t}"/><refraction iof="{iof}"/>', SPHERE_TEXT)
+
+
+@pytest.mark.parametrize("bulk", [xml_bulk.bulk, all_carefully])
+def test_mirrors_and_glass(bulk: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of more than all light. Where nothing is let through, the index says nothing, and is 1."""
+    monkeypatch.setattr(xml_reader, "bulk", bulk)
+    written = [
+        ("0.25", "0", "0"),
+        ("5e-1", "2.5E-1", "+15e-1"),
+        ("9", "1e3", "1e-30"),
+        (".25", "0.0", "2.4"),
+        ("0.250", "-0e7", "-3"),
+        ("0.5", "0.25", "1.5"),
+    ]
+    scene = scene_of(changed(SPHERE_TEXT, "".join(finished(*values) for values in written)))
+    assert scene.spheres["material"].tolist() == [0, 1, 2, 0, 0, 1]
+    names = ["reflectance", "transmittance", "index"]
+    assert scene.materials[names].tolist() == [(0.25, 0, 1), (0.5, 0.25, 1.5), (9, 1000, 1e-30)]
+    assert len(scene.to_object) == 0
 
 
 # --- Faults
@@ -339,23 +371,45 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         '<reflectance r="abc"',
         ["30: material_solid reflectance: r must be a number, got 'abc'"],
     ),
-    "mirror": (
+    "a mirror of less than nothing": (
         '<reflectance r="0.0"',
-        '<reflectance r="0.5"',
-        ["30: material_solid reflectance: mirrors (r > 0) are not drawn by this version yet"],
+        '<reflectance r="-1e-3"',
+        ["30: material_solid reflectance: r must be >= 0, got -1e-3"],
     ),
-    "glass": (
-        't="0.0"/>\n        <refraction iof="0"',
-        't="0.5"/>\n        <refraction iof="1.5"',
-        ["31: material_solid transmittance: transparent things (t > 0) are not drawn by this version yet"],
+    "glass of less than nothing": (
+        't="0.0"',
+        't="-.5"',
+        ["31: material_solid transmittance: t must be >= 0, got -.5"],
+    ),
+    "an index without a bound": (
+        'iof="0"',
+        'iof="1e39"',
+        ["32: material_solid refraction: iof must not exceed 3.4e38 in magnitude, got 1e39"],
     ),
     "glass without index": (
         't="0.0"',
         't="0.5"',
-        [
-            "27: sphere material_solid: refraction iof must be > 0 where t > 0, got 0",
-            "31: material_solid transmittance: transparent things (t > 0) are not drawn by this version yet",
-        ],
+        ["27: sphere material_solid: refraction iof must be > 0 where t > 0, got 0"],
+    ),
+    "glass with an index below 0": (
+        't="0.0"/>\n        <refraction iof="0"',
+        't="5e-1"/>\n        <refraction iof="-15e-1"',
+        ["27: sphere material_solid: refraction iof must be > 0 where t > 0, got -1.5"],
+    ),
+    "the least of glass": (
+        't="0.0"',
+        't="1.5e-45"',
+        ["27: sphere material_solid: refraction iof must be > 0 where t > 0, got 0"],
+    ),
+    "glass whose index is missing": (
+        't="0.0"/>\n        <refraction iof="0"',
+        't="0.5"/>\n        <refraction',
+        ["32: material_solid refraction: attribute iof is missing"],
+    ),
+    "glass without refraction": (
+        't="0.0"/>\n        <refraction iof="0"/>',
+        't="0.5"/>',
+        ["27: sphere material_solid: <refraction> is missing"],
     ),
     "texture": (
         MATERIAL_TEXT,
@@ -395,11 +449,6 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         MATERIAL_TEXT + '<transform><scale x="1" y="0" z="1"/></transform>',
         ["34: transform scale: must not be singular, got a factor of 0"],
     ),
-    "a scale of three": (
-        MATERIAL_TEXT,
-        MATERIAL_TEXT + '<transform>\n<scale x="1" y="1" z="1.0000000000000002"/></transform>',
-        ["35: sphere scale: non-uniform scales are not drawn by this version yet"],
-    ),
     "a transform that overflows": (
         MATERIAL_TEXT,
         MATERIAL_TEXT + '<transform><scale x="1e38" y="1e38" z="1e38"/></transform>',
@@ -413,6 +462,34 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         MATERIAL_TEXT,
         MATERIAL_TEXT + f'<transform>{20 * """<scale x="1e-40" y="1e-40" z="1e-40"/>"""}</transform>',
         ["25: sphere: after the transform radius must be > 0, got 0"],
+    ),
+    "an ellipsoid that overflows": (
+        MATERIAL_TEXT,
+        MATERIAL_TEXT + '<transform><scale x="1" y="1" z="3e38"/></transform>',
+        [
+            "25: sphere: after the transform half of the extent along z must not exceed 3.4e38 in magnitude, got "
+            "4.5e+38",
+            "25: sphere: after the transform z must not exceed 3.4e38 in magnitude, got 1.8e+39",
+        ],
+    ),
+    "an ellipsoid that vanishes": (
+        MATERIAL_TEXT,
+        MATERIAL_TEXT + '<transform><scale x="1" y="1e-35" z="1"/><scale x="1" y="1e-11" z="1"/></transform>',
+        [
+            "25: sphere transform: its inverse must not exceed 3.4e38 in magnitude, got 1e+46",
+            "25: sphere: after the transform y must be 0 or at least 1.4e-45 in magnitude, got 5e-46",
+        ],
+    ),
+    "an ellipsoid beyond a double": (
+        MATERIAL_TEXT,
+        MATERIAL_TEXT + f'<transform>{20 * """<scale x="1e-38" y="1" z="1"/>"""}</transform>',
+        ["25: sphere transform: its inverse must be a finite number, got inf"],
+    ),
+    "an ellipsoid too flat to be turned": (
+        MATERIAL_TEXT,
+        MATERIAL_TEXT
+        + '<transform><rotateZ theta="45"/><scale x="1" y="1e-20" z="1"/><rotateZ theta="45"/></transform>',
+        ["25: sphere transform: must not distort so much that rounding spoils its inverse"],
     ),
 }
 
@@ -446,7 +523,15 @@ def test_output_file(name: str, fault: str) -> None:
 
 def test_all_faults_come_at_once_in_line_order() -> None:
     text = SCENE
-    for name in ("mirror", "exponent", "position misspelt", "alpha order", "up 0", "no output_file", "eye at lookat"):
+    for name in (
+        "reflectance",
+        "exponent",
+        "position misspelt",
+        "alpha order",
+        "up 0",
+        "no output_file",
+        "eye at lookat",
+    ):
         text = changed(*FAULTS[name][:2], text)
     assert faults_of(changed('radius="1.5"', 'radius="x"', text)) == [
         "3: scene: attribute output_file is missing",
@@ -456,7 +541,7 @@ def test_all_faults_come_at_once_in_line_order() -> None:
         "25: sphere: <position> is missing; did you mean <postion> on line 26?",
         "25: sphere: radius must be a number, got 'x'",
         "29: material_solid phong: exponent must be >= 0, got -1",
-        "30: material_solid reflectance: mirrors (r > 0) are not drawn by this version yet",
+        "30: material_solid reflectance: r must be a number, got 'abc'",
     ]
 
 
@@ -670,6 +755,137 @@ def test_a_turn_by_30_degrees() -> None:
     np.testing.assert_allclose(sphere["center"], (SQRT3, 1, 1), rtol=1e-15)
 
 
+def scale(x: float, y: float, z: float) -> str:
+    return f'<scale x="{x!r}" y="{y!r}" z="{z!r}"/>'
+
+
+def turn(axis: str, degrees: float) -> str:
+    return f'<rotate{axis} theta="{degrees!r}"/>'
+
+
+ROUND = {
+    "a rotated scale": ([turn("X", 20), scale(2, 2, 2), turn("Y", 70.5)], 3),
+    "one that cancels": ([scale(2, 1, 1), scale(1, 2, 2)], 3),
+    "to almost nothing and back": ([scale(1e-30, 1, 1), scale(1e30, 1, 1)], 1.5),
+    "alike to almost nothing and back": ([scale(1e30, 1e30, 1e30), scale(1e-30, 1e-30, 1e-30)], 1.5 * 1e-30 * 1e30),
+    "turned back by quarters": ([scale(1, 3, 1), turn("Z", 90), scale(1, 3, 1), turn("Z", -90), scale(1, 1, 3)], 4.5),
+    "mirrored": ([scale(-1, 1, 1)], 1.5),
+    "mirrored and turned": ([scale(2, -2, 2), turn("Z", 12), scale(-1, 1, -1)], 3),
+    "an ulp off": ([scale(1, 1, 1.0000000000000002)], 1.5),
+}
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_what_stays_a_sphere(name: str) -> None:
+    steps, radius = ROUND[name]
+    scene = scene_of(with_transform(*steps))
+    assert len(scene.to_object) == 0
+    assert scene.spheres["to_object"].tolist() == [-1]
+    assert scene.spheres["radius"].tolist() == [pytest.approx(radius, rel=2.0**-52)]
+
+
+ELLIPSOIDS = {
+    "a scale of three": ([scale(1, 2, -4)], [[1, 0, 0], [0, 0.5, 0], [0, 0, -0.25]]),
+    "moved": (['<translate x="9" y="9" z="9"/>', scale(1, 2, 4)], [[1, 0, 0], [0, 0.5, 0], [0, 0, 0.25]]),
+    "4 ulps off": ([scale(1, 1, 1 + 2.0**-48)], [[1, 0, 0], [0, 1, 0], [0, 0, 1 / (1 + 2.0**-48)]]),
+    "turned before": ([scale(1, 2, 4), turn("Z", 90)], [[0, 0.5, 0], [-1, 0, 0], [0, 0, 0.25]]),
+    "turned after": ([turn("Z", 90), scale(1, 2, 4)], [[0, 1, 0], [-0.5, 0, 0], [0, 0, 0.25]]),
+    "turned there and back": (
+        [turn("X", -90), scale(1, 2, 4), turn("X", 90)],
+        [[1, 0, 0], [0, 0.25, 0], [0, 0, 0.5]],
+    ),
+    "long and thin": ([scale(1e30, 1e-30, 1)], [[1 / 1e30, 0, 0], [0, 1 / 1e-30, 0], [0, 0, 1]]),
+    "scales in turn": ([scale(1, 4, 1)] * 3 + [scale(2, 2, 2)], [[0.5, 0, 0], [0, 1 / 128, 0], [0, 0, 0.5]]),
+}
+
+
+@pytest.mark.parametrize("name", ELLIPSOIDS)
+def test_what_becomes_an_ellipsoid(name: str) -> None:
+    steps, to_object = ELLIPSOIDS[name]
+    scene = scene_of(with_transform(*steps, position='x="0" y="0" z="0"'))
+    assert scene.to_object.tolist() == [to_object]
+    assert scene.spheres[["radius", "to_object"]].tolist() == [(1.5, 0)]
+
+
+def test_a_shear() -> None:
+    """Turned by 45 degrees, stretched to 2 and turned back: the inverse halves what is along (-1, 1, 0)."""
+    scene = scene_of(with_transform(turn("Z", 45), scale(1, 2, 1), turn("Z", -45)))
+    want = [[0.75, 0.25, 0], [0.25, 0.75, 0], [0, 0, 1]]
+    np.testing.assert_allclose(scene.to_object, [want], rtol=0, atol=2.0**-51)
+    assert scene.spheres["radius"].tolist() == [1.5]
+
+
+def test_equal_ellipsoids_have_one_map() -> None:
+    spheres = [
+        changed("    </sphere>", f"<transform>{''.join(steps)}</transform></sphere>", SPHERE_TEXT)
+        for steps in (
+            [scale(1, 2, 1)],
+            [scale(2, 2, 2)],
+            [scale(4, 1, 1)],
+            ['<translate x="3" y="0" z="0"/>', scale(1, 2, 1)],
+            [scale(1, 2, 1), turn("Y", 180), turn("Y", -180)],
+        )
+    ]
+    scene = scene_of(changed(SPHERE_TEXT, SPHERE_TEXT + "".join(spheres)))
+    assert scene.spheres["to_object"].tolist() == [-1, 0, -1, 1, 0, 0]
+    assert scene.to_object.tolist() == [np.diag([1, 0.5, 1]).tolist(), np.diag([0.25, 1, 1]).tolist()]
+    assert not scene.to_object.flags.writeable
+
+
+def random_steps(rng: np.random.Generator, count: int) -> list[tuple[str, list[float]]]:
+    """Scales and rotations whose product distorts by a few thousand at most."""
+    steps = []
+    for _ in range(count):
+        if rng.random() < 0.5:
+            steps.append(("scale", (2.0 ** rng.uniform(-8 / count, 8 / count, 3) * rng.choice([-1, 1], 3)).tolist()))
+        else:
+            steps.append((str(rng.choice(list("XYZ"))), [float(rng.uniform(-400, 400))]))
+    return [*steps, ("scale", [1.0, 2.0, 3.0])]
+
+
+def exactly(steps: list[tuple[str, list[float]]]) -> Any:
+    """The product of the steps in many digits."""
+    product = mpmath.eye(3)
+    for kind, numbers in steps:
+        if kind == "scale":
+            product *= mpmath.diag(numbers)
+            continue
+        i, j = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[kind]
+        turned, angle = mpmath.eye(3), mpmath.radians(mpmath.mpf(numbers[0]))
+        turned[i, i] = turned[j, j] = mpmath.cos(angle)
+        turned[j, i] = mpmath.sin(angle)
+        turned[i, j] = -turned[j, i]
+        product *= turned
+    return product
+
+
+@pytest.mark.parametrize("count", [2, 5, 30])
+def test_ellipsoids_are_where_the_steps_put_the_sphere(count: int) -> None:
+    rng = np.random.default_rng(count)
+    mpmath.mp.dps = 40
+    for _ in range(10):
+        steps = random_steps(rng, count)
+        text = [scale(*numbers) if kind == "scale" else turn(kind, *numbers) for kind, numbers in steps]
+        scene = scene_of(with_transform(*text, position='x="1" y="2" z="3"'))
+        to_world, to_object = exactly(steps), mpmath.matrix(scene.to_object[0].tolist())
+        center = to_world * mpmath.matrix([1, 2, 3])
+        reach = mpmath.mnorm(to_world, "inf")
+        for got, want in zip(scene.spheres["center"][0].tolist(), center, strict=True):
+            assert abs(got - want) < 100 * 2.0**-52 * reach
+        for n in rng.normal(size=(5, 3)):
+            point = mpmath.matrix((n / np.linalg.norm(n)).tolist())
+            assert abs(mpmath.norm(to_object * (to_world * point)) - mpmath.norm(point)) < 1e-11
+
+
+def test_a_long_chain_of_steps() -> None:
+    """As many as one element may have parts, and more."""
+    chain = [scale(1, 2, 1), turn("X", 90), scale(1, 1, 0.5), turn("X", -90)]  # which is nothing at all
+    scene = scene_of(with_transform(*chain * 4000, scale(1, 1, 2)))
+    assert scene.to_object.tolist() == [np.diag([1, 1, 0.5]).tolist()]
+    text = with_transform(*chain * 25_000, scale(1, 1, 2))
+    assert faults_of(text) == ["25: sphere: must not have more than 100000 parts"]
+
+
 def test_cos_and_sin_in_degrees() -> None:
     for quarter in range(-6, 7):
         assert cos_sin(90.0 * quarter) == [(1, 0), (0, 1), (-1, 0), (0, -1)][quarter % 4]
@@ -694,14 +910,14 @@ def odd_spheres(count: int) -> str:
         text = text.replace('"0.25"', f'"{g}"').replace('"0.3"', f'"{h}"' if h[0] != "-" else '"0e7"')
         if i % 7 == 0:
             text = text.replace(f'x="{b}"', f'x=" {b}"')
+        if i % 5 == 0:
+            text = text.replace('r="0.0"', f'r="{i % 3}e-1"').replace('t="0.0"', f't="{i % 4 / 4}"')
+            text = text.replace('iof="0"', f'iof="{1 + i % 2 / 2}"')
         if i % 11 == 0:
-            text = text.replace("    </sphere>", '<transform><scale x="2" y="-2" z="2"/></transform></sphere>')
+            z = ("2", "1", "-7e-1")[i % 3]
+            text = text.replace("    </sphere>", f'<transform><scale x="2" y="-2" z="{z}"/></transform></sphere>')
         spheres.append(text)
     return changed(SPHERE_TEXT, "".join(spheres))
-
-
-def all_carefully(spheres: list[object]) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), xml_bulk.ROW))
 
 
 def test_both_paths_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

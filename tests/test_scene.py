@@ -354,6 +354,10 @@ def test_materials_that_mirror_and_let_through() -> None:
         ({"transform": np.zeros((3, 3, 3))}, "transform: must have shape (3, 3) or (2, 3, 3), got (3, 3, 3)"),
         ({"transform": np.diag([1, 1, math.nan])}, "transform[2][2]: must be a finite number, got nan"),
         ({"transform": np.zeros((3, 3))}, "transform: must not be singular"),
+        (
+            {"transform": [[1, 2, 3], [4, 5, 6], [7, 8, 9 + 1e-12]]},
+            "transform: must not distort so much that rounding spoils its inverse",
+        ),
         ({"transform": [np.eye(3), np.arange(9).reshape(3, 3)]}, "transform[1]: must not be singular"),
         (
             {"transform": np.diag([1, 1, 1e-40])},
@@ -361,11 +365,11 @@ def test_materials_that_mirror_and_let_through() -> None:
         ),
         (
             {"transform": [np.eye(3), np.diag([1, 1e38, 1])], "radii": [1, 10]},
-            "transform: sphere 1 after it: half of its extent along y must not exceed 3.4e38 in magnitude, got 1e+39",
+            "transform: of sphere 1, half of the extent along y must not exceed 3.4e38 in magnitude, got 1e+39",
         ),
         (
             {"transform": 1e-38 * np.eye(3), "radii": [1, 1e-38]},
-            "transform: sphere 1 after it: radius must be 0 or at least 1.4e-45 in magnitude, got 1e-76",
+            "transform: of sphere 1, the radius must be 0 or at least 1.4e-45 in magnitude, got 1e-76",
         ),
     ],
 )
@@ -383,7 +387,7 @@ def test_a_linear_map_makes_an_ellipsoid() -> None:
     assert not one.to_object.flags.writeable
     rng = np.random.default_rng(5)
     maps = rng.normal(size=(2, 3, 3))
-    maps[1, 2] = maps[1, 0] * 3 + maps[1, 1] * 2.0**-40
+    maps[1, 2] = maps[1, 0] * 3 + maps[1, 1] * 2 + maps[1, 2] * 2.0**-20
     scene = build(transform=maps)
     mpmath.mp.dps = 80
     for transform, to_object in zip(maps, scene.to_object, strict=True):
@@ -414,7 +418,7 @@ def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
         (
             [np.diag([1, 1, 1e-40])],
             0,
-            "spheres.radius[1]: half of its extent along z must not exceed 3.4e38 in magnitude, got 5e+39",
+            "spheres.radius[1]: half of the extent along z must not exceed 3.4e38 in magnitude, got 5e+39",
         ),
     ],
 )

@@ -1,6 +1,7 @@
 """Spheres by the thousand: those that are laid out as in the format's listing are converted together.
 
-A row is a sphere: its radius, centre, colour and Phong coefficients, 11 numbers in the order of the file.
+A row is a sphere: 14 numbers in the order of the file, which are its radius, centre, colour, Phong coefficients,
+reflectance, transmittance and index of refraction, and then its index into the maps of the ellipsoids, -1 for a sphere.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 
 from cltrace.formats.xml_elements import ELEMENTS
 from cltrace.formats.xml_values import NUMBER
-from cltrace.scene import MATERIAL, SPHERE, Rule
+from cltrace.scene import MATERIAL, SPHERE
 
-ROW = 11
+ROW = 15
 NO_ROW = (math.nan,) * ROW
 
 
@@ -40,12 +41,11 @@ def _rules(tag: str) -> Iterator[Any]:
 
 _STANDARD = re.compile(_layout("sphere").encode())
 _COLUMNS = [*_rules("sphere")]
-# Reflectance and transmittance: the careful path refuses all but 0, with the words for it.
-_COLUMNS[-3:-1] = [Rule("0", low=0, high=0)] * 2
+_T, _INDEX = 12, 13  # the columns of the transmittance and the index of refraction
 
 
 def bulk(spheres: Sequence[etree._Element]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Which spheres are laid out as usual and free of faults, (n,), and their rows, (n, 11); NaN for the others."""
+    """Which spheres are laid out as usual and free of faults, (n,), and their rows, (n, 15); NaN for the others."""
     found = [_STANDARD.fullmatch(etree.tostring(sphere, with_tail=False)) for sphere in spheres]
     usual = [i for i, match in enumerate(found) if match]
     written = [text for match in found if match for text in match.groups()]
@@ -53,18 +53,23 @@ def bulk(spheres: Sequence[etree._Element]) -> tuple[NDArray[np.bool_], NDArray[
     ok = np.ones(len(usual), np.bool_)
     for column, rule in enumerate(_COLUMNS):
         ok &= rule.admits(values[:, column])
+    ok &= (values[:, _T] == 0) | (values[:, _INDEX] > 0)
     # A number that reads as 0 but is not written so may have underflowed.
     ok[[i // len(_COLUMNS) for i in np.flatnonzero(values == 0).tolist() if written[i].strip(b"+-0.")]] = False
     good = np.zeros(len(spheres), np.bool_)
     good[usual] = ok
     rows = np.full((len(spheres), ROW), np.nan)
-    rows[good] = values[ok, :ROW]
+    rows[good, :-1], rows[good, -1] = values[ok], -1
     return good, rows
 
 
 def packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """(n,) SPHERE and (m,) MATERIAL records; equal materials are one record, in the order of their first use."""
-    shades = np.ascontiguousarray(rows[:, 4:]) + 0.0  # makes -0 a 0, as they are compared as bytes
+    """(n,) SPHERE and (m,) MATERIAL records; equal materials are one record, in the order of their first use.
+
+    Where nothing is let through, any index of refraction is as good as another: there it is 1.
+    """
+    shades = np.ascontiguousarray(rows[:, 4:-1]) + 0.0  # makes -0 a 0, as they are compared as bytes
+    shades[rows[:, _T] == 0, -1] = 1
     _, first, of_sphere = np.unique(
         shades.view(f"V{shades.itemsize * shades.shape[1]}"), return_index=True, return_inverse=True
     )
@@ -73,11 +78,10 @@ def packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void
     rank[order] = np.arange(len(order))
     spheres = np.empty(len(rows), SPHERE)
     spheres["radius"], spheres["center"], spheres["material"] = rows[:, 0], rows[:, 1:4], rank[of_sphere.ravel()]
-    spheres["to_object"] = -1
+    spheres["to_object"] = rows[:, -1]
     materials = np.empty(len(order), MATERIAL)
     shades = shades[first[order]]
     materials["color"] = shades[:, :3]
-    for column, name in enumerate(("ka", "kd", "ks", "exponent"), 3):
+    for column, name in enumerate(("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index"), 3):
         materials[name] = shades[:, column]
-    materials["reflectance"], materials["transmittance"], materials["index"] = 0, 0, 1
     return spheres, materials

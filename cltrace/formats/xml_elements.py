@@ -35,8 +35,8 @@ def _nothing(_: Values) -> str | None:
 class Element:
     """An element: every attribute and one of each of `children` is required ("a|b": one of the two).
 
-    `check` says what makes no sense about the values together, and `undrawn` what this version does not draw. Both may
-    raise KeyError where a value that they need is missing or faulty itself.
+    `check` says what makes no sense about the values together. It may raise KeyError where a value that it needs is
+    missing or faulty itself. `undrawn` names what this version does not draw yet.
     """
 
     attributes: Mapping[str, Kind] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Element:
     optional: tuple[str, ...] = ()
     many: tuple[str, ...] = ()
     check: Callable[[Values], str | None] = _nothing
-    undrawn: Callable[[Values], str | None] = _nothing
+    undrawn: str | None = None
 
     @functools.cached_property
     def slots(self) -> dict[str, str]:
@@ -84,10 +84,6 @@ def _index_of_glass(v: Values) -> str | None:
     return f"refraction iof must be > 0 where t > 0, got {iof:g}" if v["transmittance"]["t"] > 0 and iof <= 0 else None
 
 
-def _undrawn(what: str, where: Callable[[Values], bool] = lambda _: True) -> Callable[[Values], str | None]:
-    return lambda v: f"{what} not drawn by this version yet" if where(v) else None
-
-
 _RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
 _XYZ = dict.fromkeys("xyz", ANY)
 _ANGLE = {"theta": ANY}
@@ -114,17 +110,13 @@ ELEMENTS = {
     "falloff": Element({"alpha1": CONE, "alpha2": CONE}, check=_ordered),
     "surfaces": Element(many=("sphere", "mesh")),
     "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
-    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",), undrawn=_undrawn("meshes are")),
+    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",), undrawn="meshes"),
     "material_solid": Element(children=("color", *_FINISH), check=_index_of_glass),
-    "material_textured": Element(
-        children=("texture", *_FINISH), check=_index_of_glass, undrawn=_undrawn("textures are")
-    ),
+    "material_textured": Element(children=("texture", *_FINISH), check=_index_of_glass, undrawn="textures"),
     "texture": Element({"name": relative_path}),
     "phong": Element(dict.fromkeys(("ka", "kd", "ks", "exponent"), NOT_NEGATIVE)),
-    "reflectance": Element({"r": NOT_NEGATIVE}, undrawn=_undrawn("mirrors (r > 0) are", lambda v: v["r"] > 0)),
-    "transmittance": Element(
-        {"t": NOT_NEGATIVE}, undrawn=_undrawn("transparent things (t > 0) are", lambda v: v["t"] > 0)
-    ),
+    "reflectance": Element({"r": NOT_NEGATIVE}),
+    "transmittance": Element({"t": NOT_NEGATIVE}),
     "refraction": Element({"iof": ANY}),
     "transform": Element(many=("translate", "scale", "rotateX", "rotateY", "rotateZ")),
     "translate": Element(_XYZ),

@@ -24,9 +24,21 @@ from cltrace.formats.xml_bulk import NO_ROW, ROW, bulk, packed
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
 from cltrace.formats.xml_faults import MAX_MESSAGES, FatalError, Messages, closest
 from cltrace.formats.xml_source import Document, LinesNeededError
-from cltrace.formats.xml_transforms import transformed
+from cltrace.formats.xml_transforms import Maps, transformed
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
-from cltrace.scene import ANY, LIGHT, MAX_LIGHTS, MAX_SPHERES, POSITIVE, Camera, Scene, Vector
+from cltrace.scene import (
+    ANY,
+    LIGHT,
+    MAX_LIGHTS,
+    MAX_SPHERES,
+    POSITIVE,
+    Camera,
+    Scene,
+    Vector,
+    extent_faults,
+    inverse_faults,
+    reaches,
+)
 
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
 
@@ -98,6 +110,7 @@ class _Reader:
         self._camera: Values = {}
         self._lights: list[NDArray[np.void]] = []
         self._rows: list[NDArray[np.float64]] = []
+        self._maps: dict[bytes, int] = {}  # of the ellipsoids, each once -> its index
         self._sphere_count = 0
         self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
 
@@ -140,7 +153,8 @@ class _Reader:
         )
         lights = np.concatenate([np.zeros(0, LIGHT), *self._lights])
         spheres, materials = packed(np.concatenate([np.empty((0, ROW)), *self._rows]))
-        scene = Scene(camera, lights, spheres, materials, self._background, self._output_file)
+        maps = np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3)
+        scene = Scene(camera, lights, spheres, materials, self._background, self._output_file, maps)
         return scene, [f"{printable(self.path)}:{w.line}: {w.message}" for w in self.warnings.in_order()]
 
     def _parse(self) -> None:
@@ -244,10 +258,26 @@ class _Reader:
             raise FatalError(self.document.line_of(spheres[room]), f"surfaces: must be at most {MAX_SPHERES} spheres")
         self._sphere_count += len(spheres)
         good, rows = bulk(spheres)
-        for i in np.flatnonzero(~good):
-            rows[i] = self._sphere(spheres[i])
+        maps: dict[int, Maps] = {}
+        for i in np.flatnonzero(~good).tolist():
+            rows[i], ellipsoid = self._sphere(spheres[i])
+            if ellipsoid:
+                maps[i] = ellipsoid
+        if maps:
+            self._take_maps(spheres, rows, maps)
         self._rows.append(rows)
         self._doubt(spheres, rows[:, 4:7])
+
+    def _take_maps(self, spheres: Sequence[etree._Element], rows: NDArray[np.float64], maps: dict[int, Maps]) -> None:
+        """Gives rows of spheres, those of `maps`, the indices of their maps from the world; equal ones are one."""
+        which, (to_world, to_object) = list(maps), np.array(list(maps.values())).swapaxes(0, 1)
+        faults = dict(inverse_faults(to_world, to_object))
+        for k, fault in faults.items():
+            self.fault(spheres[which[k]], f"sphere transform: {fault}")
+        rest = [k for k in range(len(which)) if k not in faults]
+        for k, fault in extent_faults(rows[which, 0][rest], reaches(to_object[rest])):
+            self.fault(spheres[which[rest[k]]], f"sphere: after the transform {fault}")
+        rows[which, -1] = [self._maps.setdefault(matrix.tobytes(), len(self._maps)) for matrix in to_object]
 
     def _doubt(self, elements: Sequence[etree._Element], colors: NDArray[np.float64]) -> None:
         """Warns of colours, (n, 3), that seem to be meant as bytes, each in its element or in a <color> within."""
@@ -277,9 +307,8 @@ class _Reader:
             if fault := schema.check(values):
                 self.fault(element, f"{label}: {fault}")
                 whole = False
-        with suppress(KeyError):
-            if fault := schema.undrawn(values):
-                self.fault(element, f"{label}: {fault}")
+        if schema.undrawn:
+            self.fault(element, f"{label}: {schema.undrawn} are not drawn by this version yet")
         return values, whole
 
     def _attributes(self, element: etree._Element) -> tuple[Values, bool]:
@@ -316,22 +345,20 @@ class _Reader:
             if name in view:  # It may be a default of the camera's.
                 self.fault(next(camera.iterchildren(name)), f"camera {name}: {fault}")
 
-    def _sphere(self, element: etree._Element) -> Sequence[float]:
-        """The row of a sphere with its transform folded into centre and radius; NaN if it has a fault."""
+    def _sphere(self, element: etree._Element) -> tuple[Sequence[float], Maps | None]:
+        """The row of a sphere with its transform folded in, and the maps of an ellipsoid; NaN if it has a fault."""
         values, whole = self._element(element)
-        steps = values.get("transform", {}).get("steps", [])
-        for step, factors in steps:
-            if step.tag == "scale" and len(set(map(abs, factors.values()))) > 1:
-                self.fault(step, "sphere scale: non-uniform scales are not drawn by this version yet")
-                whole = False
         if not whole or "material_solid" not in values:
-            return NO_ROW
-        center, radius = transformed(_vector(values["position"]), values["radius"], steps)
+            return NO_ROW, None
+        steps = values.get("transform", {}).get("steps", [])
+        center, radius, maps = transformed(_vector(values["position"]), values["radius"], steps)
         for name, rule, number in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
             if fault := rule.fault(number):
                 self.fault(element, f"sphere: after the transform {name} {fault}")
         material = values["material_solid"]
-        return [radius, *center, *_vector(material["color"]), *material["phong"].values()]
+        finish = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
+        shade = (number for part in finish for number in part.values())
+        return [radius, *center, *_vector(material["color"]), *shade, -1], maps
 
 
 def _vector(values: Values) -> Vector:

@@ -1,39 +1,67 @@
-"""The steps of a `transform`, folded into a sphere's centre and radius."""
+"""The steps of a `transform`, folded into a sphere's centre and its radius, or the map that makes it an ellipsoid."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
+import numpy as np
 from lxml import etree
 
 from cltrace.formats.xml_elements import Values
-from cltrace.scene import Vector
+from cltrace.scene import Vector, uniform_scales
+
+Steps = Sequence[tuple[etree._Element, Values]]
+Rows = Sequence[Sequence[float]]
+Maps = tuple[Rows, Rows]
 
 # The axes that a turn by 90 degrees takes one to the other.
 _PLANE = {"rotateX": (1, 2), "rotateY": (2, 0), "rotateZ": (0, 1)}
 
 
-def transformed(
-    center: Vector, radius: float, steps: Sequence[tuple[etree._Element, Values]]
-) -> tuple[list[float], float]:
+def transformed(center: Vector, radius: float, steps: Steps) -> tuple[list[float], float, Maps | None]:
     """Centre and radius in the world, in scene units, after the steps, of which the last listed acts first.
 
-    Scales must be uniform.
+    Of an ellipsoid, the radius is the one before the steps, and the third are its linear map to the world and that from
+    the world: the product of the inverse steps. It is None where the steps together scale all directions alike.
     """
     p = list(center)
+    alike, scaled = True, radius
     for element, step in reversed(steps):
-        tag = element.tag
-        if tag == "translate":
+        if element.tag == "translate":
             p = [a + b for a, b in zip(p, step.values(), strict=True)]
-        elif tag == "scale":
+        elif element.tag == "scale":
             p = [a * b for a, b in zip(p, step.values(), strict=True)]
-            radius *= abs(step["x"])
+            scaled *= abs(step["x"])
+            alike &= abs(step["x"]) == abs(step["y"]) == abs(step["z"])
         else:
-            i, j = _PLANE[tag]
-            cos, sin = cos_sin(step["theta"])
+            i, j, cos, sin = _turn(element.tag, step["theta"])
             p[i], p[j] = cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]
-    return p, radius
+    if alike:
+        return p, scaled, None
+    to_world = _product(steps)
+    scale = float(uniform_scales(np.array([to_world]))[0])
+    if not math.isnan(scale):
+        return p, radius * scale, None
+    return p, radius, (to_world, [*zip(*_product(steps, inverse=True), strict=True)])
+
+
+def _product(steps: Steps, inverse: bool = False) -> list[list[float]]:
+    """The rows of the steps' linear parts, multiplied; or of their inverses', transposed: a rotation's is itself."""
+    rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    for element, step in reversed(steps):
+        if element.tag == "scale":
+            rows = [[a / s if inverse else a * s for a in row] for row, s in zip(rows, step.values(), strict=True)]
+        elif element.tag != "translate":
+            i, j, cos, sin = _turn(element.tag, step["theta"])
+            pairs = list(zip(rows[i], rows[j], strict=True))
+            rows[i], rows[j] = [cos * a - sin * b for a, b in pairs], [sin * a + cos * b for a, b in pairs]
+    return [[a + 0.0 for a in row] for row in rows]  # makes -0 a 0
+
+
+def _turn(tag: str, degrees: float) -> tuple[int, int, float, float]:
+    """The two axes that a rotation takes one towards the other, its cosine and its sine."""
+    return *_PLANE[tag], *cos_sin(degrees)
 
 
 def cos_sin(degrees: float) -> tuple[float, float]:

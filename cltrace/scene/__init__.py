@@ -13,10 +13,11 @@ from cltrace.scene.lights import (
     point_light,
     spot_light,
 )
+from cltrace.scene.maps import inverses, uniform_scales
 from cltrace.scene.materials import MATERIAL
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene
-from cltrace.scene.surfaces import MAX_SPHERES, SPHERE
+from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
 __all__ = [
     "AMBIENT",
@@ -40,7 +41,12 @@ __all__ = [
     "Vector",
     "ambient_light",
     "check_resolution",
+    "extent_faults",
+    "inverse_faults",
+    "inverses",
     "parallel_light",
     "point_light",
+    "reaches",
     "spot_light",
+    "uniform_scales",
 ]

@@ -37,10 +37,28 @@ def _inverse(rows: list[list[float]]) -> NDArray[np.float64]:
 def uniform_scales(maps: NDArray[np.float64]) -> NDArray[np.float64]:
     """By how much each of (n, 3, 3) maps scales all lengths, (n,); NaN where it is not by the same in all directions.
 
-    That is decided to 2^-50 of L^T L: a rotation and a uniform scale, each rounded, are within.
+    That is decided to 2^-50 of L^T L, within which rounding leaves a rotation and a uniform scale.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        square = maps.transpose(0, 2, 1) @ maps
+        square = _products(maps.transpose(0, 2, 1), maps)
         mean = np.trace(square, axis1=1, axis2=2) / 3
         off = np.abs(square - mean[:, None, None] * np.eye(3)).max(axis=(1, 2), initial=0)
         return np.where((off <= 2.0**-50 * mean) & (mean > 0), np.sqrt(mean), np.nan)
+
+
+def deviations(to_object: NDArray[np.float64], to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """By which share of their distance from the centre points of ellipsoids may be off, (n,), for rounding.
+
+    to_object: K, (n, 3, 3), as it was rounded; to_world: L, of which it ought to be the inverse. With E = K L - 1, K is
+    (1 + E) L^-1. So where the surface is to have |L^-1 x| = r, |K x| differs from r by |E| r at most. |E| is no more
+    than the square root of the sum of its squares.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        error: NDArray[np.float64] = np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2)))
+        return error
+
+
+def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The products of (n, 3, 3) matrices, rounded alike on every machine, which `@` does not promise."""
+    x, y, z = (a[:, :, k, None] * b[:, k, None, :] for k in range(3))
+    return (x + y) + z

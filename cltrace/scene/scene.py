@@ -29,7 +29,15 @@ from cltrace.scene.rules import (
     numbers,
     vector,
 )
-from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, check_spheres, checked_maps, extent_fault
+from cltrace.scene.surfaces import (
+    MAX_SPHERES,
+    SPHERE,
+    check_spheres,
+    checked_maps,
+    extent_faults,
+    inverse_faults,
+    row_lengths,
+)
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 
@@ -224,21 +232,22 @@ def _shape(spheres: NDArray[np.void], transform: ArrayLike | None) -> NDArray[np
     if to_world.shape not in ((3, 3), (len(spheres), 3, 3)):
         raise ValueError(f"transform: must have shape (3, 3) or {(len(spheres), 3, 3)}, got {to_world.shape}")
     check_rule("transform", ANY, to_world)
-    each = to_world.ndim == 3
     maps = to_world.reshape(-1, 3, 3)
     scales = uniform_scales(maps)
     bent = np.flatnonzero(np.isnan(scales))
     to_object = inverses(maps[bent])
-    for k in np.flatnonzero(~ANY.admits(to_object).all(axis=(1, 2))).tolist()[:1]:
-        fault = next(filter(None, map(ANY.fault, to_object[k].ravel().tolist())))
-        fault = "must not be singular" if np.isnan(to_object[k]).any() else f"its inverse {fault}"
-        raise ValueError(f"transform{f'[{bent[k]}]' if each else ''}: {fault}")
+    for i, fault in inverse_faults(maps[bent], to_object):
+        raise ValueError(f"transform{f'[{bent[i]}]' if to_world.ndim == 3 else ''}: {fault}")
     spheres["radius"] *= np.where(np.isnan(scales), 1.0, scales)
+    for i in np.flatnonzero(~POSITIVE.admits(spheres["radius"])).tolist():
+        raise ValueError(f"transform: of sphere {i}, the radius {POSITIVE.fault(float(spheres['radius'][i]))}")
     index = np.full(len(maps), -1)
     index[bent] = np.arange(len(bent))
     spheres["to_object"] = index
-    if extreme := extent_fault(spheres, maps[bent]):
-        raise ValueError(f"transform: sphere {extreme[0]} after it: {extreme[1]}")
+    turned = np.flatnonzero(spheres["to_object"] >= 0)
+    reach = row_lengths(maps[bent])[spheres["to_object"][turned]]
+    for i, fault in extent_faults(spheres["radius"][turned], reach):
+        raise ValueError(f"transform: of sphere {turned[i]}, {fault}")
     return to_object
 
 

@@ -6,10 +6,12 @@ entry of the scene's to_object, or 1 without one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.maps import inverses
+from cltrace.scene.maps import deviations, inverses
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked
 
 SPHERE = np.dtype(
@@ -21,6 +23,7 @@ SPHERE = np.dtype(
     ]
 )
 MAX_SPHERES = 2**26
+MAX_DEVIATION = 2.0**-24  # of an ellipsoid's distances from its centre: depths are given to no more
 
 
 def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[np.float64]) -> None:
@@ -41,36 +44,61 @@ def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[
         i = int(np.argmax(lost))
         got = spheres["to_object"][i]
         raise ValueError(f"spheres.to_object[{i}]: must be -1 or the index of one of to_object, got {got}")
-    if fault := extent_fault(spheres, inverses(to_object)):
-        raise ValueError(f"spheres.radius[{fault[0]}]: {fault[1]}")
+    reach = reaches(to_object)
+    singular = np.isnan(reach).any(axis=1)
+    if singular.any():
+        raise ValueError(f"to_object[{int(np.argmax(singular))}]: must not be singular")
+    bent = np.flatnonzero(spheres["to_object"] >= 0)
+    for i, fault in extent_faults(spheres["radius"][bent], reach[spheres["to_object"][bent]]):
+        raise ValueError(f"spheres.radius[{bent[i]}]: {fault}")
 
 
 def checked_maps(to_object: ArrayLike) -> NDArray[np.float64]:
-    """(k, 3, 3) maps from the world to an object's own axes. Raises ValueError, which names the index."""
-    if not np.size(to_object):
-        return np.empty((0, 3, 3))
-    maps = checked("to_object", ANY, to_object, (-1, 3, 3))
-    singular = np.isnan(inverses(maps)).any(axis=(1, 2))
-    if singular.any():
-        raise ValueError(f"to_object[{int(np.argmax(singular))}]: must not be singular")
-    return maps
+    """A (k, 3, 3) array of its own, of numbers that the rules allow. Raises ValueError, which names the index."""
+    return checked("to_object", ANY, to_object, (-1, 3, 3)) if np.size(to_object) else np.empty((0, 3, 3))
 
 
-def extent_fault(spheres: NDArray[np.void], to_world: NDArray[np.float64]) -> tuple[int, str] | None:
-    """The first sphere that reaches too far, or not far enough, and what is wrong with it; None if there is none.
+def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
+    """What is wrong with the maps of ellipsoids, each with its index, in words that belong behind "transform: ".
 
-    Half of its extent along each axis of the world obeys the rule of a radius. to_world: (k, 3, 3), the inverses of the
-    scene's to_object.
+    to_world: (n, 3, 3), what makes an ellipsoid of a sphere; to_object: (n, 3, 3), its inverses as they were rounded,
+    NaN for none.
     """
-    bad = np.argwhere(~POSITIVE.admits(spheres["radius"]))
-    if len(bad):
-        return int(bad[0, 0]), f"radius {POSITIVE.fault(float(spheres['radius'][bad[0, 0]]))}"
-    bent = np.flatnonzero(spheres["to_object"] >= 0)
+    admitted, errors = ANY.admits(to_object), deviations(to_object, to_world)
+    for i in np.flatnonzero(~admitted.all(axis=(1, 2)) | ~(errors <= MAX_DEVIATION)).tolist():
+        extreme = to_object[i][~admitted[i]].tolist()
+        if np.isnan(to_object[i]).any() or (not extreme and np.isnan(errors[i])):
+            yield i, "must not be singular"
+        elif extreme:
+            yield i, f"its inverse {ANY.fault(extreme[0])}"
+        else:
+            yield i, "must not distort so much that rounding spoils its inverse"
+
+
+def extent_faults(radii: NDArray[np.float64], reach: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
+    """Ellipsoids that reach too far, or not far enough, each with its index and words that begin with what is wrong.
+
+    Half of the extent along each axis of the world obeys the rule of a radius. radii: (n,); reach: (n, 3), the same
+    halves with radius 1.
+    """
     with np.errstate(over="ignore"):
-        lengths = np.sqrt(np.square(to_world).sum(axis=2))
-        extents = spheres["radius"][bent, None] * lengths[spheres["to_object"][bent]]
-    bad = np.argwhere(~POSITIVE.admits(extents))
-    if len(bad):
-        i, axis = bad[0].tolist()
-        return int(bent[i]), f"half of its extent along {'xyz'[axis]} {POSITIVE.fault(float(extents[i, axis]))}"
-    return None
+        extents = radii[:, None] * reach
+    bad = ~POSITIVE.admits(extents)
+    for i in np.flatnonzero(bad.any(axis=1)).tolist():
+        axis = int(np.argmax(bad[i]))
+        yield i, f"half of the extent along {'xyz'[axis]} {POSITIVE.fault(float(extents[i, axis]))}"
+
+
+def reaches(to_object: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half of the extents along the axes of the world of the ellipsoids of radius 1 with (k, 3, 3) maps, (k, 3).
+
+    NaN of a singular map.
+    """
+    return row_lengths(inverses(to_object))
+
+
+def row_lengths(maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The lengths of the rows of (k, 3, 3) maps, (k, 3); one beyond 1e154 may be infinite."""
+    with np.errstate(over="ignore"):
+        lengths: NDArray[np.float64] = np.sqrt(np.square(maps).sum(axis=2))
+        return lengths
