@@ -22,6 +22,7 @@ from cltrace.reference import (
     ShadowRay,
     Sphere,
     Start,
+    World,
     byte_of,
     cast_shadow_ray,
     closest_hit,
@@ -796,3 +797,204 @@ def test_doubles_are_sure_of_rays_from_a_sphere_only_where_they_are_right(kind: 
                 assert abs(equation.t(root.side) / float(root.value()) - 1) < 2.0**-24
     # Shells an ulp apart are never surely met from outside.
     assert min(count for side, count in sure.items() if side != -1 or kind != "shells") > 10
+
+
+# --------------------------------------------------------------------------------------------------------- ellipsoids
+
+
+def ellipsoids(*spheres: tuple[float, float, float, float], transform: object, **options: object) -> World:
+    """Spheres with a transform, before the camera of scene_of()."""
+    return world_of(scene_of(*spheres, transform=np.array(transform, float), **options))
+
+
+def turned(rng: np.random.Generator, *lengths: float) -> np.ndarray:
+    """A linear map that makes a sphere an ellipsoid with these half axes, turned somehow."""
+    return np.asarray(
+        np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag(lengths) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    )
+
+
+def test_an_ellipsoid_along_the_axes() -> None:
+    """The ellipsoid x^2/4 + y^2 + (z + 5)^2/9 = 1 by hand."""
+    world = ellipsoids((0, 0, -5, 1), transform=np.diag([2, 1, 3]))
+    for start, d, t, normal in (
+        (EYE, (0, 0, -1), 2, (0, 0, 1)),
+        (Point(0, 0, -5), (0, 0, -1), 3, (0, 0, 1)),
+        (Point(9, 0, -5), (-2, 0, 0), 3.5, (1, 0, 0)),
+        (Point(1, 9, -5), (0, -1, 0), 9 - math.sqrt(0.75), (0.25, math.sqrt(0.75), 0)),
+        (Point(0, -9, -6.5), (0, 1, 0), 9 - math.sqrt(0.75), (0, -math.sqrt(0.75), -0.5 / 3)),
+    ):
+        at = closest_hit(world, Ray(start, Direction(*d)))
+        assert at is not None
+        assert at.t == pytest.approx(t, rel=1e-15)
+        assert tuple(at.normal) == pytest.approx(tuple(unit(np.array(normal))), abs=1e-15)
+        assert at.inside == (start == Point(0, 0, -5))
+    assert closest_hit(world, Ray(Point(2, 9, -5), Direction(0, -1, 0))) is not None
+    assert closest_hit(world, Ray(Point(math.nextafter(2, 3), 9, -5), Direction(0, -1, 0))) is None
+
+
+def test_the_mirror_of_an_ellipsoid_has_two_foci() -> None:
+    """From one focus of a prolate ellipsoid every ray is mirrored to the other one."""
+    rng = np.random.default_rng(30)
+    far, near = 5.0, 3.0  # half axes: the foci are 4 from the centre
+    for _ in range(50):
+        axis = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        eye, center = rng.normal(size=3), rng.normal(size=3)
+        center = eye - axis @ (4, 0, 0)
+        camera = Camera(tuple(eye), tuple(rng.normal(size=3)), tuple(rng.normal(size=3)))
+        world = world_of(Scene.from_spheres(camera, (), [center], [1], transform=axis @ np.diag([far, near, near])))
+        ray = Ray(EYE, Direction(*rng.normal(size=3).tolist()))
+        at = closest_hit(world, ray)
+        assert at is not None
+        assert at.inside
+        out = mirrored(ray.direction, at.outward, at.side, at.surface.spread)
+        focus = Point(*(np.array(camera.basis()) @ (center - axis @ (4, 0, 0) - eye)).tolist())
+        to = focus - at.point
+        assert out.normalized().cross(to).length() < 1e-13
+        assert out.dot(to) > 0
+        assert at.distance + to.length() == pytest.approx(2 * far, rel=1e-14)
+
+
+def test_where_a_sphere_and_an_ellipsoid_touch_the_lowest_index_wins() -> None:
+    shapes = [np.eye(3), np.diag([0.3, 0.7, 1]), np.diag([3, 5, 2])]
+    for i in range(3):
+        balls = [(0, 0, -5, 1), (0, 0, -5, 1), (0, 0, -6, 1)]
+        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
+        at = closest_hit(world, AHEAD)
+        assert at is not None
+        assert (at.t, at.index) == (4, 0)
+        # Half an ulp of the radius decides that there is no tie.
+        balls[0] = (0, 0, -5, math.nextafter(1, 0))
+        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
+        at = closest_hit(world, AHEAD)
+        assert at is not None
+        assert at.index == (1 if i == 0 else 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "light", "others", "shadowed"),
+    [
+        ("nothing between", (0, 0, 5), [], False),
+        ("between", (0, 9, -2), [(0, 3, -2, 1)], True),
+        ("a little beside", (0, 9, -2), [(2 + 2**-51, 3, -2, 1)], False),
+        ("touching", (0, 9, -2), [(2, 3, -2, 1)], True),
+        ("behind the light", (0, 2, -2), [(0, 9, -2, 1)], False),
+        ("light on the blocker", (0, 2, -2), [(0, 3, -2, 1)], False),
+        ("light just inside the blocker", (0, 2 + 2**-51, -2), [(0, 3, -2, 1)], True),
+        ("point and light inside", (0, 0, 5), [(0, 0, 0, 100)], False),
+        ("shell one ulp outside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 2))], True),
+        ("shell one ulp inside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 0))], False),
+    ],
+)
+def test_shadows_of_ellipsoids(
+    name: str, light: tuple[float, float, float], others: list[tuple[float, float, float, float]], shadowed: bool
+) -> None:
+    """All are stretched by 2, 1 and 4 along the axes. The point is (0, 0, -2), on the front of the first one."""
+    world = ellipsoids((0, 0, -6, 1), *others, transform=np.diag([2, 1, 4]), lights=(cltrace.point_light(light),))
+    at = world.surfaces[0].intersection_at(AHEAD, 2, 0)
+    assert at.point == Point(0, 0, -2)
+    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
+    # The same seen from a sphere that touches the first ellipsoid there.
+    small = scene_of((0, 0, -2.5, 0.5), *others, lights=(cltrace.point_light(light),))
+    maps = np.diag([0.5, 1, 0.25])
+    spheres = small.spheres.copy()
+    spheres["to_object"][1:] = 0
+    world = world_of(dataclasses.replace(small, spheres=spheres, to_object=[maps]))
+    at = world.surfaces[0].intersection_at(AHEAD, 2, 0)
+    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
+
+
+def test_an_ellipsoid_is_in_its_own_way_only_from_inside_and_for_lights_that_are_outside() -> None:
+    for z, lit in ((-1.0, True), (-2.75, True), (7.0, False), (6.0, True)):
+        scene = scene_of((0, 0, 0, 2), transform=np.diag([1, 2, 3]), lights=(cltrace.point_light((0, 0, z)),), ka=0)
+        assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
+
+
+def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
+    """A parallel light 60 degrees off the normal at a point where that is not the way to the centre."""
+    world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]))
+    at = closest_hit(world, AHEAD)
+    assert at is not None
+    n = unit(np.array([0.25, 0, math.sqrt(0.75) / 3]))
+    assert tuple(at.normal) == pytest.approx(tuple(n), abs=1e-15)
+    across = unit(np.cross(n, (0, 1, 0)))
+    towards = n / 2 + across * math.sqrt(0.75)
+    for light in (cltrace.parallel_light(tuple(-towards)), cltrace.point_light(tuple(tuple(at.point) + 3 * towards))):
+        world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]), lights=(light,), ka=0, kd=1, ks=0)
+        assert trace(world, AHEAD)[0] == pytest.approx((0.5, 0.5, 0.5), abs=1e-14)
+    for slope, lit in ((1e-9, True), (-1e-9, False)):
+        light = cltrace.point_light(tuple(tuple(at.point) + across + slope * n))
+        world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]), lights=(light,), ka=0, kd=1, ks=0)
+        assert (trace(world, AHEAD)[0][0] > 0) is lit
+
+
+@pytest.mark.parametrize("kind", ["round", "long", "flat", "very long", "far from the origin", "shells"])
+def test_doubles_are_sure_of_ellipsoids_only_where_they_are_right(kind: str) -> None:
+    """Rays from ellipsoids, a sphere and the eye: anywhere, along the surface, all but touching another one."""
+    rng = np.random.default_rng(31)
+    lengths = {"long": (1, 1e-3, 1e-3), "flat": (1, 1, 1e-4), "very long": (1, 1e-5, 1e-10)}.get(kind, (1, 0.5, 0.3))
+    sure = {None: 0, -1: 0, 0: 0, 1: 0}
+    for k in range(120):
+        centers, radii = 3 * rng.normal(size=(4, 3)), rng.uniform(0.2, 2, 4)
+        if kind == "far from the origin":
+            centers += 1e7
+        shapes = np.array([turned(rng, *lengths) for _ in range(4)])
+        if kind == "shells":
+            centers[:], shapes[:] = centers[0], shapes[0]
+            radii[:] = [1, math.nextafter(1, 0), math.nextafter(1, 9), 1 + 2**-40]
+        position = centers[0] + 5 * rng.normal(size=3)
+        camera = Camera(tuple(position), tuple(centers[1] + (0, 0, 1)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        scene = Scene.from_spheres(camera, (), centers, radii, transform=shapes)
+        if kind == "round":
+            spheres = scene.spheres.copy()
+            spheres["to_object"][3] = -1
+            shapes[3] = np.eye(3)
+            scene = dataclasses.replace(scene, spheres=spheres)
+        world, basis, own, other = world_of(scene), np.array(camera.basis()), 3 * (k % 2), int(rng.integers(4))
+        q = unit(rng.normal(size=3))
+        is_sphere = type(world.surfaces[own]) is Sphere
+        start = Start(world.surfaces[own], Direction(*unit(basis @ q if is_sphere else q).tolist()))
+        point = centers[own] + radii[own] * shapes[own] @ q
+        origin: Start | Point = EYE if k % 4 == 0 else start
+        point = position if k % 4 == 0 else point
+        # In the own axes of the other one all is as for spheres.
+        into, normal = np.linalg.inv(shapes[other]), np.linalg.inv(shapes[own]).T @ q
+        d = hostile_direction(rng, into @ unit(normal), into @ (centers[other] - point), radii[other])
+        ray = Ray(origin, Direction(*(basis @ (shapes[other] @ d)).tolist()))
+        for surface in world.surfaces:
+            assert isinstance(surface, Sphere)
+            equation = surface.equation(ray)
+            if not isinstance(equation, FromSurface):
+                assert type(surface) is Sphere
+                assert origin is EYE
+                continue
+            root = equation.exact.first(0.0, math.inf)
+            sure[equation.sure] += 1
+            assert equation.side() == (root.side if root else None)
+            if root:
+                assert abs(equation.t(root.side) / float(root.value()) - 1) < 2.0**-24
+                at = surface.intersection_at(ray, equation.t(root.side), 0)
+                assert at.start.normal.length() == pytest.approx(1, abs=1e-14)
+                assert at.normal.length() == pytest.approx(1, abs=1e-14)
+    assert min(sure[None], sure[0], sure[-1] + sure[1]) > 5
+
+
+def test_any_range_of_a_ray_that_meets_an_ellipsoid() -> None:
+    """The exact equation of rays that begin later agrees with doubles about what they meet, and where."""
+    rng = np.random.default_rng(32)
+    for _ in range(100):
+        world = ellipsoids((0, 0, -5, 2), transform=turned(rng, 1, 0.5, 0.2))
+        d = Direction(*rng.uniform(-0.2, 0.2, 2).tolist(), -1.0)
+        at, later = (closest_hit(world, Ray(EYE, d, t_min)) for t_min in (0.0, 2.0**-60))
+        assert (at is None) == (later is None)
+        if at is None or later is None:
+            continue
+        assert at.t == pytest.approx(later.t, rel=1e-12)
+        assert tuple(at.normal) == pytest.approx(tuple(later.normal), abs=1e-12)
+        beyond = closest_hit(world, Ray(EYE, d, at.t + 1e-9 * at.t))
+        if beyond is not None:  # or the ray all but touches
+            assert beyond.inside
+            again = closest_hit(world, Ray(at.start, d))
+            assert again is not None
+            assert again.t == pytest.approx(beyond.t - at.t, rel=1e-8)
+            assert tuple(again.normal) == pytest.approx(tuple(beyond.normal), abs=1e-8)

@@ -7,9 +7,9 @@ so that both compute the same bits.
 Everything happens in camera space, as in the tutorial: the eye is the origin, x is right, y is up, -z is ahead. Read
 the files in this order:
 
-    vectors.py     Point, Direction, and Axes, which turn a direction
+    vectors.py     Point, Direction and Matrix
     rays.py        Ray, and Start, the point of a sphere by which a ray leaves it
-    surfaces.py    Surface, Sphere with the tutorial's equation, Material, Intersection
+    surfaces.py    Surface, Sphere with the tutorial's equation, Ellipsoid, Material, Intersection
     lights.py      Light, and ShadowRay, which leads to it
     bounce.py      where a ray goes on from a mirror or through glass: mirrored, refracted
     world.py       World: a scene as these objects
@@ -28,7 +28,7 @@ check.py holds a picture against the reference.
 from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import EYE, Ray, Start
-from cltrace.reference.surfaces import Intersection, Material, Sphere, Surface
+from cltrace.reference.surfaces import Ellipsoid, Intersection, Material, Sphere, Surface
 from cltrace.reference.trace import (
     byte_of,
     cast_shadow_ray,
@@ -46,6 +46,7 @@ __all__ = [
     "EYE",
     "Color",
     "Direction",
+    "Ellipsoid",
     "Intersection",
     "Light",
     "Material",

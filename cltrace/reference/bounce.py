@@ -41,12 +41,13 @@ def refracted(d: Direction, n: Direction, side: int, index: float, spread: float
 def lift(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Direction:
     """d, turned a little where it does not surely leave on that side of the surface: by what rounding may have done.
 
-    spread: of an ellipsoid, by how much more its transform may turn an error, see surfaces.Ellipsoid.
+    Which side a ray takes is decided by the exact sign of (B^T q).(B^T d), q being the normal of its start. n.d as
+    computed here is off by 4 u |d|_1, u = 2^-53, and the camera's skew (see exact.Frame) adds 14 u |d|. So beyond
+    `least` = 32 u |d|_1 it is sure. What is not is set to twice that, which rounds by 2 u |d|_1 more.
 
-    Which side a ray takes is decided by the exact sign of (B^T q).(B^T d), where q is the normal of its start. n.d as
-    computed here is off by 4 u |d|_1, u = 2^-53, and the camera's skew (see exact.Frame), below 12 u, adds 12 u |d|. So
-    n.d > 32 u |d|_1 = `least` is sure, and so is what is below it after it has been set to twice that: this rounds d to
-    u |d|_1 more.
+    spread: of an ellipsoid, k l, where k and l are the sizes of K and K^-1 (see vectors.Matrix). The sign is that of
+    (K^T q).(B^T d). K^T q rounds by 3 u k, which is 3 u k l of its length at most; normalising it changes no sign,
+    turning it costs 5.2 u, and n.d 4 u: less than 32 u k l again, as k l >= 3.
     """
     leaves = side * n.dot(d)
     least = 2.0**-48 * ((abs(d.x) + abs(d.y)) + abs(d.z)) * spread

@@ -64,7 +64,7 @@ class RoughLine:
         self.skew = skew
         self.p: Direction | None
         if isinstance(start, Start):
-            n, r = start.normal, start.surface.radius
+            n, r = start.normal, start.surface.reach
             off_unit = abs(n.dot(n) - 1)
             self.anchor, self.p = start.surface.center, start.from_center
             self.size = _size(self.anchor) + r
@@ -114,6 +114,8 @@ class RoughLine:
 
 def surely_misses(sphere: Sphere, ray: Ray) -> bool:
     """Whether the ray certainly passes by the sphere, or leads away from it. False: it may or may not."""
+    if sphere.ball.to_object is not None:
+        return False
     line = RoughLine(ray.origin, sphere.frame.skew)
     line.aim(ray.direction, sphere.frame.skew * ray.direction.length())
     f, error = line.to(sphere.center)
@@ -131,6 +133,8 @@ def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
     inside nothing is crossed, and from inside to outside or back the sphere is. From outside to outside it is if the
     middle of the way through it, t = b / a, is before the end.
     """
+    if sphere.ball.to_object is not None:
+        return None
     line, light, r = ray.rough, ray.light.position, sphere.radius
     f, error = line.to(sphere.center)
     meets = line.discriminant(f, error, r).sign()

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from cltrace.reference.doubt import surely_misses
-from cltrace.reference.exact import Quadratic, minus, vector
+from cltrace.reference.exact import Quadratic, minus, product, vector
 from cltrace.reference.rays import EYE, Ray, Start
 from cltrace.reference.vectors import Direction
 
@@ -25,17 +25,18 @@ if TYPE_CHECKING:
 def equation_of(sphere: Sphere, ray: Ray) -> Equation:
     a = ray.direction.dot(ray.direction)
     # Directions whose squares leave the range of double are for exact arithmetic.
-    if ray.origin == EYE and 2.0**-900 < a < 2.0**900:
+    if ray.origin == EYE and sphere.ball.to_object is None and 2.0**-900 < a < 2.0**900:
         return FromEye(sphere, ray)
-    if isinstance(ray.origin, Start) and _fits(ray.origin, a) and (ray.t_min, ray.t_max) == (0, math.inf):
-        return FromSurface(sphere, ray, ray.origin)
-    return FromAnywhere(sphere, ray)
+    return (FromSurface if _fits(ray, a) else FromAnywhere)(sphere, ray)
 
 
-def _fits(start: Start, a: float) -> bool:
-    """Whether the bounds of FromSurface hold: the normal unit to rounding, a = d.d far from the ends of the range."""
-    n = start.normal
-    return abs(n.dot(n) - 1) <= 2.0**-47 and 2.0**-200 < a < 2.0**200
+def _fits(ray: Ray, a: float) -> bool:
+    """Whether FromSurface takes the ray: a = d.d far from the ends of double's range, the normal unit to rounding."""
+    if (ray.t_min, ray.t_max) != (0, math.inf) or not 2.0**-200 < a < 2.0**200:
+        return False
+    if isinstance(ray.origin, Start):
+        return abs(ray.origin.normal.dot(ray.origin.normal) - 1) <= 2.0**-47
+    return ray.origin == EYE
 
 
 class Equation(ABC):
@@ -58,8 +59,8 @@ class Equation(ABC):
         """Where on the ray that end is."""
 
     @abstractmethod
-    def outward(self, side: int, t: float) -> Direction:
-        """The sphere's outward unit normal at that end, in camera space."""
+    def normal(self, side: int, t: float) -> Direction:
+        """The unit normal of a Start at that end."""
 
     def distance(self, t: float) -> float:
         """How far along the ray that is, in scene units."""
@@ -145,7 +146,7 @@ class FromEye(Equation):
         numerator, denominator = (q, a) if (b < 0) == (side < 0) else (c, q)
         return numerator / denominator if denominator else 0.0
 
-    def outward(self, side: int, t: float) -> Direction:
+    def normal(self, side: int, t: float) -> Direction:
         """By way of t d - C, or without its cancellation -v -/+ sqrt(D)/a d, where the discriminant comes from v."""
         if self.by_b:
             return self._unit(self.ray.direction * t - (self.sphere.center - EYE))
@@ -168,14 +169,14 @@ class FromSurface(Equation):
 
     m, w. Turning rounds three times, by u of at most |B^T| |q|: m is off by sqrt(27) u < 5.2 u, w by 5.2 u |w|. What m
         stands for is B^T q / |B^T q|. As _fits() has it, |q|^2 is 1 -/+ 64 u as computed, 67 u in truth, and the axes
-        are orthonormal but for 12 u (see exact.Frame), so |B^T q| is 1 -/+ 40 u.
+        are orthonormal but for 14 u (see exact.Frame), so |B^T q| is 1 -/+ 40.5 u.
     f. C - C_A rounds by u (|f| + r_A), p by u r_A, and their difference by u |f|: f is off by
-        f' = 2 u |f| + (40 + 5.2 + 2) u r_A < 48 u s.
+        f' = 2 u |f| + (40.5 + 5.2 + 2) u r_A < 48 u s.
     b, X. 5.2 u |f| |w| + f' |w|, and 3 u |f| |w| for products and sums (of X, in the length of the vector):
         < 57 u s w1 < e = 64 u s w1.
     D. X^2 is off by 2 X1 e + e^2, and by 3 u of itself; a r^2 by 15.4 u of itself, as w turns a by 10.4 u and its sums
         round by 3 u; D rounds by u. That is < D_error = 2 X1 e + e^2 + 64 u (a r^2 + X^2).
-    c. 2 |f| f' < 4 u |f|^2 + 95 u |f| r_A; the sums round by 3 u |f|^2, r^2 and the difference by 2 u (r^2 + |f|^2):
+    c. 2 |f| f' < 4 u |f|^2 + 96 u |f| r_A; the sums round by 3 u |f|^2, r^2 and the difference by 2 u (r^2 + |f|^2):
         that is < c_error = 128 u s f1 + 8 u (|f|^2 + r^2), but for f'^2. It counts only where one of these holds:
         |b| > e, so |f| > 64 u s > f': then f'^2 < 48 u s |f| is below 2^26 c_error by far;
         e <= 2^-26 q, so 64 u s < 2^-26 (|f| + r): then f'^2 < 2.3 u (|f|^2 + r^2), and there is room for that.
@@ -183,23 +184,41 @@ class FromSurface(Equation):
         2^-26 of itself. t is q / a or c / q: 2^-24. From outside |b| >= sqrt(D) in truth, so b's sign is sure.
 
     On A itself c = 0 by definition: outwards it is never met again, inwards at t = 2 b / a.
+
+    Ellipsoids. If A is one, p = r_A L q, which rounds by 5 u l r_A, l being the size of L (see vectors.Matrix): with
+    s = f1 + l r_A, f' is less than above. If this surface is one, K f and K w take the places of f and w. With the size
+    k of K, their products round by 3 u k f1 and 3 u k w1, so that they are off by 51 u k s and 9 u k w1. With k s for s
+    and k w1 for w1 all bounds above hold: of b < 63 u, of c 102 u for its 96 u and 2.6 u for its 2.3 u. Only the error
+    of a = |K w|^2 is not a share of it: as K w is off by less than e_w = 16 u k w1, it is below
+    a_error = e_w (2 |K w|_1 + e_w), which D gets times r^2, and which t needs to be below 2^-27 a.
+
+    An ellipsoid meets rays from the eye here as well: then f is the exact difference, rounded, and r_A = 0.
     """
 
-    def __init__(self, sphere: Sphere, ray: Ray, start: Start) -> None:
+    def __init__(self, sphere: Sphere, ray: Ray) -> None:
         super().__init__(sphere, ray)
-        axes, own, r = sphere.frame.axes, start.surface, sphere.radius
-        self.is_own = own is sphere
-        p, w = axes.to_world(start.normal) * own.radius, axes.to_world(ray.direction)
-        f, rr = (sphere.place - own.place) - p, r * r
+        start, k, r = ray.origin, sphere.stretch, sphere.radius
+        w = sphere.frame.B.T @ ray.direction
+        if isinstance(start, Start):
+            self.is_own, reach = start.surface is sphere, start.surface.reach
+            f = (sphere.place - start.surface.place) - start.surface.step(start.normal)
+        else:
+            self.is_own, reach = False, 0.0
+            f = Direction(*map(float, sphere.ball.center))
+        s, kf, kw = k * (_size(f) + reach), k * _size(f), k * _size(w)
+        f, w, rr = sphere.seen(f), sphere.seen(w), r * r
         X = f.cross(w)
         self.f, self.w, self.a, self.b, ff, XX = f, w, w.dot(w), f.dot(w), f.dot(f), X.dot(X)
         self.c, arr = ff - rr, self.a * rr
         self.discriminant = arr - XX
-        f1, w1, X1 = (abs(v.x) + abs(v.y) + abs(v.z) for v in (f, w, X))
-        s = f1 + own.radius
-        self.b_error = 2.0**-47 * s * w1
-        self.D_error = (2 * X1 * self.b_error + self.b_error * self.b_error) + 2.0**-47 * (arr + XX)
-        self.c_error = 2.0**-46 * s * f1 + 2.0**-50 * (ff + rr)
+        self.b_error = 2.0**-47 * s * kw
+        self.D_error = (2 * _size(X) * self.b_error + self.b_error * self.b_error) + 2.0**-47 * (arr + XX)
+        self.c_error = 2.0**-46 * s * kf + 2.0**-50 * (ff + rr)
+        self.a_error = 0.0
+        if sphere.ball.to_object is not None:
+            w_error = 2.0**-49 * kw
+            self.a_error = w_error * (2 * _size(w) + w_error)
+            self.D_error += rr * self.a_error
         self.root = math.sqrt(max(self.discriminant, 0.0))
         self.q = abs(self.b) + self.root
         self.sure = self._own_side() if self.is_own else self._sure_side()
@@ -207,7 +226,7 @@ class FromSurface(Equation):
     def _own_side(self) -> int | None:
         if self.b < -self.b_error:
             return 0
-        return 1 if self.b_error <= 2.0**-26 * self.b else None
+        return 1 if self.b_error <= 2.0**-26 * self.b and self.a_error <= 2.0**-27 * self.a else None
 
     def _sure_side(self) -> int | None:
         """The end that is met, 0 if there is none; None if doubles are not sure."""
@@ -215,7 +234,7 @@ class FromSurface(Equation):
         if self.discriminant < -self.D_error or (c_sure and outside and self.b < -self.b_error):
             return 0
         D_sure = self.discriminant > self.D_error and self.D_error <= 2.0**-25 * self.root * self.q
-        if not (c_sure and D_sure and self.b_error <= 2.0**-26 * self.q):
+        if not (c_sure and D_sure and self.b_error <= 2.0**-26 * self.q and self.a_error <= 2.0**-27 * self.a):
             return None
         return 1 if not outside else -1 if self.b > 0 else 0
 
@@ -234,10 +253,15 @@ class FromSurface(Equation):
             return self.c / self.q
         return self.q / self.a if self.b >= 0 else -self.c / self.q
 
-    def outward(self, side: int, t: float) -> Direction:
-        """From the centre to the point is t w - f, which is turned to camera space last."""
+    def normal(self, side: int, t: float) -> Direction:
+        """From the centre to the point is t w - f; a sphere's is turned to camera space last."""
         g = self.w * t - self.f
-        return self.sphere.frame.axes.to_camera(g * (1 / math.sqrt(g.dot(g))))
+        n = g * (1 / math.sqrt(g.dot(g)))
+        return self.sphere.frame.B @ n if self.sphere.ball.to_object is None else n
+
+
+def _size(v: Direction) -> float:
+    return (abs(v.x) + abs(v.y)) + abs(v.z)
 
 
 class FromAnywhere(Equation):
@@ -252,9 +276,11 @@ class FromAnywhere(Equation):
     def t(self, side: int) -> float:
         return self._exact_t(side)
 
-    def outward(self, side: int, t: float) -> Direction:
+    def normal(self, side: int, t: float) -> Direction:
         """By way of start + t d - C with the t of exact arithmetic, not the rounded one."""
-        frame, line, bits = self.sphere.frame, self.ray.line(self.sphere.frame), 256
-        start, t_exact = minus(line.start, vector(self.sphere.ball.center)), self._exact_value(side)
+        ball, frame, bits = self.sphere.ball, self.sphere.frame, 256
+        line, t_exact = self.ray.line(frame), self._exact_value(side)
+        start = minus(line.start, vector(ball.center))
         x, y, z = (p.between(bits).low + t_exact * q.p for p, q in zip(start, line.direction, strict=True))
-        return self._unit(Direction(*map(float, frame.to_camera((x, y, z)))))
+        own = product(ball.to_object, (x, y, z)) if ball.to_object else frame.to_camera((x, y, z))
+        return self._unit(Direction(*map(float, own)))

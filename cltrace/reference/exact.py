@@ -1,22 +1,25 @@
 """Where a decision is close, doubles do not decide it: this module does, in exact arithmetic.
 
 What is decided about
-    The scene as its file has it. A sphere is |p - C| = r with the numbers of the file, and everything is measured from
-    the eye along the *world's* axes: f = C - eye is an exact difference. Only rays are turned. The camera's axes are
-    three double triples; as rows of a matrix B they lead from the world to camera space, and the direction d of a ray
-    in camera space stands for the direction B^T d in the world, exactly. Since the rows of B are orthonormal only to
-    rounding, this is a definition and not a formality: turning the spheres instead would lose the eye that lies on a
-    sphere, two spheres that touch, or the light within a shell. With it,
+    The scene as its file has it. A sphere is |p - C| = r with the numbers of the file, an ellipsoid |K (p - C)| = r
+    with a matrix of doubles, and everything is measured from the eye along the *world's* axes: f = C - eye is an exact
+    difference. Only rays are turned. The camera's axes are three double triples; as rows of a matrix B they lead from
+    the world to camera space, and the direction d of a ray in camera space stands for the direction B^T d in the world,
+    exactly. Since the rows of B are orthonormal only to rounding, this is a definition and not a formality: turning the
+    spheres instead would lose the eye that lies on a sphere, two spheres that touch, or the light within a shell. With
+    it,
 
         a = |B^T d|^2,    b = (B^T d) . (C - o),    c = |C - o|^2 - r^2
 
-    are exact numbers, and so is every decision. (B^T d) . f is d . (B f), so a centre in camera space serves for b.
+    are exact numbers, and so is every decision. (B^T d) . f is d . (B f), so a centre in camera space serves for b. For
+    an ellipsoid, K B^T d and K (C - o) take the places of B^T d and C - o.
 
 Which numbers that takes
     A ray from the eye, or from any point with given coordinates, needs rational numbers only. A ray that starts on a
-    sphere starts at P = C + r n / |n|, and |n| = sqrt(s) is a square root: its numbers have the form p + q sqrt(s)
-    with p, q and s rational. Sums, differences and products of such numbers (of one s) have that form again, and their
-    sign is found by squaring, see Surd. So there is no precision to choose and nothing to iterate: equal is equal.
+    sphere starts at P = C + r n / |n|, on an ellipsoid at C + r K^-1 n / |n|, and |n| = sqrt(s) is a square root: its
+    numbers have the form p + q sqrt(s) with p, q and s rational. Sums, differences and products of such numbers (of one
+    s) have that form again, and their sign is found by squaring, see Surd. So there is no precision to choose and
+    nothing to iterate: equal is equal.
 
     The two ends of a ray through a sphere, t = (b -/+ sqrt(D)) / a, have one root more. They are compared with each
     other, and with the ends of a ray's range, by squaring once or twice more, see Root.
@@ -30,7 +33,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from cltrace.reference.vectors import Axes, Direction
+from cltrace.reference.vectors import Direction, Matrix
 
 ZERO = Fraction(0)
 
@@ -108,6 +111,7 @@ def _root_between(s: Fraction, bits: int) -> Interval:
 
 Vector = tuple[Surd, Surd, Surd]
 Rational = tuple[Fraction, Fraction, Fraction]
+Rows = tuple[Rational, Rational, Rational]
 
 
 def rational(v: Iterable[float]) -> Rational:
@@ -129,14 +133,32 @@ def dot(u: Vector, v: Vector) -> Surd:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
+def product(rows: Rows, v: Rational) -> Rational:
+    """The vector of the products of the rows of a matrix with v."""
+    x, y, z = (sum((a * b for a, b in zip(row, v, strict=True) if a), ZERO) for row in rows)
+    return x, y, z
+
+
+def inverse(m: Rows) -> Rows:
+    """The inverse of a matrix that has one: the adjugate over the determinant. Indices that go round need no signs."""
+    adjugate = [
+        [m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)] for i in range(3)
+    ]
+    determinant = sum((m[0][j] * adjugate[j][0] for j in range(3)), ZERO)
+    x, y, z = ((a / determinant, b / determinant, c / determinant) for a, b, c in adjugate)
+    return x, y, z
+
+
 @dataclass(frozen=True)
 class Frame:
     """The camera's axes in the world: the rows of B.
 
-    skew: a bound of |B B^T - 1| and of |B^T B - 1|, 0 for a camera along the world's axes.
+    skew: a bound of |B B^T - 1| and of |B^T B - 1|, 0 for a camera along the world's axes. Camera.basis() makes the
+    rows unit to 3 u and orthogonal to 4 u, u = 2^-53 (a hypot() of 2 u, and quotients, products and differences of u
+    each), so the norm of either is below 14 u.
     """
 
-    rows: tuple[Rational, Rational, Rational]
+    rows: Rows
 
     @cached_property
     def skew(self) -> float:
@@ -148,10 +170,9 @@ class Frame:
         return math.nextafter(float(total), math.inf) if total else 0.0
 
     @cached_property
-    def axes(self) -> Axes:
+    def B(self) -> Matrix:
         """The same in doubles, which the axes are."""
-        right, up, back = (Direction(*map(float, row)) for row in self.rows)
-        return Axes(right, up, back)
+        return Matrix(*(Direction(*map(float, row)) for row in self.rows))
 
     def to_world(self, v: Iterable[float]) -> Rational:
         """B^T v: the vector v of camera space along the world's axes."""
@@ -164,26 +185,43 @@ class Frame:
 
     def to_camera(self, v: Rational) -> Rational:
         """B v: the vector v of the world along the camera's axes."""
-        x, y, z = (sum((a * b for a, b in zip(row, v, strict=True) if a), ZERO) for row in self.rows)
-        return x, y, z
+        return product(self.rows, v)
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A sphere of the scene: its centre from the eye along the world's axes, and its radius."""
+    """The points p with |K (p - center)| = radius, from the eye along the world's axes.
+
+    to_object: K, which leads from the world to the own axes of an ellipsoid; None for a sphere, where K = 1.
+    """
 
     center: Rational
     radius: Fraction
+    to_object: Rows | None = None
+
+    @cached_property
+    def to_world(self) -> Rows | None:
+        """L, the inverse of K."""
+        return inverse(self.to_object) if self.to_object else None
+
+    def seen(self, v: Vector) -> Vector:
+        """K v."""
+        if not self.to_object:
+            return v
+        x, y, z = (v[0].times(a) + v[1].times(b) + v[2].times(c) for a, b, c in self.to_object)
+        return x, y, z
 
     def power(self, p: Rational) -> Fraction:
-        """|p - center|^2 - radius^2, the power of a point: > 0 outside, 0 on the sphere, < 0 inside."""
-        square = sum(((a - b) * (a - b) for a, b in zip(p, self.center, strict=True)), ZERO)
-        return square - self.radius * self.radius
+        """|K (p - center)|^2 - radius^2, the power of a point: > 0 outside, 0 on the surface, < 0 inside."""
+        x, y, z = (a - b for a, b in zip(p, self.center, strict=True))
+        w = product(self.to_object, (x, y, z)) if self.to_object else (x, y, z)
+        return sum((a * a for a in w), ZERO) - self.radius * self.radius
 
     def point(self, n: Rational) -> Vector:
-        """The point center + radius n / |n|. As |n| = sqrt(s), it is center + (radius n / s) sqrt(s)."""
+        """The point center + radius L n / |n|. As |n| = sqrt(s), it is center + (radius L n / s) sqrt(s)."""
         s = sum((x * x for x in n), ZERO)
-        x, y, z = (Surd(c, self.radius * a / s, s) for c, a in zip(self.center, n, strict=True))
+        step = product(self.to_world, n) if self.to_world else n
+        x, y, z = (Surd(c, self.radius * a / s, s) for c, a in zip(self.center, step, strict=True))
         return x, y, z
 
 
@@ -195,8 +233,8 @@ class Line:
     direction: Vector
 
     def through(self, ball: Ball) -> Quadratic:
-        """The equation of the t at which the line meets a sphere."""
-        f, d = minus(vector(ball.center), self.start), self.direction
+        """The equation of the t at which the line meets a sphere or an ellipsoid."""
+        f, d = ball.seen(minus(vector(ball.center), self.start)), ball.seen(self.direction)
         return Quadratic(dot(d, d), dot(f, d), dot(f, f) - Surd(ball.radius * ball.radius))
 
 
@@ -245,12 +283,15 @@ class Root:
         return self.sign_less(t_min) > 0 and self.sign_less(t_max) < 0
 
     def __lt__(self, other: Root) -> bool:
-        """Whether this root is strictly less than one of the same ray, whose a and s are the same.
+        """Whether this root is strictly less than one of the same ray, whose s is the same.
 
-        a times the difference is x + y with x = (b - b') + side sqrt(D) and y = -side' sqrt(D'). Where x and y differ
-        in sign, the larger square decides: x^2 - y^2 is (b - b')^2 + D - D' plus 2 side (b - b') sqrt(D).
+        Both are multiplied by both a, which are positive. Then the difference is x + y with x = gap + side sqrt(D) and
+        y = -side' sqrt(E). Where x and y differ in sign, the larger square decides: x^2 - y^2 is gap^2 + D - E plus
+        2 side gap sqrt(D).
         """
-        D, E, gap = self.of.discriminant, other.of.discriminant, self.of.b - other.of.b
+        mine, its = self.of, other.of
+        gap = mine.b * its.a - its.b * mine.a
+        D, E = mine.discriminant * (its.a * its.a), its.discriminant * (mine.a * mine.a)
         x, y = sign_with_root(gap, Surd(Fraction(self.side)), D), -other.side * E.sign()
         if x * y >= 0:
             return x + y < 0

@@ -83,6 +83,5 @@ class ShadowRay:
     @cached_property
     def line(self) -> Line:
         """The ray in exact numbers, in the world: to a parallel light, along the direction that the file gives."""
-        own = self.start.surface
-        point, light = own.ball.point(own.frame.to_world(self.start.normal)), vector(self.light.place)
+        point, light = self.start.surface.exact_point(self.start.normal), vector(self.light.place)
         return Line(point, light if self.light.parallel else minus(light, point))

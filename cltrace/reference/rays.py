@@ -20,7 +20,8 @@ class Start:
     """The point by which a ray leaves a sphere: exactly center + radius n / |n|, n being the double triple `normal`.
 
     Rounded coordinates would put it off the sphere, and every ray from there would need an epsilon. normal: outward in
-    camera space, of any length but 0. Rays are decided soonest where it is unit to rounding.
+    camera space, of any length but 0; of an ellipsoid, that of the sphere that it is in its own axes. Rays are decided
+    soonest where it is unit to rounding.
     """
 
     surface: Sphere
@@ -28,13 +29,13 @@ class Start:
 
     @property
     def from_center(self) -> Direction:
-        """From the sphere's centre to the point, rounded, for a unit normal."""
-        return self.normal * self.surface.radius
+        """From the surface's centre to the point, rounded, for a unit normal."""
+        return self.surface.from_center(self.normal)
 
     @property
     def point(self) -> Point:
         """The point, rounded."""
-        return self.surface.center + self.normal.normalized() * self.surface.radius
+        return self.surface.center + self.surface.from_center(self.normal.normalized())
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Ray:
     def line(self, frame: Frame) -> Line:
         """The ray in exact numbers, in the world."""
         if isinstance(self.origin, Start):
-            start = self.origin.surface.ball.point(frame.to_world(self.origin.normal))
+            start = self.origin.surface.exact_point(self.origin.normal)
         else:
             start = vector(frame.to_world(self.origin))
         return Line(start, vector(frame.to_world(self.direction)))

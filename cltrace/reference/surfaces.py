@@ -1,7 +1,8 @@
-"""What can be hit: Surface, which a new shape implements, and Sphere."""
+"""What can be hit: Surface, which a new shape implements, Sphere and Ellipsoid."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
@@ -9,10 +10,10 @@ from functools import cached_property
 
 from cltrace.reference.doubt import surely_blocks
 from cltrace.reference.equation import Equation, equation_of
-from cltrace.reference.exact import Ball, Frame, Rational, Root
+from cltrace.reference.exact import Ball, Frame, Rational, Root, Vector, rational
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start
-from cltrace.reference.vectors import Color, Direction, Point
+from cltrace.reference.vectors import Color, Direction, Matrix, Point
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,8 @@ class Intersection:
     """All that an intersection test finds out.
 
     point: where; t: at which multiple of the ray's direction; distance: how far, in scene units; normal: unit, facing
-    the side from which the ray came; inside: whether that was the inside; surface, index: what was hit.
+    the side from which the ray came; inside: whether that was the inside; start: the point as the start of further
+    rays; index: of the surface that was hit.
     """
 
     point: Point
@@ -51,9 +53,13 @@ class Intersection:
     distance: float
     normal: Direction
     inside: bool
-    surface: Sphere
+    start: Start
     material: Material
     index: int = -1
+
+    @property
+    def surface(self) -> Sphere:
+        return self.start.surface
 
     @property
     def side(self) -> int:
@@ -64,11 +70,6 @@ class Intersection:
     def outward(self) -> Direction:
         """The unit normal that leads out of the surface."""
         return -self.normal if self.inside else self.normal
-
-    @property
-    def start(self) -> Start:
-        """The point as the start of further rays."""
-        return Start(self.surface, self.outward)
 
 
 class Surface(ABC):
@@ -107,12 +108,14 @@ class Sphere(Surface):
 
     center: in camera space, rounded; radius; place: the centre of the file, in the world; ball: centre and radius of
     the file, exactly, from the eye along the world's axes; frame: the camera's axes, which lead from there to camera
-    space.
+    space. reach: how far the surface is from its centre at most. stretch, spread: see Ellipsoid.
     """
+
+    stretch = spread = 1.0
 
     def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material) -> None:
         self.center = Point(*map(float, frame.to_camera(ball.center)))
-        self.radius = float(ball.radius)
+        self.radius = self.reach = float(ball.radius)
         self.place, self.ball, self.frame, self.material = place, ball, frame, material
 
     def equation(self, ray: Ray) -> Equation:
@@ -126,33 +129,60 @@ class Sphere(Surface):
     def exact_t(self, ray: Ray) -> Root:
         root = self.equation(ray).exact.first(ray.t_min, ray.t_max)
         if root is None:
-            raise ValueError("the ray does not hit the sphere")
+            raise ValueError("the ray does not hit the surface")
         return root
 
     def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
         equation = self.equation(ray)
         side = equation.side()
         if side is None:
-            raise ValueError("the ray does not hit the sphere")
-        outward, inside = equation.outward(side, t), side > 0
+            raise ValueError("the ray does not hit the surface")
+        start, inside = Start(self, equation.normal(side, t)), side > 0
+        outward = self.outward(start.normal)
         return Intersection(
             point=ray.at(t),
             t=t,
             distance=equation.distance(t),
             normal=-outward if inside else outward,
             inside=inside,
-            surface=self,
+            start=start,
             material=self.material,
             index=index,
         )
 
     def blocks(self, ray: ShadowRay) -> bool:
         if ray.start.surface is self:
-            # A sphere is convex: from outside it is never in its own way, and from inside if and only if the light is
+            # It is convex: from outside it is never in its own way, and from inside if and only if the light is
             # strictly outside. The root 0 is not looked for.
             return ray.inside and (ray.light.parallel or self.ball.power(ray.light.place) > 0)
         sure = surely_blocks(self, ray)
         return ray.line.through(self.ball).first(0.0, ray.t_max) is not None if sure is None else sure
+
+    # q is the normal of a Start, unit to rounding.
+
+    def step(self, q: Direction) -> Direction:
+        """From the centre to the point, along the world's axes, rounded."""
+        return (self.frame.B.T @ q) * self.radius
+
+    def from_center(self, q: Direction) -> Direction:
+        """The same in camera space."""
+        return q * self.radius
+
+    def exact_point(self, q: Direction) -> Vector:
+        """The point, exactly, from the eye along the world's axes."""
+        return self.ball.point(self.frame.to_world(q))
+
+    def outward(self, q: Direction) -> Direction:
+        """The outward unit normal there, in camera space."""
+        return q
+
+    def support(self, q: Direction) -> float:
+        """How far the plane that touches the surface there is from the centre."""
+        return self.radius
+
+    def seen(self, v: Direction) -> Direction:
+        """A direction of the world in the surface's own axes."""
+        return v
 
     @cached_property
     def exact_power(self) -> Fraction:
@@ -167,3 +197,43 @@ class Sphere(Surface):
     @cached_property
     def eye_outside(self) -> bool:
         return self.exact_power > 0
+
+
+class Ellipsoid(Sphere):
+    """The points P with |K (P - C)| = r: what a linear map L = K^-1 makes of a sphere.
+
+    K leads from the world to the ellipsoid's own axes. There it is a sphere, and the ray K o + t K d is straight and
+    has the same t, so all that has been said of spheres holds. Back in the world a normal is K^T q, not L q.
+
+    K: of the scene; L: rounded from the exact inverse; stretch, spread: k and k l, the sizes of K and L (see
+    vectors.Matrix), which bound what K and L may make of an error.
+    """
+
+    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material) -> None:
+        super().__init__(place, ball, frame, material)
+        assert ball.to_object is not None
+        assert ball.to_world is not None
+        self.K = Matrix(*(Direction(*map(float, row)) for row in ball.to_object))
+        self.L = Matrix(*(Direction(*map(float, row)) for row in ball.to_world))
+        self.reach = self.radius * self.L.size
+        self.stretch, self.spread = self.K.size, self.K.size * self.L.size
+
+    def step(self, q: Direction) -> Direction:
+        return (self.L @ q) * self.radius
+
+    def from_center(self, q: Direction) -> Direction:
+        return self.frame.B @ self.step(q)
+
+    def exact_point(self, q: Direction) -> Vector:
+        return self.ball.point(rational(q))
+
+    def outward(self, q: Direction) -> Direction:
+        n = self.K.T @ q
+        return self.frame.B @ (n * (1 / math.sqrt(n.dot(n))))
+
+    def support(self, q: Direction) -> float:
+        n = self.K.T @ q
+        return self.radius * (1 / math.sqrt(n.dot(n)))
+
+    def seen(self, v: Direction) -> Direction:
+        return self.K @ v

@@ -58,12 +58,12 @@ def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
 def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
     """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
     own, start, n, m = at.surface, at.start, at.normal, at.material
-    # n.(L - P) by way of the centre: P = center + radius n, so n.P needs no rounding.
+    # n.(L - P) by way of the centre: of a sphere, P = center + radius n, so n.P needs no rounding.
     if light.towards is not None:
-        cosine = start.normal.dot(light.towards)
+        cosine = at.outward.dot(light.towards)
     else:
         assert light.position is not None
-        cosine = start.normal.dot(light.position - own.center) - own.radius
+        cosine = at.outward.dot(light.position - own.center) - own.support(start.normal)
     if not (-cosine if at.inside else cosine) > 0:
         return BLACK
     w = light.direction_from(start)
@@ -129,16 +129,16 @@ def follow(world: World, ray: Ray, at: Intersection | None, weight: float, depth
 
 def bounces(ray: Ray, at: Intersection) -> Iterator[tuple[Direction, float]]:
     """The directions in which a ray goes on, and how much of what is seen there it sees."""
-    m, d, n = at.material, ray.direction, at.outward
+    m, d, n, spread = at.material, ray.direction, at.outward, at.surface.spread
     mirror = m.reflectance
     if m.transmittance > 0:
-        through = refracted(d, n, at.side, m.index)
+        through = refracted(d, n, at.side, m.index, spread)
         if through is None:  # total reflection
             mirror += m.transmittance
         else:
             yield through, m.transmittance
     if mirror > 0:
-        yield mirrored(d, n, at.side), mirror
+        yield mirrored(d, n, at.side, spread), mirror
 
 
 class Pixel:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 Color = tuple[float, float, float]
 
@@ -79,22 +80,24 @@ EYE = Point(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Axes:
-    """The camera's axes in the world. What they turn is right to a few ulp of its length."""
+class Matrix:
+    """Three rows. `matrix @ v` is the vector of their products with v; `matrix.T` has its columns for rows."""
 
-    right: Direction
-    up: Direction
-    back: Direction
+    x: Direction
+    y: Direction
+    z: Direction
 
-    def to_world(self, v: Direction) -> Direction:
-        """B^T v."""
-        right, up, back = self.right, self.up, self.back
-        return Direction(
-            (right.x * v.x + up.x * v.y) + back.x * v.z,
-            (right.y * v.x + up.y * v.y) + back.y * v.z,
-            (right.z * v.x + up.z * v.y) + back.z * v.z,
-        )
+    def __matmul__(self, v: Direction) -> Direction:
+        return Direction(self.x.dot(v), self.y.dot(v), self.z.dot(v))
 
-    def to_camera(self, v: Direction) -> Direction:
-        """B v."""
-        return Direction(self.right.dot(v), self.up.dot(v), self.back.dot(v))
+    @cached_property
+    def T(self) -> Matrix:
+        return Matrix(*(Direction(*column) for column in zip(self.x, self.y, self.z, strict=True)))
+
+    @cached_property
+    def size(self) -> float:
+        """The sum of the magnitudes of its numbers, row by row: no vector becomes more than that times as long."""
+        total = 0.0
+        for value in (*self.x, *self.y, *self.z):
+            total += abs(value)
+        return total

@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.reference.exact import Ball, Frame, Rational, rational
+from cltrace.reference.exact import Ball, Frame, Rational, Rows, rational
 from cltrace.reference.lights import Light
-from cltrace.reference.surfaces import Material, Sphere, Surface
+from cltrace.reference.surfaces import Ellipsoid, Material, Sphere, Surface
 from cltrace.reference.vectors import Color, Direction, Point
 from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
 
@@ -41,18 +41,25 @@ def world_of(scene: Scene) -> World:
     eye = scene.camera.position
     names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
     materials = [Material(_color(m["color"]), *(float(m[k]) for k in names)) for m in scene.materials]
-    surfaces = [
-        Sphere(
-            Point(*sphere["center"].tolist()),
-            Ball(_from_eye(sphere["center"].tolist(), eye), Fraction(float(sphere["radius"]))),
-            frame,
-            materials[sphere["material"]],
-        )
-        for sphere in scene.spheres
-    ]
+    maps = [_rows(to_object) for to_object in scene.to_object.tolist()]
+    surfaces = [_surface(sphere, maps, eye, frame, materials) for sphere in scene.spheres]
     lights = [_light(light, eye, frame) for light in scene.lights[scene.lights["kind"] != AMBIENT]]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
+
+
+def _surface(
+    sphere: np.void, maps: Sequence[Rows], eye: Iterable[float], frame: Frame, materials: Sequence[Material]
+) -> Sphere:
+    center, material = sphere["center"].tolist(), materials[sphere["material"]]
+    kind, to_object = (Ellipsoid, maps[sphere["to_object"]]) if sphere["to_object"] >= 0 else (Sphere, None)
+    ball = Ball(_from_eye(center, eye), Fraction(float(sphere["radius"])), to_object)
+    return kind(Point(*center), ball, frame, material)
+
+
+def _rows(matrix: Sequence[Sequence[float]]) -> Rows:
+    x, y, z = (rational(row) for row in matrix)
+    return x, y, z
 
 
 def _light(light: np.void, eye: Iterable[float], frame: Frame) -> Light:
