@@ -88,7 +88,7 @@ class Renderer:
         self.plan = Plan.of(self._world, view, self.request)
         packed = time.perf_counter() - start
         self._executor = Executor(self.plan, self.device, self.width, before)
-        seconds = self.plan.seconds
+        seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
         self._lock = threading.Lock()
 

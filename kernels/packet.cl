@@ -60,7 +60,9 @@ typedef LANES(float) SHADE;
 #endif
 typedef LANES(float) FLOAT;
 typedef LANES(int) INT;
+typedef LANES(long) LONG;
 #define TO_FLOAT(x) TO(float, x)
+#define TO_LONG(x) TO(long, x)
 #define TO_INT(x) TO(int, x)
 
 /* A mask is what a comparison gives: -1 or 0 in each lane, as wide as the numbers that were compared. With W = 1 it is

@@ -56,6 +56,23 @@ STRUCTS = {
         Field("cells", "int4", "columns, rows on level 0; where its first cell is in start; a bit for each level used"),
         Field("flags", "int4", "x: whether float tells the cells apart"),
     ),
+    "Node": (
+        Field("low_x", "float8", "the boxes of 8 children, in the tree's unit, from the scene's middle along the world's axes"),
+        Field("high_x", "float8", ""),
+        Field("low_y", "float8", ""),
+        Field("high_y", "float8", ""),
+        Field("low_z", "float8", ""),
+        Field("high_z", "float8", ""),
+        Field("child", "int8", ">= 0: a node; < 0: ~ a block. The box of a child that is missing is empty"),
+    ),
+    "Block": (
+        Field("x", "float8", "the centres of 8 spheres, likewise"),
+        Field("y", "float8", ""),
+        Field("z", "float8", ""),
+        Field("outer", "float8", "radii that are surely too large; < 0 where there is no sphere"),
+        Field("inner", "float8", "radii that are surely too small, at least 0"),
+        Field("index", "int8", "which spheres these are"),
+    ),
 }
 
 
@@ -104,6 +121,9 @@ COUNTERS = {
     "FILTERED": "spheres that float32 rules out for a ray",
     "DECIDED": "spheres that are decided in full for a ray",
     "BACKGROUND": "rays through tiles of background only",
+    "BOUNCES": "rays that mirrors and glass send on",
+    "WEIGHTLESS": "points whose own colour has no weight",
+    "TOTAL": "refracted rays that total reflection makes one with the mirrored ray",
 }
 
 ARGUMENTS = (
@@ -120,6 +140,13 @@ ARGUMENTS = (
         ("lights", "int4", "how many parallel, point and spot lights there are, and how many in all"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
+        ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
+    ),
+    *_values(
+        "Tree",
+        ("middle", "real4", "xyz: the scene's middle in the world; w: lengths of type real, times this, are in the tree's unit"),
+        ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
+        ("blocks", "int", "how many blocks there are"),
     ),
     *_buffers(
         "Spheres",
@@ -127,12 +154,14 @@ ARGUMENTS = (
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
         ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
+        ("place", "real4", "centre in the world, in single from the scene's middle; radius. Only where something bounces"),
     ),
     *_buffers(
         "Scene",
         ("id_of", "int", "a sphere's index in the scene"),
         ("material_of", "int", "the index in material of a sphere's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
+        ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction"),
         ("light", "Light", "parallel lights, then point lights, then spot lights"),
         ("eye_filter", "float4", "a sphere's filter constant for rays from the eye, see sphere_may_meet()"),
         ("light_filter", "float4", "for each light in turn, all spheres' filter constants, see filter_leaves()"),
@@ -144,6 +173,11 @@ ARGUMENTS = (
         ("grid", "Grid", "the picture's tiles, then the grids of the lights"),
         ("start", "int", "where a cell's list begins in entry; it ends where the next cell's list begins"),
         ("entry", "int2", "x: a sphere's index, y: the depth by which the list is sorted, as the bits of a float"),
+    ),
+    *_buffers(
+        "Tree",
+        ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
+        ("block", "Block", "its leaves"),
     ),
     *_outputs(
         ("rgb8", "uchar", 3, "linear colour in bytes, without gamma"),
@@ -169,6 +203,8 @@ CONSTANTS = {
     "WHOLE": 30,  # the level that a grid of one cell uses
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
+    "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
+    "DEPTH": 16,  # levels of nodes in the tree at most
 }
 
 # The -D flags without a value. Each is set if the scene, the outputs or the device need it.
@@ -187,7 +223,12 @@ FLAGS = {
     "WITH_SPECULAR": "some sphere shines",
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
+    "WITH_BOUNCES": "something mirrors or is transparent",
+    "WITH_GLASS": "something is transparent",
+    "WITH_SPLITS": "something is both",
+    "WITH_TREE": "rays from surfaces walk through a tree",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
+    "KEEP_WEIGHTLESS": "colours of no weight are computed, too",
     **{f"OUT_{name.upper()}": f"write {name}" for name in OUTPUTS},
 }
 # The -D flags with a value.
@@ -196,6 +237,7 @@ VALUES = {
     "RUN": "packets that a work-item renders, one after the other",
     "REAL_BYTES": "8: geometry is decided in double; 4: in float",
     "SHADE_BYTES": "8: Phong's formula in double; 4: in float",
+    "BRANCHES": "room for so many rays of a pixel that wait for others",
     **{f"{name}_BYTES": f"size of {name} as numpy lays it out" for name in STRUCTS},
 }
 
@@ -225,13 +267,17 @@ def _scalar_and_width(type_: str, precision: Precision) -> tuple[np.dtype[Any], 
     return (np.dtype(scalars[name]) if scalar is None else scalar), int(width or 1)
 
 
-def options(precision: Precision, features: frozenset[str]) -> list[str]:
-    """The compiler's -D options for a precision and flags that are set. KeyError for one that is not in FLAGS."""
+def options(precision: Precision, features: frozenset[str], branches: int = 1) -> list[str]:
+    """The compiler's -D options for a precision and flags that are set. KeyError for one that is not in FLAGS.
+
+    branches: BRANCHES of VALUES.
+    """
     for name in features:
         FLAGS[name]
     sizes = {
         "REAL_BYTES": real_dtype(precision).itemsize,
         "SHADE_BYTES": shade_dtype(precision).itemsize,
+        "BRANCHES": branches,
         **{f"{name}_BYTES": dtype_of(name, precision).itemsize for name in STRUCTS},
     }
     return [f"-D{k}={v}" for k, v in sizes.items()] + [f"-D{name}" for name in sorted(features)]
@@ -249,13 +295,14 @@ def header() -> str:
     for argument in ARGUMENTS:
         groups.setdefault(argument.group, []).append(argument)
     loose = groups.pop("")
-    for name in ("Spheres", "Lists", "Scene", "Outputs"):
-        inner = [(f"{g} {g.lower()}", "") for g in ("Spheres", "Lists")] if name == "Scene" else []
+    parts = ("Spheres", "Lists", "Tree")
+    for name in (*parts, "Scene", "Outputs"):
+        inner = [(f"{g} {g.lower()}", "") for g in parts] if name == "Scene" else []
         fields_of = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
         lines += _struct(name, inner + fields_of)
     lines.append("#define RENDER_PARAMETERS " + ", ".join(a.parameter for a in ARGUMENTS))
     for name, members in groups.items():
-        nested = [f".{g.lower()} = {g.upper()}_OF_PARAMETERS" for g in ("Spheres", "Lists")] if name == "Scene" else []
+        nested = [f".{g.lower()} = {g.upper()}_OF_PARAMETERS" for g in parts] if name == "Scene" else []
         values = [f".{a.name} = {a.name}" for a in members]
         lines.append(f"#define {name.upper()}_OF_PARAMETERS {{{', '.join(nested + values)}}}")
     assert [a.name for a in loose] == ["frame", "size", "region", "row"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cltrace.plan.bounces import Bounces
 from cltrace.plan.request import Request
 
 # From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
@@ -16,7 +17,8 @@ class Contents:
     """What of a scene the features depend on.
 
     spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
-    a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light.
+    a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light;
+    bounces: what surfaces do with rays.
     """
 
     spheres: int
@@ -24,19 +26,21 @@ class Contents:
     inside: bool
     shiny: bool
     black: bool
+    bounces: Bounces
 
 
 def features(contents: Contents, request: Request) -> frozenset[str]:
     """The names of the flags that are set."""
-    shading = not {"rgb8", "color", "shadow_rays", "work"}.isdisjoint(request.outputs)
+    shading = request.needs_colors
     full = "features" in request.keep
     lit = shading and (full or (any(contents.lights) and contents.spheres > 0))
+    bounces = shading and contents.bounces.any and contents.spheres > 0
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
         "WITH_FILTER": request.precision != "double" and "filter" not in request.keep,
         "WITH_INTERSECTION": shading or "normal" in request.outputs,
-        "WITH_NORMAL": lit or "normal" in request.outputs,
+        "WITH_NORMAL": lit or bounces or "normal" in request.outputs,
         "WITH_INSIDE": contents.inside or full,
         "WITH_SHADING": shading,
         "WITH_LIGHTS": lit,
@@ -47,6 +51,11 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_SPECULAR": lit and (contents.shiny or full),
         "WITH_BLACK": lit and (contents.black or full),
         "WITH_PREFETCH": contents.spheres >= PLENTY,
+        "WITH_BOUNCES": bounces,
+        "WITH_GLASS": bounces and contents.bounces.glass,
+        "WITH_SPLITS": bounces and contents.bounces.splits,
+        "WITH_TREE": bounces and "tree" not in request.keep,
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
+        "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }
     return frozenset(name for name, wanted in flags.items() if wanted)

@@ -24,8 +24,10 @@ from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeat
 from cltrace.plan.exact import Array
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
+from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.materials import Materials
 from cltrace.plan.order import spatial_order
+from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.sphere import Seen, filter_constant
 from cltrace.plan.space import Space
@@ -43,8 +45,9 @@ class World:
     center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
     packed; id: (n,), the index of each one in the scene; material_of: (n,), the index of each one's material in
     materials; again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that
-    can add to a colour, in the order parallel, point, spot; background: linear (r, g, b); skipped: what the scene does
-    not need, in words, and how often.
+    can add to a colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where
+    nothing sends any on; background: linear (r, g, b); skipped: what the scene does not need, in words, and how often;
+    seconds: what took how long: "tree".
     """
 
     center: Array
@@ -54,8 +57,16 @@ class World:
     again: Mask
     materials: Materials
     lights: NDArray[np.void]
+    bounces: Bounces
+    paths: Paths | None
     background: Vector
     skipped: dict[str, int]
+    seconds: dict[str, float]
+
+    @property
+    def opaque(self) -> Mask:
+        """(n,): which spheres let no ray through."""
+        return np.asarray(self.materials.bounce[self.material_of, 1] == 0)
 
     @classmethod
     def of(cls, scene: Scene, request: Request) -> World:
@@ -71,17 +82,26 @@ class World:
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
         # Where most spheres have a material of their own, those are in the spheres' order, too.
         if len(materials.packed) > n // 2:
-            materials, of = replace(materials, packed=materials.packed.take(of, axis=0)), np.arange(n)
+            materials, of = materials.in_order(of), np.arange(n)
+        again = repeated(center, radius, by_place)
+        paths, seconds = None, dict[str, float]()
+        bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep) if request.needs_colors else NO_BOUNCES
+        if n and bounces.any:
+            with _timed(seconds, "tree"):
+                paths = Paths.of(center, radius, ~again)
         return cls(
             center,
             radius,
             order.astype("i4"),
             of.astype("i4"),
-            repeated(center, radius, by_place),
+            again,
             materials,
             lights,
+            bounces,
+            paths,
             scene.background,
             {"lights that add nothing": useless} if useless else {},
+            seconds,
         )
 
 
@@ -120,8 +140,9 @@ class View:
         small = space.times_two_to(k)
         exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
 
-        lights = pack_lights(world.lights, exact.position, basis, request.precision, world.materials.brightest)
+        lights = pack_lights(world.lights, exact.position, basis, request.precision, world.bounces.growth(camera.max_bounces) * world.materials.brightest)
         arrays = _spheres(world, exact, small, real) | _in_world(world, camera, space, real) | {"light": lights}
+        arrays |= _paths(world, k if real.itemsize == 4 else None, real)
         skipped = dict(world.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
@@ -140,6 +161,8 @@ class View:
                 "lights": (*counts(world.lights), len(world.lights)),
                 "count": len(world.radius),
                 "unit": math.ldexp(1.0, unit),
+                "bounces": camera.max_bounces,
+                **(world.paths.values(k if real.itemsize == 4 else None) if world.paths else NO_PATHS),
             },
             bool((space.power <= 0).any()),
             skipped,
@@ -152,8 +175,8 @@ class Plan:
     """A view and what is to be written of it: all that a device needs. numpy alone, and picklable.
 
     request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
-    arrays, skipped, seconds: of View; features: names of abi.FLAGS; values: the kernel's arguments by name that are
-    neither buffers nor outputs, but for those that only the launch knows.
+    arrays, skipped, seconds: of View; features: names of abi.FLAGS; branches: BRANCHES of abi.VALUES; values: the
+    kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows.
     """
 
     request: Request
@@ -161,6 +184,7 @@ class Plan:
     region: Region
     exponent: int
     features: frozenset[str]
+    branches: int
     arrays: dict[str, NDArray[Any]]
     values: dict[str, Any]
     skipped: dict[str, int]
@@ -172,9 +196,10 @@ class Plan:
         contents = Contents(
             len(world.radius),
             counts(world.lights),
-            view.inside,
+            view.inside or world.bounces.glass,
             world.materials.shiny,
             bool(world.materials.black.any()),
+            world.bounces,
         )
         return cls(
             request,
@@ -182,6 +207,7 @@ class Plan:
             view.region,
             view.exponent,
             features(contents, request),
+            world.bounces.branches(view.camera.max_bounces),
             view.arrays,
             view.values | {"frame": _frame(world, view, request), "size": view.camera.resolution},
             view.skipped,
@@ -204,8 +230,10 @@ class Plan:
         return replace(self, request=request, features=frozenset((*rest, "OUT_WORK")))
 
     def options(self) -> list[str]:
-        """The compiler's options. They depend on precision and features alone: scenes with the same share a program."""
-        return abi.options(self.request.precision, self.features)
+        """The compiler's options. They depend on precision, features and branches alone: scenes with the same ones share
+        a program.
+        """
+        return abi.options(self.request.precision, self.features, self.branches)
 
 
 @contextmanager
@@ -228,6 +256,7 @@ def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any]) -> d
         "id_of": world.id,
         "material_of": world.material_of,
         "material": world.materials.packed,
+        "bounce": world.materials.bounce,
         "eye_filter": eye_filter,
     }
 
@@ -242,6 +271,14 @@ def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -
     }
 
 
+def _paths(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
+    """The buffers for rays that leave surfaces. exponent: of the float buffers, where `real` is float; else None."""
+    if world.paths is None:
+        nothing = {name: np.zeros(0, dtype_of(type_, "accurate")) for name, type_ in (("node", "Node"), ("block", "Block"))}
+        return nothing | {"place": np.zeros((0, 4), real)}
+    return world.paths.arrays() | {"place": world.paths.places(world.center, world.radius, exponent).astype(real)}
+
+
 def _lists(
     world: World, seen: Seen, lights: list[LightView], window: Window, request: Request, skipped: dict[str, int]
 ) -> dict[str, NDArray[Any]]:
@@ -250,11 +287,12 @@ def _lists(
     slack = SLACK if request.precision == "single" else FINE_SLACK
     visible = np.ones(n, bool)
     if "hidden" not in keep and n > 1:
-        outside = (seen.power > 0) & np.all([light.side > 0 for light in lights], axis=0)
+        outside = (seen.power > 0) & np.all([light.side > 0 for light in lights], axis=0) & world.opaque
         visible = ~(world.again | hidden(seen.center, seen.radius, outside, slack))
         skipped["spheres inside others, or the same"] = n - int(visible.sum())
     tiles = picture_tiles(seen, visible, window)
-    receiver = np.full(n, "receivers" in keep)
+    # What is not in the picture itself may be seen in a mirror.
+    receiver = np.full(n, "receivers" in keep or world.bounces.any)
     receiver[tiles.member] = True
     if "lists" in keep:
         tiles = whole_grid(visible)
@@ -262,7 +300,8 @@ def _lists(
 
     grids, buffers, idle = [tiles], np.zeros((len(lights), 4), np.int32), 0
     for k, light in enumerate(lights):
-        more, stops = _light_buffer(light, seen.power, Shadows(visible, receiver, slack), keep)
+        inside = (seen.power <= 0) | world.bounces.glass
+        more, stops = _light_buffer(light, inside, Shadows(visible, receiver, slack), keep)
         if "lists" in keep:
             more = [whole_grid(visible)]
         entered = np.zeros(n, bool)
@@ -276,12 +315,12 @@ def _lists(
     return {"light_buffer": buffers, "grid": lists.grid, "start": lists.start, "entry": lists.entry}
 
 
-def _light_buffer(light: LightView, power: Array, who: Shadows, keep: tuple[str, ...]) -> tuple[list[CellGrid], int]:
+def _light_buffer(light: LightView, inside: Mask, who: Shadows, keep: tuple[str, ...]) -> tuple[list[CellGrid], int]:
     """The grids of one light, and a bit for each sphere on its way to which something may stop the light.
 
-    Where spheres are many, all bits are set. power: (n,), of the eye, as of Seen.
+    Where spheres are many, all bits are set. inside: (n,), whether it may be seen from its inside.
     """
-    n = len(power)
+    n = len(inside)
     # With FEW spheres at most, finding the right list for a shadow ray costs more than trying them all: a box of 16
     # takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
     if n > CONSTANTS["FEW"]:
@@ -294,7 +333,7 @@ def _light_buffer(light: LightView, power: Array, who: Shadows, keep: tuple[str,
         shadows = parallel_shadows(light.axes, light.seen, who.slack)
     shadows &= who.receiver[:, None] & who.occluder
     # Seen from outside, a sphere never stands between itself and a light; seen from inside, it may.
-    np.fill_diagonal(shadows, power <= 0)
+    np.fill_diagonal(shadows, inside)
     casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
     stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
     return [whole_grid(casting)] if casting.any() else [], stops

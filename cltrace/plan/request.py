@@ -12,7 +12,19 @@ from cltrace.plan.abi import OUTPUTS, PICTURES, Precision
 
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 Keep = Literal[
-    "lists", "filter", "features", "lights", "hidden", "receivers", "unstopped", "highlights", "outputs", "order"
+    "lists",
+    "filter",
+    "features",
+    "lights",
+    "hidden",
+    "receivers",
+    "unstopped",
+    "highlights",
+    "outputs",
+    "order",
+    "bounces",
+    "tree",
+    "weightless",
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
@@ -43,6 +55,9 @@ class Request:
         highlights: those too faint for a byte
         outputs: all pictures that the kernel can write
         order: the spheres stay in the scene's order
+        bounces: the code of mirrors and glass, where nothing mirrors or is transparent
+        tree: rays from surfaces try every sphere
+        weightless: the own colour of surfaces that only mirror or let through
 
     Raises ValueError, naming the field, for a precision, outputs, truncate or keep that is not allowed. A crop is
     checked by region_of(), where the size of the picture is known.
@@ -69,6 +84,11 @@ class Request:
         also = PICTURES if "outputs" in self.keep else ()
         object.__setattr__(self, "outputs", tuple(n for n in OUTPUTS if n in self.outputs or n in also))
         object.__setattr__(self, "keep", tuple(self.keep))
+
+    @property
+    def needs_colors(self) -> bool:
+        """Whether some output depends on colours, or counts what is done for them."""
+        return not {"rgb8", "color", "shadow_rays", "work"}.isdisjoint(self.outputs)
 
     def region_of(self, size: tuple[int, int]) -> Region:
         """The part that is wanted of a picture of this size, (width, height) in pixels.

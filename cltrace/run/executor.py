@@ -217,6 +217,8 @@ def _value(type_: str, value: Any, plan: Plan) -> Any:
     """An argument that is no buffer, as pyopencl passes it by value."""
     if isinstance(value, np.ndarray):
         return value[()]
+    precision = plan.request.precision
     if isinstance(value, tuple):
-        return np.array(value, getattr(cl.cltypes, type_))[()]
-    return dtype_of(type_, plan.request.precision).type(value)
+        real = "float" if precision == "single" else "double"
+        return np.array(value, getattr(cl.cltypes, type_.replace("real", real)))[()]
+    return dtype_of(type_, precision).type(value)

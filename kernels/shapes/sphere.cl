@@ -530,6 +530,20 @@ static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const
     return P;
 }
 
+#ifdef WITH_BOUNCES
+/* The same for a point that another ray found, from inside or not. */
+static Start start_of(const Sphere own, const Real3 normal, const REAL_MASK inside) {
+    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, inside ? (REAL)-1 : (REAL)1};
+#if REAL_BYTES == 4
+    P.from_eye.x = own.center.x + P.p.x;
+    P.from_eye.y = own.center.y + P.p.y;
+    P.from_eye.z = own.center.z + P.p.z;
+    P.near_eye = DOT(P.from_eye, P.from_eye) < own.r * own.r;
+#endif
+    return P;
+}
+#endif
+
 /* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
  * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */
 static Real3 towards(const Start P, const Real3 point) {

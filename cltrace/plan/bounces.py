@@ -1,0 +1,47 @@
+"""What the surfaces of a scene do with the rays that meet them: absorb, mirror, let through."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The numbers of waiting rays that programs have room for: one for each depth of 0 .. max_bounces.
+ROOMS = (9, 17, 33, 65, 101)
+
+
+@dataclass(frozen=True)
+class Bounces:
+    """What some surface does.
+
+    any: whether some surface mirrors or is transparent; glass: whether some is transparent; splits: whether some does
+    both, which makes two rays of one; most: the largest reflectance + transmittance.
+    """
+
+    any: bool
+    glass: bool
+    splits: bool
+    most: float
+
+    @classmethod
+    def of(cls, bounce: NDArray[Any], material_of: NDArray[np.integer[Any]], full: bool) -> Bounces:
+        """bounce: of Materials; material_of: (n,), of the spheres; full: whether to expect everything of them."""
+        used = np.zeros(len(bounce), bool)
+        used[material_of] = True
+        r, t = bounce[used, 0], bounce[used, 1]
+        most = float((r + t).max(initial=0))
+        return cls(full or most > 0, full or bool(t.any()), full or bool(((r > 0) & (t > 0)).any()), most)
+
+    def growth(self, max_bounces: int) -> float:
+        """By how much all rays of a pixel together may weigh more than one ray from the eye; more than 1e200 is 1e200."""
+        return math.exp(min(math.log(1e200), math.log(max(1.0, self.most)) * (max_bounces + 1)))
+
+    def branches(self, max_bounces: int) -> int:
+        """Room for so many rays of a pixel that wait for others: a ray of each depth sends on one at most that waits."""
+        return next(n for n in ROOMS if n > max_bounces) if self.splits else 1
+
+
+NO_BOUNCES = Bounces(False, False, False, 0.0)

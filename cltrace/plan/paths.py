@@ -1,0 +1,66 @@
+"""What rays need that leave surfaces, mirrored or refracted: the spheres in the world, and a tree of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel.bvh import Tree, build_tree
+from cltrace.plan.exact import Array, squared_length
+from cltrace.plan.shapes.sphere import U
+
+Mask = NDArray[np.bool_]
+# The kernel's arguments where no ray leaves a surface.
+NO_PATHS: dict[str, Any] = {"middle": (0.0, 0.0, 0.0, 1.0), "widen": 0.0, "blocks": 0}
+
+
+@dataclass(frozen=True)
+class Paths:
+    """n spheres for rays that may start anywhere among them. No camera changes it.
+
+    middle: (3,), a point in the world, scene units; exponent: 2^exponent scene units are the tree's unit... ; widen: what the
+    tree's radii are larger or smaller by, in its unit; tree: of the spheres that can be met.
+    """
+
+    middle: Array
+    exponent: int
+    widen: float
+    tree: Tree
+
+    @classmethod
+    def of(cls, center: Array, radius: Array, member: Mask) -> Paths:
+        """The paths among spheres, of which those of `member` (n,) are entered in the tree."""
+        # Halves, as the sum of two doubles may overflow.
+        low, high = (f(center, axis=0, initial=i) / 2 for f, i in ((np.min, np.inf), (np.max, -np.inf)))
+        middle = low + high if len(center) else np.zeros(3)
+        offset = center - middle
+        size = float((np.sqrt(squared_length(offset)) + radius).max(initial=2.0**-149))
+        exponent = -math.frexp(size)[1]
+        # The size is below 1 in the tree's unit; that it was rounded is less than half of what WIDEN has to spare.
+        widen = CONSTANTS["WIDEN"] * U * size * 2.0**exponent
+        radii = np.ldexp(radius, exponent)
+        index = np.flatnonzero(member).astype(np.int32)
+        tree = build_tree(np.ldexp(offset, exponent), radii, radii, widen, index)
+        return cls(middle, exponent, widen, tree)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The kernel's buffers by name."""
+        return {"node": self.tree.node, "block": self.tree.block}
+
+    def values(self, exponent: int | None) -> dict[str, Any]:
+        """The kernel's arguments by name. exponent: of the float buffers, where `real` is float; else None."""
+        middle = (*self.middle.tolist(), math.ldexp(1.0, self.exponent))
+        if exponent is not None:
+            middle = (0.0, 0.0, 0.0, math.ldexp(1.0, self.exponent - exponent))
+        return {"middle": middle, "widen": self.widen, "blocks": len(self.tree.block)}
+
+    def places(self, center: Array, radius: Array, exponent: int | None) -> Array:
+        """(n, 4): abi's `place`. exponent: as in values()."""
+        if exponent is not None:
+            center, radius = np.ldexp(center - self.middle, exponent), np.ldexp(radius, exponent)
+        return np.concatenate([center, radius[:, None]], axis=1)
