@@ -115,10 +115,10 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, 
     Bounce bounce;
     bounce.share = rest > 0 ? rest : (REAL)0;
     bounce.inside = at.start.side < 0;
-    bounce.mirrored = mirrored(at.normal, at.start.side, rays.d);
+    bounce.mirrored = mirrored(rays.d, at.normal, at.start.side);
     bounce.mirrors = rays.weight * R;
 #ifdef WITH_GLASS
-    const Refraction through = refracted(at.normal, at.start.side, rays.d, LOAD_LANES(index));
+    const Refraction through = refracted(rays.d, at.normal, at.start.side, LOAD_LANES(index));
     const REAL_MASK total = through.total & (T > 0);
     COUNT(TOTAL, TO_MASK(total) & rays.live);
     bounce.refracted = through.d;

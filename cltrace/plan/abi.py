@@ -57,7 +57,11 @@ STRUCTS = {
         Field("flags", "int4", "x: whether float tells the cells apart"),
     ),
     "Node": (
-        Field("low_x", "float8", "the boxes of 8 children, in the tree's unit, from the scene's middle along the world's axes"),
+        Field(
+            "low_x",
+            "float8",
+            "the boxes of 8 children in the world, from the scene's middle, in the tree's unit",
+        ),
         Field("high_x", "float8", ""),
         Field("low_y", "float8", ""),
         Field("high_y", "float8", ""),
@@ -144,7 +148,11 @@ ARGUMENTS = (
     ),
     *_values(
         "Tree",
-        ("middle", "real4", "xyz: the scene's middle in the world; w: lengths of type real, times this, are in the tree's unit"),
+        (
+            "middle",
+            "real4",
+            "xyz: the scene's middle in the world; w: what leads from lengths of type real to the tree's",
+        ),
         ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
         ("blocks", "int", "how many blocks there are"),
     ),
@@ -154,7 +162,11 @@ ARGUMENTS = (
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
         ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
-        ("place", "real4", "centre in the world, in single from the scene's middle; radius. Only where something bounces"),
+        (
+            "place",
+            "real4",
+            "centre in the world, in single from the scene's middle; radius. If something bounces",
+        ),
     ),
     *_buffers(
         "Scene",
@@ -204,7 +216,6 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
-    "DEPTH": 16,  # levels of nodes in the tree at most
 }
 
 # The -D flags without a value. Each is set if the scene, the outputs or the device need it.

@@ -36,11 +36,11 @@ class Bounces:
         return cls(full or most > 0, full or bool(t.any()), full or bool(((r > 0) & (t > 0)).any()), most)
 
     def growth(self, max_bounces: int) -> float:
-        """By how much all rays of a pixel together may weigh more than one ray from the eye; more than 1e200 is 1e200."""
+        """How much all rays of a pixel together may weigh, 1 being one ray; 1e200 stands for all that is more."""
         return math.exp(min(math.log(1e200), math.log(max(1.0, self.most)) * (max_bounces + 1)))
 
     def branches(self, max_bounces: int) -> int:
-        """Room for so many rays of a pixel that wait for others: a ray of each depth sends on one at most that waits."""
+        """How many rays of a pixel may wait for others: one for each depth at most."""
         return next(n for n in ROOMS if n > max_bounces) if self.splits else 1
 
 

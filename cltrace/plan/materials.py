@@ -18,9 +18,9 @@ class Materials:
     """m materials.
 
     packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
-    material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0; shiny:
-    whether any has highlights; black: (m,), which ones reflect nothing of any light that is not ambient; brightest: the
-    largest ks.
+    material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0;
+    shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light that is not ambient;
+    brightest: the largest ks.
     """
 
     packed: NDArray[Any]
@@ -41,12 +41,17 @@ class Materials:
         black = np.asarray((m["ks"] == 0) & ((m["kd"] == 0) | ~m["color"].any(axis=1)))
         shade = finite32(packed).astype(shade_dtype(precision))
         bounce = np.stack([m["reflectance"], m["transmittance"], m["index"], np.zeros(len(m))], axis=1)
-        return cls(shade, bounce.astype(real_dtype(precision)), bool(m["ks"].any()), black, float(m["ks"].max(initial=0)))
+        return cls(
+            shade, bounce.astype(real_dtype(precision)), bool(m["ks"].any()), black, float(m["ks"].max(initial=0))
+        )
 
     def in_order(self, order: NDArray[np.int32]) -> Materials:
         """These materials, one for each index of `order`."""
         return replace(
-            self, packed=self.packed.take(order, axis=0), bounce=self.bounce.take(order, axis=0), black=self.black[order]
+            self,
+            packed=self.packed.take(order, axis=0),
+            bounce=self.bounce.take(order, axis=0),
+            black=self.black[order],
         )
 
 

@@ -23,8 +23,9 @@ NO_PATHS: dict[str, Any] = {"middle": (0.0, 0.0, 0.0, 1.0), "widen": 0.0, "block
 class Paths:
     """n spheres for rays that may start anywhere among them. No camera changes it.
 
-    middle: (3,), a point in the world, scene units; exponent: 2^exponent scene units are the tree's unit... ; widen: what the
-    tree's radii are larger or smaller by, in its unit; tree: of the spheres that can be met.
+    middle: (3,), a point in the world, scene units; exponent: a length in scene units, times 2^exponent, is in the
+    tree's unit; widen: what the tree's radii are larger or smaller by, in its unit; tree: of the spheres that can be
+    met.
     """
 
     middle: Array

@@ -20,11 +20,11 @@ from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, whole_grid
 from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer, point_buffer
 from cltrace.plan.accel.tiles import Window, picture_tiles
+from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
 from cltrace.plan.exact import Array
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
-from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.materials import Materials
 from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import NO_PATHS, Paths
@@ -45,9 +45,9 @@ class World:
     center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
     packed; id: (n,), the index of each one in the scene; material_of: (n,), the index of each one's material in
     materials; again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that
-    can add to a colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where
-    nothing sends any on; background: linear (r, g, b); skipped: what the scene does not need, in words, and how often;
-    seconds: what took how long: "tree".
+    can add to a colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need
+    that leave surfaces, None where nothing sends any on; background: linear (r, g, b); skipped: what the scene does not
+    need, in words, and how often; seconds: what took how long: "tree".
     """
 
     center: Array
@@ -140,7 +140,8 @@ class View:
         small = space.times_two_to(k)
         exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
 
-        lights = pack_lights(world.lights, exact.position, basis, request.precision, world.bounces.growth(camera.max_bounces) * world.materials.brightest)
+        brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
+        lights = pack_lights(world.lights, exact.position, basis, request.precision, brightest)
         arrays = _spheres(world, exact, small, real) | _in_world(world, camera, space, real) | {"light": lights}
         arrays |= _paths(world, k if real.itemsize == 4 else None, real)
         skipped = dict(world.skipped)
@@ -230,9 +231,7 @@ class Plan:
         return replace(self, request=request, features=frozenset((*rest, "OUT_WORK")))
 
     def options(self) -> list[str]:
-        """The compiler's options. They depend on precision, features and branches alone: scenes with the same ones share
-        a program.
-        """
+        """The compiler's options. Scenes with the same precision, features and branches share a program."""
         return abi.options(self.request.precision, self.features, self.branches)
 
 
@@ -274,7 +273,7 @@ def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -
 def _paths(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
     """The buffers for rays that leave surfaces. exponent: of the float buffers, where `real` is float; else None."""
     if world.paths is None:
-        nothing = {name: np.zeros(0, dtype_of(type_, "accurate")) for name, type_ in (("node", "Node"), ("block", "Block"))}
+        nothing = {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block")}
         return nothing | {"place": np.zeros((0, 4), real)}
     return world.paths.arrays() | {"place": world.paths.places(world.center, world.radius, exponent).astype(real)}
 

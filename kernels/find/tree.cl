@@ -145,9 +145,9 @@ static void add_block(const Tree tree, const int number, Walker *walker, Candida
 
 #ifdef WITH_TREE
 /* Nodes and blocks that are still to be visited, each with the distance at which the ray enters its box in the upper way:
- * that is a float of at least 0, so the numbers are in the order of these distances. A node of the tree adds 7 at most on
- * each level [DEPTH = 16]. */
-#define STACK (7 * DEPTH + 1)
+ * that is a float of at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most,
+ * and there are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
+#define STACK 64
 typedef struct {
     int top;
     ulong entry[STACK];

@@ -167,12 +167,9 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
  * X = f x w, and no root cancels: from outside, c > 0, it is c / q with q = |b| + sqrt(D), and from inside q / a or -c / q.
  * The own sphere has c = 0: the root 0 does not count, and the other one, 2 b / a, only for a ray that leaves inwards.
  *
- * Bounds. u = 2^-53, |v|_1 is the sum of coordinates' magnitudes, s = |f|_1 + r and w1 = |w|_1. Turning n by the rounded
- * axes costs 12 u, its length 4 u, times r one u more: P is off by 16 u r in all. C' - C is rounded, and then the
- * difference: f is off by 18 u s, and w by 12 u w1. So b, and X as a vector, are off by
- * 12 u |f| w1 + 18 u s |w| + 4 u |f| |w| < 2^-47 s w1 = e. From these, D is off by 2 |X| e + e^2 + 2^-47 (a r'^2 + X.X), and c
- * by 36 u s |f| + 8 u (f.f + r'^2) < c_error. Where both are surely not 0, and q and c are off by 2^-26 at most, t is off by
- * 2^-24. A ray that surely passes by, or surely has an outer sphere behind it, needs nothing more. */
+ * Bounds, with u = 2^-53, are sums of coordinates' magnitudes, as is w1, and s = |f|_1 + r. FromSurface in
+ * cltrace/reference/equation.py derives them: b, and X as a vector, are off by less than e, and where doubles are sure,
+ * t is right to 2^-24. A ray that surely passes by, or surely has an outer sphere behind it, needs nothing more. */
 static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, const Ball ball, const INT index,
                                   const REAL_MASK wanted) {
     const Real3 w = ray.w, f = {(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
@@ -189,7 +186,7 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
 #if REAL_BYTES == 8
     const REAL f1 = size_of(f), s = f1 + ray.r, e = 0x1p-47 * s * ray.w1;
     const REAL D_error = (2 * size_of(X) * e + e * e) + 0x1p-47 * (arr + XX);
-    const REAL c_error = 0x1p-47 * s * f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
+    const REAL c_error = 0x1p-46 * s * f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
     const REAL_MASK passes = !own & ((D < -D_error) | ((c > c_least) & (b < -e)));
     const REAL_MASK sure = own ? !ray.inner | (e <= 0x1p-26 * b)
                                : (D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least);
