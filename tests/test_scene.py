@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import pickle
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from datetime import timedelta
+from fractions import Fraction
 from typing import Any
 
 import mpmath
@@ -16,11 +17,12 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.scene import MATERIAL, SPHERE
+from cltrace.scene import MATERIAL, SPHERE, inverses
 
 GOOD = {"centers": [(0, 0, -3), (1, 0, -3)], "radii": 0.5}
 MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
 BYTES = "must be linear with 1 as full, but whole numbers up to {} look like bytes of 0 to 255; divide by 255"
+R3 = range(3)
 SPHERES, MATERIALS = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
 
 
@@ -393,6 +395,30 @@ def test_a_linear_map_makes_an_ellipsoid() -> None:
     for transform, to_object in zip(maps, scene.to_object, strict=True):
         inverse = mpmath.matrix(transform.tolist()) ** -1
         assert [[float(inverse[i, j]) for j in range(3)] for i in range(3)] == to_object.tolist()
+
+
+def hostile_maps(rng: np.random.Generator, count: int) -> Iterator[np.ndarray]:
+    """(count, 3, 3) maps: usual, of very different sizes, nearly singular, of few numbers, and diagonal."""
+    usual, wide = rng.normal(size=(count, 3, 3)), rng.normal(size=(count, 3, 3))
+    wide *= 2.0 ** rng.uniform(-140, 120, wide.shape)
+    flat = np.linalg.qr(usual)[0] * 2.0 ** rng.uniform(-60, 0, (count, 1, 3)) @ np.linalg.qr(wide)[0]
+    few = rng.choice([0, 1, -1, 3, 2.0**-149, -3.4e38], usual.shape)
+    yield from (usual, np.where(np.abs(wide) < 2.0**-149, 0, wide), flat, few, usual * np.eye(3))
+
+
+def test_inverses_are_rounded_once() -> None:
+    """By pairs of doubles as by whole numbers, and by these as by fractions."""
+    rng = np.random.default_rng(8)
+    for maps in hostile_maps(rng, 500):
+        together = inverses(maps)
+        one_by_one = np.concatenate([inverses(maps[k : k + 1]) for k in range(len(maps))])
+        np.testing.assert_array_equal(together, one_by_one)
+        for a, b in zip(maps[:20], together, strict=False):
+            m = [[Fraction(x) for x in row] for row in a.tolist()]
+            cross = [[m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in R3] for i in R3]
+            determinant = sum(m[0][k] * cross[k][0] for k in R3)
+            want = [[float(x / determinant) if determinant else math.nan for x in row] for row in cross]
+            np.testing.assert_array_equal(b, want)
 
 
 def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
