@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cltrace
-from cltrace.bench import oracle
+from cltrace.bench import bounced, bounced_regimes, oracle
+from cltrace.bench.pairs import Fine
 from cltrace.bench.regimes import REGIMES, camera_space, rays
 
 UP, DOWN = np.inf, -np.inf
@@ -804,6 +805,158 @@ def test_to_world_is_exact():
     x, y, z = oracle.to_world(basis, (0.1, 0.7, -1))
     assert x == Fraction(0.1) * Fraction(basis[0][0]) + Fraction(0.7) * Fraction(basis[1][0]) - Fraction(basis[2][0])
     assert [float(v) for v in (x, y, z)] == pytest.approx(np.array((0.1, 0.7, -1)) @ np.array(basis), abs=1e-15)
+
+
+# ------------------------------------------------------------------------------------------------------- ellipsoids
+
+
+def whole_map(rng):
+    """A matrix of small whole numbers with an inverse, so that products with it are exact."""
+    while True:
+        K = rng.integers(-3, 4, (3, 3)).astype(float)
+        if round(np.linalg.det(K)) != 0:
+            return K
+
+
+def test_an_ellipsoid_is_a_sphere_in_its_own_axes():
+    """The same ray and ellipsoid seen from the world and from the ellipsoid's own axes, where both are exact."""
+    rng = np.random.default_rng(50)
+    met = 0
+    for k in range(200):
+        K = whole_map(rng)
+        center, eye, d, q = rng.integers(-99, 99, (4, 3)).astype(float)
+        radius = float(rng.integers(1, 400))
+        d = d if k % 3 else center - eye
+        start = oracle.OnSphere(center, radius, q, K) if k % 2 else eye
+        seen_start = oracle.OnSphere(K @ center, radius, q) if k % 2 else K @ eye
+        index, t = oracle.closest_from(start, [d], [center], [radius], to_object=[K])
+        same, same_t = oracle.closest_from(seen_start, [K @ d], [K @ center], [radius])
+        assert (index[0], t[0]) == (same[0], same_t[0])
+        met += index[0] == 0
+    assert 40 < met < 160
+
+
+def test_ellipsoids_and_spheres_by_hand():
+    shapes = {"centers": [(0, 0, -5), (0, 0, -5), (0, 0, -9)], "radii": [1, 1, 1]}
+    flat, long = np.diag([0.25, 0.25, 2]), np.diag([4, 4, 0.25])
+    # The sphere begins at 4, the disc, four times as wide, at 4.5, and the needle at 5.
+    index, t = oracle.closest_from(O, [AHEAD, (0.5, 0, -1), (0, 0, 1)], **shapes, to_object=[None, flat, long])
+    assert index.tolist() == [0, 1, -1]
+    assert t[0] == 4
+    assert t[1] == pytest.approx((20 - math.sqrt(400 - 4.015625 * 99)) / 4.015625, rel=1e-15)
+    start = oracle.OnSphere((0, 0, -5), 1, (0, 0, 1))
+    index, t = oracle.closest_from(start, [AHEAD], **shapes, to_object=[None, None, long])
+    assert (index[0], t[0]) == (2, 1)
+    # Equal t: the lowest index.
+    twice = oracle.closest_from(O, [AHEAD], [(0, 0, -6), (0, 0, -5)], [1, 1], to_object=[np.diag([9, 7, 0.5]), None])
+    assert (twice[0][0], twice[1][0]) == (0, 4)
+
+
+def test_an_ellipsoid_in_the_way_of_light():
+    disc = np.diag([0.25, 0.25, 2])
+    start = oracle.OnSphere(O, 1.0, (0, 0, 7.0))
+    for x, between in ((3.99, True), (4.0, True), (np.nextafter(4, 9), False)):
+        for light, kind in (((0, 0, 9), "point"), ((0, 0, -1), "parallel")):
+            assert oracle.blocked(start, light, kind, [O, (x, 0, 4)], [1, 1], [None, disc]) is between
+    # Light within a disc, and at it.
+    for z, between in ((3.5, False), (np.nextafter(3.5, 9), True), (4, True)):
+        assert oracle.blocked(start, (0, 0, z), "point", [O, (0, 0, 4)], [1, 1], [None, disc]) is between
+    # From an ellipsoid, whose own inside is in the way of what is outside.
+    own = oracle.OnSphere(O, 1.0, (0, 0, 1), disc)
+    for z, between in ((9, False), (-0.25, False), (-0.5, False), (np.nextafter(-0.5, -1), True)):
+        assert oracle.blocked(own, (0, 0, z), "point", [O], [1], [disc]) is between
+
+
+def test_maps_are_checked():
+    for maps, message in (([None], "to_object: must be as many as centers, 2"), ([None, np.ones((3, 3))], "singular")):
+        with pytest.raises(ValueError, match=message):
+            oracle.closest_from(O, [AHEAD], [O, O], [1, 1], to_object=maps)
+
+
+# ------------------------------------------------------------------------------------------- many rays from surfaces
+
+each_bounced = pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+
+
+def test_fine_numbers_are_within_their_errors():
+    """Sums, products, quotients and roots that cancel, against rational numbers."""
+    rng = np.random.default_rng(51)
+    n, worst = 400, 0.0
+    for _ in range(20):
+        values = rng.normal(size=(4, n)) * 2.0 ** rng.integers(-30, 30, (4, n))
+        values[3] = np.where(rng.random(n) < 0.5, values[2] * (1 + rng.uniform(1, 2, n) * 2.0**-40), values[3])
+        x, y, z, w = (Fine.of(v) for v in values)
+        root = (x * x + z * z).root()
+        results = {
+            "difference": (z * z - w * w, lambda a, b, c, e: c * c - e * e),
+            "quotient": (x * y / (z - w), lambda a, b, c, e: a * b / (c - e)),
+            "square of a root": (root * root - x * x, lambda a, b, c, e: c * c),
+        }
+        for fine, exact in results.values():
+            for i, row in enumerate(values.T.tolist()):
+                a, b, c, e = map(Fraction, row)
+                if not np.isfinite(fine.error[i]):
+                    continue
+                off = abs(Fraction(fine.h[i]) + Fraction(fine.l[i]) - exact(a, b, c, e))
+                assert off <= Fraction(2 * fine.error[i])
+                worst = max(worst, float(off / Fraction(fine.error[i])) if fine.error[i] else 0.0)
+    assert 0.01 < worst < 1
+
+
+def bounced_rays(name, seed, count):
+    scene = bounced_regimes.scene_of(name, seed)
+    return bounced.Shapes.of(scene), bounced_regimes.rays_of(scene, count, seed)
+
+
+@each_bounced
+def test_the_filter_of_bounced_rays_is_right_where_it_is_sure(name):
+    seen = set()
+    for seed in range(4):
+        shapes, rays = bounced_rays(name, seed, 60)
+        index, t, doubt = bounced.filtered_of(rays, shapes)
+        exact, exact_t = bounced.closest_of_exact(rays, shapes)
+        sure = ~doubt
+        np.testing.assert_array_equal(index[sure], exact[sure])
+        np.testing.assert_allclose(t[sure], exact_t[sure], rtol=2.0**-40, atol=0)
+        assert doubt.mean() < 0.4
+        whole = bounced.closest_of(rays, shapes)
+        np.testing.assert_array_equal(whole[0], exact)
+        np.testing.assert_allclose(whole[1], exact_t, rtol=2.0**-40, atol=0)
+        seen |= set(exact.tolist())
+    assert len(seen) > 3
+
+
+def test_bounced_rays_from_the_eye_are_those_of_closest():
+    scene = bounced_regimes.scene_of("spheres", 2)  # a camera along the axes
+    shapes, d = bounced.Shapes.of(scene), np.random.default_rng(52).normal(size=(500, 3))
+    rays = bounced.Rays(np.full(500, -1, np.int32), np.zeros((500, 3)), d, eye=scene.camera.position)
+    index, t = oracle.closest(scene.camera.position, d, shapes.centers, shapes.radii)
+    np.testing.assert_array_equal(bounced.closest_of(rays, shapes)[0], index)
+    np.testing.assert_allclose(bounced.closest_of(rays, shapes)[1], t, rtol=2.0**-40, atol=0)
+
+
+def test_bounced_rays_beyond_the_range_of_the_filter():
+    shapes = bounced.Shapes(np.array([[0, 0, 0], [0, 0, -5]]), np.array([1.0, 1]), [None, None])
+    d = np.array([(0, 0, -1), (0, 0, -1e-60), (1e60, 0, 0), (0, 0, 0)])
+    rays = bounced.Rays(np.zeros(4, np.int32), np.array([(0, 0, -1.0)] * 4), d)
+    assert bounced.filtered_of(rays, shapes)[2].tolist() == [False, True, True, True]
+    assert bounced.closest_of(rays, shapes)[0].tolist() == [1, 1, -1, -1]
+    huge = shapes._replace(radii=np.array([1, 1e60]))
+    assert bounced.filtered_of(rays, huge)[2].all()
+    assert bounced.closest_of(rays, huge)[0].tolist() == [1, 1, 1, -1]
+
+
+@each_bounced
+def test_bounced_regimes_are_what_they_say(name):
+    scene, again, other = (bounced_regimes.scene_of(name, seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(scene.spheres, again.spheres)
+    assert scene.spheres.tobytes() != other.spheres.tobytes()
+    assert (scene.spheres["to_object"] >= 0).any() == ("ellips" in name or "needles" in name)
+    first, second = (bounced_regimes.rays_of(scene, 100, 5) for _ in range(2))
+    np.testing.assert_array_equal(first.direction, second.direction)
+    np.testing.assert_allclose(np.linalg.norm(first.normal, axis=1), 1, rtol=1e-15)
+    assert np.isfinite(first.direction).all()
+    assert set(first.own) == set(range(len(scene.spheres)))
 
 
 # ---------------------------------------------------------------------------------------------------------- regimes

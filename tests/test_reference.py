@@ -12,7 +12,7 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench import oracle
+from cltrace.bench import bounced, bounced_regimes, oracle
 from cltrace.reference import (
     EYE,
     Direction,
@@ -998,3 +998,55 @@ def test_any_range_of_a_ray_that_meets_an_ellipsoid() -> None:
             assert again is not None
             assert again.t == pytest.approx(beyond.t - at.t, rel=1e-8)
             assert tuple(again.normal) == pytest.approx(tuple(beyond.normal), abs=1e-8)
+
+
+def judged(name: str, seed: int, count: int) -> int:
+    """How many rays of a regime the reference decides as the oracle does; an error where one is decided otherwise."""
+    scene = bounced_regimes.scene_of(name, seed)
+    rays, world = bounced_regimes.rays_of(scene, count, seed), world_of(scene)
+    index, t = bounced.closest_of(rays, bounced.Shapes.of(scene))
+    for row in range(count):
+        start = Start(world.surfaces[rays.own[row]], Direction(*rays.normal[row].tolist()))
+        at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
+        assert (at.index if at else -1) == index[row], (name, seed, row)
+        assert at is None or abs(at.t / t[row] - 1) < 2.0**-24, (name, seed, row)
+    return count
+
+
+@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+def test_bounced_rays_are_those_of_the_oracle(name: str) -> None:
+    assert sum(judged(name, seed, 60) for seed in range(4)) == 240
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+def test_bounced_rays_are_those_of_the_oracle_long(name: str) -> None:
+    assert sum(judged(name, seed, 500) for seed in range(40)) == 20_000
+
+
+def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
+    rng, found = np.random.default_rng(33), {False: 0, True: 0}
+    for seed in range(12):
+        scene = bounced_regimes.scene_of(
+            ["ellipsoids", "ellipsoids, an ulp apart", "needles and discs, 1 : 1000"][seed % 3], seed
+        )
+        shapes, rays = bounced.Shapes.of(scene), bounced_regimes.rays_of(scene, 12, seed)
+        L = np.array([np.eye(3) if K is None else np.linalg.inv(K) for K in shapes.to_object])
+        on = shapes.centers + shapes.radii[:, None] * np.einsum(
+            "nij,nj->ni", L, [unit(v) for v in rng.normal(size=(len(L), 3))]
+        )
+        lights = [cltrace.point_light(tuple(p)) for p in on[:3]] + [cltrace.parallel_light(tuple(rng.normal(size=3)))]
+        world = world_of(dataclasses.replace(scene, lights=np.concatenate(lights)))
+        for own, q in zip(rays.own.tolist(), rays.normal.tolist(), strict=True):
+            surface, K = world.surfaces[own], shapes.to_object[own]
+            assert isinstance(surface, Sphere)
+            n = in_world(scene, q) if K is None else q
+            start = oracle.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
+            for light, lamp in zip(np.concatenate(lights), world.lights, strict=True):
+                outward = surface.outward(Direction(*q)).dot(lamp.direction_from(Start(surface, Direction(*q)))) > 0
+                ray = ShadowRay(Start(surface, Direction(*q)), not outward, lamp)
+                where, kind = (light["direction"], "parallel") if lamp.parallel else (light["position"], "point")
+                blocked = oracle.blocked(start, where, kind, *shapes)
+                assert any(s.blocks(ray) for s in world.surfaces) is blocked
+                found[blocked] += 1
+    assert min(found.values()) > 50

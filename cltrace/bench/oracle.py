@@ -32,6 +32,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.rules import is_whole, numbers
 
+from . import pairs
+from .pairs import EPS, Pair
+
 Floats = NDArray[np.float64]
 Ints = tuple[int, ...]
 
@@ -370,15 +373,62 @@ def _blocks(
 # A ray that starts on a sphere starts at P = A + R n / |n|: A, R and n are given numbers, |n| = sqrt(s) with s = n.n.
 # With all lengths times s, C - P is s (C - A) - R n sqrt(s): a vector p + q sqrt(s) of integers. So a, b, c and D are
 # such numbers, too, which are closed under sums and products, and have a sign that squaring tells. The ends of the way
-# through a sphere are (b -/+ sqrt(D)) / a, one root more.
+# through a sphere are (b -/+ sqrt(D)) / a, one root more. An ellipsoid |K (p - C)| = r is a sphere in its own axes: K f
+# and K d are such numbers again, and so is P = A + R K^-1 n / |n|, times the determinant.
 
 
 class OnSphere(NamedTuple):
-    """The point center + radius normal / |normal|; the normal may have any length but 0."""
+    """The point center + radius normal / |normal|; the normal may have any length but 0.
+
+    to_object: of an ellipsoid, see `closest_from`; then the point is center + radius K^-1 normal / |normal|.
+    """
 
     center: ArrayLike
     radius: float
     normal: Sequence[float | Fraction]
+    to_object: ArrayLike | None = None
+
+
+Maps = Sequence[ArrayLike | None]
+
+
+class _Map(NamedTuple):
+    """An ellipsoid's K: the integers `rows` over 2^k."""
+
+    rows: tuple[Ints, Ints, Ints]
+    k: int
+
+    def of(self, v: Ints) -> Ints:
+        """K v, times 2^k."""
+        return _dot(self.rows[0], v), _dot(self.rows[1], v), _dot(self.rows[2], v)
+
+    def inverse(self, v: Ints) -> tuple[Ints, int]:
+        """K^-1 v, times a number > 0; and that number. Indices that go round need no signs."""
+        m = self.rows
+        adjugate = [
+            [m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)] for i in range(3)
+        ]
+        determinant = sum(m[0][j] * adjugate[j][0] for j in range(3))
+        x, y, z = ((_sign(determinant) * sum(a * e for a, e in zip(row, v, strict=True))) << self.k for row in adjugate)
+        return (x, y, z), abs(determinant)
+
+
+def _map(name: str, to_object: ArrayLike | None) -> _Map | None:
+    if to_object is None:
+        return None
+    n, k = _integers(_array(name, to_object, 3, 3).ravel().tolist())
+    made = _Map((n[0:3], n[3:6], n[6:9]), k)
+    if not made.inverse((1, 0, 0))[1]:
+        raise ValueError(f"{name}: must not be singular")
+    return made
+
+
+def _maps(to_object: Maps | None, count: int) -> list[_Map | None]:
+    if to_object is None:
+        return [None] * count
+    if len(to_object) != count:
+        raise ValueError(f"to_object: must be as many as centers, {count}, got {len(to_object)}")
+    return [_map(f"to_object[{i}]", m) for i, m in enumerate(to_object)]
 
 
 Surd = tuple[int, int]  # p + q sqrt(s)
@@ -402,26 +452,45 @@ def _plus(x: Surd, y: Surd, factor: int = 1) -> Surd:
 
 
 class _Start:
-    """Where a ray starts, and everything else from there, as integers p + q sqrt(s) times 2^-k / (s or 1)."""
+    """Where a ray starts, and everything else from there, as integers p + q sqrt(s) times 2^-k / scale."""
 
-    def __init__(self, start: ArrayLike | OnSphere, centers: ArrayLike, radii: ArrayLike, *more: ArrayLike) -> None:
+    def __init__(
+        self,
+        start: ArrayLike | OnSphere,
+        centers: ArrayLike,
+        radii: ArrayLike,
+        to_object: Maps | None,
+        *more: ArrayLike,
+    ) -> None:
         n: Ints = (0, 0, 0)
+        determinant = 1
         if isinstance(start, OnSphere):
             anchor, radius = _ball(start.center, start.radius, ("start.center", "start.radius"))
             n, _ = _integers(_exact("start.normal", start.normal))
             if not any(n):
                 raise ValueError("start.normal: must not be 0")
+            own_map = _map("start.to_object", start.to_object)
         else:
-            anchor, radius = _array("start", start, 3), 0.0
+            anchor, radius, own_map = _array("start", start, 3), 0.0, None
         world = _World(anchor, *_balls(centers, radii), *more, [radius, 0.0, 0.0])
         self.s, self.k = _dot(n, n), world.k
-        self.scale = self.s or 1
+        if own_map:
+            n, determinant = own_map.inverse(n)
+        self.scale = (self.s or 1) * determinant
         (R,), own = _integers([radius])
         R <<= world.k - own  # the radius was among the numbers for which k was chosen
         self.step = R * n[0], R * n[1], R * n[2]
         self.f = [self.surd(f) for f in world.f]
         self.r = [r * self.scale for r in world.r]
         self.more = [self.surd(p) for p in world.more[:-1]]
+        self.maps = _maps(to_object, world.m)
+
+    def ends(self, i: int, d: Surds) -> list[_End]:
+        """Of the way through the sphere or ellipsoid i; of an ellipsoid, in its own axes, times 2^k."""
+        f, r, own = self.f[i], self.r[i], self.maps[i]
+        if own is None:
+            return _ends(d, f, r, self.s)
+        return _ends((own.of(d[0]), own.of(d[1])), (own.of(f[0]), own.of(f[1])), r << own.k, self.s)
 
     def surd(self, g: Ints) -> Surds:
         """To the point that is g from the anchor."""
@@ -452,7 +521,12 @@ def _sign_end(x: Surd, y: int, D: Surd, s: int) -> int:
 
 
 def _before(x: _End, y: _End, s: int) -> bool:
-    """Whether x < y, two ends on one ray: the sign of (bx - by + sx sqrt(Dx)) - sy sqrt(Dy), as above."""
+    """Whether x < y, two ends on one ray: the sign of (bx - by + sx sqrt(Dx)) - sy sqrt(Dy), as above.
+
+    If the a are not the same, both ends are multiplied by both a.
+    """
+    if x.a != y.a:
+        x, y = _times_a(x, y.a, s), _times_a(y, x.a, s)
     gap = _plus(x.b, y.b, -1)
     first, second = _sign_end(gap, x.side, x.D, s), -y.side * _sign_surd(*y.D, s)
     if first * second >= 0:
@@ -464,6 +538,11 @@ def _before(x: _End, y: _End, s: int) -> bool:
         return first * _sign(outer + inner) < 0
     square = _times(_times(twice, twice, s), x.D, s)
     return first * outer * _sign_surd(*_plus(_times(rest, rest, s), square, -1), s) < 0
+
+
+def _times_a(end: _End, a: Surd, s: int) -> _End:
+    """The same end of the equation times a > 0."""
+    return _End(_times(end.a, a, s), _times(end.b, a, s), end.side, _times(end.D, _times(a, a, s), s))
 
 
 def _ends(d: Surds, f: Surds, r: int, s: int) -> list[_End]:
@@ -482,8 +561,11 @@ def closest_from(
     radii: ArrayLike,
     t_min: float = 0.0,
     t_max: float = np.inf,
+    to_object: Maps | None = None,
 ) -> tuple[NDArray[np.int32], Floats]:
     """What `closest` returns, for rays that start anywhere: the first t strictly within the range, correctly rounded.
+
+    to_object: for each sphere a matrix K (3, 3), which makes it the ellipsoid |K (p - C)| = r, or None.
 
     There is no rule for the sphere that the ray starts on: c is 0 there, so that the ends are exactly 0, which is not
     within t > 0, and 2 b / a: outwards it is never met again, inwards at the far side.
@@ -495,15 +577,15 @@ def closest_from(
     shape = np.asarray(direction, object).shape  # of objects: a Fraction stays what it is
     if shape[1:] != (3,) and shape != (0,):
         raise ValueError(f"direction: must have shape (n, 3), got {shape}")
-    world = _Start(start, centers, radii)
+    world = _Start(start, centers, radii, to_object)
     index, t = np.full(len(direction), -1, np.int32), np.full(len(direction), np.inf)
     for row, values in enumerate(direction):
         d, k = _integers(_exact("direction", values))
         # A number T for t is T unit in the integers' units.
         unit = Fraction(world.scale) * Fraction(2) ** (world.k - k)
         best: _End | None = None
-        for i, (f, r) in enumerate(zip(world.f, world.r, strict=True)):
-            for end in _ends((d, (0, 0, 0)), f, r, world.s):
+        for i in range(len(world.f)):
+            for end in world.ends(i, (d, (0, 0, 0))):
                 if not _within(end, t_min, t_max, unit, world.s):
                     continue
                 if best is None or _before(end, best, world.s):
@@ -549,45 +631,30 @@ def blocked(
     kind: Literal["point", "parallel"],
     centers: ArrayLike,
     radii: ArrayLike,
+    to_object: Maps | None = None,
 ) -> bool:
-    """Whether a sphere is met strictly between a sphere's point and a light, as in `occluded`.
+    """Whether a sphere or an ellipsoid is met strictly between a point of one and a light, as in `occluded`.
 
     From inside, the sphere that the ray starts on blocks as any other: if and only if the light is strictly outside.
     """
     light = _light(light, kind)
     if kind == "point":
-        world = _Start(start, centers, radii, light)
+        world = _Start(start, centers, radii, to_object, light)
         d = world.more[0]
     else:
-        world = _Start(start, centers, radii)
+        world = _Start(start, centers, radii, to_object)
         w, _ = _integers(light.tolist())
         d = (-w[0], -w[1], -w[2]), (0, 0, 0)
     return any(
         end.sign_less(0, 1, world.s) > 0 and (kind == "parallel" or end.sign_less(1, 1, world.s) < 0)
-        for f, r in zip(world.f, world.r, strict=True)
-        for end in _ends(d, f, r, world.s)
+        for i in range(len(world.f))
+        for end in world.ends(i, d)
     )
 
 
 # ------------------------------------------------------------------------------------------------------------ filter
 #
-# A pair (h, l) of arrays stands for h + l, with |l| <= u |h|, u = 2^-53. Two lemmas, exact without over- and underflow:
-# two_sum (Knuth) and two_product (Veltkamp, Dekker). For the four operations below, with all terms of order u^3 dropped
-# (which the slack below pays for):
-#
-#   add:   two roundings behind the exact sum of the h: x.l + y.l, and that to the error of the sum:
-#          u u (|x| + |y|) + u (u + u) (|x| + |y|)                                      = 3 u^2 (|x| + |y|)
-#   mul:   l l is dropped (1), two products h l are rounded (2), their sum (2), the sum with the error of h h (3):
-#                                                                                         8 u^2 |x y|
-#   div:   q = x.h / y.h is off by 3 u |x/y|, so R = x - q y <= 3 u |x|, found to 8 + 2 * 3 = 14 u^2 |x|;
-#          R.h / y.h is off by another 3 u of 3 u |x/y|:                             14 + 9 = 23 u^2 |x/y|
-#   sqrt:  q = sqrt(x.h) is off by 1.5 u sqrt(x), so R = x - q^2 <= 3 u x, found to 6 u^2 x;
-#          R.h / (2 q) is off by 3 u of 1.5 u sqrt(x):                              3 + 4.5 = 8 u^2 sqrt(x)
-#
-# All are below EPS = 32 u^2 = 2^-101.
-
-EPS = 2.0**-101
-Pair = tuple[Floats, Floats]
+# Double-double arithmetic (pairs.py), with a bound of the error of each result; EPS bounds that of one operation.
 
 # For inputs in this range, or 0 (float32's is within it): they are multiples of 2^-202, as are f and d; products of two
 # are multiples of 2^-404, and b^2, a c and D of 2^-808. The pairs of b, a, c and D, and the terms on the way, lie on
@@ -596,54 +663,6 @@ Pair = tuple[Floats, Floats]
 # t >= |c| / n >= 2^-404 / 2^306: an underflow, at 2^-1074, is far below EPS t. The largest number is D < 2^612.
 # Rays and spheres out of this range are for the integers.
 LOW, HIGH = 2.0**-150, 2.0**150
-
-
-def _two_sum(x: Floats, y: Floats) -> Pair:
-    s = x + y
-    z = s - x
-    return s, (x - (s - z)) + (y - z)
-
-
-def _halves(x: Floats) -> Pair:
-    z = 134217729.0 * x  # 2^27 + 1
-    h = z - (z - x)
-    return h, x - h
-
-
-def _two_product(x: Floats, y: Floats) -> Pair:
-    p = x * y
-    (a, b), (c, d) = _halves(x), _halves(y)
-    return p, ((a * c - p) + a * d + b * c) + b * d
-
-
-def _add(x: Pair, y: Pair) -> Pair:
-    s, e = _two_sum(x[0], y[0])
-    return _two_sum(s, e + (x[1] + y[1]))
-
-
-def _neg(x: Pair) -> Pair:
-    return -x[0], -x[1]
-
-
-def _where(mask: NDArray[np.bool_], x: Pair, y: Pair) -> Pair:
-    return np.where(mask, x[0], y[0]), np.where(mask, x[1], y[1])
-
-
-def _mul(x: Pair, y: Pair) -> Pair:
-    p, e = _two_product(x[0], y[0])
-    return _two_sum(p, e + (x[0] * y[1] + x[1] * y[0]))
-
-
-def _div(x: Pair, y: Pair) -> Pair:
-    q = x[0] / y[0]
-    rest = _add(x, _neg(_mul((q, np.zeros_like(q)), y)))
-    return _two_sum(q, rest[0] / y[0])
-
-
-def _sqrt(x: Pair) -> Pair:
-    q = np.sqrt(x[0])
-    rest = _add(x, _neg(_two_product(q, q)))
-    return _two_sum(q, rest[0] / (2 * q))
 
 
 class _Sphere(NamedTuple):
@@ -658,7 +677,7 @@ class _Sphere(NamedTuple):
 def _spheres(origin: Floats, centers: Floats, radii: Floats, world: _World) -> list[_Sphere]:
     out = []
     for i in range(world.m):
-        f = [_two_sum(centers[i, j], -origin[j]) for j in range(3)]
+        f = [pairs.two_sum(centers[i, j], -origin[j]) for j in range(3)]
         c = Fraction(_dot(world.f[i], world.f[i]) - world.r[i] ** 2, 1 << 2 * world.k)
         h = float(c)
         out.append(
@@ -704,12 +723,14 @@ def _estimate(direction: Floats, sphere: _Sphere) -> tuple[NDArray[np.intp], Pai
     """
     zero = np.zeros(len(direction))
     d = direction.T
-    products = [_mul((zero + h, zero + low), (d[i], zero)) for i, (h, low) in enumerate(sphere.f)]
-    b = _add(_add(products[0], products[1]), products[2])
+    products = [pairs.mul((zero + h, zero + low), (d[i], zero)) for i, (h, low) in enumerate(sphere.f)]
+    b = pairs.add(pairs.add(products[0], products[1]), products[2])
     g = sum(abs(h) * np.abs(d[i]) for i, (h, _) in enumerate(sphere.f))
-    a = _add(_add(_two_product(d[0], d[0]), _two_product(d[1], d[1])), _two_product(d[2], d[2]))
+    a = pairs.add(
+        pairs.add(pairs.two_product(d[0], d[0]), pairs.two_product(d[1], d[1])), pairs.two_product(d[2], d[2])
+    )
     c = zero + sphere.c[0], zero + sphere.c[1]
-    D = _add(_mul(b, b), _neg(_mul(a, c)))
+    D = pairs.add(pairs.mul(b, b), pairs.neg(pairs.mul(a, c)))
 
     b_error = EPS * g
     D_error = 4 * EPS * (g * g + a[0] * abs(sphere.c[0]))
@@ -722,12 +743,12 @@ def _estimate(direction: Floats, sphere: _Sphere) -> tuple[NDArray[np.intp], Pai
     if not len(rows):
         return rows, (zero[:0], zero[:0]), zero[:0], doubt
     a, b, D = ((x[0][rows], x[1][rows]) for x in (a, b, D))
-    root = _sqrt(D)
-    n = _add(_where(b[0] < 0, _neg(b), b), root)
+    root = pairs.sqrt(D)
+    n = pairs.add(pairs.where(b[0] < 0, pairs.neg(b), b), root)
     share = (b_error[rows] + D_error[rows] / root[0] + EPS * root[0]) / n[0] + EPS
     direct = b[0] > 0 if sphere.sign <= 0 else np.zeros(len(rows), bool)  # t = n / a; otherwise |c| / n
     c = np.abs(sphere.c[0]) + 0 * n[0], np.copysign(1, sphere.c[0]) * sphere.c[1] + 0 * n[0]
-    t = _div(_where(direct, n, c), _where(direct, a, n))
+    t = pairs.div(pairs.where(direct, n, c), pairs.where(direct, a, n))
     error = np.where(share < 2.0**-20, t[0] * (2 * share + 4 * EPS), np.inf)
     return rows, t, error, doubt
 
@@ -782,7 +803,7 @@ def filtered(
             # h + low against the best so far. Both errors include 4 EPS t, more than the difference of two pairs loses.
             found = best[rows] >= 0
             other = np.where(found, best_t[rows], 0), best_l[rows]
-            gap, doubtful = _add((h, low), _neg(other))[0], 2 * (error + best_error[rows])
+            gap, doubtful = pairs.add((h, low), pairs.neg(other))[0], 2 * (error + best_error[rows])
             unsure[rows[~(np.abs(gap) > doubtful) & found | ~np.isfinite(error)]] = True
             win = ~found | (gap < 0)
             rows = rows[win]
