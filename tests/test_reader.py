@@ -500,6 +500,26 @@ def test_fault(name: str) -> None:
     assert faults_of(changed(old, new)) == expected
 
 
+def test_each_ellipsoid_has_its_own_line() -> None:
+    transforms = [
+        "",
+        '<transform><scale x="1" y="2" z="1"/></transform>',
+        '<transform><scale x="1e-38" y="1" z="1"/><scale x="1e-38" y="1" z="1"/></transform>',
+        '<transform><scale x="2" y="2" z="2"/></transform>',
+        '<transform><scale x="1" y="1" z="1e-3"/></transform>',
+        '<transform><scale x="1" y="3e38" z="1"/></transform>',
+        "",
+    ]
+    spheres = [changed("    </sphere>", transform + "</sphere>", SPHERE_TEXT) for transform in transforms]
+    text = changed('y="5"', 'y="0"', "".join(spheres)).replace('y="5"', 'y="0"').replace('x="4"', 'x="0"')
+    lines = [25 + i * SPHERE_TEXT.count("\n") for i in range(7)]
+    assert faults_of(changed(SPHERE_TEXT, text)) == [
+        f"{lines[2]}: sphere transform: its inverse must not exceed 3.4e38 in magnitude, got 1e+76",
+        f"{lines[5]}: sphere: after the transform half of the extent along y must not exceed 3.4e38 in magnitude, "
+        "got 4.5e+38",
+    ]
+
+
 OUTPUT_FILES = {
     "": "must not be empty",
     "a/b.png": "must be a file name without a folder, got 'a/b.png'",

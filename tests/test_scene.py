@@ -398,12 +398,14 @@ def test_a_linear_map_makes_an_ellipsoid() -> None:
 
 
 def hostile_maps(rng: np.random.Generator, count: int) -> Iterator[np.ndarray]:
-    """(count, 3, 3) maps: usual, of very different sizes, nearly singular, of few numbers, and diagonal."""
+    """(n, 3, 3) maps: usual, nearly singular in part, of very different sizes, nearly singular, simple, straight."""
     usual, wide = rng.normal(size=(count, 3, 3)), rng.normal(size=(count, 3, 3))
     wide *= 2.0 ** rng.uniform(-140, 120, wide.shape)
     flat = np.linalg.qr(usual)[0] * 2.0 ** rng.uniform(-60, 0, (count, 1, 3)) @ np.linalg.qr(wide)[0]
     few = rng.choice([0, 1, -1, 3, 2.0**-149, -3.4e38], usual.shape)
-    yield from (usual, np.where(np.abs(wide) < 2.0**-149, 0, wide), flat, few, usual * np.eye(3))
+    narrow = usual.copy()
+    narrow[:, 1, 1] = usual[:, 1, 2] * usual[:, 2, 1] / usual[:, 2, 2]
+    yield from (usual, narrow, np.where(np.abs(wide) < 2.0**-149, 0, wide), flat, few, usual * np.eye(3))
 
 
 def test_inverses_are_rounded_once() -> None:
@@ -439,6 +441,9 @@ def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
         ([np.eye(3)], 1, "spheres.to_object[1]: must be -1 or the index of one of to_object, got 1"),
         ([np.eye(3)], -2, "spheres.to_object[1]: must be -1 or the index of one of to_object, got -2"),
         (np.eye(3), 0, "to_object: must have shape (n, 3, 3), got (3, 3)"),
+        (np.zeros((0, 3)), -1, "to_object: must have shape (n, 3, 3), got (0, 3)"),
+        ([[(1, 0), (0, 1, 0)]], -1, "to_object: must be an array, got rows of different lengths"),
+        (None, -1, "to_object: must be numbers, got None"),
         ([np.eye(3), np.ones((3, 3))], 0, "to_object[1]: must not be singular"),
         ([np.diag([1, 1e39, 1])], 0, "to_object[0][1][1]: must not exceed 3.4e38 in magnitude, got 1e+39"),
         (

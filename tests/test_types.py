@@ -31,10 +31,22 @@ def test_vectors_may_be_tuples_lists_and_arrays() -> None:
     one: Scene = Scene.from_spheres(
         camera, lights, np.zeros((4, 3)), 1.0, [0.5, 0.5, 0.5], kd=np.ones(4), background=[0, 0, 0]
     )
-    two: Scene = Scene.from_spheres(camera, lights[0], [(0, 0, 0)], [1])
+    two: Scene = Scene.from_spheres(
+        camera,
+        lights[0],
+        [(0, 0, 0)],
+        [1],
+        reflectance=0.5,
+        transmittance=[0.5],
+        index=1.5,
+        transform=np.diag([1, 2, 3]),
+    )
     assert len(one.spheres) == 4
     assert len(two.lights) == 1
     assert_type(one.background, tuple[float, float, float])
+    assert_type(two.to_object, NDArray[np.float64])
+    three: Scene = Scene(camera, two.lights, two.spheres, two.materials, to_object=[((1, 0, 0), (0, 1, 0), (0, 0, 2))])
+    assert three.to_object.shape == (1, 3, 3)
 
 
 def test_outputs_are_arrays_and_not_optional() -> None:
