@@ -477,37 +477,43 @@ def test_exact_numbers_are_told_apart_by_squaring() -> None:
         root2 + Surd(Fraction(0), Fraction(1), Fraction(3))
 
 
-def test_bounds_of_doubles_hold() -> None:
-    """What doubles are certain about is what exact arithmetic says, for starts and spheres of very different sizes."""
+@pytest.mark.parametrize("bent", [False, True])
+def test_bounds_of_doubles_hold(bent: bool) -> None:
+    """What doubles are certain about is what exact arithmetic says, for starts and spheres of very different sizes.
+
+    With ellipsoids, too, up to a million times as long as wide.
+    """
     rng = np.random.default_rng(7)
     sure = {None: 0, False: 0, True: 0}
     for _ in range(400):
         size = 10.0 ** rng.uniform(-6, 6, 6)
         scene = turned_scene(rng)
-        spheres = scene.spheres.copy()
+        spheres, K, L = scene.spheres.copy(), np.zeros((0, 3, 3)), np.repeat(np.eye(3)[None], 6, axis=0)
         spheres["radius"] = size
         spheres["center"] *= rng.choice([1, 1e3, 1e-3])
-        scene = dataclasses.replace(scene, spheres=spheres)
+        if bent:
+            L = np.array([turned(rng, *10.0 ** rng.uniform(-6, 0, 3)) for _ in range(6)])
+            K, spheres["to_object"] = np.linalg.inv(L), np.arange(6)
+        scene = dataclasses.replace(scene, spheres=spheres, to_object=K)
         own, other, *_ = rng.permutation(6)
-        n = rng.normal(size=3)
-        n /= np.linalg.norm(n)
-        # The light is close to where the line from the start would touch the other sphere.
-        point, c = spheres["center"][own] + size[own] * n, spheres["center"][other]
-        side = np.cross(c - point, rng.normal(size=3))
-        side *= size[other] * (1 + rng.normal() * 10.0 ** rng.uniform(-17, 0)) / np.linalg.norm(side)
-        light = point + (c + side - point) * rng.uniform(0.5, 3)
-        lit = Scene.from_spheres(scene.camera, [cltrace.point_light(tuple(light))], [(0, 0, 0)], 1)
-        world = world_of(dataclasses.replace(lit, spheres=spheres))
+        n = unit(rng.normal(size=3))
+        # The light is close to where the line from the start would touch the other one.
+        point = spheres["center"][own] + size[own] * L[own] @ n
+        f = np.linalg.solve(L[other], spheres["center"][other] - point)
+        side = unit(np.cross(f, rng.normal(size=3))) * size[other] * (1 + rng.normal() * 10.0 ** rng.uniform(-17, 0))
+        light = point + L[other] @ (f + side) * rng.uniform(0.5, 3)
+        lit = dataclasses.replace(scene, lights=cltrace.point_light(tuple(light)))
+        world = world_of(lit)
         first, second = world.surfaces[own], world.surfaces[other]
         assert isinstance(first, Sphere)
         assert isinstance(second, Sphere)
-        normal = Direction(*(float(x) for x in np.array(scene.camera.basis()) @ n)).normalized()
+        normal = Direction(*(n if bent else np.array(scene.camera.basis()) @ n).tolist()).normalized()
         ray = ShadowRay(Start(first, normal), False, world.lights[0])
         said = surely_blocks(second, ray)
         sure[said] += 1
         if said is not None:
             assert said is (ray.line.through(second.ball).first(0.0, 1.0) is not None)
-        along = Ray(Start(first, normal), ray.rough.w)
+        along = Ray(Start(first, normal), ray.rough_line.w)
         if surely_misses(second, along):
             assert second.equation(along).exact.first(0.0, math.inf) is None
     assert min(sure.values()) > 20
@@ -1050,3 +1056,23 @@ def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
                 assert any(s.blocks(ray) for s in world.surfaces) is blocked
                 found[blocked] += 1
     assert min(found.values()) > 50
+
+
+def test_from_the_middle_of_a_needle_t_is_right() -> None:
+    """The length of K d is a billionth of what its terms are, which leaves 1e-7 of it to doubles."""
+    rng, unsure = np.random.default_rng(34), 0
+    for _ in range(50):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        scene = scene_of((0, 0, 0, 2))
+        spheres = scene.spheres.copy()
+        spheres["to_object"] = 0
+        world = world_of(dataclasses.replace(scene, spheres=spheres, to_object=[np.diag([1, 3e9, 2e9]) @ axes]))
+        surface, ray = world.surfaces[0], Ray(EYE, Direction(*axes[0].tolist()))
+        assert isinstance(surface, Sphere)
+        t = surface.intersect(ray)
+        equation = surface.equation(ray)
+        assert isinstance(equation, FromSurface)
+        assert t is not None
+        assert abs(t / float(equation.exact_value(1)) - 1) < 2.0**-24
+        unsure += equation.sure is None
+    assert unsure > 40

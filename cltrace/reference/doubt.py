@@ -17,6 +17,10 @@ Products.  Let f' and w' be the errors of f and w.
     a:  2 |w| w' + w'^2 + (4 u + k) |w|^2;   c: 2 |f| f' + f'^2 + (4 u + k) |f|^2 + 4 u r^2
     X:  as b; turning scales areas by 1 -/+ 2 k, which 4 k X^2 in D pays for
     D:  r^2 a' + 2 X X' + X'^2 + 8 u (a r^2 + X^2) + 4 k X^2
+An ellipsoid sees K B^T f and K B^T w instead: turning them back costs k |f| and 5.2 u |f|, K rounds by 3 u of its size
+    (see vectors.Matrix) times |f|, and makes all errors as much larger as that size. There is no skew in its own axes.
+Of a start on an ellipsoid, p = B L q r with |p| <= l r, l being the size of L, is off by 5 u l r in the world, and
+    turning adds as much: l r takes the place of r.
 The bounds themselves are rounded, and products of two errors are dropped where they are third-order: so all are
 doubled. FLOOR covers underflow. An overflow makes a bound infinite or NaN, and both compare as a doubt.
 """
@@ -38,7 +42,7 @@ U = 2.0**-53
 FLOOR = 2.0**-900
 
 
-def _size(p: Point) -> float:
+def _size(p: Point | Direction) -> float:
     return abs(p.x) + abs(p.y) + abs(p.z)
 
 
@@ -56,12 +60,11 @@ class Rough:
         return -1 if self.value < -self.error else None
 
 
-class RoughLine:
-    """A ray from anchor + p in direction w, with what its errors depend on."""
+class RoughStart:
+    """Where a ray starts, anchor + p, with what its error depends on."""
 
     def __init__(self, start: Point | Start, skew: float) -> None:
-        self.relative, self.products = 16 * U + 4 * skew, 4 * U + skew
-        self.skew = skew
+        self.relative, self.skew = 16 * U + 4 * skew, skew
         self.p: Direction | None
         if isinstance(start, Start):
             n, r = start.normal, start.surface.reach
@@ -77,14 +80,22 @@ class RoughLine:
         f = point - self.anchor
         return f - self.p if self.p else f, self.relative * (_size(point) + self.size) + self.fixed
 
-    def aim(self, w: Direction, error: float) -> None:
+
+class RoughLine:
+    """A ray that leads along w, with what its errors depend on."""
+
+    def __init__(self, w: Direction, error: float, skew: float) -> None:
+        self.products, self.skew = 4 * U + skew, skew
         self.w, self.w_error = w, error
         a = w.dot(w)
         self.length = math.sqrt(a)
         self.a = Rough(a, 2 * (2 * self.length * error + error * error + self.products * a) + FLOOR)
 
-    def aim_at_parallel(self, towards: Direction) -> None:
-        self.aim(towards, 64 * U + 4 * self.skew)
+    def seen_by(self, sphere: Sphere) -> RoughLine:
+        """The same in the own axes of an ellipsoid."""
+        if sphere.ball.to_object is None:
+            return self
+        return RoughLine(*seen_by(sphere, self.w, self.w_error), 0.0)
 
     def excess(self, f: Direction, error: float, r: float) -> Rough:
         """|f|^2 - r^2, the power of what is f away from the centre."""
@@ -112,14 +123,19 @@ class RoughLine:
         return Rough(arr - XX, 2 * bound + FLOOR)
 
 
+def seen_by(sphere: Sphere, v: Direction, error: float) -> tuple[Direction, float]:
+    """A difference of points as the sphere sees it, K B^T v for an ellipsoid, and the bound of its error."""
+    if sphere.ball.to_object is None:
+        return v, error
+    frame = sphere.frame
+    return sphere.seen(frame.B.T @ v), sphere.stretch * (error + (16 * U + frame.skew) * _size(v))
+
+
 def surely_misses(sphere: Sphere, ray: Ray) -> bool:
     """Whether the ray certainly passes by the sphere, or leads away from it. False: it may or may not."""
-    if sphere.ball.to_object is not None:
-        return False
-    line = RoughLine(ray.origin, sphere.frame.skew)
-    line.aim(ray.direction, sphere.frame.skew * ray.direction.length())
-    f, error = line.to(sphere.center)
-    r = sphere.radius
+    skew, r = sphere.frame.skew, sphere.radius
+    line = RoughLine(ray.direction, skew * ray.direction.length(), skew).seen_by(sphere)
+    f, error = seen_by(sphere, *RoughStart(ray.origin, skew).to(sphere.center))
     if line.discriminant(f, error, r).sign() == -1:
         return True
     # Away from it, both ends are behind the start.
@@ -133,17 +149,15 @@ def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
     inside nothing is crossed, and from inside to outside or back the sphere is. From outside to outside it is if the
     middle of the way through it, t = b / a, is before the end.
     """
-    if sphere.ball.to_object is not None:
-        return None
-    line, light, r = ray.rough, ray.light.position, sphere.radius
-    f, error = line.to(sphere.center)
+    line, light, r = ray.rough_line.seen_by(sphere), ray.light.position, sphere.radius
+    f, error = seen_by(sphere, *ray.rough_start.to(sphere.center))
     meets = line.discriminant(f, error, r).sign()
     if meets == -1:
         return False
     start, b = line.excess(f, error, r).sign(), line.along(f, error)
     if start == 1 and b.sign() == -1:
         return False
-    end, short = (1, 1) if light is None else (_end(sphere, line, light), line.rest(b).sign())
+    end, short = (1, 1) if light is None else (_end(sphere, ray.rough_start, line, light), line.rest(b).sign())
     if start is None or end is None:
         return None
     if start < 0 or end < 0:
@@ -153,7 +167,7 @@ def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
     return True if meets == b.sign() == short == 1 else None
 
 
-def _end(sphere: Sphere, line: RoughLine, light: Point) -> int | None:
+def _end(sphere: Sphere, start: RoughStart, line: RoughLine, light: Point) -> int | None:
     """The sign of the light's power, 1 outside."""
-    error = line.relative * (_size(light) + _size(sphere.center))
-    return line.excess(light - sphere.center, error, sphere.radius).sign()
+    error = start.relative * (_size(light) + _size(sphere.center))
+    return line.excess(*seen_by(sphere, light - sphere.center, error), sphere.radius).sign()

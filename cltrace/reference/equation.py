@@ -69,11 +69,11 @@ class Equation(ABC):
     def _exact_t(self, side: int) -> float:
         """Where on the ray that end is, by exact arithmetic."""
         try:
-            return float(self._exact_value(side))
+            return float(self.exact_value(side))
         except OverflowError:
             return math.inf
 
-    def _exact_value(self, side: int) -> Fraction:
+    def exact_value(self, side: int) -> Fraction:
         return next(root for root in self.exact.roots() if root.side == side).value()
 
     def _unit(self, from_center: Direction) -> Direction:
@@ -279,7 +279,7 @@ class FromAnywhere(Equation):
     def normal(self, side: int, t: float) -> Direction:
         """By way of start + t d - C with the t of exact arithmetic, not the rounded one."""
         ball, frame, bits = self.sphere.ball, self.sphere.frame, 256
-        line, t_exact = self.ray.line(frame), self._exact_value(side)
+        line, t_exact = self.ray.line(frame), self.exact_value(side)
         start = minus(line.start, vector(ball.center))
         x, y, z = (p.between(bits).low + t_exact * q.p for p, q in zip(start, line.direction, strict=True))
         own = product(ball.to_object, (x, y, z)) if ball.to_object else frame.to_camera((x, y, z))

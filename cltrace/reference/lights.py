@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from cltrace.reference.doubt import RoughLine
+from cltrace.reference.doubt import RoughLine, RoughStart, U
 from cltrace.reference.exact import Line, Rational, minus, vector
 from cltrace.reference.rays import Start
 from cltrace.reference.vectors import Color, Direction, Point
@@ -71,14 +71,18 @@ class ShadowRay:
         return math.inf if self.light.parallel else 1.0
 
     @cached_property
-    def rough(self) -> RoughLine:
-        """The ray in doubles with bounds of their errors."""
-        line = RoughLine(self.start, self.start.surface.frame.skew)
+    def rough_start(self) -> RoughStart:
+        """The start in doubles with bounds of their errors."""
+        return RoughStart(self.start, self.start.surface.frame.skew)
+
+    @cached_property
+    def rough_line(self) -> RoughLine:
+        """The way in doubles with bounds of their errors."""
+        skew = self.start.surface.frame.skew
         if self.light.towards is not None:
-            line.aim_at_parallel(self.light.towards)
-        elif self.light.position is not None:
-            line.aim(*line.to(self.light.position))
-        return line
+            return RoughLine(self.light.towards, 64 * U + 4 * skew, skew)
+        assert self.light.position is not None
+        return RoughLine(*self.rough_start.to(self.light.position), skew)
 
     @cached_property
     def line(self) -> Line:
