@@ -5,17 +5,18 @@ child is comes from its place alone: the spheres are put into an order, each eig
 neighbours of one level are a node of the next. So all nodes of a level are made at once, nodes and blocks are full but
 for the last one of a level, and no tree is deeper than its number of spheres asks for.
 
-The order halves a set of spheres again and again across the longest side of its centres' box.
+The order halves a set of spheres again and again, across the longest side of its centres' box.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.exact import Array, blockwise, rounded_down, rounded_up
+from cltrace.plan.exact import Array, blockwise, concurrently
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -26,10 +27,12 @@ NODE = np.dtype(
 )
 BLOCK = np.dtype([(name, "f4", (8,)) for name in ("x", "y", "z", "outer", "inner")] + [("index", "i4", (8,))])
 
-# Spheres of the largest sets of equal size that are halved together.
+# Sets of up to so many spheres are halved together with others of their size.
 ROW = 4096
-# Rows of so many keys or fewer sort in a network of comparisons, which takes less time than a partition of them.
+# Rows of up to so many keys are sorted by a network of comparisons, in less time than a partition of them takes.
 NETWORK = 256
+# Spheres at a time, such that their keys stay in a processor's cache.
+CHUNK = 2**15
 
 
 @dataclass(frozen=True)
@@ -53,131 +56,163 @@ def build_tree(center: Array, outer: Array, inner: Array, widen: float, member: 
     is added to the outer radii and taken off the inner ones, for the rounding of whoever reads the blocks. member: (m,)
     int32, indices of those to be entered; None for all.
     """
-    member = np.arange(len(center), dtype=np.int32) if member is None else member.astype(np.int32)
-    keys = np.concatenate([center.T, outer[None]]).astype(np.float32)
-    order = member[_order(keys.take(member, axis=1))]
-    blocks = max(1, -(-len(order) // WIDTH))
-    block = np.zeros(blocks, BLOCK)
-    sides = np.empty((6, -(-blocks // WIDTH) * WIDTH))
-    sides[::2], sides[1::2] = np.inf, -np.inf
+    n = len(center) if member is None else len(member)
+    keys = np.empty((4, n), np.float32)
+
+    def round_keys(part: slice) -> None:
+        which = part if member is None else member[part]
+        keys[:3, part], keys[3, part] = center[which].T, outer[which]
+
+    blockwise(n, round_keys)
+    order = _order(keys)
+    if member is not None:
+        order = member.take(order).astype(np.int32)
+    blocks = -(-n // WIDTH)
+    block, boxes = np.empty(blocks, BLOCK), _empty_boxes(blocks)
+    coordinate = np.ascontiguousarray(center).ravel()
 
     def fill(rows: slice) -> None:
-        index = order[rows.start * WIDTH : rows.stop * WIDTH]
-        empty = -len(index) % WIDTH if len(order) else WIDTH
-        part = block[rows]
-        part["index"] = np.concatenate([index, np.full(empty, -1, np.int32)]).reshape(-1, WIDTH)
-        # Empty slots repeat the last sphere, which changes no box.
-        index = np.concatenate([index, np.full(empty, index[-1] if len(index) else 0, np.int32)]).reshape(-1, WIDTH).T
-        if not len(order):
-            part["outer"] = -1
-            return
+        part, index = block[rows], order[rows.start * WIDTH : rows.stop * WIDTH]
+        empty = len(part) * WIDTH - len(index)
+        # The slots of a block are the first axis here: numpy is quick at minima along that one. Empty slots repeat the
+        # last sphere, which changes no box.
+        index = np.concatenate([index, np.repeat(index[-1:], empty)]).reshape(-1, WIDTH).T.copy()
+        part["index"] = index.T
         r = outer.take(index)
-        part["outer"] = rounded_up(r + widen).T
-        part["inner"] = rounded_down(np.maximum(inner.take(index) - widen, 0)).T
+        part["outer"] = _above(r + widen).T
+        part["inner"] = np.maximum(-_above(widen - inner.take(index)), 0).T
         for j, name in enumerate("xyz"):
-            x = center[:, j].take(index)
+            x = coordinate.take(3 * index + j)
             part[name] = x.T
-            # The difference is rounded, too, by less than this.
-            slack = (np.abs(x) + r) * 2.0**-52
-            sides[2 * j, rows] = (x - r - slack).min(axis=0)
-            sides[2 * j + 1, rows] = (x + r + slack).max(axis=0)
+            boxes[j, 0, rows] = -_above((r - x).max(axis=0))
+            boxes[j, 1, rows] = _above((x + r).max(axis=0))
         if empty:
-            part["outer"][part["index"] < 0] = -1
+            part["index"][-1, -empty:], part["outer"][-1, -empty:] = -1, -1
 
-    blockwise(blocks, fill, 2**12)
-    return Tree(_nodes(sides, blocks), block)
+    blockwise(blocks, fill, CHUNK // WIDTH) if n else None
+    return Tree(_nodes(boxes, blocks), block if n else np.zeros(1, BLOCK))
 
 
-def _nodes(sides: Array, blocks: int) -> NDArray[np.void]:
-    """The nodes over so many blocks. sides: (6, 8 m), of the blocks' boxes, and of empty ones up to a multiple of 8."""
-    boxes = np.empty_like(sides, np.float32)
-    boxes[::2], boxes[1::2] = rounded_down(sides[::2]), rounded_up(sides[1::2])
-    levels: list[NDArray[np.void]] = []
-    count = blocks
-    while not levels or count > 1:
-        above = -(-count // WIDTH)
-        level = np.zeros(above, NODE)
-        for box, name in zip(boxes.reshape(6, above, WIDTH), NODE.names or (), strict=False):
-            level[name] = box
-        index = np.arange(above * WIDTH, dtype=np.int32).reshape(above, WIDTH)
-        level["child"] = np.where(level["low_x"] <= level["high_x"], index if levels else ~index, 0)
-        levels.append(level)
-        wide = boxes.reshape(6, above, WIDTH)
-        count = above
-        boxes = np.empty((6, -(-above // WIDTH) * WIDTH), np.float32)
-        boxes[::2], boxes[1::2] = np.inf, -np.inf
-        boxes[::2, :above], boxes[1::2, :above] = wide[::2].min(axis=2), wide[1::2].max(axis=2)
-    first = 0
-    for below, level in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        first += len(level)
-        filled = level["low_x"] <= level["high_x"]
-        level["child"][filled] += first
-        assert len(below)
-    return np.concatenate(levels[::-1])
+def _above(x: Array) -> Floats:
+    """float32 numbers >= x, and >= what x was before it was rounded to double: an ulp more than needed at most.
+
+    Rounding to float32 changes a number by 2^-24 of itself at most, or by 2^-150 where that is more.
+    """
+    return (x + (np.abs(x) * 2.0**-23 + 2.0**-149)).astype(np.float32)
+
+
+def _empty_boxes(count: int) -> Floats:
+    """(3, 2, count), or more: low and high sides of boxes, a multiple of 8 of them."""
+    boxes = np.empty((3, 2, max(1, -(-count // WIDTH)) * WIDTH), np.float32)
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    return boxes
+
+
+def _nodes(boxes: Floats, count: int) -> NDArray[np.void]:
+    """The nodes over so many blocks. boxes: theirs, and empty ones up to a multiple of 8."""
+    counts = [max(1, -(-count // WIDTH))]
+    while counts[-1] > 1:
+        counts.append(-(-counts[-1] // WIDTH))
+    node = np.zeros(sum(counts), NODE)
+    end, below = len(node), None
+    for level, nodes in enumerate(counts):
+        part = node[end - nodes : end]
+        for side, name in zip(boxes.reshape(6, nodes, WIDTH), NODE.names or (), strict=False):
+            part[name] = side
+        child = np.arange(nodes * WIDTH, dtype=np.int32)
+        child[count:] = 0
+        child[:count] = child[:count] + end if level else ~child[:count]
+        part["child"] = child.reshape(-1, WIDTH)
+        below, boxes = boxes.reshape(3, 2, nodes, WIDTH), _empty_boxes(nodes)
+        boxes[:, 0, :nodes], boxes[:, 1, :nodes] = below[:, 0].min(axis=2), below[:, 1].max(axis=2)
+        count, end = nodes, end - nodes
+    return node
 
 
 def _order(keys: Floats) -> Ints:
-    """The order (n,) of spheres, by their keys (4, n): coordinates and radius."""
+    """The order (n,) of spheres, by their keys (4, n): coordinates and radius. The keys are put into it, too."""
     n = keys.shape[1]
     order = np.arange(n, dtype=np.int32)
-    keys = keys.copy()
-    pieces: dict[int, list[int]] = {}
-    todo = [(0, n)]
-    while todo:
-        start, count = todo.pop()
-        if count <= WIDTH:
-            continue
-        unit = WIDTH
-        while unit * WIDTH < count:
-            unit *= WIDTH
-        if unit * WIDTH == count <= ROW:
-            pieces.setdefault(count, []).append(start)
-            continue
-        units = -(-count // unit)
-        left = units // 2 * unit
-        part = slice(start, start + count)
-        axis = int(np.argmax(np.ptp(keys[:3, part], axis=1)))
-        key = _sortable(keys[axis, part]) << 32 | np.arange(count)
-        key.partition(left)
-        which = key & 0xFFFFFFFF
-        order[part] = order[part].take(which)
-        keys[:, part] = keys[:, part].take(which, axis=1)
-        todo += [(start, left), (start + left, count - left)]
-    for size, starts in pieces.items():
+    rows: dict[int, list[int]] = {}
+    sets = [(0, n)]
+    while sets:
+        halve = []
+        for start, count in sets:
+            if count in (64, 512, ROW):
+                rows.setdefault(count, []).append(start)
+            elif count > WIDTH:
+                halve.append(partial(_halve, keys, order, start, count))
+        sets = [half for halves in concurrently(halve) for half in halves]
+    for size, starts in rows.items():
         places = np.array(starts)[:, None] + np.arange(size)
 
-        def halve(block: slice, places: NDArray[np.int64] = places) -> None:
-            which = places[block]
-            order[which] = _halved(keys[:3, which], order[which])
+        def sort(part: slice, places: NDArray[np.int64] = places) -> None:
+            which = places[part]
+            order[which] = _sorted_rows(keys[:3, which], order[which])
 
-        blockwise(len(starts), halve, max(1, 2**15 // size))
+        blockwise(len(starts), sort, CHUNK // size)
     return order
 
 
-def _halved(keys: Floats, order: Ints) -> Ints:
+def _halve(keys: Floats, order: Ints, start: int, count: int) -> list[tuple[int, int]]:
+    """Puts a set of spheres into an order of two halves, those of full nodes as far as they go, and returns these."""
+    unit = WIDTH
+    while unit * WIDTH < count:
+        unit *= WIDTH
+    left = -(-count // unit) // 2 * unit
+    part = slice(start, start + count)
+    low = keys[:3, part].min(axis=1)
+    size = keys[:3, part].max(axis=1) - low
+    axis = int(np.argmax(size))
+    x = keys[axis, part]
+    # By a histogram, as most of the set is in other bins than that of the median.
+    bin_of = ((x - low[axis]) * np.float32(4095 / max(float(size[axis]), 1e-30))).astype(np.uint16)
+    ends = np.cumsum(np.bincount(bin_of, minlength=4096))
+    middle = int(np.searchsorted(ends, left))
+    first = bin_of < middle
+    among = np.flatnonzero(bin_of == middle)
+    missing = left - int(ends[middle] - len(among))
+    if missing < len(among):
+        among = among[np.argpartition(x[among], missing)[:missing]]
+    first[among] = True
+    which = np.concatenate([np.flatnonzero(first), np.flatnonzero(~first)])
+    order[part] = order[part].take(which)
+    for key in keys:
+        key[part] = key[part].take(which)
+    return [(start, left), (start + left, count - left)]
+
+
+def _sorted_rows(keys: Floats, order: Ints) -> Ints:
     """Each row of spheres in the order of blocks. keys: (3, rows, size), coordinates; order: (rows, size)."""
-    _, rows, size = keys.shape
-    order = order.ravel()
-    width = size
+    shape = order.shape
+    width = shape[1]
+    keys, order = keys.reshape(3, -1), order.ravel()
+    level = 0
     while width > WIDTH:
-        shape = (-1, width)
-        boxed = keys.reshape(3, -1, width)
-        axis = np.argmax(boxed.max(axis=2) - boxed.min(axis=2), axis=0)
-        chosen = boxed[axis, np.arange(len(axis))]
-        key = _sortable(chosen) << 32
-        key |= np.arange(rows * size).reshape(shape)
+        if level % 3 == 0:
+            starts, bits = np.arange(0, len(order), width), width.bit_length() - 1
+            low = np.minimum.reduceat(keys, starts, axis=1)
+            size = np.maximum.reduceat(keys, starts, axis=1) - low
+            scale = np.float32(2 ** min(23, 30 - bits)) / np.maximum(size, np.float32(1e-30))
+        else:
+            # That halves are half as long is near enough.
+            low, size, scale = (np.repeat(x, 2, axis=1) for x in (low, size, scale))
+        axis, row = np.argmax(size, axis=0), np.arange(len(order) // width)
+        # A key has a place along that axis, and below it the sphere's place in the row.
+        along = keys.reshape(3, -1, width)[axis, row]
+        along -= low[axis, row][:, None]
+        along *= scale[axis, row][:, None]
+        key = along.astype(np.int32)
+        key <<= bits
+        key |= np.arange(width, dtype=np.int32)
         if width > NETWORK:
             key.partition(width // 2, axis=1)
         else:
             key.sort(axis=1)
-        which = key.ravel() & 0xFFFFFFFF
-        order = order.take(which)
-        keys = keys.reshape(3, -1).take(which, axis=1)
+        key &= width - 1
+        which = (key + np.arange(0, len(order), width)[:, None]).ravel()
+        order, keys = order.take(which), keys.take(which, axis=1)
+        size[axis, row] /= 2
         width //= 2
-    return order.reshape(rows, size)
-
-
-def _sortable(x: Floats) -> NDArray[np.int64]:
-    """The bits of float32 numbers, changed such that, read as whole numbers, they are in the numbers' order."""
-    bits = np.ascontiguousarray(x).view(np.int32)
-    return (bits ^ (bits >> 31 & np.int32(0x7FFFFFFF))).astype(np.int64)
+        level += 1
+    return order.reshape(shape)
