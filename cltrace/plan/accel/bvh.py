@@ -1,17 +1,24 @@
 """A tree of boxes over spheres, for rays that start anywhere: mirrored and refracted ones.
 
-Each node has up to eight children, nodes or blocks of up to eight spheres (Wald, Benthin and Boulos 2008). Where a
-child is comes from its place alone: the spheres are put into an order, each eight of them are a block, and each eight
-neighbours of one level are a node of the next. So all nodes of a level are made at once, nodes and blocks are full but
-for the last one of a level, and no tree is deeper than its number of spheres asks for.
+A node has up to eight children, which are nodes or blocks of up to eight spheres (Wald, Benthin and Boulos 2008). The
+spheres are put into an order; each eight of them are a block, and each eight neighbours on one level are a node of the
+next one. So all nodes of a level are made at once, all but the last one of a level are full, and no tree is deeper than
+its number of spheres asks for, wherever they are.
 
-The order halves a set of spheres again and again, across the longest side of its centres' box.
+The order comes from halving a set of spheres again and again: across the longest side of the box of their centres, and
+in small sets across the axis that gives the smallest boxes. Spheres that are large beside the distance of most others
+are in trees of their own, which the root joins.
+
+The root is on level 1. With n spheres, the nodes just above the blocks are on level ceil(log8(n / 8)), 1 at least, or
+on the next one if the root joins several trees. A walk that goes on with one child of a node, and keeps the others for
+later, has up to 7 of them for each level: 63 for 2^26 spheres, and as many for 2^27.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +28,26 @@ from cltrace.plan.exact import Array, blockwise, concurrently
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 
+# Children of a node, and spheres of a block.
 WIDTH = 8
-NODE = np.dtype(
-    [(name, "f4", (8,)) for name in ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")] + [("child", "i4", (8,))]
+SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
+NODE = np.dtype([(name, "f4", (WIDTH,)) for name in SIDES] + [("child", "i4", (WIDTH,))])
+BLOCK = np.dtype(
+    [(name, "f4", (WIDTH,)) for name in ("x", "y", "z", "outer", "inner")] + [("index", "i4", (WIDTH,))],
 )
-BLOCK = np.dtype([(name, "f4", (8,)) for name in ("x", "y", "z", "outer", "inner")] + [("index", "i4", (8,))])
 
-# Sets of up to so many spheres are halved together with others of their size.
-ROW = 4096
+# A set of one of these sizes is a row of an array, and all of them are halved together. The sizes are those of nodes
+# with nothing missing below them.
+ROWS = (WIDTH**2, WIDTH**3, WIDTH**4)
 # Rows of up to so many keys are sorted by a network of comparisons, in less time than a partition of them takes.
 NETWORK = 256
+# Sets of up to so many spheres are halved across the best axis. A ray then looks at 1 to 5 % fewer boxes and blocks,
+# and a tree takes a quarter longer to build.
+SMALL = WIDTH**2
 # Spheres at a time, such that their keys stay in a processor's cache.
 CHUNK = 2**15
+# Bins of a histogram along an axis.
+BINS = 4096
 
 
 @dataclass(frozen=True)
@@ -40,9 +55,9 @@ class Tree:
     """Boxes over n spheres, as records of NODE and BLOCK.
 
     node: the root is the first one. A node has the boxes of its children, (8,) each, rounded outwards, and `child`: the
-    index of a node, or ~ that of a block. A box that is missing is empty: infinity is its low side, -infinity its high
-    side. block: centres, rounded, outer and inner radii, rounded up and down and made wider by what the tree was built
-    with, and the spheres' indices; a slot that is empty has the outer radius -1 and the index -1.
+    index of a node, or ~ that of a block. Where a child is missing, the low sides are infinity, the high ones -infinity
+    and `child` is 0. block: centres, rounded, outer and inner radii, rounded up and down and made wider by what the
+    tree was built with, and the spheres' indices; a slot that is empty has the outer radius -1 and the index -1.
     """
 
     node: NDArray[np.void]
@@ -50,124 +65,97 @@ class Tree:
 
 
 def build_tree(center: Array, outer: Array, inner: Array, widen: float, member: Ints | None = None) -> Tree:
-    """The tree over surfaces that lie between two spheres each.
+    """The tree over surfaces that each lie between two spheres.
 
-    center: (n, 3), outer and inner: (n,), all of a size about 1 at most; for a sphere both are its radius. widen: what
-    is added to the outer radii and taken off the inner ones, for the rounding of whoever reads the blocks. member: (m,)
-    int32, indices of those to be entered; None for all.
+    center: (n, 3), outer and inner: (n,), float64, all of a size about 1 at most; for a sphere both are its radius.
+    widen: what is added to the outer radii and taken off the inner ones, for the rounding of whoever reads the blocks.
+    member: (m,), indices of those to be entered; None for all. They may be in any order.
     """
     n = len(center) if member is None else len(member)
     keys = np.empty((4, n), np.float32)
 
-    def round_keys(part: slice) -> None:
-        which = part if member is None else member[part]
-        keys[:3, part], keys[3, part] = center[which].T, outer[which]
+    def round_keys(rows: slice) -> None:
+        which = rows if member is None else member[rows]
+        keys[:3, rows], keys[3, rows] = center[which].T, 2 * outer[which]
 
     blockwise(n, round_keys)
-    order = _order(keys)
+    orders = [part.take(_order(keys[:3].take(part, axis=1))) for part in _size_classes(keys)]
+    index = np.concatenate([np.pad(order, (0, -len(order) % WIDTH), constant_values=-1) for order in orders])
     if member is not None:
-        order = member.take(order).astype(np.int32)
-    blocks = -(-n // WIDTH)
-    block, boxes = np.empty(blocks, BLOCK), _empty_boxes(blocks)
-    coordinate = np.ascontiguousarray(center).ravel()
-
-    def fill(rows: slice) -> None:
-        part, index = block[rows], order[rows.start * WIDTH : rows.stop * WIDTH]
-        empty = len(part) * WIDTH - len(index)
-        # The slots of a block are the first axis here: numpy is quick at minima along that one. Empty slots repeat the
-        # last sphere, which changes no box.
-        index = np.concatenate([index, np.repeat(index[-1:], empty)]).reshape(-1, WIDTH).T.copy()
-        part["index"] = index.T
-        r = outer.take(index)
-        part["outer"] = _above(r + widen).T
-        part["inner"] = np.maximum(-_above(widen - inner.take(index)), 0).T
-        for j, name in enumerate("xyz"):
-            x = coordinate.take(3 * index + j)
-            part[name] = x.T
-            boxes[j, 0, rows] = -_above((r - x).max(axis=0))
-            boxes[j, 1, rows] = _above((x + r).max(axis=0))
-        if empty:
-            part["index"][-1, -empty:], part["outer"][-1, -empty:] = -1, -1
-
-    blockwise(blocks, fill, CHUNK // WIDTH) if n else None
-    return Tree(_nodes(boxes, blocks), block if n else np.zeros(1, BLOCK))
+        index = np.where(index < 0, -1, np.append(member, -1).take(index)).astype(np.int32)
+    block, boxes = _blocks(center, outer, inner, widen, index)
+    first, trees = 0, []
+    for order in orders:
+        count = -(-len(order) // WIDTH)
+        trees.append(_nodes(boxes[:, :, first : first + count], first))
+        first += count
+    return Tree(_joined(trees), block)
 
 
-def _above(x: Array) -> Floats:
-    """float32 numbers >= x, and >= what x was before it was rounded to double: an ulp more than needed at most.
+def _size_classes(keys: Floats) -> list[Ints]:
+    """Which spheres get trees of their own: sets of indices, eight at most, the one with most of them first.
 
-    Rounding to float32 changes a number by 2^-24 of itself at most, or by 2^-150 where that is more.
+    Among many small spheres, a large one would make all boxes above it large, too, from its block up. keys: (4, n),
+    coordinates and diameter.
     """
-    return (x + (np.abs(x) * 2.0**-23 + 2.0**-149)).astype(np.float32)
-
-
-def _empty_boxes(count: int) -> Floats:
-    """(3, 2, count), or more: low and high sides of boxes, a multiple of 8 of them."""
-    boxes = np.empty((3, 2, max(1, -(-count // WIDTH)) * WIDTH), np.float32)
-    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
-    return boxes
-
-
-def _nodes(boxes: Floats, count: int) -> NDArray[np.void]:
-    """The nodes over so many blocks. boxes: theirs, and empty ones up to a multiple of 8."""
-    counts = [max(1, -(-count // WIDTH))]
-    while counts[-1] > 1:
-        counts.append(-(-counts[-1] // WIDTH))
-    node = np.zeros(sum(counts), NODE)
-    end, below = len(node), None
-    for level, nodes in enumerate(counts):
-        part = node[end - nodes : end]
-        for side, name in zip(boxes.reshape(6, nodes, WIDTH), NODE.names or (), strict=False):
-            part[name] = side
-        child = np.arange(nodes * WIDTH, dtype=np.int32)
-        child[count:] = 0
-        child[:count] = child[:count] + end if level else ~child[:count]
-        part["child"] = child.reshape(-1, WIDTH)
-        below, boxes = boxes.reshape(3, 2, nodes, WIDTH), _empty_boxes(nodes)
-        boxes[:, 0, :nodes], boxes[:, 1, :nodes] = below[:, 0].min(axis=2), below[:, 1].max(axis=2)
-        count, end = nodes, end - nodes
-    return node
+    classes: list[Ints] = []
+    sets = [np.arange(keys.shape[1], dtype=np.int32)]
+    while sets:
+        part = sets.pop()
+        few = keys if len(part) == keys.shape[1] else keys.take(part, axis=1)
+        if len(part) > WIDTH and len(classes) + len(sets) < WIDTH - 1:
+            # About the side of the box of a block's centres, where those are all over a cube.
+            side = max(float(np.ptp(key)) for key in few[:3]) * (WIDTH / len(part)) ** (1 / 3)
+            large = few[3] > 2 * side
+            if 0 < np.count_nonzero(large) <= len(part) // 2:
+                sets += [part[large], part[~large]]
+                continue
+        classes.append(part)
+    return sorted(classes, key=len, reverse=True)
 
 
 def _order(keys: Floats) -> Ints:
-    """The order (n,) of spheres, by their keys (4, n): coordinates and radius. The keys are put into it, too."""
+    """The order (n,) of spheres, by their coordinates (3, n), which are put into it, too."""
     n = keys.shape[1]
     order = np.arange(n, dtype=np.int32)
     rows: dict[int, list[int]] = {}
     sets = [(0, n)]
     while sets:
-        halve = []
         for start, count in sets:
-            if count in (64, 512, ROW):
+            if count in ROWS:
                 rows.setdefault(count, []).append(start)
-            elif count > WIDTH:
-                halve.append(partial(_halve, keys, order, start, count))
-        sets = [half for halves in concurrently(halve) for half in halves]
+        jobs = [partial(_halve, keys, order, *part) for part in sets if part[1] > WIDTH and part[1] not in ROWS]
+        # Threads take a millisecond to start.
+        done = concurrently(jobs) if n > CHUNK else [job() for job in jobs]
+        sets = [half for halves in done for half in halves]
     for size, starts in rows.items():
         places = np.array(starts)[:, None] + np.arange(size)
 
         def sort(part: slice, places: NDArray[np.int64] = places) -> None:
             which = places[part]
-            order[which] = _sorted_rows(keys[:3, which], order[which])
+            order[which] = _sorted_rows(keys[:, which], order[which])
 
         blockwise(len(starts), sort, CHUNK // size)
     return order
 
 
 def _halve(keys: Floats, order: Ints, start: int, count: int) -> list[tuple[int, int]]:
-    """Puts a set of spheres into an order of two halves, those of full nodes as far as they go, and returns these."""
+    """Puts a set of spheres into an order of two halves, and returns where these are, as (start, count) each.
+
+    The first one is as much as full nodes of the next level hold.
+    """
     unit = WIDTH
     while unit * WIDTH < count:
         unit *= WIDTH
     left = -(-count // unit) // 2 * unit
     part = slice(start, start + count)
-    low = keys[:3, part].min(axis=1)
-    size = keys[:3, part].max(axis=1) - low
+    low = keys[:, part].min(axis=1)
+    size = keys[:, part].max(axis=1) - low
     axis = int(np.argmax(size))
     x = keys[axis, part]
-    # By a histogram, as most of the set is in other bins than that of the median.
-    bin_of = ((x - low[axis]) * np.float32(4095 / max(float(size[axis]), 1e-30))).astype(np.uint16)
-    ends = np.cumsum(np.bincount(bin_of, minlength=4096))
+    # Most of the set is in other bins of a histogram than the median. Both halves stay in the order that they had.
+    bin_of = ((x - low[axis]) * _bins(size[axis], BINS)).astype(np.uint16)
+    ends = np.cumsum(np.bincount(bin_of, minlength=BINS))
     middle = int(np.searchsorted(ends, left))
     first = bin_of < middle
     among = np.flatnonzero(bin_of == middle)
@@ -182,37 +170,143 @@ def _halve(keys: Floats, order: Ints, start: int, count: int) -> list[tuple[int,
     return [(start, left), (start + left, count - left)]
 
 
+def _bins(size: Floats | np.float32, count: int) -> Floats:
+    """What makes places from 0 to size numbers from 0 to less than count, but where all is one place."""
+    return np.asarray(np.float32(count * (1 - 2.0**-20)) / np.maximum(size, np.float32(2.0**-100)), np.float32)
+
+
 def _sorted_rows(keys: Floats, order: Ints) -> Ints:
     """Each row of spheres in the order of blocks. keys: (3, rows, size), coordinates; order: (rows, size)."""
     shape = order.shape
     width = shape[1]
     keys, order = keys.reshape(3, -1), order.ravel()
-    level = 0
     while width > WIDTH:
-        if level % 3 == 0:
-            starts, bits = np.arange(0, len(order), width), width.bit_length() - 1
-            low = np.minimum.reduceat(keys, starts, axis=1)
-            size = np.maximum.reduceat(keys, starts, axis=1) - low
-            scale = np.float32(2 ** min(23, 30 - bits)) / np.maximum(size, np.float32(1e-30))
-        else:
-            # That halves are half as long is near enough.
+        starts = np.arange(0, len(order), width)
+        low = np.minimum.reduceat(keys, starts, axis=1)
+        size = np.maximum.reduceat(keys, starts, axis=1) - low
+        # With the place in the row, they have 31 bits. float32 has 24.
+        scale = _bins(size, min(2**23, 2**31 // width))
+        for _ in range(3):
+            if width <= SMALL:
+                which = _best_halves(keys, low, scale, width)
+            else:
+                # That halves are half as long is near enough.
+                axis, row = np.argmax(size, axis=0), np.arange(len(order) // width)
+                which = _halves(keys.reshape(3, -1, width)[axis, row], low[axis, row], scale[axis, row])
+                size[axis, row] /= 2
+            order, keys = order.take(which.ravel()), keys.take(which.ravel(), axis=1)
             low, size, scale = (np.repeat(x, 2, axis=1) for x in (low, size, scale))
-        axis, row = np.argmax(size, axis=0), np.arange(len(order) // width)
-        # A key has a place along that axis, and below it the sphere's place in the row.
-        along = keys.reshape(3, -1, width)[axis, row]
-        along -= low[axis, row][:, None]
-        along *= scale[axis, row][:, None]
-        key = along.astype(np.int32)
-        key <<= bits
-        key |= np.arange(width, dtype=np.int32)
-        if width > NETWORK:
-            key.partition(width // 2, axis=1)
-        else:
-            key.sort(axis=1)
-        key &= width - 1
-        which = (key + np.arange(0, len(order), width)[:, None]).ravel()
-        order, keys = order.take(which), keys.take(which, axis=1)
-        size[axis, row] /= 2
-        width //= 2
-        level += 1
+            width //= 2
     return order.reshape(shape)
+
+
+def _halves(along: Floats, low: Floats, scale: Floats) -> Ints:
+    """The order of each row, (rows, width), such that its first half comes before the second one along an axis.
+
+    along: (rows, width), the places on that axis; low, scale: (rows,), what is taken from those and by what the rest is
+    multiplied, so that it fills the bits of a key that the place in the row leaves.
+    """
+    rows, width = along.shape
+    key: Ints = ((along - low[:, None]) * scale[:, None]).astype(np.int32)
+    key *= width
+    key |= np.arange(width, dtype=np.int32)
+    if width > NETWORK:
+        key.partition(width // 2, axis=1)
+    else:
+        key.sort(axis=1)
+    key &= width - 1
+    return key + np.arange(0, rows * width, width, dtype=np.int32)[:, None]
+
+
+def _best_halves(keys: Floats, low: Floats, scale: Floats, width: int) -> Ints:
+    """The order of each row, as of _halves(), along the axis for which the boxes of both halves have least surface."""
+    orders, surfaces = [], []
+    for along, start, factor in zip(keys.reshape(3, -1, width), low, scale, strict=True):
+        orders.append(_halves(along, start, factor))
+        # The places in a row are the first axis here: numpy is quick at minima along that one.
+        which = np.ascontiguousarray(orders[-1].T)
+        halves = [key.take(which).reshape(2, width // 2, -1) for key in keys]
+        x, y, z = (half.max(axis=1) - half.min(axis=1) for half in halves)
+        surfaces.append((x * y + y * z + z * x).sum(axis=0))
+    best = np.argmin(surfaces, axis=0)
+    chosen: Ints = np.array(orders)[best, np.arange(len(best))]
+    return chosen
+
+
+def _blocks(center: Array, outer: Array, inner: Array, widen: float, index: Ints) -> tuple[NDArray[np.void], Floats]:
+    """The blocks, and their boxes: (3, 2, m), low and high sides. index: (8 m,), the spheres in them, -1 for none."""
+    blocks = len(index) // WIDTH
+    block, boxes = np.empty(blocks, BLOCK), np.empty((3, 2, blocks), np.float32)
+    coordinate = np.ascontiguousarray(center).ravel()
+
+    def fill(rows: slice) -> None:
+        part, spheres = block[rows], index.reshape(-1, WIDTH)[rows]
+        part["index"] = spheres
+        # Empty slots repeat the first sphere, which changes no box. The slots are the first axis from here on: numpy is
+        # quick at minima along that one.
+        which = np.ascontiguousarray(np.where(spheres < 0, spheres[:, :1], spheres).T)
+        r = outer.take(which)
+        part["outer"] = np.where(spheres.T < 0, np.float32(-1), _above(r + widen)).T
+        part["inner"] = np.maximum(-_above(widen - inner.take(which)), 0).T
+        for j, name in enumerate("xyz"):
+            x = coordinate.take(3 * which + j)
+            part[name] = x.T
+            boxes[j, 0, rows] = -_above((r - x).max(axis=0))
+            boxes[j, 1, rows] = _above((x + r).max(axis=0))
+
+    if blocks:
+        blockwise(blocks, fill, CHUNK // WIDTH)
+    return block, boxes
+
+
+def _above(x: Array) -> Floats:
+    """float32 numbers >= x, and >= what x was before one operation rounded it to double. They are 2 ulp more at most.
+
+    That rounding changed x by 2^-53 of itself, and the one to float32 by 2^-24 of itself or 2^-150.
+    """
+    return (x + (np.abs(x) * 2.0**-23 + 2.0**-149)).astype(np.float32)
+
+
+def _nodes(boxes: Floats, first: int) -> NDArray[np.void]:
+    """The nodes over blocks, from the root down. boxes: (3, 2, m), of the blocks; first: the index of the first block.
+
+    Indices of nodes count from the root.
+    """
+    counts = [boxes.shape[2]]
+    while len(counts) < 2 or counts[-1] > 1:
+        counts.append(max(1, -(-counts[-1] // WIDTH)))
+    node, end = np.zeros(sum(counts[1:]), NODE), sum(counts[1:])
+    for level, (below, count) in enumerate(pairwise(counts)):
+        part, sides = node[end - count : end], np.empty((3, 2, count * WIDTH), np.float32)
+        sides[:, 0], sides[:, 1] = np.inf, -np.inf
+        sides[:, :, :below] = boxes
+        sides = sides.reshape(3, 2, count, WIDTH)
+        for name, side in zip(SIDES, sides.reshape(6, count, WIDTH), strict=True):
+            part[name] = side
+        child = np.zeros(count * WIDTH, np.int32)
+        child[:below] = np.arange(end, end + below) if level else ~np.arange(first, first + below)
+        part["child"] = child.reshape(-1, WIDTH)
+        boxes = np.stack([sides[:, 0].min(axis=2), sides[:, 1].max(axis=2)], axis=1)
+        end -= count
+    return node
+
+
+def _joined(trees: list[NDArray[np.void]]) -> NDArray[np.void]:
+    """The nodes of several trees, eight at most, as those of one. The others go into the first one's root if it can."""
+    root, others = trees[0][:1], trees[1:]
+    free = np.flatnonzero(root["low_x"][0] > root["high_x"][0])
+    if len(free) < len(others):
+        root, others, free = _nodes(np.zeros((3, 2, 0), np.float32), 0), trees, np.arange(WIDTH)
+        trees = [root]
+    parts, first = [trees[0]], len(trees[0])
+    for slot, tree in zip(free, others, strict=False):
+        for low, high in zip(SIDES[::2], SIDES[1::2], strict=True):
+            root[low][0, slot], root[high][0, slot] = tree[low][0].min(), tree[high][0].max()
+        if np.count_nonzero(tree["low_x"][0] <= tree["high_x"][0]) == 1:
+            root["child"][0, slot] = tree["child"][0, 0]
+        else:
+            root["child"][0, slot] = first
+            tree["child"][tree["child"] > 0] += first
+            parts.append(tree)
+            first += len(tree)
+    return np.concatenate(parts)
