@@ -68,10 +68,12 @@ typedef struct {
     LONG x, y, z;
 } Sum3;
 
-/* weight c, rounded to the nearest even one; at most 2^61, as is their sum. */
+/* weight c, rounded to the nearest even one; at most 2^61, as is their sum. Black stays black, where a weight is infinite,
+ * too. */
 static LONG part_of(const REAL weight, const SHADE c, const LONG sum) {
     const REAL parts = weight * TO_REAL(c) * (real)0x1p40f, most = (real)0x1p61f;
-    const LONG total = sum + TO_LONG(rint(parts < most ? parts : most));
+    const REAL kept = parts > 0 ? parts : (REAL)0;
+    const LONG total = sum + TO_LONG(rint(kept < most ? kept : most));
     return total < (1L << 61) ? total : (LONG)(1L << 61);
 }
 

@@ -64,6 +64,75 @@ def crowded(scene: Scene, seed: int) -> Scene:
     return dataclasses.replace(scene, spheres=spheres)
 
 
+def random_tree(seed: int, ellipsoids: bool = False, touching: bool = True) -> Scene:
+    """random_scene() with mirrors, glass and what is both, up to 12 bounces deep, always the same for a seed.
+
+    Sometimes all is in a room that mirrors, or the eye in a ball of glass. ellipsoids: half of the spheres become some,
+    of which some are a thousand times as long as wide, or as wide as long; touching: some spheres are there twice, have
+    a shell that is larger by 2^-10 .. 2^-52, or touch one of their size.
+    """
+    rng = np.random.default_rng((seed, 3))
+    plain = random_scene(seed)
+    camera, spheres = plain.camera, plain.spheres
+    scale = float(np.max(spheres["radius"]))
+    eye, at = np.array(camera.position), np.array(camera.lookat)
+    centers, radii = list(spheres["center"]), list(spheres["radius"])
+    if touching:
+        for k in rng.integers(0, len(spheres), rng.integers(0, 4)).tolist():
+            shell = rng.choice([1, 1 + 2.0**-10, 1 + 2.0**-30, 1 + 2.0**-50, 1 + 2.0**-52])
+            beside = rng.normal(size=3)
+            beside *= 2 * radii[k] / np.linalg.norm(beside)
+            centers.append(centers[k] + beside * (rng.random() < 0.3))
+            radii.append(radii[k] * shell)
+    glass_around_eye, room = rng.random() < 0.2, rng.random() < 0.3
+    if glass_around_eye:
+        centers.append(eye + 0.2 * scale * rng.normal(size=3))
+        radii.append(scale * rng.uniform(0.7, 2))
+    if room:
+        centers.append(at + 2 * scale * rng.normal(size=3))
+        radii.append(scale * rng.uniform(30, 300))
+    n = len(radii)
+    bounces = int(rng.choice([0, 1, 2, 3, 5, 8, 12]))
+    # What is both makes two rays of one: only where few may follow.
+    kinds = rng.choice(4, n, p=(0.25, 0.3, 0.25, 0.2) if bounces <= 5 else (0.3, 0.4, 0.3, 0))
+    if glass_around_eye:
+        kinds[n - 1 - room] = 2
+    if room:
+        kinds[-1] = rng.choice([0, 1])
+    kinds[0] = rng.choice([1, 2])
+    r = np.where((kinds == 1) | (kinds == 3), rng.choice([0.2, 0.5, 0.9, 1], n), 0)
+    t = np.where((kinds == 2) | (kinds == 3), rng.choice([0.1, 0.5, 0.8, 1], n), 0)
+    index = np.where(t > 0, rng.choice([1, 1.05, 1.33, 1.5, 2.5, 0.8, 1e3], n), rng.choice([0, 1, 1.5], n))
+    transform = None
+    if ellipsoids:
+        transform = np.array(
+            [_stretched(rng) if rng.random() < 0.5 and i < len(spheres) else np.eye(3) for i in range(n)]
+        )
+    return Scene.from_spheres(
+        dataclasses.replace(camera, max_bounces=bounces),
+        plain.lights,
+        centers,
+        radii,
+        rng.uniform(0, 1, (n, 3)),
+        ka=rng.uniform(0, 0.5, n),
+        kd=rng.uniform(0, 1, n),
+        ks=rng.uniform(0, 1, n),
+        exponent=rng.choice([0, 0.5, 1, 20, 200, 1e4], n),
+        reflectance=r,
+        transmittance=t,
+        index=index,
+        transform=transform,
+        background=plain.background,
+    )
+
+
+def _stretched(rng: np.random.Generator) -> np.ndarray:
+    """A random linear map, (3, 3): turned, stretched by up to 1000, turned again, and perhaps mirrored."""
+    (one, _), (two, _) = (np.linalg.qr(rng.normal(size=(3, 3))) for _ in range(2))
+    size = 10.0 ** rng.uniform(-0.5, 0.3, 3) if rng.random() < 0.8 else rng.choice([1, 1e-3], 3)
+    return np.asarray(one @ np.diag(size * rng.choice([1, -1], 3)) @ two)
+
+
 def fuzzed_scene(seed: int) -> Scene:
     """A scene of random bits: up to 6 spheres, 3 lights, 9x7 pixels, always the same for a seed.
 

@@ -64,8 +64,8 @@ def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def answer(scene: Scene, *arguments: object) -> Any:
-        arrays = (a.tobytes() for a in (scene.spheres, scene.materials, scene.lights))
-        key = (scene.camera, *arrays, *(a for a in arguments if isinstance(a, int)))
+        arrays = (a.tobytes() for a in (scene.spheres, scene.materials, scene.lights, scene.to_object))
+        key = (scene.camera, scene.background, *arrays, *(a for a in arguments if isinstance(a, int)))
         if key not in kept:
             if len(kept) >= 256:
                 del kept[next(iter(kept))]

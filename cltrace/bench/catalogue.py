@@ -1,9 +1,10 @@
 """The stress catalogue: scenes in which a tracer of rays and spheres goes wrong, and what their pictures must be.
 
 G big spheres, T tiny ones, O offsets, K scales, X the ends of the range, V normals, R degenerate spheres, D rays,
-I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, E the hostile regimes of
-regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. The docstring of each function
-says what goes wrong in a careless tracer. Its `amount` is 1, or 16 for as many times the pixels, spheres or scenes.
+I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, M mirrors, F glass, E the
+hostile regimes of regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. The docstring
+of each function says what goes wrong in a careless tracer. Its `amount` is 1, or 16 for as many times the pixels,
+spheres or scenes.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from .cases import (
 from .regimes import REGIMES, TANGENT, globe
 
 Scenes = Iterator[Scene]
+Numbers = float | Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ SHADOWS = Limits()
 SAME = Limits(same=0)
 # Colours far beyond what float32 can hold are infinite; only their bytes can be right.
 BYTES = Limits(None, None, None, None, None, bytes_off=0, not_finite=None)
+# Where rays bounce, what is seen first is exact, and the colour says which things were met after that.
+TREES = Limits(false_shadows=None, leaks=None)
 
 
 @dataclass(frozen=True)
@@ -474,6 +478,67 @@ def _greys(amount: int) -> Scenes:
             yield balls(camera, spheres, every, colors=colors, ka=1, kd=kd, ks=ks, exponent=3e38)
 
 
+def _bouncing(camera: Camera, bounces: int, spheres: Sequence[Ball], **material: Numbers) -> Scene:
+    """Spheres of many colours in ambient and in point light, whose rays are followed so far."""
+    rng = np.random.default_rng(len(spheres))
+    lights = [ambient_light((1, 1, 1)), point_light((3, 4, 5), (0.5, 0.5, 0.5))]
+    colors = rng.uniform(0.1, 1, (len(spheres), 3))
+    camera = replace(camera, max_bounces=bounces)
+    return balls(camera, spheres, lights, colors=colors, ka=0.5, background=(0.2, 0.3, 0.4), **material)
+
+
+def _mirror_chain(bounces: int, amount: int) -> Scenes:
+    """Three unit spheres, 6 apart. Each bounce makes an error ten times as large: after 15 even a double is noise, and
+    only equal formulas in equal order give equal pictures.
+    """
+    spheres: list[Ball] = [((0, 2 * math.sqrt(3), -6), 1), ((-3, -math.sqrt(3), -6), 1), ((3, -math.sqrt(3), -6), 1)]
+    for reflectance in (0.9, 1):
+        yield _bouncing(looking(tan=0.8, size=frame(amount, 300)), bounces, spheres, reflectance=reflectance)
+    # From a point between two of them, by the narrow way that comes back.
+    for tan in (1e-2, 1e-6):
+        camera = looking((0, -math.sqrt(3), -6), tan, frame(amount, 200), RIGHT)
+        yield _bouncing(camera, bounces, spheres, reflectance=0.9)
+
+
+def _facing_mirrors(R: float, bounces: int, amount: int) -> Scenes:
+    """Two huge spheres, 2 apart, with the eye between them: a point that drifts off its surface is lost inside."""
+    spheres: list[Ball] = [((0, 0, -R - 1), R), ((0, 0, R + 1), R)]
+    for tan in (0.1, 1.0):
+        yield _bouncing(looking(tan=tan, size=frame(amount, 30)), bounces, spheres, reflectance=0.9)
+
+
+def _critical(amount: int) -> Scenes:
+    """Whether a ray of sin(i) = 1/N (1 +/- 1e-9) leaves glass is a coin toss in float32, and k = 0 may become a NaN.
+
+    The eye is in the glass, and the axis passes the centre at R/N.
+    """
+    for tan in (1e-2, 1e-5, 1e-9, 1e-12):
+        for N in (1.5, 2.4):
+            camera = looking((0, 2 / N, 1), tan, frame(amount, 150))
+            yield _bouncing(camera, 5, [((0, 0, 0), 2)], transmittance=0.8, reflectance=0.1, index=N)
+
+
+def _indices(amount: int) -> Scenes:
+    """Rays bend where both sides are the same; and extreme indices lose c or k. Spheres in each other, and twice."""
+    for index in (1, 1e-3, 1e3, 1.5):
+        for radii in ((1, 1), (1, math.nextafter(1, 2)), (1, 0.5), (0.5, 1, 0.75)):
+            spheres: list[Ball] = [*(((0.25, 0, -5), r) for r in radii), ((-1, 0.5, -9), 1.5)]
+            glass = [0.75] * len(radii) + [0]
+            camera = looking(tan=0.3, size=frame(amount, 20))
+            yield _bouncing(camera, 6, spheres, transmittance=glass, reflectance=0.125, index=index)
+
+
+def _through_the_centre(amount: int) -> Scenes:
+    """On the axis sin(i) = 0, and what divides by it is NaN; at the rim n.d = 0, where a ray grazes: one hit."""
+    for index in (1.5, 1, 0.75):
+        material: dict[str, Numbers] = {"transmittance": [0.75, 0], "index": index}
+        behind: Ball = ((0, 0, -30), 2)
+        yield _bouncing(looking(tan=0.25, size=frame(amount, 300)), 4, [((0, 0, -5), 1), behind], **material)
+        yield _bouncing(looking((0, 1, 5), 0.5, (3, 3)), 4, [((0, 0, 0), 1), behind], **material)
+        for x, y in TANGENT[: 3 if amount == 1 else None]:
+            yield _bouncing(looking(tan=0.5, size=(3, 3)), 4, [((x, y, -7), 5), behind], **material)
+
+
 def _regime(name: str, amount: int) -> Scenes:
     """float32, or a careless formula, gets decisions wrong: see regimes.py."""
     for seed in range(2):
@@ -548,6 +613,12 @@ CATALOGUE: list[Case | Refusal] = [
     *(Case("P2", f"the middle of a highlight of exponent {n:g}", partial(_highlight, n), SHADOWS)
       for n in (0, 0.5, 20, 1e4, 1e6)),
     Case("P3", "greys from 0 to 3.4e38", _greys, BYTES),
+    *(Case("M1", f"three mirrors, {n} bounces", partial(_mirror_chain, n), TREES) for n in (3, 12)),
+    *(Case("M2", f"mirrors of R = {R:.0e} that face each other, {n} bounces", partial(_facing_mirrors, R, n), TREES)
+      for R, n in ((1e3, 8), (1e5, 64), (1e7, 16))),
+    Case("F1", "glass at the critical angle +/- 1e-2 .. 1e-12", _critical, TREES),
+    Case("F2", "indices of 1, 1e-3 and 1e3, glass in glass", _indices, TREES),
+    Case("F3", "through the centre of glass, and grazing it", _through_the_centre, TREES),
     *(Case("E", name, partial(_regime, name)) for name, _ in REGIMES),
     Refusal("R0", "no radius", [partial(_ball, radii=[r]) for r in NO_RADIUS]),
     Refusal("C3", "no field of view", [partial(_camera, horizontal_fov=f) for f in NO_FOV]),

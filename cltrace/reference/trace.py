@@ -151,7 +151,7 @@ class Pixel:
 
     def add(self, weight: float, color: Color) -> None:
         for i, value in enumerate(color):
-            units = weight * value / self.UNIT
+            units = weight * value / self.UNIT if value > 0 else 0.0  # black, also where a weight is infinite
             self.sums[i] = min(self.sums[i] + (round(units) if units < self.FULL else self.FULL), self.FULL)
 
     def count_ray(self) -> None:

@@ -1,0 +1,234 @@
+"""What must hold of every tree of rays: invariances, the reference's answers, and the end of a tree."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from glowing import (
+    assert_same,
+    eye,
+    glowing,
+    shades,
+    show,
+)
+from random_scenes import random_tree
+from stress_cases import channel, picture, remembered
+
+import cltrace
+from cltrace import Image, Scene, ambient_light
+from cltrace.plan.request import KEEPS
+from cltrace.reference import byte_of, primary_ray, trace, world_of
+from cltrace.reference.check import sample
+from cltrace.run.devices import Device
+
+# ---------------------------------------------------------------------------------------------------------- invariances
+
+TREES = range(10)
+EVERY = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
+
+
+def tree(seed: int) -> Scene:
+    """Random mirrors and glass."""
+    return random_tree(seed)
+
+
+def bare(scene: Scene) -> Scene:
+    """The same in ambient light alone, so that the colours do not depend on how the light's formulas are rounded."""
+    materials = scene.materials.copy()
+    materials["ka"], materials["kd"], materials["ks"] = 1, 0, 0
+    return replace(scene, materials=materials, lights=ambient_light((1, 1, 1)))
+
+
+def check_widths(device: Device, widths: Iterable[int], seeds: Iterable[int]) -> None:
+    for seed in seeds:
+        scene = tree(seed)
+        lit, dim = picture(scene, device), picture(bare(scene), device)
+        for width in widths:
+            other = picture(scene, device, width=width)
+            assert_same(lit, other, ("id", "depth"), (seed, width))
+            assert np.allclose(lit.color, other.color, rtol=4e-6, atol=4e-6), (seed, width)
+            assert_same(dim, picture(bare(scene), device, width=width), EVERY, (seed, width))
+
+
+def test_packet_width_changes_nothing(device: Device) -> None:
+    check_widths(device, (1,), TREES)
+
+
+@pytest.mark.stress
+def test_no_packet_width_changes_anything(device: Device) -> None:
+    check_widths(device, (1, 4, 8, 16), range(60))
+
+
+def test_a_crop_is_those_pixels(device: Device) -> None:
+    for seed in range(4):
+        scene = tree(seed)
+        whole = picture(scene, device)
+        for x0, y0, x1, y1 in ((0, 0, 1, 1), (3, 5, 20, 18), (13, 2, 14, 31)):
+            part = picture(scene, device, crop=(x0, y0, x1, y1))
+            for name in EVERY:
+                assert np.array_equal(getattr(whole, name)[y0:y1, x0:x1], getattr(part, name)), (seed, name)
+
+
+def check_keeps(device: Device, seeds: Iterable[int], precisions: Iterable[str], keeps: Iterable[str]) -> None:
+    for seed in seeds:
+        scene = tree(seed)
+        for precision in precisions:
+            usual = picture(scene, device, precision)
+            for keep in keeps:
+                other = picture(scene, device, precision, keep=(keep,))
+                # What is shaded in vain has shadow rays, too.
+                assert_same(usual, other, set(EVERY) - {"shadow_rays"}, (seed, precision, keep))
+
+
+def test_what_is_skipped_changes_no_bit(device: Device) -> None:
+    check_keeps(device, range(4), ("accurate",), ("tree", "weightless", "bounces", "hidden", "receivers", "order"))
+
+
+@pytest.mark.stress
+def test_what_is_skipped_changes_no_bit_of_many(device: Device) -> None:
+    check_keeps(device, range(100), ("accurate", "double", "single"), sorted(set(KEEPS) - {"features"}))
+    for seed in range(20):
+        for precision in ("accurate", "double", "single"):
+            scene = tree(seed)
+            lean, full = (
+                cltrace.render(scene, device, precision, ("rgb8", "color", "id")),
+                picture(scene, device, precision),
+            )
+            assert_same(lean, full, ("rgb8", "color", "id"), (seed, precision))
+
+
+def test_a_lean_program_draws_the_same(device: Device) -> None:
+    """Without the code that a scene does not need, in the usual outputs: the same bytes."""
+    scene = random_tree(0)
+    lean, full = cltrace.render(scene, device, outputs=("rgb8", "color", "id")), picture(scene, device)
+    assert_same(lean, full, ("rgb8", "color", "id"), "lean")
+
+
+def test_the_order_of_spheres_changes_only_their_numbers(device: Device) -> None:
+    for seed in TREES:
+        scene = random_tree(seed, touching=False)
+        order = np.random.default_rng(seed).permutation(len(scene.spheres))
+        one, two = picture(scene, device), picture(replace(scene, spheres=scene.spheres[order]), device)
+        assert np.array_equal(one.id, np.where(two.id >= 0, order[two.id], -1)), seed
+        assert_same(one, two, set(EVERY) - {"id"}, seed)
+
+
+def doubled(scene: Scene, k: int) -> Scene:
+    """The scene times 2^k."""
+    camera, spheres, lights = scene.camera, scene.spheres.copy(), scene.lights.copy()
+    for array, name in ((spheres, "center"), (spheres, "radius"), (lights, "position")):
+        array[name] = np.ldexp(array[name], k)
+    position, lookat = (tuple(np.ldexp(p, k).tolist()) for p in (camera.position, camera.lookat))
+    return replace(scene, camera=replace(camera, position=position, lookat=lookat), spheres=spheres, lights=lights)
+
+
+def test_a_power_of_two_changes_no_bit(device: Device) -> None:
+    for seed in TREES:
+        scene = tree(seed)
+        for k in (-40, 1, 40):
+            one, two = picture(scene, device), picture(doubled(scene, k), device)
+            assert_same(one, two, set(EVERY) - {"depth"}, (seed, k))
+            assert np.array_equal(np.ldexp(one.depth, k), two.depth)
+
+
+def test_an_exact_move_changes_nothing_to_be_seen(device: Device) -> None:
+    """By 2^20 in every direction, where coordinates of few digits stay doubles: centres less the eye are the same."""
+    balls = [((0.5, 0.25, -6), 1.5), ((-1.5, 0.5, -7), 1), ((0, -30, -8), 28.5), ((1, 0.5, 2), 1.25)]
+    pictures = []
+    for move in (0, 2.0**20):
+        camera = eye(8, at=(move, move, move), tan=0.5, size=(40, 30))
+        placed = [((x + move, y + move, z + move), radius) for (x, y, z), radius in balls]
+        scene = glowing(camera, placed, shades(4), reflectance=[0.25, 0.5, 0.25, 0],
+                        transmittance=[0.5, 0, 0, 0.5], index=1.5)  # fmt: skip
+        pictures.append(picture(scene, device))
+    assert_same(*pictures, EVERY, "moved")
+
+
+def test_drivers_agree(device: Device) -> None:
+    """Double precision is rounded the same everywhere, and so are sums of whole numbers."""
+    others = [d for d in cltrace.devices() if d.has_double and d.spec != device.spec]
+    for seed in range(3):
+        scene = bare(random_tree(seed))
+        one = picture(scene, device)
+        for other in others:
+            assert_same(one, picture(scene, other), ("id", "depth", "color", "rgb8"), (seed, other.name))
+
+
+def test_the_number_of_threads_changes_no_bit(device: Device) -> None:
+    """PoCL takes its number of threads from the environment, once for a process."""
+    script = (
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_tree\n"
+        "from stress_cases import picture\n"
+        "from cltrace.run.devices import choose\n"
+        "for s in range(4):\n"
+        "    i = picture(random_tree(s), choose(sys.argv[2]))\n"
+        "    print(hashlib.sha256(b''.join(a.tobytes() for a in (i.rgb8, i.color, i.id, i.depth))).hexdigest())"
+    )
+    results = set()
+    for threads in ("1", "7"):
+        env = os.environ | {"POCL_MAX_PTHREAD_COUNT": threads}
+        command = [sys.executable, "-c", script, str(Path(__file__).parent), device.spec]
+        results.add(subprocess.run(command, env=env, capture_output=True, check=True).stdout)
+    assert len(results) == 1
+    assert len(results.pop()) > 200
+
+
+# ------------------------------------------------------------------------------------------------ against the reference
+
+
+@remembered
+def said(scene: Scene, image: Image, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Some pixels, edges of spheres first, and the reference's bytes and ids of them."""
+    width, world = scene.camera.resolution[0], world_of(scene)
+    pixels = sample(image.id, min(count, image.id.size))
+    answers = [trace(world, primary_ray(scene.camera, int(i) % width, int(i) // width)) for i in pixels]
+    levels = np.array([[byte_of(c) for c in color] for color, _ in answers])
+    return pixels, levels, np.array([at.index if at else -1 for _, at in answers])
+
+
+def check_agreement(device: Device, seeds: Iterable[int], precisions: Iterable[str], pixels: int) -> None:
+    """Ids are the same, bytes within a level, and at most 1e-4 of the pixels differ at all: reference/check.py."""
+    for precision in precisions:
+        compared = differing = 0
+        for seed in seeds:
+            scene = tree(seed)
+            image = picture(scene, device, precision)
+            assert (image.color >= 0).all(), (seed, precision)
+            # What the reference says, of the same pixels for each precision.
+            chosen, levels, ids = said(scene, image, pixels)
+            assert np.array_equal(channel(image, "id")[chosen], ids), (seed, precision)
+            apart = np.abs(channel(image, "rgb8")[chosen].astype(int) - levels).max(axis=1)
+            compared, differing = compared + len(chosen), differing + int((apart > 0).sum())
+            assert apart.max() <= 1, (seed, precision, chosen[apart > 1])
+        assert differing <= max(1, 1e-4 * compared), (precision, differing)
+
+
+def test_kernel_agrees_with_the_reference(device: Device) -> None:
+    check_agreement(device, range(40), ("accurate",), 25)
+
+
+@pytest.mark.stress
+def test_kernel_agrees_with_the_reference_on_many_scenes(device: Device) -> None:
+    check_agreement(device, range(40, 640), ("accurate", "double"), 100)
+
+
+def test_single_precision_draws_numbers(device: Device) -> None:
+    """No NaN in trees of any depth; of scenes that float32 can hold, most pixels are as they should be."""
+    for seed in range(30):
+        scene = tree(seed)
+        image = picture(scene, device, "single")
+        assert (image.color >= 0).all(), seed
+        assert not np.isnan(image.normal).any(), seed
+    camera = eye(4, tan=0.5, size=(40, 30))
+    balls = [((0.5, 0.25, -6), 1.5), ((-1.5, 0.5, -7), 1), ((0, -30, -8), 28.5)]
+    scene = glowing(camera, balls, shades(3), reflectance=[0.25, 0.5, 0.25], transmittance=[0.5, 0, 0], index=1.5)
+    apart = np.abs(show(scene, device) - show(scene, device, "single")).max(axis=1)
+    assert np.median(apart) <= 1e-5
+    assert (apart > 0.01).mean() <= 0.02
