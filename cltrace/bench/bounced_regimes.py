@@ -49,10 +49,8 @@ def touching(rng: np.random.Generator) -> Made:
     """All touch the first one but for rounding, from outside, or from inside around it or within it."""
     radii = rng.uniform(0.2, 2, 6)
     away = radii[0] + radii * (0, 1, -1, 1, -1, 1)
-    centers = rng.normal(size=3) + away[:, None] * _unit(rng.normal(size=(6, 3)))
-    centers[0] = centers[1] - away[1] * _unit(rng.normal(size=3))
-    for i in range(1, 6):
-        centers[i] = centers[0] + away[i] * _unit(rng.normal(size=3))
+    centers = np.repeat(rng.normal(size=(1, 3)), 6, axis=0)
+    centers[1:] += away[1:, None] * _unit(rng.normal(size=(5, 3)))
     return centers, radii, _round(6)
 
 

@@ -157,7 +157,7 @@ class Pixel:
     def count_ray(self) -> None:
         self.rays += 1
         if self.rays > self.RAYS:
-            raise ValueError(f"camera.max_bounces: {self.RAYS} rays are not enough for one pixel; a lower number is")
+            raise ValueError(f"camera.max_bounces: must be lower, a pixel takes more than {self.RAYS} rays")
 
     @property
     def color(self) -> Color:
