@@ -72,10 +72,8 @@ def ground(n: int) -> Balls:
 
 
 def sizes(n: int) -> Balls:
-    """Half of them tiny, half of the rest a hundred times as large, and so on: more sizes than a node has children."""
-    r = rng(13)
-    size = np.minimum(np.frexp(n / np.arange(1, n + 1))[1], 10)
-    return balls(r.uniform(-1, 1, (n, 3)), 100.0 ** (size - 9))
+    """Among the largest m of them, half are larger than twice the distance of neighbours, for every m."""
+    return balls(rng(13).uniform(-1, 1, (n, 3)), 1.95 * (4 / np.arange(1, n + 1)) ** (1 / 3))
 
 
 def thin(n: int) -> Balls:
@@ -106,6 +104,7 @@ CASES = {
     "line": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, 0, 0])),
     "diagonal": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, -1, 1])),
     "close, and one far away": balls(np.concatenate([rng(7).uniform(0, 1e-30, (300, 3)), [[1, 1, -1]]]), 1e-32),
+    "below float32": balls(rng(8).uniform(-1, 1, (300, 3)) * 1e-44, 1e-46),
     "tiny": balls(rng(8).uniform(-1, 1, (300, 3)), 1e-60),
     "no inside": balls(rng(9).uniform(-1, 1, (300, 3)), 1e-3, 0),
 }
@@ -239,6 +238,43 @@ def test_levels(n: int) -> None:
 
     tree = build(cloud(n))
     assert height(0) == levels(n)
+
+
+def test_a_root_joins_eight_trees_at_most() -> None:
+    scene = CASES["sizes"]
+    keys = np.concatenate([scene.center.T, 2 * scene.outer[None]]).astype(f32)
+    classes = bvh._size_classes(keys)
+    assert len(classes) == 8
+    assert sorted(np.concatenate(classes).tolist()) == list(range(len(scene.outer)))
+
+
+def test_boxes_are_small() -> None:
+    """They have the surface of cubes, for spheres all over a cube, and 10 % more at most.
+
+    The centres of m spheres in a cube of side s are in a box whose sides are s (m - 1) / (m + 1) on average.
+    """
+    n = 8**5
+    scene = cloud(n)
+    tree = build(scene)
+    per_node = 8
+    for level in range(1, levels(n) + 1):
+        nodes = tree.node[: sum(8**k for k in range(levels(n) - level + 1))][-(8 ** (levels(n) - level)) :]
+        x, y, z = (nodes[f"high_{axis}"] - nodes[f"low_{axis}"] for axis in "xyz")
+        cube = 2 * (per_node / n) ** (1 / 3) * (per_node - 1) / (per_node + 1) + 2 * scene.outer.mean()
+        assert (x * y + y * z + z * x).mean() < 1.1 * 3 * cube**2
+        per_node *= 8
+
+
+@pytest.mark.parametrize("places", [2, 7, 5000, 10**6])
+def test_halves_are_apart(places: int) -> None:
+    """Also where many centres are in one plane."""
+    keys = rng(14).integers(0, places, (3, 5000)).astype(f32)
+    keys[1] *= 2
+    before, order = keys.copy(), np.arange(5000, dtype=np.int32)
+    (start, left), (middle, right) = bvh._halve(keys, order, 0, 5000)
+    assert (start, left, middle, right) == (0, 4096, 4096, 904)
+    assert keys[1, :left].max() <= keys[1, left:].min()
+    np.testing.assert_array_equal(before[:, order], keys)
 
 
 def test_large_spheres_are_apart_from_small_ones() -> None:

@@ -41,7 +41,7 @@ BLOCK = np.dtype(
 ROWS = (WIDTH**2, WIDTH**3, WIDTH**4)
 # Rows of up to so many keys are sorted by a network of comparisons, in less time than a partition of them takes.
 NETWORK = 256
-# Sets of up to so many spheres are halved across the best axis. A ray then looks at 1 to 5 % fewer boxes and blocks,
+# Sets of up to so many spheres are halved across the best axis. A ray then looks at 1 to 4 % fewer nodes and blocks,
 # and a tree takes a quarter longer to build.
 SMALL = WIDTH**2
 # Spheres at a time, such that their keys stay in a processor's cache.
