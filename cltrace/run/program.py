@@ -34,6 +34,7 @@ SOURCES = (
     "shade/phong.cl",
     "shade/lights.cl",
     "shade/bounce.cl",
+    "shade/tree_of_rays.cl",
     "output.cl",
     "trace.cl",
 )

@@ -1,0 +1,145 @@
+/* tree_of_rays.cl: what mirrors and glass add to a pixel. cltrace/reference/trace.py has the same in follow().
+ *
+ * A ray that meets a surface may go on as two rays, one mirrored and one refracted, and each of these again. A pixel is the
+ * sum of what all of them see, each with its weight.
+ */
+#ifdef WITH_BOUNCES
+static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
+                    Work *work);
+static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met);
+
+/* Colours that add up to a pixel's, as whole numbers of 2^-40. So their sum does not depend on the order of the rays. */
+typedef struct {
+    LONG x, y, z;
+} Sum3;
+
+/* weight c, rounded to the nearest even one; at most 2^61, as is their sum. Black stays black, where a weight is infinite,
+ * too. */
+static LONG part_of(const REAL weight, const SHADE c, const LONG sum) {
+    const REAL parts = weight * TO_REAL(c) * (real)0x1p40f, most = (real)0x1p61f;
+    const REAL kept = parts > 0 ? parts : (REAL)0;
+    const LONG total = sum + TO_LONG(rint(kept < most ? kept : most));
+    return total < (1L << 61) ? total : (LONG)(1L << 61);
+}
+
+static void add_to(Sum3 *sum, const MASK where, const REAL weight, const Shade3 color) {
+    const REAL w = TO_REAL_MASK(where) ? weight : (REAL)0;
+    sum->x = part_of(w, color.x, sum->x);
+    sum->y = part_of(w, color.y, sum->y);
+    sum->z = part_of(w, color.z, sum->z);
+}
+
+/* Rays on their way, and how much of their colour is in the pixel's. live: the lanes that have one; depth: 0 for those
+ * from the eye. */
+typedef struct {
+    MASK live;
+    INT own;
+    REAL_MASK inner;
+    Real3 n, d;
+    REAL weight;
+    int depth;
+} Branch;
+
+/* What a surface does with the rays that meet it: local (1 - r - t) + r mirrored + t refracted. */
+typedef struct {
+    REAL share;          /* of the local colour */
+    REAL mirrors, sends; /* weights of the mirrored ray and of the refracted one */
+    Real3 mirrored, refracted;
+    REAL_MASK inside;    /* whether the rays meet it from inside */
+} Bounce;
+
+static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, const Branch rays, Work *work) {
+    real r[W], t[W], index[W];
+    int each[W];
+    STORE_LANES(id, each);
+    for (int lane = 0; lane < W; lane++) {
+        const real4 m = scene.bounce[scene.material_of[max(each[lane], 0)]];
+        r[lane] = m.x;
+        t[lane] = m.y;
+        index[lane] = m.z;
+    }
+    const REAL R = LOAD_LANES(r), T = LOAD_LANES(t), rest = (1 - R) - T;
+    Bounce bounce;
+    bounce.share = rest > 0 ? rest : (REAL)0;
+    bounce.inside = at.start.side < 0;
+    bounce.mirrored = mirrored(rays.d, at.normal, at.start.side);
+    bounce.mirrors = rays.weight * R;
+#ifdef WITH_GLASS
+    const Refraction through = refracted(rays.d, at.normal, at.start.side, LOAD_LANES(index));
+    const REAL_MASK total = through.total & (T > 0);
+    COUNT(TOTAL, TO_MASK(total) & rays.live);
+    bounce.refracted = through.d;
+    bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
+    bounce.sends = total ? (REAL)0 : rays.weight * T;
+#endif
+    return bounce;
+}
+
+/* The colours of rays that hit, with all that mirrors and glass add to them. at, own: what was hit; count: the pixels'
+ * shadow rays, counted up. */
+static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Intersection at, INT own, INT *count,
+                     Work *work) {
+    const Shade3 background = {frame.background.x, frame.background.y, frame.background.z};
+    Sum3 sum = {0, 0, 0};
+    Branch rays = {at.hit, own, 0, at.normal, ray.d, 1, 0};
+#ifdef WITH_SPLITS
+    Branch stack[BRANCHES];
+    int height = 0;
+#endif
+    for (;;) {
+        const int last = rays.depth > scene.bounces;
+        Bounce bounce = bounce_at(scene, at, own, rays, work);
+        if (last) {
+            bounce.share = 1;
+            bounce.mirrors = bounce.sends = 0;
+        }
+        const REAL weight = rays.weight * bounce.share;
+        const MASK shown = at.hit & TO_MASK(weight > 0);
+        COUNT(WEIGHTLESS, at.hit & !shown);
+#ifndef KEEP_WEIGHTLESS
+        at.hit = shown;
+#endif
+        if (ANY(at.hit))
+            add_to(&sum, at.hit, weight, shade(scene, rays.d, DOT(rays.d, rays.d), at, own, count, work));
+
+        /* On with the mirrored ray, or where there is none with the refracted one. */
+        const MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
+        Branch next = {mirrors, own, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
+#ifdef WITH_GLASS
+        const MASK sends = rays.live & TO_MASK(bounce.sends > 0), only = sends & !mirrors;
+        const REAL_MASK through = TO_REAL_MASK(only);
+        next.live = mirrors | only;
+        next.inner = through ? !bounce.inside : bounce.inside;
+        PUT_WHERE(through, next.d.x, bounce.refracted.x);
+        PUT_WHERE(through, next.d.y, bounce.refracted.y);
+        PUT_WHERE(through, next.d.z, bounce.refracted.z);
+        PUT_WHERE(through, next.weight, bounce.sends);
+#ifdef WITH_SPLITS
+        if (ANY(sends & mirrors)) {
+            const Branch other = {sends & mirrors, own, !bounce.inside, at.normal, bounce.refracted, bounce.sends, rays.depth + 1};
+            stack[height++] = other;
+        }
+#endif
+#endif
+        rays = next;
+        if (!ANY(rays.live)) {
+#ifdef WITH_SPLITS
+            if (height) {
+                rays = stack[--height];
+            } else
+#endif
+                break;
+        }
+        COUNT(BOUNCES, rays.live);
+        const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, rays.d);
+        const Met met = closest_from(scene, path, rays.live, work);
+        add_to(&sum, rays.live & (met.id < 0), rays.weight, background);
+        rays.live = rays.live & (met.id >= 0);
+        at = intersection_from(frame, scene, path, met);
+        own = met.id;
+    }
+    const Shade3 color = {TO_SHADE(TO_REAL(sum.x) * (real)0x1p-40f), TO_SHADE(TO_REAL(sum.y) * (real)0x1p-40f),
+                          TO_SHADE(TO_REAL(sum.z) * (real)0x1p-40f)};
+    return color;
+}
+#endif
