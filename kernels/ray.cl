@@ -1,4 +1,4 @@
-/* ray.cl: the rays from the eye.
+/* ray.cl: the rays from the eye, and those that leave surfaces.
  *
  * Everything is in camera space: the eye is the origin and looks along -z, x is right, y is up. The host has moved the
  * scene there in more than double precision. Lengths are in scene units. Where `real` is float, and in all float
@@ -8,10 +8,61 @@
  * so t is in units of |d|.
  */
 
+#if defined(WITH_BOUNCES) || defined(WITH_ELLIPSOIDS)
+/* Rays that leave surfaces. */
+typedef struct {
+    INT own;         /* index of the surface */
+    REAL_MASK inner; /* whether the ray leaves it on its inside */
+    Real3 n, d;      /* the outward unit normal there, and the direction, in camera space */
+    /* What follows from these, in the world and rounded. */
+    Real3 center;  /* of the own sphere */
+    REAL r, reach; /* its radius, and how far it is from there at most */
+    Real3 p, w;    /* from that centre to P; the direction */
+    REAL w1;       /* |w.x| + |w.y| + |w.z| */
+#ifdef WITH_ELLIPSOIDS
+    INT map; /* of the own surface */
+    Real3 q; /* see the ellipsoid below */
+#endif
+} Leaving;
+
+/* A vector of camera space in the world: B^T v. */
+static Real3 turned_to_world(const Frame frame, const Real3 v) {
+    const Real3 w = {(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
+                     (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
+                     (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
+    return w;
+}
+
+static Real3 turned_to_camera(const Frame frame, const Real3 v) {
+    const Real3 c = {DOT(frame.right, v), DOT(frame.up, v), DOT(frame.back, v)};
+    return c;
+}
+
+/* |x| + |y| + |z|. */
+static REAL size_of(const Real3 v) {
+    return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
+}
+#endif
+
 typedef struct {
     REAL a, over_a; /* d.d, 1 / d.d */
     Real3 d;
+#ifdef WITH_ELLIPSOIDS
+    Leaving leaving; /* the same, as a ray that leaves a point */
+#endif
 } Ray;
+
+#ifdef WITH_ELLIPSOIDS
+/* A ray from the eye, as one that leaves a point. */
+static Leaving leaving_eye(const Frame frame, const Real3 d) {
+    Leaving ray = {-1, 0, {1, 0, 0}, d, {frame.eye.x, frame.eye.y, frame.eye.z}, 0, 0, {0, 0, 0}};
+    ray.w = turned_to_world(frame, d);
+    ray.w1 = size_of(ray.w);
+    ray.map = 0;
+    ray.q = ray.n;
+    return ray;
+}
+#endif
 
 /* The rays through the centres of the packet's pixels; row 0 is the top. size: of the whole picture. */
 static Ray primary_ray(const Frame frame, const int2 size, const INT column, const INT row) {
@@ -21,5 +72,8 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
     ray.d.z = -1;
     ray.a = (ray.d.x * ray.d.x + ray.d.y * ray.d.y) + 1;
     ray.over_a = 1 / ray.a;
+#ifdef WITH_ELLIPSOIDS
+    ray.leaving = leaving_eye(frame, ray.d);
+#endif
     return ray;
 }

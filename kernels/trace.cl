@@ -29,13 +29,46 @@ static Intersection material_at(const Scene scene, const INT id) {
     return at;
 }
 
+#ifdef WITH_ELLIPSOIDS
+/* Puts the spots that are on ellipsoids into an intersection. inside: whether the ray came from there. */
+static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
+    const REAL_MASK here = spot.stretched;
+    PUT_WHERE(here, at->normal.x, spot.n.x);
+    PUT_WHERE(here, at->normal.y, spot.n.y);
+    PUT_WHERE(here, at->normal.z, spot.n.z);
+    PUT_WHERE(here, at->q.x, spot.q.x);
+    PUT_WHERE(here, at->q.y, spot.q.y);
+    PUT_WHERE(here, at->q.z, spot.q.z);
+    PUT_WHERE(here, at->spread, spot.spread);
+    PUT_WHERE(here, at->start.p.x, spot.p.x);
+    PUT_WHERE(here, at->start.p.y, spot.p.y);
+    PUT_WHERE(here, at->start.p.z, spot.p.z);
+    PUT_WHERE(here, at->start.support, spot.support);
+    PUT_WHERE(here, at->start.side, inside ? (REAL)-1 : (REAL)1);
+    at->start.stretched = here;
+#if REAL_BYTES == 4
+    PUT_WHERE(here, at->start.from_eye.x, at->start.own.center.x + spot.p.x);
+    PUT_WHERE(here, at->start.from_eye.y, at->start.own.center.y + spot.p.y);
+    PUT_WHERE(here, at->start.from_eye.z, at->start.own.center.z + spot.p.z);
+    PUT_WHERE(here, at->start.near_eye, 0);
+#endif
+}
+#endif
+
 /* Normal and material of each lane's hit. */
-static Intersection intersection_at(const Scene scene, const Ray ray, const Hit hit) {
+static Intersection intersection_at(const Frame frame, const Scene scene, const Ray ray, const Hit hit) {
     Intersection at = material_at(scene, hit.id);
 #ifdef WITH_NORMAL
     const Sphere sphere = spheres_of(scene.spheres, hit.id);
     at.normal = sphere_surface(sphere, hit.from_center);
     at.start = start_at(ray, sphere, at.normal, hit.t);
+#ifdef WITH_ELLIPSOIDS
+    at.q = at.normal;
+    at.spread = 1;
+    const Ball ball = balls_of(scene.spheres, hit.id);
+    if (ANY(at.hit & (ball.map != 0)))
+        stretch(&at, spot_at(frame, scene.spheres, ray.leaving, ball, hit.t), hit.inside);
+#endif
 #endif
     return at;
 }
@@ -58,8 +91,14 @@ static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Inters
 /* The same for rays that left a surface. */
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
     Intersection at = material_at(scene, met.id);
-    at.normal = normal_from(frame, ray, balls_of(scene.spheres, met.id), met.t);
+    const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, met.id), met.t);
+    at.normal = spot.n;
     at.start = start_of(spheres_of(scene.spheres, met.id), at.normal, met.inside);
+#ifdef WITH_ELLIPSOIDS
+    at.q = spot.q;
+    at.spread = 1;
+    stretch(&at, spot, met.inside);
+#endif
     return at;
 }
 #endif
@@ -70,7 +109,7 @@ static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const i
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
 #ifdef WITH_INTERSECTION
     if (!ANY(hit.id >= 0)) return pixels;
-    const Intersection at = intersection_at(scene, ray, hit);
+    const Intersection at = intersection_at(frame, scene, ray, hit);
 #ifdef WITH_SHADING
 #ifdef WITH_BOUNCES
     const Shade3 color = follow(frame, scene, ray, at, hit.id, &pixels.rays, work);

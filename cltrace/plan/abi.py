@@ -35,6 +35,7 @@ STRUCTS = {
         Field("right", "real4", "xyz: the camera's x axis in the world"),
         Field("up", "real4", "xyz: its y axis"),
         Field("back", "real4", "xyz: its z axis, against the view"),
+        Field("eye", "real4", "xyz: its place in the world, in single from the scene's middle"),
         Field("background", "float4", "rgb, linear"),
         Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
     ),
@@ -55,6 +56,22 @@ STRUCTS = {
         Field("window", "float4", "x, y: half of its sides; z, w: columns and rows of cells in a unit of length"),
         Field("cells", "int4", "columns, rows on level 0; where its first cell is in start; a bit for each level used"),
         Field("flags", "int4", "x: whether float tells the cells apart"),
+    ),
+    "Map": (
+        Field(
+            "to_x", "real4", "xyz of these three: the rows of K, which leads from the world to an ellipsoid's own axes"
+        ),
+        Field("to_y", "real4", ""),
+        Field("to_z", "real4", ""),
+        Field("from_x", "real4", "the rows of its inverse; w of to_x and from_x: the sums of all magnitudes in them"),
+        Field("from_y", "real4", ""),
+        Field("from_z", "real4", ""),
+        Field("rest_x", "real4", "what was cut off of the inverse"),
+        Field("rest_y", "real4", ""),
+        Field("rest_z", "real4", ""),
+        Field("camera_x", "real4", "the rows of what leads from camera space to the own axes"),
+        Field("camera_y", "real4", ""),
+        Field("camera_z", "real4", ""),
     ),
     "Node": (
         Field(
@@ -163,6 +180,12 @@ ARGUMENTS = (
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
         ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
         (
+            "map_of",
+            "int",
+            "of a sphere, which of the maps makes it an ellipsoid; 0: none. Only where there are ellipsoids",
+        ),
+        ("map", "Map", "the first one is 1"),
+        (
             "place",
             "real4",
             "centre in the world, in single from the scene's middle; radius. If something bounces",
@@ -234,6 +257,7 @@ FLAGS = {
     "WITH_SPECULAR": "some sphere shines",
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
+    "WITH_ELLIPSOIDS": "there are ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",
     "WITH_SPLITS": "something is both",

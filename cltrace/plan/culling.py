@@ -45,16 +45,16 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     return out
 
 
-def repeated(center: Array, radius: Array, by_place: bool) -> Mask:
+def repeated(center: Array, radius: Array, shape: NDArray[np.int32], by_place: bool) -> Mask:
     """(n,): which spheres are equal to one before them, and so never seen: of equal ones, the first one counts.
 
-    by_place: whether they are in the order of spatial_order(). Then only neighbours in that order are compared, which
-    finds nearly all that are equal without sorting once more.
+    shape: (n,), another number by which they may differ; by_place: whether they are in the order of spatial_order().
+    Then only neighbours in that order are compared, which finds nearly all that are equal without sorting once more.
     """
-    order = np.arange(len(radius)) if by_place else np.lexsort((radius, *center.T))
-    c, r = center[order], radius[order]
+    order = np.arange(len(radius)) if by_place else np.lexsort((shape, radius, *center.T))
+    c, r, s = center[order], radius[order], shape[order]
     out = np.zeros(len(radius), bool)
-    out[order[1:]] = (r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)
+    out[order[1:]] = (r[1:] == r[:-1]) & (s[1:] == s[:-1]) & (c[1:] == c[:-1]).all(axis=1)
     return out
 
 

@@ -18,7 +18,7 @@ class Contents:
 
     spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
     a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light;
-    bounces: what surfaces do with rays.
+    bounces: what surfaces do with rays; ellipsoids: whether there are any.
     """
 
     spheres: int
@@ -27,6 +27,7 @@ class Contents:
     shiny: bool
     black: bool
     bounces: Bounces
+    ellipsoids: bool
 
 
 def features(contents: Contents, request: Request) -> frozenset[str]:
@@ -51,6 +52,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_SPECULAR": lit and (contents.shiny or full),
         "WITH_BLACK": lit and (contents.black or full),
         "WITH_PREFETCH": contents.spheres >= PLENTY,
+        "WITH_ELLIPSOIDS": contents.ellipsoids,
         "WITH_BOUNCES": bounces,
         "WITH_GLASS": bounces and contents.bounces.glass,
         "WITH_SPLITS": bounces and contents.bounces.splits,

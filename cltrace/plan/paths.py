@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.accel.bvh import Tree, build_tree
 from cltrace.plan.exact import Array, squared_length
 from cltrace.plan.shapes.sphere import U
@@ -24,33 +24,40 @@ class Paths:
     """n spheres for rays that may start anywhere among them. No camera changes it.
 
     middle: (3,), a point in the world, scene units; exponent: a length in scene units, times 2^exponent, is in the
-    tree's unit; widen: what the tree's radii are larger or smaller by, in its unit; tree: of the spheres that can be
-    met.
+    tree's unit; widen: what the tree's radii are larger or smaller by, in its unit; tree: of the surfaces that can be
+    met, None where no ray leaves any.
     """
 
     middle: Array
     exponent: int
     widen: float
-    tree: Tree
+    tree: Tree | None
 
     @classmethod
-    def of(cls, center: Array, radius: Array, member: Mask) -> Paths:
-        """The paths among spheres, of which those of `member` (n,) are entered in the tree."""
+    def of(cls, center: Array, outer: Array, inner: Array, member: Mask | None) -> Paths:
+        """The paths among surfaces, each of which lies between two spheres, (n,) outer and inner ones.
+
+        Those of `member` (n,) are entered in the tree; None: there is none.
+        """
         # Halves, as the sum of two doubles may overflow.
         low, high = (f(center, axis=0, initial=i) / 2 for f, i in ((np.min, np.inf), (np.max, -np.inf)))
         middle = low + high if len(center) else np.zeros(3)
         offset = center - middle
-        size = float((np.sqrt(squared_length(offset)) + radius).max(initial=2.0**-149))
+        size = float((np.sqrt(squared_length(offset)) + outer).max(initial=2.0**-149))
         exponent = -math.frexp(size)[1]
         # The size is below 1 in the tree's unit; that it was rounded is less than half of what WIDEN has to spare.
         widen = CONSTANTS["WIDEN"] * U * size * 2.0**exponent
-        radii = np.ldexp(radius, exponent)
-        index = np.flatnonzero(member).astype(np.int32)
-        tree = build_tree(np.ldexp(offset, exponent), radii, radii, widen, index)
+        tree = None
+        if member is not None:
+            index = np.flatnonzero(member).astype(np.int32)
+            places, large, small = (np.ldexp(v, exponent) for v in (offset, outer, inner))
+            tree = build_tree(places, large, small, widen, index)
         return cls(middle, exponent, widen, tree)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The kernel's buffers by name."""
+        if self.tree is None:
+            return {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block")}
         return {"node": self.tree.node, "block": self.tree.block}
 
     def values(self, exponent: int | None) -> dict[str, Any]:
@@ -58,7 +65,11 @@ class Paths:
         middle = (*self.middle.tolist(), math.ldexp(1.0, self.exponent))
         if exponent is not None:
             middle = (0.0, 0.0, 0.0, math.ldexp(1.0, self.exponent - exponent))
-        return {"middle": middle, "widen": self.widen, "blocks": len(self.tree.block)}
+        return {"middle": middle, "widen": self.widen, "blocks": len(self.tree.block) if self.tree else 0}
+
+    def eye(self, position: Array, exponent: int | None) -> Array:
+        """(3,): the eye as abi's Frame has it. exponent: as in values()."""
+        return position if exponent is None else np.ldexp(position - self.middle, exponent)
 
     def places(self, center: Array, radius: Array, exponent: int | None) -> Array:
         """(n, 4): abi's `place`. exponent: as in values()."""

@@ -29,9 +29,10 @@ from cltrace.plan.materials import Materials
 from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
+from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.sphere import Seen, filter_constant
 from cltrace.plan.space import Space
-from cltrace.scene import AMBIENT, Camera, Scene, Vector
+from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
 
 # From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
 # 10,000 takes 10 either way, as all that a picture needs stays in a cache.
@@ -43,15 +44,19 @@ class World:
     """What no camera changes: n spheres, their materials and the lights, for one precision.
 
     center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
-    packed; id: (n,), the index of each one in the scene; material_of: (n,), the index of each one's material in
-    materials; again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that
-    can add to a colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need
-    that leave surfaces, None where nothing sends any on; background: linear (r, g, b); skipped: what the scene does not
-    need, in words, and how often; seconds: what took how long: "tree".
+    packed; maps: what makes ellipsoids of some, None if there are none; reach: (n,) float64, no less than how far a
+    surface is from its centre, which of a sphere is the radius; id: (n,), the index of each one in the scene;
+    material_of: (n,), the index of each one's material in materials; again: (n,), whether it is equal to a sphere
+    before it; lights: (m,) of the scene's records, those that can add to a colour, in the order parallel, point, spot;
+    bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where there are neither
+    ellipsoids nor such rays; background: linear (r, g, b); skipped: what the scene does not need, in words, and how
+    often; seconds: what took how long: "tree".
     """
 
     center: Array
     radius: Array
+    maps: Maps | None
+    reach: Array
     id: NDArray[np.int32]
     material_of: NDArray[np.int32]
     again: Mask
@@ -72,26 +77,33 @@ class World:
     def of(cls, scene: Scene, request: Request) -> World:
         """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory."""
         n = len(scene.spheres)
-        center, radius, of = (np.ascontiguousarray(scene.spheres[name]) for name in ("center", "radius", "material"))
+        columns = ("center", "radius", "material", "to_object")
+        center, radius, of, shape = (np.ascontiguousarray(scene.spheres[name]) for name in columns)
         order, by_place = np.arange(n), n >= MANY and "order" not in request.keep
         if by_place:
             order = spatial_order(center)
-            center, radius, of = (column.take(order, axis=0) for column in (center, radius, of))
+            center, radius, of, shape = (column.take(order, axis=0) for column in (center, radius, of, shape))
         materials = Materials.of(scene, request.precision)
         lights = useful_lights(scene, materials, "lights" in request.keep)
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
         # Where most spheres have a material of their own, those are in the spheres' order, too.
         if len(materials.packed) > n // 2:
             materials, of = materials.in_order(of), np.arange(n)
-        again = repeated(center, radius, by_place)
+        again = repeated(center, radius, shape, by_place)
+        maps, reach, core = None, radius, radius
+        if (shape >= 0).any():
+            maps = Maps.of(shape, scene.to_object)
+            reach, core = (radius * by[maps.of_sphere] for by in (maps.longest, maps.shortest))
         paths, seconds = None, dict[str, float]()
         bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep) if request.needs_colors else NO_BOUNCES
-        if n and bounces.any:
+        if n and (bounces.any or maps):
             with _timed(seconds, "tree"):
-                paths = Paths.of(center, radius, ~again)
+                paths = Paths.of(center, reach, core, ~again if bounces.any else None)
         return cls(
             center,
             radius,
+            maps,
+            reach,
             order.astype("i4"),
             of.astype("i4"),
             again,
@@ -132,7 +144,7 @@ class View:
         """
         region = request.region_of(camera.resolution)
         real, basis = real_dtype(request.precision), np.array(camera.basis())
-        space = Space.of(camera, world.center, world.radius, world.lights)
+        space = Space.of(camera, world.center, world.reach, world.lights)
         # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
         # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
         # room for the fourth power of every float32 number, and keeps scene units.
@@ -142,11 +154,16 @@ class View:
 
         brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
         lights = pack_lights(world.lights, exact.position, basis, request.precision, brightest)
-        arrays = _spheres(world, exact, small, real) | _in_world(world, camera, space, real) | {"light": lights}
-        arrays |= _paths(world, k if real.itemsize == 4 else None, real)
+        arrays = _spheres(world, exact, small, real, k) | _in_world(world, camera, space, real) | {"light": lights}
+        arrays |= _paths(world, k if real.itemsize == 4 else None, basis, real)
         skipped = dict(world.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
+        if world.maps:
+            for side, light in zip(views.side, world.lights, strict=True):
+                if light["kind"] != PARALLEL:
+                    sides = world.maps.sides(world.center, world.radius, light["position"])
+                    side[:] = np.where(world.maps.of_sphere > 0, sides, side)
         arrays |= {"light_filter": views.filter.reshape(-1, 4), "light_side": views.side.reshape(-1)}
         x, y = camera.image_plane()
         width, height = camera.resolution
@@ -201,6 +218,7 @@ class Plan:
             world.materials.shiny,
             bool(world.materials.black.any()),
             world.bounces,
+            world.maps is not None,
         )
         return cls(
             request,
@@ -242,16 +260,20 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = time.perf_counter() - start
 
 
-def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
-    """The buffers of spheres and materials. exact: in the unit of `real`; small: in that of the float buffers."""
+def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any], k: int) -> dict[str, NDArray[Any]]:
+    """The buffers of spheres and materials.
+
+    exact: in the unit of `real`; small: in that of the float buffers, scene units times 2^k.
+    """
     # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a sphere is
     # never hit.
     largest = float(np.finfo(np.float32).max) if real.itemsize == 4 else np.inf
+    radius = np.ldexp(world.radius, k if real.itemsize == 4 else 0)
     eye_filter = np.empty((len(small.radius), 4), np.float32)
     eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
     return {
-        "center_radius": np.concatenate([exact.center, exact.radius[:, None]], axis=1).astype(real),
-        "power": np.stack([exact.power, np.minimum(1 / exact.radius, largest)], axis=1).astype(real),
+        "center_radius": np.concatenate([exact.center, radius[:, None]], axis=1).astype(real),
+        "power": np.stack([exact.power, np.minimum(1 / radius, largest)], axis=1).astype(real),
         "id_of": world.id,
         "material_of": world.material_of,
         "material": world.materials.packed,
@@ -270,12 +292,19 @@ def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -
     }
 
 
-def _paths(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
-    """The buffers for rays that leave surfaces. exponent: of the float buffers, where `real` is float; else None."""
-    if world.paths is None:
-        nothing = {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block")}
-        return nothing | {"place": np.zeros((0, 4), real)}
-    return world.paths.arrays() | {"place": world.paths.places(world.center, world.radius, exponent).astype(real)}
+def _paths(world: World, exponent: int | None, basis: Array, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
+    """The buffers for ellipsoids, and for rays that leave surfaces.
+
+    exponent: of the float buffers, where `real` is float; else None; basis: (3, 3), the camera's axes in the world.
+    """
+    arrays = {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block", "map")}
+    arrays |= {"place": np.zeros((0, 4), real), "map_of": np.zeros(0, np.int32)}
+    if world.paths:
+        arrays |= world.paths.arrays()
+        arrays["place"] = world.paths.places(world.center, world.radius, exponent).astype(real)
+    if world.maps:
+        arrays |= {"map_of": world.maps.of_sphere, "map": world.maps.packed(basis, real)}
+    return arrays
 
 
 def _lists(
@@ -287,6 +316,8 @@ def _lists(
     visible = np.ones(n, bool)
     if "hidden" not in keep and n > 1:
         outside = (seen.power > 0) & np.all([light.side > 0 for light in lights], axis=0) & world.opaque
+        if world.maps:
+            outside &= world.maps.of_sphere == 0
         visible = ~(world.again | hidden(seen.center, seen.radius, outside, slack))
         skipped["spheres inside others, or the same"] = n - int(visible.sum())
     tiles = picture_tiles(seen, visible, window)
@@ -346,6 +377,9 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
     frame["pixel"][:2] = x / width, y / height
     for name, axis in zip(("right", "up", "back"), view.camera.basis(), strict=True):
         frame[name][:3] = axis
+    eye = np.array(view.camera.position)
+    if world.paths:
+        frame["eye"][:3] = world.paths.eye(eye, -view.exponent if request.precision == "single" else None)
     rounding = 0.0 if request.truncate else 0.5
     shade = abi.shade_dtype(request.precision)
     frame["background"][:3] = [_same_byte(c, rounding, shade) for c in world.background]

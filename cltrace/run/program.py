@@ -26,6 +26,7 @@ SOURCES = (
     "integers.cl",
     "ray.cl",
     "shapes/sphere.cl",
+    "shapes/ellipsoid.cl",
     "shapes/leaving.cl",
     "find/cells.cl",
     "find/closest.cl",

@@ -5,7 +5,10 @@
 typedef struct {
     REAL t;
     INT id;
-    Real3 from_center;
+    Real3 from_center; /* not of an ellipsoid */
+#ifdef WITH_ELLIPSOIDS
+    REAL_MASK inside; /* of an ellipsoid, whether the eye is */
+#endif
 } Hit;
 
 /* A list ends for a ray where it has found something nearer, squared. With doubles that is known to 2^-25. */
@@ -39,7 +42,15 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
     REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
 #if REAL_BYTES == 8
+#ifdef WITH_ELLIPSOIDS
+    const Ball ball = balls_of(scene.spheres, (INT)index), other = balls_of(scene.spheres, hit.id);
+    const REAL_MASK stretched = close & TO_REAL_MASK((ball.map != 0) | (other.map != 0));
+    const REAL_MASK mixed = comes_first_from(scene.spheres, ray.leaving, ball, index, other, hit.id, first);
+    const REAL_MASK round = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close & !stretched);
+    first = stretched ? mixed : round;
+#else
     first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close);
+#endif
 #endif
     return close ? first : nearer;
 }
@@ -75,7 +86,21 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 #endif
             COUNT(DECIDED, ALL_LANES);
             const Sphere sphere = sphere_at(scene.spheres, index);
+#ifdef WITH_ELLIPSOIDS
+            Meeting at;
+            REAL_MASK inside = 0;
+            if (scene.spheres.map_of[index]) {
+                const Ball ball = balls_of(scene.spheres, (INT)index);
+                const Encounter met = sphere_meet_from(scene.spheres, ray.leaving, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
+                at.t = met.t;
+                at.from_center = ray.d;
+                inside = met.inside;
+            } else {
+                at = sphere_meet(scene.spheres, ray, sphere);
+            }
+#else
             const Meeting at = sphere_meet(scene.spheres, ray, sphere);
+#endif
             const REAL_MASK nearer = found ? closer(scene, ray, sphere, index, at, hit) : at.t < hit.t;
             found = 1;
             hit.t = nearer ? at.t : hit.t;
@@ -83,6 +108,9 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             PUT_WHERE(nearer, hit.from_center.x, at.from_center.x);
             PUT_WHERE(nearer, hit.from_center.y, at.from_center.y);
             PUT_WHERE(nearer, hit.from_center.z, at.from_center.z);
+#ifdef WITH_ELLIPSOIDS
+            PUT_WHERE(nearer, hit.inside, inside);
+#endif
             const FLOAT far = TO_FLOAT(hit.t * scene.unit);
             reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
         }

@@ -143,7 +143,13 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
         COUNT(DECIDED, may);
         const int side = scene.light_side[(long)ray.number * scene.count + index];
         const Sphere sphere = sphere_at(scene.spheres, index);
+#ifdef WITH_ELLIPSOIDS
+        const int map = scene.spheres.map_of[index];
+        REAL_MASK stops = map ? ellipsoid_stops(scene.spheres, start, sphere, map, ray.w, ray.at_point, side)
+                              : sphere_stops(start, sphere, ray.w, ray.at_point, side);
+#else
         REAL_MASK stops = sphere_stops(start, sphere, ray.w, ray.at_point, side);
+#endif
 #ifdef WITH_INSIDE
         const REAL_MASK self = TO_REAL_MASK(own == index);
         stops = (self & (start.side < 0) & ((REAL)side > 0)) | (!self & stops);

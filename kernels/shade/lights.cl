@@ -8,6 +8,10 @@ typedef struct {
 #endif
     Real3 normal;   /* outward unit normal of the sphere, in camera space */
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
+#ifdef WITH_ELLIPSOIDS
+    Real3 q;     /* see Spot */
+    REAL spread; /* see lift() */
+#endif
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
@@ -44,9 +48,13 @@ static Direction direction_to(const Light light, const int kind, const Intersect
     Direction direction = {to, DOT(n, to)};
     if (kind != 0) {
         direction.w = towards(at.start, to);
-        /* n.(L - P) by way of the centre, as n.p = r exactly. */
+        /* n.(L - P) by way of the centre, as n.p = r exactly, or of an ellipsoid n.p = support. */
         const Real3 h = {to.x - C.x, to.y - C.y, to.z - C.z};
+#ifdef WITH_ELLIPSOIDS
+        direction.cosine = DOT(n, h) - at.start.support;
+#else
         direction.cosine = DOT(n, h) - at.start.own.r;
+#endif
 #if REAL_BYTES == 4
         direction.cosine = at.start.near_eye ? DOT(n, direction.w) : direction.cosine;
 #endif

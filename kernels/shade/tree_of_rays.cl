@@ -38,7 +38,19 @@ typedef struct {
     Real3 n, d;
     REAL weight;
     int depth;
+#ifdef WITH_ELLIPSOIDS
+    Real3 q;
+#endif
 } Branch;
+
+/* What stands for the point where a ray leaves a surface, and how much lift() has to do there. */
+#ifdef WITH_ELLIPSOIDS
+#define EXACT_POINT(at) (at).q
+#define SPREAD(at) (at).spread
+#else
+#define EXACT_POINT(at) (at).n
+#define SPREAD(at) ((REAL)1)
+#endif
 
 /* What a surface does with the rays that meet it: local (1 - r - t) + r mirrored + t refracted. */
 typedef struct {
@@ -62,10 +74,10 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, 
     Bounce bounce;
     bounce.share = rest > 0 ? rest : (REAL)0;
     bounce.inside = at.start.side < 0;
-    bounce.mirrored = mirrored(rays.d, at.normal, at.start.side);
+    bounce.mirrored = mirrored(rays.d, at.normal, at.start.side, SPREAD(at));
     bounce.mirrors = rays.weight * R;
 #ifdef WITH_GLASS
-    const Refraction through = refracted(rays.d, at.normal, at.start.side, LOAD_LANES(index));
+    const Refraction through = refracted(rays.d, at.normal, at.start.side, LOAD_LANES(index), SPREAD(at));
     const REAL_MASK total = through.total & (T > 0);
     COUNT(TOTAL, TO_MASK(total) & rays.live);
     bounce.refracted = through.d;
@@ -116,10 +128,16 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
         PUT_WHERE(through, next.weight, bounce.sends);
 #ifdef WITH_SPLITS
         if (ANY(sends & mirrors)) {
-            const Branch other = {sends & mirrors, own, !bounce.inside, at.normal, bounce.refracted, bounce.sends, rays.depth + 1};
+            Branch other = {sends & mirrors, own, !bounce.inside, at.normal, bounce.refracted, bounce.sends, rays.depth + 1};
+#ifdef WITH_ELLIPSOIDS
+            other.q = at.q;
+#endif
             stack[height++] = other;
         }
 #endif
+#endif
+#ifdef WITH_ELLIPSOIDS
+        next.q = at.q;
 #endif
         rays = next;
         if (!ANY(rays.live)) {
@@ -131,7 +149,7 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
                 break;
         }
         COUNT(BOUNCES, rays.live);
-        const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, rays.d);
+        const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
         const Met met = closest_from(scene, path, rays.live, work);
         add_to(&sum, rays.live & (met.id < 0), rays.weight, background);
         rays.live = rays.live & (met.id >= 0);

@@ -6,24 +6,15 @@
  * own surface is met again or not by theory, and any other one is met where t > 0. cltrace/reference/equation.py has the
  * same numbers in the same order.
  */
-#ifdef WITH_BOUNCES
-
-/* Rays that leave surfaces. */
-typedef struct {
-    INT own;         /* index of the surface */
-    REAL_MASK inner; /* whether the ray leaves it on its inside */
-    Real3 n, d;      /* the outward unit normal there, and the direction, in camera space */
-    /* What follows from these, in the world and rounded. */
-    Real3 center; /* of the own sphere */
-    REAL r;       /* its radius */
-    Real3 p, w;   /* from that centre to P; the direction */
-    REAL w1;      /* |w.x| + |w.y| + |w.z| */
-} Leaving;
+#if defined(WITH_BOUNCES) || defined(WITH_ELLIPSOIDS)
 
 /* A sphere of the file, in the world. */
 typedef struct {
     Real3 center;
     REAL r;
+#ifdef WITH_ELLIPSOIDS
+    INT map;
+#endif
 } Ball;
 
 /* Each lane's sphere. Lanes with a negative index get any one. */
@@ -38,39 +29,77 @@ static Ball balls_of(const Spheres spheres, const INT index) {
         z[lane] = place.z;
         r[lane] = place.w;
     }
-    const Ball ball = {{LOAD_LANES(x), LOAD_LANES(y), LOAD_LANES(z)}, LOAD_LANES(r)};
+    Ball ball = {{LOAD_LANES(x), LOAD_LANES(y), LOAD_LANES(z)}, LOAD_LANES(r)};
+#ifdef WITH_ELLIPSOIDS
+    for (int lane = 0; lane < W; lane++) each[lane] = spheres.map_of[max(each[lane], 0)];
+    ball.map = LOAD_LANES(each);
+#endif
     return ball;
 }
 
-/* A vector of camera space in the world: B^T v. */
-static Real3 turned_to_world(const Frame frame, const Real3 v) {
-    const Real3 w = {(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
-                     (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
-                     (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
-    return w;
-}
-
-static Real3 turned_to_camera(const Frame frame, const Real3 v) {
-    const Real3 c = {DOT(frame.right, v), DOT(frame.up, v), DOT(frame.back, v)};
-    return c;
-}
-
-/* |x| + |y| + |z|. */
-static REAL size_of(const Real3 v) {
-    return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
-}
-
+#ifdef WITH_BOUNCES
 static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, const REAL_MASK inner, const Real3 n,
-                       const Real3 d) {
+                       const Real3 q, const Real3 d) {
     const Ball ball = balls_of(spheres, own);
     const Real3 m = turned_to_world(frame, n);
-    Leaving ray = {own, inner, n, d, ball.center, ball.r};
+    Leaving ray = {own, inner, n, d, ball.center, ball.r, ball.r};
     ray.p.x = m.x * ball.r;
     ray.p.y = m.y * ball.r;
     ray.p.z = m.z * ball.r;
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
+#ifdef WITH_ELLIPSOIDS
+    ray.map = ball.map;
+    ray.q = q;
+    if (ANY(ball.map != 0)) {
+        const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
+        const Matrix L = matrices_of(spheres, ball.map, 3);
+        const Real3 step = mapped(L, q);
+        PUT_WHERE(stretched, ray.p.x, step.x * ball.r);
+        PUT_WHERE(stretched, ray.p.y, step.y * ball.r);
+        PUT_WHERE(stretched, ray.p.z, step.z * ball.r);
+        PUT_WHERE(stretched, ray.reach, ball.r * L.size);
+    }
+#endif
     return ray;
+}
+#endif
+
+/* A sphere as such a ray sees it: from P to its centre, along the ray, and what these are off by. See sphere_meet_from().
+ */
+typedef struct {
+    Real3 f, w;
+    REAL s, f1, w1;
+    REAL a_error; /* of w.w, beyond a few roundings of it */
+} View;
+
+static View view_of(const Spheres spheres, const Leaving ray, const Ball ball) {
+    View view = {{(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
+                  (ball.center.z - ray.center.z) - ray.p.z},
+                 ray.w};
+    view.f1 = size_of(view.f);
+    view.s = view.f1 + ray.reach;
+    view.w1 = ray.w1;
+    view.a_error = 0;
+#ifdef WITH_ELLIPSOIDS
+    if (ANY(ball.map != 0)) {
+        const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
+        const Matrix K = matrices_of(spheres, ball.map, 0);
+        const Real3 f = mapped(K, view.f), w = mapped(K, view.w);
+        const REAL error = 0x1p-49 * (K.size * view.w1);
+        PUT_WHERE(stretched, view.f.x, f.x);
+        PUT_WHERE(stretched, view.f.y, f.y);
+        PUT_WHERE(stretched, view.f.z, f.z);
+        PUT_WHERE(stretched, view.w.x, w.x);
+        PUT_WHERE(stretched, view.w.y, w.y);
+        PUT_WHERE(stretched, view.w.z, w.z);
+        PUT_WHERE(stretched, view.s, K.size * view.s);
+        PUT_WHERE(stretched, view.f1, K.size * view.f1);
+        PUT_WHERE(stretched, view.w1, K.size * view.w1);
+        PUT_WHERE(stretched, view.a_error, error * (2 * size_of(w) + error));
+    }
+#endif
+    return view;
 }
 
 /* Where such a ray meets a sphere: the smallest t > 0, INFINITY if it does not, and whether from the sphere's inside. */
@@ -84,7 +113,7 @@ typedef struct {
  * pairs, and bounds of what they are off by. */
 typedef struct {
     Pair a, b, c, D;
-    REAL b_error, c_error, D_error;
+    REAL a_error, b_error, c_error, D_error;
 } Finer;
 
 /* B^T v. */
@@ -98,18 +127,39 @@ static Pair3 pairs_in_world(const Spheres spheres, const Real3 v) {
     return w;
 }
 
-/* With u = 2^-53, and s and w1 as in sphere_meet_from(): m = B^T n is off by 18 u^2, and 1 / |m|, of one Newton step from
+/* With u = 2^-53, and s, f1 and w1 as in view_of(): m = B^T n is off by 18 u^2, and 1 / |m|, of one Newton step from
  * double, by 20 u^2, so P is off by 60 u^2 r and f by 2^-99 s, w by 18 u^2 w1. So b and each coordinate of X are off by
- * less than e = 2^-98 s w1, and c and D by what is written below. */
+ * less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1, both
+ * of them sizes of which s, f1 and w1 have as factors, add 30 u^2 to each of these shares, for which there is room; and
+ * w.w is off by more than a share of itself, as in view_of(). */
 static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const Leaving ray, const Ball ball) {
-    const Pair3 m = pairs_in_world(spheres, ray.n), w = pairs_in_world(spheres, ray.d);
-    const Pair mm = dot_pairs(m, m);
+    const View view = view_of(spheres, ray, ball);
+    Pair3 m = pairs_in_world(spheres, ray.n), w = pairs_in_world(spheres, ray.d);
+    Pair mm = dot_pairs(m, m);
+#ifdef WITH_ELLIPSOIDS
+    if (ANY(ray.map != 0)) {
+        const REAL_MASK stretched = TO_REAL_MASK(ray.map != 0);
+        const Pair3 q = {pair(ray.q.x, 0), pair(ray.q.y, 0), pair(ray.q.z, 0)};
+        const Pair qq = dot_pairs(q, q);
+        m = choose_pairs(stretched, mapped_pairs(matrices_of(spheres, ray.map, 3), matrices_of(spheres, ray.map, 6), q), m);
+        mm.hi = stretched ? qq.hi : mm.hi;
+        mm.lo = stretched ? qq.lo : mm.lo;
+    }
+#endif
     const REAL guess = 1 / sqrt(mm.hi);
     const Pair rest = minus(pair(1, 0), times(mm, two_product(guess, guess)));
     const Pair r = times(pair(ray.r, 0), two_sum(guess, (REAL)0.5 * guess * (rest.hi + rest.lo)));
-    const Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), times(m.x, r)),
-                     minus(two_sum(ball.center.y, -ray.center.y), times(m.y, r)),
-                     minus(two_sum(ball.center.z, -ray.center.z), times(m.z, r))};
+    Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), times(m.x, r)),
+               minus(two_sum(ball.center.y, -ray.center.y), times(m.y, r)),
+               minus(two_sum(ball.center.z, -ray.center.z), times(m.z, r))};
+#ifdef WITH_ELLIPSOIDS
+    if (ANY(ball.map != 0)) {
+        const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
+        const Matrix K = matrices_of(spheres, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
+        f = choose_pairs(stretched, mapped_pairs(K, none, f), f);
+        w = choose_pairs(stretched, mapped_pairs(K, none, w), w);
+    }
+#endif
     const Pair3 X = cross_pairs(f, w);
     const Pair ff = dot_pairs(f, f), rr = two_product(ball.r, ball.r), XX = dot_pairs(X, X);
     Finer e;
@@ -118,11 +168,11 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
     e.b = dot_pairs(f, w);
     e.c = minus(ff, rr);
     e.D = minus(arr, XX);
-    const REAL f1 = (fabs(f.x.hi) + fabs(f.y.hi)) + fabs(f.z.hi), X1 = (fabs(X.x.hi) + fabs(X.y.hi)) + fabs(X.z.hi);
-    const REAL s = f1 + ray.r;
-    e.b_error = 0x1p-98 * s * ray.w1;
-    e.c_error = 0x1p-98 * s * f1 + 0x1p-101 * (ff.hi + rr.hi);
-    e.D_error = (2 * X1 + e.b_error) * e.b_error + 0x1p-98 * (arr.hi + XX.hi);
+    const REAL X1 = (fabs(X.x.hi) + fabs(X.y.hi)) + fabs(X.z.hi);
+    e.a_error = 0x1p-50 * view.a_error;
+    e.b_error = 0x1p-98 * view.s * view.w1;
+    e.c_error = 0x1p-98 * view.s * view.f1 + 0x1p-101 * (ff.hi + rr.hi);
+    e.D_error = (2 * X1 + e.b_error) * e.b_error + 0x1p-98 * (arr.hi + XX.hi) + rr.hi * e.a_error;
     return e;
 }
 
@@ -155,7 +205,7 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
     const REAL root_error = by_root < least ? by_root : least;
     FineEncounter at = {over(upper, lower), 0, !out};
     at.error = 2 * fabs(at.t.hi) * ((e.b_error + (on ? (REAL)0 : root_error)) / (on ? fabs(e.b.hi) : q.hi) +
-                                    (by_q ? e.c_error / fabs(e.c.hi) : (REAL)0) + 0x1p-97);
+                                    (by_q ? e.c_error / fabs(e.c.hi) : (REAL)0) + e.a_error / e.a.hi + 0x1p-97);
     at.t.hi = hit ? at.t.hi : (REAL)INFINITY;
     return at;
 }
@@ -172,8 +222,8 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
  * t is right to 2^-24. A ray that surely passes by, or surely has an outer sphere behind it, needs nothing more. */
 static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, const Ball ball, const INT index,
                                   const REAL_MASK wanted) {
-    const Real3 w = ray.w, f = {(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
-                                (ball.center.z - ray.center.z) - ray.p.z};
+    const View view = view_of(spheres, ray, ball);
+    const Real3 f = view.f, w = view.w;
     const REAL_MASK own = TO_REAL_MASK(index == ray.own);
     const REAL a = DOT(w, w), b = DOT(f, w), ff = DOT(f, f), rr = ball.r * ball.r, c = ff - rr;
     const Real3 X = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
@@ -184,13 +234,20 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
     REAL_MASK hit = own ? ray.inner : (D >= 0) & (!out | (b > 0));
     Encounter at = {t, !out};
 #if REAL_BYTES == 8
-    const REAL f1 = size_of(f), s = f1 + ray.r, e = 0x1p-47 * s * ray.w1;
-    const REAL D_error = (2 * size_of(X) * e + e * e) + 0x1p-47 * (arr + XX);
-    const REAL c_error = 0x1p-46 * s * f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
+    const REAL e = 0x1p-47 * view.s * view.w1;
+    REAL D_error = (2 * size_of(X) * e + e * e) + 0x1p-47 * (arr + XX);
+    const REAL c_error = 0x1p-46 * view.s * view.f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
+#ifdef WITH_ELLIPSOIDS
+    D_error += rr * view.a_error;
+#endif
     const REAL_MASK passes = !own & ((D < -D_error) | ((c > c_least) & (b < -e)));
     const REAL_MASK sure = own ? !ray.inner | (e <= 0x1p-26 * b)
                                : (D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least);
+#ifdef WITH_ELLIPSOIDS
+    const REAL_MASK unsure = wanted & !passes & !(sure & (view.a_error <= 0x1p-27 * a));
+#else
     const REAL_MASK unsure = wanted & !passes & !sure;
+#endif
     if (RARELY(ANY(TO_MASK(unsure)))) {
         const FineEncounter fine = fine_encounter(spheres, ray, ball, index);
         at.t = unsure ? fine.t.hi : at.t;
@@ -213,13 +270,52 @@ static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres sphere
 }
 #endif
 
-/* The outward unit normal of a sphere, in camera space, where such a ray meets it at t. */
-static Real3 normal_from(const Frame frame, const Leaving ray, const Ball ball, const REAL t) {
-    const Real3 g = {t * ray.w.x - ((ball.center.x - ray.center.x) - ray.p.x),
-                     t * ray.w.y - ((ball.center.y - ray.center.y) - ray.p.y),
-                     t * ray.w.z - ((ball.center.z - ray.center.z) - ray.p.z)};
+/* The point where such a ray meets a sphere, or an ellipsoid. */
+typedef struct {
+    Real3 n; /* outward unit normal, in camera space */
+    Real3 q; /* what stands for the point: of a sphere that is n, of an ellipsoid the normal in its own axes */
+#ifdef WITH_ELLIPSOIDS
+    REAL_MASK stretched; /* whether it is an ellipsoid */
+    Real3 p;             /* from its centre to the point, in camera space */
+    REAL support;        /* how far the plane that touches it there is from its centre */
+    REAL spread;         /* see lift() */
+#endif
+} Spot;
+
+static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray, const Ball ball, const REAL t) {
+    const View view = view_of(spheres, ray, ball);
+    const Real3 g = {t * view.w.x - view.f.x, t * view.w.y - view.f.y, t * view.w.z - view.f.z};
     const REAL over = 1 / sqrt(DOT(g, g));
-    const Real3 n = {g.x * over, g.y * over, g.z * over};
-    return turned_to_camera(frame, n);
+    const Real3 q = {g.x * over, g.y * over, g.z * over};
+    Spot spot;
+    spot.q = spot.n = turned_to_camera(frame, q);
+#ifdef WITH_ELLIPSOIDS
+    spot.stretched = TO_REAL_MASK(ball.map != 0);
+    spot.p.x = ball.r * spot.n.x;
+    spot.p.y = ball.r * spot.n.y;
+    spot.p.z = ball.r * spot.n.z;
+    spot.support = ball.r;
+    spot.spread = 1;
+    if (ANY(ball.map != 0)) {
+        const Matrix K = matrices_of(spheres, ball.map, 0), L = matrices_of(spheres, ball.map, 3);
+        const Real3 normal = mapped_back(K, q), step = mapped(L, q);
+        const REAL shorter = 1 / sqrt(DOT(normal, normal));
+        const Real3 unit = {normal.x * shorter, normal.y * shorter, normal.z * shorter};
+        const Real3 way = {step.x * ball.r, step.y * ball.r, step.z * ball.r};
+        const Real3 n = turned_to_camera(frame, unit), p = turned_to_camera(frame, way);
+        PUT_WHERE(spot.stretched, spot.n.x, n.x);
+        PUT_WHERE(spot.stretched, spot.n.y, n.y);
+        PUT_WHERE(spot.stretched, spot.n.z, n.z);
+        PUT_WHERE(spot.stretched, spot.q.x, q.x);
+        PUT_WHERE(spot.stretched, spot.q.y, q.y);
+        PUT_WHERE(spot.stretched, spot.q.z, q.z);
+        PUT_WHERE(spot.stretched, spot.p.x, p.x);
+        PUT_WHERE(spot.stretched, spot.p.y, p.y);
+        PUT_WHERE(spot.stretched, spot.p.z, p.z);
+        PUT_WHERE(spot.stretched, spot.support, ball.r * shorter);
+        PUT_WHERE(spot.stretched, spot.spread, K.size * L.size);
+    }
+#endif
+    return spot;
 }
 #endif

@@ -510,6 +510,10 @@ typedef struct {
     Sphere own;
     Real3 p;   /* from the own sphere's centre to P */
     REAL side; /* 1, or -1 where the ray that found P came from inside */
+#ifdef WITH_ELLIPSOIDS
+    REAL_MASK stretched; /* whether it is an ellipsoid; then p is not r long */
+    REAL support;        /* how far the plane that touches it at P is from its centre */
+#endif
 #if REAL_BYTES == 4
     Real3 from_eye;      /* P itself, in camera space */
     REAL_MASK near_eye;  /* whether that is the shorter way */
@@ -518,6 +522,10 @@ typedef struct {
 
 static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
     Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, 1};
+#ifdef WITH_ELLIPSOIDS
+    P.stretched = 0;
+    P.support = own.r;
+#endif
 #ifdef WITH_INSIDE
     P.side = own.c > 0 ? (REAL)1 : (REAL)-1;
 #endif
@@ -534,6 +542,10 @@ static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const
 /* The same for a point that another ray found, from inside or not. */
 static Start start_of(const Sphere own, const Real3 normal, const REAL_MASK inside) {
     Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, inside ? (REAL)-1 : (REAL)1};
+#ifdef WITH_ELLIPSOIDS
+    P.stretched = 0;
+    P.support = own.r;
+#endif
 #if REAL_BYTES == 4
     P.from_eye.x = own.center.x + P.p.x;
     P.from_eye.y = own.center.y + P.p.y;
@@ -566,7 +578,11 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
     const REAL ff = DOT(f, f), rr = B.r * B.r;
     const REAL shift = DOT(D, g), step = (P.own.r - B.r) * (P.own.r + B.r);
     const REAL size = (shift < 0 ? -shift : shift) + (step < 0 ? -step : step);
+#ifdef WITH_ELLIPSOIDS
+    const REAL c = (size < ff + rr) & !P.stretched ? shift + step : ff - rr;
+#else
     const REAL c = size < ff + rr ? shift + step : ff - rr;
+#endif
 #if REAL_BYTES == 4
     /* |B.center|^2 - r^2 comes from the host: what is added to it is small where P is near the eye. */
     const Real3 h = {P.from_eye.x - 2 * B.center.x, P.from_eye.y - 2 * B.center.y, P.from_eye.z - 2 * B.center.z};
@@ -576,11 +592,11 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
 #endif
 }
 
-/* Whether the sphere B, not the own one, stands between P and a light, and so stops the light.
+/* Whether a sphere B, not the own one, stands between P and a light, and so stops the light.
  *
- * w: from P to the light; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
+ * f: from P to the centre of B; w: from P to the light; c: the power of P; r: the radius of B; far: 0 for a parallel light, where w has length 1 and every t > 0 counts; else 1, and t in
  * (0, 1) counts. outside: the sign of |L - C_B|^2 - r_B^2, computed exactly by the host; 1 for a parallel light.
- * With f = C_B - P the equation is a t^2 - 2 b t + c = 0, a = w.w, b = f.w, c = |f|^2 - r_B^2. No root is computed,
+ * The equation is a t^2 - 2 b t + c = 0, a = w.w, b = f.w, c = |f|^2 - r_B^2. No root is computed,
  * only signs: of the product c of the roots, of their sum 2b, and of a - 2b + c = |L - C_B|^2 - r_B^2, the value at
  * t = 1.
  *   c > 0, P outside: two roots of one sign if the discriminant is >= 0; positive if b > 0; the first is below 1 if
@@ -588,12 +604,11 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
  *   c < 0, P inside: one positive root, below 1 if the light is strictly outside.
  *   c = 0, P on B: the root 0 does not count, the other one is 2b/a.
  */
-static REAL_MASK sphere_stops(const Start P, const Sphere B, const Real3 w, const int far,
-                              const int light_side) {
-    const Real3 f = towards(P, B.center);
-    const REAL a = DOT(w, w), b = DOT(f, w), c = power_of(P, B, f);
+static REAL_MASK stands_between(const Real3 f, const Real3 w, const REAL c, const REAL r, const int far,
+                                const int light_side) {
+    const REAL a = DOT(w, w), b = DOT(f, w);
     const Real3 cross = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
-    const REAL bb = b * b, arr = a * (B.r * B.r);
+    const REAL bb = b * b, arr = a * (r * r);
     const REAL_MASK meets = (bb < arr ? bb - a * c : arr - DOT(cross, cross)) >= 0;
     const REAL_MASK ahead = b > 0;
     const REAL_MASK enters = (c > 0) & meets & ahead;
@@ -601,4 +616,9 @@ static REAL_MASK sphere_stops(const Start P, const Sphere B, const Real3 w, cons
     if (light_side < 0) return c > 0; /* P outside and the light inside: surely one root between */
     if (light_side == 0) return enters & (b < a);
     return far ? (enters & (b < a)) | leaves : enters | leaves;
+}
+
+static REAL_MASK sphere_stops(const Start P, const Sphere B, const Real3 w, const int far, const int light_side) {
+    const Real3 f = towards(P, B.center);
+    return stands_between(f, w, power_of(P, B, f), B.r, far, light_side);
 }
