@@ -86,7 +86,7 @@ static View view_of(const Spheres spheres, const Leaving ray, const Ball ball) {
         const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
         const Matrix K = matrices_of(spheres, ball.map, 0);
         const Real3 f = mapped(K, view.f), w = mapped(K, view.w);
-        const REAL error = 0x1p-49 * (K.size * view.w1);
+        const REAL error = (real)0x1p-49f * (K.size * view.w1);
         PUT_WHERE(stretched, view.f.x, f.x);
         PUT_WHERE(stretched, view.f.y, f.y);
         PUT_WHERE(stretched, view.f.z, f.z);
