@@ -39,7 +39,10 @@ def test_answers_of_the_reference(path: Path) -> None:
 
 # Each scene and precision is a program of its own, a second to compile. In accurate all are drawn in an ordinary
 # run, in the other precisions some.
-FIRST = {"double": ("first", "globe", "inside"), "single": ("first", "globe", "inside", "spot", "three-lights", "wide")}
+FIRST = {
+    "double": ("bounces", "first", "globe", "inside"),
+    "single": ("bounces", "first", "globe", "inside", "spot", "three-lights", "wide"),
+}
 DRAWN = [
     pytest.param(
         precision,
