@@ -376,7 +376,3 @@ def test_a_ray_is_spared_most_of_the_tree() -> None:
     tree = build(scene)
     counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(scene, 200, 12)]
     assert np.mean(counts) < 5000 / 20
-
-
-def test_records_are_what_the_kernel_reads() -> None:
-    assert (bvh.NODE.itemsize, bvh.BLOCK.itemsize) == (224, 192)

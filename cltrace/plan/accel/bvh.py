@@ -23,6 +23,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.plan.abi import dtype_of
 from cltrace.plan.exact import Array, blockwise, concurrently
 
 Floats = NDArray[np.float32]
@@ -31,10 +32,8 @@ Ints = NDArray[np.int32]
 # Children of a node, and spheres of a block.
 WIDTH = 8
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
-NODE = np.dtype([(name, "f4", (WIDTH,)) for name in SIDES] + [("child", "i4", (WIDTH,))])
-BLOCK = np.dtype(
-    [(name, "f4", (WIDTH,)) for name in ("x", "y", "z", "outer", "inner")] + [("index", "i4", (WIDTH,))],
-)
+# Both are the same in all precisions.
+NODE, BLOCK = dtype_of("Node", "accurate"), dtype_of("Block", "accurate")
 
 # A set of one of these sizes is a row of an array, and all of them are halved together. The sizes are those of nodes
 # with nothing missing below them.
@@ -52,7 +51,7 @@ BINS = 4096
 
 @dataclass(frozen=True)
 class Tree:
-    """Boxes over n spheres, as records of NODE and BLOCK.
+    """Boxes over n spheres, as records of abi's `Node` and `Block`.
 
     node: the root is the first one. A node has the boxes of its children, (8,) each, rounded outwards, and `child`: the
     index of a node, or ~ that of a block. Where a child is missing, the low sides are infinity, the high ones -infinity
