@@ -565,6 +565,25 @@ def test_what_is_within(device: Device) -> None:
     assert (show(inside, device) == total([(0.5, A), (0.5, B)])).all()
 
 
+def test_what_is_within_a_ball_that_glass_lets_rays_into(device: Device) -> None:
+    """A ray gets into an opaque ball where glass touches it, or where glass of a lower number is in its place.
+
+    Then what is within that ball is seen, although from outside the ball hides it.
+    """
+    touching = [((0, 0, -5), 1), ((0, 0, -7), 1), ((0, 0, -7), 0.5)]
+    in_place = [((0, 0, -5), 1), ((0, 0, -5), 1), ((0, 0, -5), 0.5)]
+    for balls, parts in (
+        (touching, [(0.5, A), (0.25, A), (0.25, RED)]),
+        (in_place, [(0.5, A), (0.5, RED)]),
+    ):
+        scene = glowing(eye(8, size=(1, 1)), balls, [A, B, RED], transmittance=[0.5, 0, 0], index=1.5)
+        assert (show(scene, device) == total(parts)).all()
+        assert (show(scene, device, keep=("hidden",)) == total(parts)).all()
+    # The other way round, the opaque one is met.
+    scene = glowing(eye(8, size=(1, 1)), in_place, [B, A, RED], transmittance=[0, 0.5, 0], index=1.5)
+    assert (show(scene, device) == total([(1.0, B)])).all()
+
+
 def test_glass_in_a_room(device: Device) -> None:
     """Opaque outside, glass within, a stone in the glass: what the walls hide is what is beyond them, nothing else."""
     balls = [((0, 0, 0), 10), ((0, 0, -5), 2), ((0, 0, -5), 1), ((0, 0, -50), 3)]

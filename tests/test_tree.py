@@ -22,7 +22,8 @@ from random_scenes import random_tree
 from stress_cases import channel, picture, remembered
 
 import cltrace
-from cltrace import Image, Scene, ambient_light
+from cltrace import Image, Scene, ambient_light, parallel_light, point_light
+from cltrace.bench.cases import unit
 from cltrace.plan.request import KEEPS
 from cltrace.reference import byte_of, primary_ray, trace, world_of
 from cltrace.reference.check import sample
@@ -102,6 +103,49 @@ def test_what_is_skipped_changes_no_bit_of_many(device: Device) -> None:
                 picture(scene, device, precision),
             )
             assert_same(lean, full, ("rgb8", "color", "id"), (seed, precision))
+
+
+def crowd(seed: int, count: int, transparent: bool = True) -> Scene:
+    """Mirrors, glass and opaque balls of all sizes around the eye, some huge, some tiny, many through each other."""
+    rng = np.random.default_rng(seed)
+    radii = 10.0 ** rng.uniform(-3, 0, count)
+    radii[: count // 50] = 10.0 ** rng.uniform(1, 4, count // 50)
+    way = unit(rng, count) * (rng.uniform(1, 12, count) + radii)[:, None]
+    # A wall of balls that touch in rows, exactly, and shells of one another.
+    wall = np.stack(np.meshgrid(np.arange(-6, 7), np.arange(-5, 6), [-14]), -1).reshape(-1, 3)
+    centers = np.concatenate([way, wall, wall[::3]])
+    radii = np.concatenate([radii, np.full(len(wall), 0.5), np.full(len(wall[::3]), 0.5 + 2.0**-20)])
+    kinds = rng.integers(0, 3 if transparent else 2, len(radii))
+    return Scene.from_spheres(
+        replace(eye(6, tan=0.8, size=(64, 48)), up=(0.1, 1, 0)),
+        [ambient_light(), point_light((1, 2, 3)), parallel_light((1, -2, -1), (0.5, 0.5, 0.5))],
+        centers,
+        radii,
+        shades(len(radii), seed),
+        reflectance=np.where(kinds == 1, 0.75, 0),
+        transmittance=np.where(kinds == 2, 0.75, 0),
+        index=1.5,
+        background=(0.2, 0.3, 0.4),
+    )
+
+
+def check_crowds(device: Device, seeds: Iterable[int], count: int, precisions: Iterable[str]) -> None:
+    """With the tree of boxes and without it, the same bits."""
+    for seed in seeds:
+        scene = crowd(seed, count)
+        for precision in precisions:
+            one, two = (picture(scene, device, precision, keep=keep) for keep in ((), ("tree",)))
+            assert_same(one, two, EVERY, (seed, precision))
+
+
+def test_the_tree_misses_nothing(device: Device) -> None:
+    check_crowds(device, range(3), 600, ("accurate",))
+
+
+@pytest.mark.stress
+def test_the_tree_misses_nothing_of_much(device: Device) -> None:
+    check_crowds(device, range(60), 1000, ("accurate", "double", "single"))
+    check_crowds(device, range(3), 30_000, ("accurate",))
 
 
 def test_a_lean_program_draws_the_same(device: Device) -> None:
@@ -191,6 +235,16 @@ def said(scene: Scene, image: Image, count: int) -> tuple[np.ndarray, np.ndarray
     answers = [trace(world, primary_ray(scene.camera, int(i) % width, int(i) // width)) for i in pixels]
     levels = np.array([[byte_of(c) for c in color] for color, _ in answers])
     return pixels, levels, np.array([at.index if at else -1 for _, at in answers])
+
+
+def test_crowds_are_those_of_the_reference(device: Device) -> None:
+    """Some pixels of many spheres."""
+    for seed in range(2):
+        scene = crowd(seed, 150)
+        image = picture(scene, device)
+        chosen, levels, ids = said(scene, image, 40)
+        assert np.array_equal(channel(image, "id")[chosen], ids)
+        assert np.abs(channel(image, "rgb8")[chosen].astype(int) - levels).max() <= 1
 
 
 def check_agreement(device: Device, seeds: Iterable[int], precisions: Iterable[str], pixels: int) -> None:
