@@ -41,6 +41,8 @@ EXACT = "tests/test_exact.py"
 PROPERTIES = "tests/test_properties.py"
 ABI = "tests/test_abi.py"
 READER = "tests/test_reader.py"
+BOUNCES = "tests/test_bounces.py"
+TREE = "tests/test_tree.py"
 
 MUTATIONS = [
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
@@ -225,6 +227,69 @@ MUTATIONS = [
         "the angle of the shorter side",
         SCENES,
     ),
+    Mutation("const REAL k = 2 * DOT(n, d);", "const REAL k = 1.9999 * DOT(n, d);", "the angle of reflection", BOUNCES),
+    Mutation(
+        "eta = side > 0 ? 1 / index : index", "eta = side > 0 ? index : 1 / index", "which side is glass", BOUNCES
+    ),
+    Mutation("(eta * eta) * DOT(X, X), root", "eta * DOT(X, X), root", "Snell's law", BOUNCES),
+    Mutation("!same & (k < 0)", "!same & (k < -0x1p-28)", "the critical angle", BOUNCES),
+    Mutation("!same & (k < 0)", "(REAL_MASK)(k < 0)", "an index of 1", BOUNCES),
+    Mutation("total ? rays.weight * (R + T)", "total ? rays.weight * R", "what total reflection adds", BOUNCES),
+    Mutation("rays.depth > scene.bounces", "rays.depth >= scene.bounces", "the last depth", BOUNCES),
+    Mutation("bounce.share = rest > 0 ? rest : (REAL)0;", "bounce.share = rest;", "r + t > 1", BOUNCES),
+    Mutation("kept < most ? kept : most", "kept", "the largest contribution", BOUNCES),
+    Mutation("parts > 0 ? parts : (REAL)0", "parts", "black times infinity", BOUNCES),
+    Mutation("next.inner = through ? !bounce.inside", "next.inner = through ? bounce.inside", "the new side", BOUNCES),
+    Mutation(
+        "hit = own ? ray.inner : (D >= 0)", "hit = own ? (REAL_MASK)(b > 0) : (D >= 0)", "the own surface", BOUNCES
+    ),
+    Mutation("(own ? b + b : by_q", "(own ? b : by_q", "how far the own surface is", BOUNCES),
+    Mutation("unsure = wanted & !passes & !sure;", "unsure = wanted & !passes & !sure & (b != b);", "doubts", BOUNCES),
+    Mutation("own | (fabs(e.c.hi) <= e.c_error)", "own", "where surfaces touch", BOUNCES),
+    Mutation(
+        "ids_of(scene, index) < ids_of(scene, met.id)",
+        "ids_of(scene, index) > ids_of(scene, met.id)",
+        "ties of rays from surfaces",
+        BOUNCES,
+    ),
+    Mutation(
+        "const REAL margin = met.t * 0x1p-22;",
+        "const REAL margin = 0;",
+        "close rivals of rays from surfaces",
+        f"{BOUNCES} {TREE}",
+    ),
+    Mutation("at.t = (hit & (at.t > 0)) ? at.t", "at.t = hit ? at.t", "what lies behind", f"{BOUNCES} {TREE}"),
+    Mutation(
+        "met.t * scale) * REACH_SLACK;\n    INT left", "met.t * scale) * 0.5f;\n    INT left", "how far rays look", TREE
+    ),
+    Mutation("& (block->index != walker->own));", ");", "own surface among the candidates", f"{BOUNCES} {TREE}"),
+    Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
+    Mutation("(XX <= outer) & (b + way + e >= 0)", "(XX <= outer) & (b - way >= 0)", "spheres around a start", TREE),
+    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", TREE),
+    Mutation(
+        "list->count[lane] > CANDIDATES - 8 && !make_room",
+        "0 && !make_room",
+        "room for candidates",
+        f"{BOUNCES} {TREE}",
+    ),
+    Mutation(
+        '"receivers" in keep or world.bounces.any)', '"receivers" in keep)', "shadows in mirrors", f"{BOUNCES} {TREE}"
+    ),
+    Mutation("(seen.power <= 0) | world.bounces.glass", "(seen.power <= 0)", "light in glass", f"{BOUNCES} {TREE}"),
+    Mutation("view.inside or world.bounces.glass,", "view.inside,", "a flag", f"{BOUNCES} {TREE}"),
+    Mutation(
+        "world.materials.brightest * world.bounces.growth(camera.max_bounces)",
+        "world.materials.brightest",
+        "highlights that grow",
+        f"{BOUNCES} {TREE}",
+    ),
+    Mutation(
+        "rays.live & (met.id < 0), rays.weight, background", "rays.live, rays.weight, background", "the night", BOUNCES
+    ),
+    Mutation(
+        "const REAL weight = rays.weight * bounce.share;", "const REAL weight = bounce.share;", "weights", BOUNCES
+    ),
+    Mutation("(bounce.sends > 0), only = sends & !mirrors;", "(bounce.sends > 0), only = sends;", "branches", BOUNCES),
     Mutation(
         'text.startswith("/") or ".." in text.split("/")', 'text.startswith("/")', "paths out of the folder", READER
     ),

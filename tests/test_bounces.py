@@ -36,9 +36,9 @@ from random_scenes import random_tree
 from stress_cases import channel, picture
 
 from cltrace import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-from cltrace.bench.cases import AXES, Ball, directions, looking
+from cltrace.bench.cases import AXES, Ball, aimed, directions, limbs, looking
 from cltrace.bench.regimes import rays as camera_rays
-from cltrace.reference import byte_of
+from cltrace.reference import byte_of, primary_ray, trace, world_of
 from cltrace.run.devices import Device
 
 DEPTHS = (0, 1, 2, 8, 64, 100)
@@ -477,6 +477,22 @@ def test_index_1_changes_nothing(device: Device) -> None:
         apart = np.abs(one.color - two.color).max(axis=2)
         assert (apart > 1e-5).mean() <= 2e-3
         assert (np.abs(one.rgb8.astype(int) - two.rgb8).max(axis=2) > 1).mean() <= 2e-3
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_glass_that_rays_graze(device: Device, index: float) -> None:
+    """Rays that pass at r (1 +/- 2^-50 .. 2^-56): n.d is noise. What enters leaves, as the reference says, too."""
+    rng = np.random.default_rng(3)
+    camera, scale = eye(4, tan=6, size=(23, 17)), rng.uniform(0.5, 2, 90)
+    balls = aimed(camera, 5 * scale, scale, limbs(50, 56, 90, rng), rng)
+    scene = glowing(camera, balls, A, transmittance=0.5, index=index)
+    image, world = picture(scene, device), world_of(scene)
+    said = [trace(world, primary_ray(camera, i % 23, i // 23))[0] for i in range(23 * 17)]
+    assert np.array_equal(channel(image, "color"), np.array(said, np.float32))
+    assert (image.id >= 0).any()
+    if index == 1:
+        # Each ball is met twice, and each time half of the rest shows its red of 1; the sixth wall is the last.
+        assert np.isin(channel(image, "color")[:, 0], [0.25, 1 - 0.75 / 4, 1 - 0.75 / 16, 1]).all()
 
 
 def test_index_0_of_what_is_opaque(device: Device) -> None:
