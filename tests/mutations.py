@@ -236,13 +236,9 @@ MUTATIONS = [
     Mutation("!same & (k < 0)", "(REAL_MASK)(k < 0)", "an index of 1", BOUNCES),
     Mutation("total ? rays.weight * (R + T)", "total ? rays.weight * R", "what total reflection adds", BOUNCES),
     Mutation("rays.depth > scene.bounces", "rays.depth >= scene.bounces", "the last depth", BOUNCES),
-    Mutation("bounce.share = rest > 0 ? rest : (REAL)0;", "bounce.share = rest;", "r + t > 1", BOUNCES),
     Mutation("kept < most ? kept : most", "kept", "the largest contribution", BOUNCES),
     Mutation("parts > 0 ? parts : (REAL)0", "parts", "black times infinity", BOUNCES),
     Mutation("next.inner = through ? !bounce.inside", "next.inner = through ? bounce.inside", "the new side", BOUNCES),
-    Mutation(
-        "hit = own ? ray.inner : (D >= 0)", "hit = own ? (REAL_MASK)(b > 0) : (D >= 0)", "the own surface", BOUNCES
-    ),
     Mutation("(own ? b + b : by_q", "(own ? b : by_q", "how far the own surface is", BOUNCES),
     Mutation("unsure = wanted & !passes & !sure;", "unsure = wanted & !passes & !sure & (b != b);", "doubts", BOUNCES),
     Mutation("own | (fabs(e.c.hi) <= e.c_error)", "own", "where surfaces touch", BOUNCES),

@@ -185,3 +185,15 @@ def fuzzed_scene(seed: int) -> Scene:
         ks=rng.choice([0, 0.5, 1, 1e30], n),
         exponent=rng.choice([0, 1e-30, 0.5, 50, 1e6, 3e38], n),
     )
+
+
+def fuzzed_tree(seed: int) -> Scene:
+    """fuzzed_scene() with mirrors and glass of any strength and index, up to 6 bounces deep."""
+    scene, rng = fuzzed_scene(seed), np.random.default_rng((seed, 9))
+    materials, n = scene.materials.copy(), len(scene.materials)
+    kinds, strengths = rng.integers(0, 4, n), [1e-30, 0.5, 1, 2, 1e30]
+    materials["reflectance"] = np.where(kinds % 2 == 1, rng.choice(strengths, n), 0)
+    materials["transmittance"] = np.where(kinds >= 2, rng.choice(strengths, n), 0)
+    materials["index"] = np.where(kinds >= 2, rng.choice([1e-38, 1e-3, 1, 1.5, 1e3, 3e38], n), 0)
+    camera = dataclasses.replace(scene.camera, max_bounces=int(rng.choice([0, 1, 3, 6])))
+    return dataclasses.replace(scene, materials=materials, camera=camera)

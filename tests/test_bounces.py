@@ -314,7 +314,7 @@ def test_mirrors_around_corners(device: Device) -> None:
 
 
 def test_a_mirror_chain(device: Device) -> None:
-    """NUMERICS M1: three unit balls, centres 6 apart, between which a ray goes round for ever if it is aimed so.
+    """Three unit balls, centres 6 apart, between which a ray goes round for ever if it is aimed so.
 
     Errors grow about tenfold a bounce, and so do differences between pixels. Ball k is of pure colour k, and with
     r = 1/4 what it adds at depth j is 3/4 of 4^-j: a digit of base 4 in channel k. Which balls were met, in which
@@ -371,7 +371,7 @@ def chain(camera: Camera, centers: Sequence[Row], bounces: int, shift: float) ->
 
 @pytest.mark.parametrize("zoom", [1e-2, 1e-5, 1e-9, 1e-12])
 def test_the_critical_angle(device: Device, zoom: float) -> None:
-    """NUMERICS F1: an eye in a ball of radius R and index N sees out iff sin(i) = b/R <= 1/N, b from the centre.
+    """An eye in a ball of radius R and index N sees out iff sin(i) = b/R <= 1/N, b from the centre.
 
     Beyond, a ray stays within for ever, at the same angle, and shows the ball's colour at depth n + 1 with the weight
     (r + t)^(n+1). On the axis b is R/N; what is within 1e-14 of that is not asked for.
@@ -493,6 +493,19 @@ def test_glass_that_rays_graze(device: Device, index: float) -> None:
     if index == 1:
         # Each ball is met twice, and each time half of the rest shows its red of 1; the sixth wall is the last.
         assert np.isin(channel(image, "color")[:, 0], [0.25, 1 - 0.75 / 4, 1 - 0.75 / 16, 1]).all()
+
+
+def test_exactly_tangent_rays(device: Device) -> None:
+    """Where n.d is 0, a ray meets glass once. With index 1 it goes on, with 3/4 it is mirrored: straight on.
+
+    The middle pixel's ray is (0, 0, -1); a ball at (x, y, -z) of radius |(x, y)| touches it, in whole numbers.
+    """
+    for x, y, radius in ((0, 1, 1), (3, 4, 5), (-5, 12, 13), (8, -15, 17), (-1, 0, 1)):
+        for index in (1.0, 0.75):
+            scene = glowing(eye(4, size=(1, 1)), [((x, y, -20), radius)], A, transmittance=0.5, index=index)
+            image = picture(scene, device)
+            assert (image.id == 0).all()
+            assert (channel(image, "color") == total([(0.5, A), (0.5, NIGHT)])).all(), (x, y, index)
 
 
 def test_index_0_of_what_is_opaque(device: Device) -> None:

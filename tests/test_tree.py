@@ -18,7 +18,7 @@ from glowing import (
     shades,
     show,
 )
-from random_scenes import random_tree
+from random_scenes import fuzzed_tree, random_tree
 from stress_cases import channel, picture, remembered
 
 import cltrace
@@ -36,8 +36,8 @@ EVERY = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 
 
 def tree(seed: int) -> Scene:
-    """Random mirrors and glass."""
-    return random_tree(seed)
+    """Random mirrors and glass; every other one with ellipsoids."""
+    return random_tree(seed, ellipsoids=seed % 2 == 1)
 
 
 def bare(scene: Scene) -> Scene:
@@ -157,7 +157,7 @@ def test_a_lean_program_draws_the_same(device: Device) -> None:
 
 def test_the_order_of_spheres_changes_only_their_numbers(device: Device) -> None:
     for seed in TREES:
-        scene = random_tree(seed, touching=False)
+        scene = random_tree(seed, ellipsoids=seed % 2 == 1, touching=False)
         order = np.random.default_rng(seed).permutation(len(scene.spheres))
         one, two = picture(scene, device), picture(replace(scene, spheres=scene.spheres[order]), device)
         assert np.array_equal(one.id, np.where(two.id >= 0, order[two.id], -1)), seed
@@ -208,7 +208,7 @@ def test_drivers_agree(device: Device) -> None:
 def test_the_number_of_threads_changes_no_bit(device: Device) -> None:
     """PoCL takes its number of threads from the environment, once for a process."""
     script = (
-        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_tree\n"
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import fuzzed_tree, random_tree\n"
         "from stress_cases import picture\n"
         "from cltrace.run.devices import choose\n"
         "for s in range(4):\n"
@@ -271,6 +271,25 @@ def test_kernel_agrees_with_the_reference(device: Device) -> None:
 @pytest.mark.stress
 def test_kernel_agrees_with_the_reference_on_many_scenes(device: Device) -> None:
     check_agreement(device, range(40, 640), ("accurate", "double"), 100)
+
+
+def look_for_nan(device: Device, seeds: Iterable[int]) -> None:
+    """Every pixel of trees of random bits is a number, in both precisions that use float32."""
+    for seed in seeds:
+        scene = fuzzed_tree(seed)
+        for precision in ("accurate", "single"):
+            image = picture(scene, device, precision)
+            assert (image.color >= 0).all(), (seed, precision)
+            assert not np.isnan(image.normal).any(), (seed, precision)
+
+
+def test_no_nan(device: Device) -> None:
+    look_for_nan(device, range(100))
+
+
+@pytest.mark.stress
+def test_no_nan_in_many_scenes(device: Device) -> None:
+    look_for_nan(device, range(100, 20_000))
 
 
 def test_single_precision_draws_numbers(device: Device) -> None:
