@@ -256,14 +256,17 @@ MUTATIONS = [
     ),
     Mutation("at.t = (hit & (at.t > 0)) ? at.t", "at.t = hit ? at.t", "what lies behind", f"{BOUNCES} {TREE}"),
     Mutation(
-        "met.t * scale) * REACH_SLACK;\n    INT left", "met.t * scale) * 0.5f;\n    INT left", "how far rays look", TREE
+        "FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;",
+        "FLOAT reach = TO_FLOAT(met->t * scale) * 0.5f;",
+        "how far rays look",
+        TREE,
     ),
     Mutation("& (block->index != walker->own));", ");", "own surface among the candidates", f"{BOUNCES} {TREE}"),
     Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
     Mutation("(XX <= outer) & (b + way + e >= 0)", "(XX <= outer) & (b - way >= 0)", "spheres around a start", TREE),
     Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", TREE),
     Mutation(
-        "list->count[lane] > CANDIDATES - 8 && !make_room",
+        "list.count[lane] > CANDIDATES - 8 && !make_room",
         "0 && !make_room",
         "room for candidates",
         f"{BOUNCES} {TREE}",

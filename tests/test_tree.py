@@ -38,8 +38,8 @@ def tree(seed: int) -> Scene:
     return random_tree(seed, ellipsoids=seed % 2 == 1)
 
 
-# One program draws those of spheres, and one those with ellipsoids: that has room for 8 bounces, and the code of all that
-# bounces. To compile a program takes longer than most tests.
+# One program draws those of spheres, and another one those with ellipsoids. It has room for 8 bounces, and the code of
+# all that bounces. To compile a program takes longer than most tests.
 TREES = [seed for seed in range(14) if tree(seed).camera.max_bounces <= 8]
 
 
