@@ -17,6 +17,7 @@ from glowing import (
     glowing,
     shades,
 )
+from PIL import Image as Picture
 from random_scenes import fuzzed_tree, random_tree
 from stress_cases import channel, picture, remembered
 
@@ -281,6 +282,32 @@ def test_kernel_agrees_with_the_reference_on_many_scenes(device: Device) -> None
     check_agreement(device, range(40, 640), ("accurate", "double"), 100)
 
 
+def check_splits(device: Device, seeds: Iterable[int], bounces: int, pixels: int) -> None:
+    """All that mirrors is glass, too, and all glass mirrors: rays double at every hit."""
+    for seed in seeds:
+        scene = tree(seed)
+        materials = scene.materials.copy()
+        both = (materials["reflectance"] > 0) | (materials["transmittance"] > 0)
+        for name in ("reflectance", "transmittance"):
+            materials[name][both & (materials[name] == 0)] = 0.375
+        materials["index"][both & (materials["index"] == 0)] = 1.25
+        scene = replace(scene, materials=materials, camera=replace(scene.camera, max_bounces=bounces))
+        image = drawn(scene, device)
+        chosen, levels, ids = said(scene, image, pixels)
+        assert np.array_equal(channel(image, "id")[chosen], ids), seed
+        assert np.abs(channel(image, "rgb8")[chosen].astype(int) - levels).max() <= 1, seed
+
+
+def test_rays_that_split_at_every_hit(device: Device) -> None:
+    check_splits(device, range(6), 5, 8)
+
+
+@pytest.mark.stress
+def test_rays_that_split_at_every_hit_down_to_depth_12(device: Device) -> None:
+    check_splits(device, range(6, 100), 7, 20)
+    check_splits(device, range(20), 12, 3)
+
+
 def look_for_nan(device: Device, seeds: Iterable[int]) -> None:
     """Every pixel of trees of random bits is a number, in both precisions that use float32."""
     for seed in seeds:
@@ -314,3 +341,50 @@ def test_single_precision_draws_numbers(device: Device) -> None:
     apart = np.abs(one - two).max(axis=1)
     assert np.median(apart) <= 1e-5
     assert (apart > 0.01).mean() <= 0.02
+
+
+# ---------------------------------------------------------------------------------------------------------- the command
+
+HEAD = '<?xml version="1.0" standalone="no" ?>\n<!DOCTYPE scene SYSTEM "scene.dtd">\n'
+
+
+def written(folder: Path, scene: Scene) -> Path:
+    """The scene as a file, for the command. It has spheres of materials of their own, and an ambient light."""
+
+    def three(tag: str, names: str, values: Iterable[float]) -> str:
+        return f"<{tag} " + " ".join(f'{n}="{float(v)!r}"' for n, v in zip(names, values, strict=True)) + "/>"
+
+    camera = scene.camera
+    spheres = []
+    for sphere in scene.spheres:
+        m = scene.materials[sphere["material"]]
+        spheres.append(
+            f'<sphere radius="{float(sphere["radius"])!r}">{three("position", "xyz", sphere["center"])}<material_solid>'
+            f'{three("color", "rgb", m["color"])}<phong ka="{m["ka"]}" kd="{m["kd"]}" ks="{m["ks"]}" exponent="1"/>'
+            f'<reflectance r="{m["reflectance"]}"/><transmittance t="{m["transmittance"]}"/>'
+            f'<refraction iof="{m["index"]}"/></material_solid></sphere>'
+        )
+    text = (
+        f'{HEAD}<scene output_file="out.png">{three("background_color", "rgb", scene.background)}'
+        f"<camera>{three('position', 'xyz', camera.position)}{three('lookat', 'xyz', camera.lookat)}"
+        f'{three("up", "xyz", camera.up)}<horizontal_fov angle="{camera.horizontal_fov!r}"/>'
+        f'<resolution horizontal="{camera.resolution[0]}" vertical="{camera.resolution[1]}"/>'
+        f'<max_bounces n="{camera.max_bounces}"/></camera><lights><ambient_light>'
+        f"{three('color', 'rgb', scene.lights['color'][0])}</ambient_light></lights>"
+        f"<surfaces>{''.join(spheres)}</surfaces></scene>"
+    )
+    path = folder / "trees.xml"
+    path.write_text(text)
+    return path
+
+
+def test_the_command_draws_and_checks_trees(device: Device, tmp_path: Path) -> None:
+    """From a file to a picture, which is that of Python, and held against the reference by --check."""
+    scene = bare(random_tree(0))
+    path = written(tmp_path, scene)
+    command = [sys.executable, "-m", "cltrace", str(path), "-d", device.spec, "-o", "out.png", "--check=100"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "check ok: 100 of" in done.stderr
+    with Picture.open(tmp_path / "out.png") as image:
+        assert np.array_equal(np.asarray(image), drawn(scene, device).rgb8)
