@@ -65,7 +65,7 @@ def test_there_is_something_to_run_and_it_is_python() -> None:
     for file in FILES:
         compile("\n".join(blocks(file, "python")), file.name, "exec")
     script = "\n".join(map(commands, FILES))
-    assert ".venv/bin/cltrace scenes/first.xml\n" in script
+    assert ".venv/bin/cltrace scenes/dusk.xml\n" in script
     assert "cltrace.Scene.from_spheres(" in script
     # What CI runs comes from fenced blocks: one that is spelt otherwise would be left out in silence.
     for file in FILES:

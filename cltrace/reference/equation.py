@@ -259,6 +259,11 @@ class FromSurface(Equation):
         n = g * (1 / math.sqrt(g.dot(g)))
         return self.sphere.frame.B @ n if self.sphere.ball.to_object is None else n
 
+    def distance(self, t: float) -> float:
+        """With the root that the kernel takes, for equal bits; self.a may be in an ellipsoid's own axes."""
+        d = self.ray.direction
+        return t * math.sqrt(d.dot(d))
+
 
 def _size(v: Direction) -> float:
     return (abs(v.x) + abs(v.y)) + abs(v.z)
