@@ -57,8 +57,48 @@ static void fetch_ahead(const Spheres spheres, const Lists lists, __global const
     }
 }
 #define FETCH_AHEAD(scene, filter, first) fetch_ahead((scene).spheres, (scene).lists, filter, first)
+
+#ifdef WITH_BOUNCES
+/* The same for the lists of all lanes' cells in a light's buffer. Rays from mirrors reach lists that are far apart, and
+ * what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's filter. */
+static void fetch_lists(const Scene scene, const int light, const INT cell) {
+    int each[W];
+    STORE_LANES(cell, each);
+    for (int lane = 0; lane < W; lane++)
+        if (each[lane] >= 0) FETCH(scene.lists.start, each[lane]);
+    for (int lane = 0; lane < W; lane++)
+        if (each[lane] >= 0) FETCH(scene.lists.entry, scene.lists.start[each[lane]]);
+    for (int lane = 0; lane < W; lane++)
+        if (each[lane] >= 0)
+            FETCH(scene.light_filter, (long)light * scene.count + scene.lists.entry[scene.lists.start[each[lane]]].x);
+}
+#define FETCH_LISTS(scene, light, cell) fetch_lists(scene, light, cell)
+
+/* The same for the surfaces that each of the lanes has met. */
+static void fetch_surfaces(const Scene scene, const INT index) {
+    int each[W];
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] < 0) continue;
+        FETCH(scene.spheres.place, each[lane]);
+        FETCH(scene.spheres.center_radius, each[lane]);
+        FETCH(scene.spheres.power, each[lane]);
+        FETCH(scene.material_of, each[lane]);
+    }
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] < 0) continue;
+        FETCH(scene.material, scene.material_of[each[lane]]);
+        FETCH(scene.bounce, scene.material_of[each[lane]]);
+    }
+}
+#define FETCH_SURFACES(scene, index) fetch_surfaces(scene, index)
+#endif
 #endif
 #endif
 #ifndef FETCH_AHEAD
 #define FETCH_AHEAD(scene, filter, first)
+#endif
+#ifndef FETCH_LISTS
+#define FETCH_LISTS(scene, light, cell)
+#define FETCH_SURFACES(scene, index)
 #endif

@@ -181,6 +181,7 @@ static MASK cast_shadow_ray(const Scene scene, const ShadowRay ray, const Start 
             level = next_level(grid, level);
             const INT number = level.first + (cell.row >> level.level) * level.columns + (cell.column >> level.level);
             INT pending = cell.here & lit ? number : (INT)-1;
+            FETCH_LISTS(scene, ray.number, pending);
             for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                 const MASK in = pending == c;
                 pending = in ? (INT)-1 : pending;

@@ -151,6 +151,7 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
         COUNT(BOUNCES, rays.live);
         const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
         const Met met = closest_from(scene, path, rays.live, work);
+        FETCH_SURFACES(scene, met.id);
         add_to(&sum, rays.live & (met.id < 0), rays.weight, background);
         rays.live = rays.live & (met.id >= 0);
         at = intersection_from(frame, scene, path, met);
