@@ -261,10 +261,9 @@ MUTATIONS = [
         "how far rays look",
         TREE,
     ),
-    Mutation("& (block->index != walker->own));", ");", "own surface among the candidates", f"{BOUNCES} {TREE}"),
     Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
     Mutation("(XX <= outer) & (b + way + e >= 0)", "(XX <= outer) & (b - way >= 0)", "spheres around a start", TREE),
-    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", TREE),
+    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", BOUNCES),
     Mutation(
         "list.count[lane] > CANDIDATES - 8 && !make_room",
         "0 && !make_room",

@@ -313,6 +313,18 @@ def test_mirrors_around_corners(device: Device) -> None:
     assert (show(scene, device) == colors).all()
 
 
+def test_clusters_of_peas(device: Device) -> None:
+    """Off a ball, at 64 clusters of 8 peas each, 1e-6 apart one behind the other: a box of the tree is no larger.
+
+    The first pea of each is the one that is seen.
+    """
+    ball, camera = ((0, 0, -6), 1.0), eye(1, tan=0.02, size=(8, 8))
+    there, n = Beams.of(camera).meet(*ball)
+    way = there.mirrored(n)
+    scene, colors = targets(camera, [ball], [way.at(7 + 1e-6 * k) for k in range(8)], reflectance=1)
+    assert (show(scene, device) == colors[0]).all()
+
+
 def test_a_mirror_chain(device: Device) -> None:
     """Three unit balls, centres 6 apart, between which a ray goes round for ever if it is aimed so.
 
@@ -575,6 +587,23 @@ def test_what_mirrors_nothing_of_its_own_still_shows_the_lit(device: Device) -> 
             )
             # The mirrored ray goes along +z, to where n = v = (0, 0, -1), and l, too, or l = (-1, 0, -1)/sqrt(2).
             assert show(scene, device).ravel() == pytest.approx([want] * 3, abs=1e-6), (light, kd, ks)
+
+
+def test_a_faint_highlight_that_a_mirror_makes_bright(device: Device) -> None:
+    """(r.v)^80 with r.v = 1/sqrt(2) is 2^-40, too faint for a byte; a mirror of r = 2^40 shows it as white."""
+    scene = Scene.from_spheres(
+        eye(1, size=(1, 1)),
+        [parallel_light((1, 0, 1), WHITE)],
+        [(0, 0, -5), (0, 0, 20)],
+        [1, 1],
+        [BLACK, WHITE],
+        ka=0,
+        kd=0,
+        ks=[0, 1],
+        exponent=80,
+        reflectance=[2.0**40, 0],
+    )
+    assert show(scene, device).ravel() == pytest.approx([1.0] * 3, rel=1e-4)
 
 
 def test_what_is_within(device: Device) -> None:
