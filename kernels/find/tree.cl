@@ -135,9 +135,8 @@ static void add_block(const Tree tree, const int number, Walker *walker, Candida
     if (!bits) return;
     const int8 sure = block->inner > e;
     const float8 entered = b - sqrt(larger(inner - XX, 0.0f)) + e;
-    const float8 last = sure & (x * x + (y * y + z * z) < inner)    ? b + way + e
-                        : sure & (XX <= inner) & (first > 0) ? entered
-                                                             : (float8)INFINITY;
+    const int8 starts_inside = sure & (x * x + (y * y + z * z) < inner), enters = sure & (XX <= inner) & (first > 0);
+    const float8 last = starts_inside ? b + way + e : enters ? entered : (float8)INFINITY;
     float near[8], far[8];
     int index[8];
     vstore8(first, 0, near);

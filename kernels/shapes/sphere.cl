@@ -579,7 +579,7 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
     const REAL shift = DOT(D, g), step = (P.own.r - B.r) * (P.own.r + B.r);
     const REAL size = (shift < 0 ? -shift : shift) + (step < 0 ? -step : step);
 #ifdef WITH_ELLIPSOIDS
-    const REAL c = (size < ff + rr) & !P.stretched ? shift + step : ff - rr;
+    const REAL c = ((size < ff + rr) & !P.stretched) ? shift + step : ff - rr;
 #else
     const REAL c = size < ff + rr ? shift + step : ff - rr;
 #endif
