@@ -10,8 +10,8 @@ from cltrace.plan.request import Request
 # From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
 # 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 of it (PoCL 3.1, 1920x1080).
 PLENTY = 2**16
-# Up to so many surfaces, rays that leave one try all others: 16 take 0.84 of the time that they take with a tree, 64 take
-# the same (PoCL 3.1).
+# Up to so many surfaces, rays that leave one try all others. 16 then take 0.84 of the time that they take with a tree,
+# and 64 take the same (PoCL 3.1).
 FOREST = 32
 
 
