@@ -106,7 +106,7 @@ def random_tree(seed: int, ellipsoids: bool = False, touching: bool = True) -> S
     transform = None
     if ellipsoids:
         transform = np.array(
-            [_stretched(rng) if rng.random() < 0.5 and i < len(spheres) else np.eye(3) for i in range(n)]
+            [stretched(rng) if rng.random() < 0.5 and i < len(spheres) else np.eye(3) for i in range(n)]
         )
     return Scene.from_spheres(
         dataclasses.replace(camera, max_bounces=bounces),
@@ -126,7 +126,7 @@ def random_tree(seed: int, ellipsoids: bool = False, touching: bool = True) -> S
     )
 
 
-def _stretched(rng: np.random.Generator) -> np.ndarray:
+def stretched(rng: np.random.Generator) -> np.ndarray:
     """A random linear map, (3, 3): turned, stretched by up to 1000, turned again, and perhaps mirrored."""
     (one, _), (two, _) = (np.linalg.qr(rng.normal(size=(3, 3))) for _ in range(2))
     size = 10.0 ** rng.uniform(-0.5, 0.3, 3) if rng.random() < 0.8 else rng.choice([1, 1e-3], 3)

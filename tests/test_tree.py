@@ -18,7 +18,7 @@ from glowing import (
     shades,
 )
 from PIL import Image as Picture
-from random_scenes import fuzzed_tree, random_tree
+from random_scenes import fuzzed_tree, random_tree, stretched
 from stress_cases import channel, picture, remembered
 
 import cltrace
@@ -114,8 +114,11 @@ def test_what_is_skipped_changes_no_bit_of_many(device: Device) -> None:
             assert_same(lean, drawn(tree(seed), device, precision), ("rgb8", "color", "id"), (seed, precision))
 
 
-def crowd(seed: int, count: int, transparent: bool = True) -> Scene:
-    """Mirrors, glass and opaque balls of all sizes around the eye, some huge, some tiny, many through each other."""
+def crowd(seed: int, count: int) -> Scene:
+    """Mirrors, glass and opaque balls of all sizes around the eye, some huge, some tiny, many through each other.
+
+    With an odd seed, half of the smaller ones are ellipsoids.
+    """
     rng = np.random.default_rng(seed)
     radii = 10.0 ** rng.uniform(-3, 0, count)
     radii[: count // 50] = 10.0 ** rng.uniform(1, 4, count // 50)
@@ -124,7 +127,9 @@ def crowd(seed: int, count: int, transparent: bool = True) -> Scene:
     wall = np.stack(np.meshgrid(np.arange(-6, 7), np.arange(-5, 6), [-14]), -1).reshape(-1, 3)
     centers = np.concatenate([way, wall, wall[::3]])
     radii = np.concatenate([radii, np.full(len(wall), 0.5), np.full(len(wall[::3]), 0.5 + 2.0**-20)])
-    kinds = rng.integers(0, 3 if transparent else 2, len(radii))
+    kinds = rng.integers(0, 3, len(radii))
+    bent = (rng.random(len(radii)) < 0.5) & (radii < 1)
+    maps = np.array([stretched(rng) if b else np.eye(3) for b in bent]) if seed % 2 else None
     return Scene.from_spheres(
         replace(eye(6, tan=0.8, size=(64, 48)), up=(0.1, 1, 0)),
         [ambient_light(), point_light((1, 2, 3)), parallel_light((1, -2, -1), (0.5, 0.5, 0.5))],
@@ -134,6 +139,7 @@ def crowd(seed: int, count: int, transparent: bool = True) -> Scene:
         reflectance=np.where(kinds == 1, 0.75, 0),
         transmittance=np.where(kinds == 2, 0.75, 0),
         index=1.5,
+        transform=maps,
         background=(0.2, 0.3, 0.4),
     )
 
@@ -217,7 +223,7 @@ def test_drivers_agree(device: Device) -> None:
 def test_the_number_of_threads_changes_no_bit(device: Device) -> None:
     """PoCL takes its number of threads from the environment, once for a process."""
     script = (
-        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import fuzzed_tree, random_tree\n"
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_tree\n"
         "from stress_cases import picture\n"
         "from cltrace.run.devices import choose\n"
         "for s in range(0, 14, 2):\n"
