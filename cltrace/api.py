@@ -5,7 +5,15 @@ from __future__ import annotations
 import os
 import warnings
 
-from cltrace.errors import BuildError, CltraceError, DeviceError, SceneError, SceneWarning, UsageError
+from cltrace.errors import (
+    BuildError,
+    CltraceError,
+    DeviceError,
+    SceneError,
+    SceneWarning,
+    TooManyRaysError,
+    UsageError,
+)
 from cltrace.formats.xml_reader import read
 from cltrace.picture.image import Image
 from cltrace.renderer import Renderer, render
@@ -23,6 +31,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SceneWarning",
+    "TooManyRaysError",
     "UsageError",
     "ambient_light",
     "devices",

@@ -175,7 +175,11 @@ def _run(args: argparse.Namespace) -> int:
     if args.check is None:
         return 0
     pixels = {"all": renderer.region[2] * renderer.region[3], "default": None}.get(args.check, args.check)
-    report = check(scene, image, renderer.precision, pixels, renderer.region[:2], args.truncate, _progress(args.quiet))
+    try:
+        origin, progress = renderer.region[:2], _progress(args.quiet)
+        report = check(scene, image, renderer.precision, pixels, origin, args.truncate, progress)
+    except ValueError as error:  # the reference traces what the kernel proves to be too faint, and has the same ceiling
+        raise UsageError(f"--check: {error}") from None
     (say if report.ok else tell)(f"cltrace: {report}")
     return 0 if report.ok else 1
 

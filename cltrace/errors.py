@@ -45,6 +45,26 @@ class SceneError(CltraceError):
         return "\n".join(f"{path}:{f.line}: {f.message}" if f.line else f"{path}: {f.message}" for f in self.faults)
 
 
+class TooManyRaysError(CltraceError):
+    """Mirrors and glass make so many rays of one pixel that it is given up.
+
+    `pixel` is one such pixel, as (x, y) from the top left of the whole picture; `rays`: how many are too many;
+    `max_bounces`: the camera's.
+    """
+
+    def __init__(self, pixel: tuple[int, int], rays: int, max_bounces: int) -> None:
+        super().__init__(pixel, rays, max_bounces)
+        self.pixel = pixel
+        self.rays = rays
+        self.max_bounces = max_bounces
+
+    def __str__(self) -> str:
+        return (
+            f"camera.max_bounces: must be lower than {self.max_bounces}, with which pixel {self.pixel} takes more than "
+            f"{self.rays:,} rays"
+        )
+
+
 class SceneWarning(UserWarning):
     """Something in a scene file is ignored, such as an unknown element."""
 

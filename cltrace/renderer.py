@@ -126,7 +126,8 @@ class Renderer:
         """One frame, as an Image whose arrays have the region's height and width.
 
         out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones.
-        Raises ValueError if `out` is no such image, and DeviceError if the driver fails or in a forked process.
+        Raises ValueError if `out` is no such image, TooManyRaysError if mirrors and glass make more than 2^20 rays of a
+        pixel, and DeviceError if the driver fails or in a forked process. What `out` holds after an error is undefined.
         """
         check_process()
         executor = self._executor
@@ -145,7 +146,8 @@ class Renderer:
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
 
-        The keys are the texts of abi.COUNTERS. Raises DeviceError and BuildError as Renderer does.
+        The keys are the texts of abi.COUNTERS. Raises TooManyRaysError as render() does, and DeviceError and BuildError
+        as Renderer does.
         """
         check_process()
         with self._lock, self._executor.driver_errors():
@@ -160,5 +162,5 @@ def render(
     crop: Crop | None = None,
     truncate: bool = False,
 ) -> Image:
-    """One picture of a scene. The arguments and what is raised are those of Renderer, which is for several pictures."""
+    """One picture of a scene. The arguments and what is raised are those of Renderer and its render()."""
     return Renderer(scene, device, precision, outputs, crop, truncate).render()

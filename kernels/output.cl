@@ -77,6 +77,9 @@ typedef struct {
     Shade3 color;
     Float3 normal; /* in the world, facing the ray; 0 where nothing was hit */
     INT rays;      /* shadow rays */
+#ifdef WITH_CEILING
+    MASK wanted, overgrown; /* whether it is in the region; whether it takes more than MOST_RAYS rays */
+#endif
 } Pixels;
 
 /* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
@@ -122,3 +125,20 @@ static void write(const Frame frame, const int2 size, const INT column, const IN
     for (int k = 0; k < COUNTERS; k++) STORE(int, out.work + k, first, pitch, COUNTERS, work->count[k]);
 #endif
 }
+
+#ifdef WITH_CEILING
+/* The packets of the whole picture, counted row by row. (x, y): a packet's first pixel, in pixels of the picture. */
+static int packet_number(const int2 size, const int x, const int y) {
+    return y / PACKET_HEIGHT * ((size.x + PACKET_WIDTH - 1) / PACKET_WIDTH) + x / PACKET_WIDTH;
+}
+
+/* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. All packets before
+ * that one are still rendered, and those after it are not. So it is always the same pixel that is noted in the end. */
+static void note_overgrown(const Outputs out, const int number, const MASK overgrown) {
+    if (!RARELY(ANY(overgrown))) return;
+    int each[W], lane = 0;
+    STORE_LANES(overgrown, each);
+    while (!each[lane]) lane++;
+    atomic_min(out.overgrown, number * W + lane);
+}
+#endif

@@ -112,7 +112,7 @@ static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const i
     const Intersection at = intersection_at(frame, scene, ray, hit);
 #ifdef WITH_SHADING
 #ifdef WITH_BOUNCES
-    const Shade3 color = follow(frame, scene, ray, at, hit.id, &pixels.rays, work);
+    const Shade3 color = follow(frame, scene, ray, at, hit.id, &pixels, work);
 #else
     const Shade3 color = shade(scene, ray.d, ray.a, at, hit.id, &pixels.rays, work);
 #endif
@@ -147,6 +147,12 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #ifdef OUT_WORK
     for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
 #endif
+#ifdef WITH_CEILING
+    const int number = packet_number(size, region.x + x, region.y + y);
+    if (number > *out.overgrown / W) return;
+    pixels.wanted = (column >= region.x + out.margin.x) & (column < region.x + region.z) &
+                    (row >= region.y + out.margin.y) & (row < region.y + region.w);
+#endif
     if (tile_has_any(scene.lists, tile)) {
         pixels = trace(frame, scene, primary_ray(frame, size, column, row), tile, pixels, work);
     } else {
@@ -156,6 +162,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     pixels.hit.id = ids_of(scene, pixels.hit.id);
 #endif
     write(frame, size, column, row, pixels, work, out, y * out.pitch + x);
+#ifdef WITH_CEILING
+    note_overgrown(out, number, pixels.overgrown);
+#endif
 }
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:

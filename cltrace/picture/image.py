@@ -31,7 +31,10 @@ class Image:
         depth        (h, w) float64     distance from the eye in scene units; inf where nothing was hit
         id           (h, w) int32       index of the sphere in the scene; -1 where nothing was hit
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
-        work         (h, w, 8) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
+        work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
+
+    The last two count what was done, also for rays of mirrors and glass. Faint ones of those may have been left out, or
+    traced twice, where no picture shows it: how many depends on which outputs were asked for.
 
     Asking for an output that it has not raises AttributeError, so hasattr(image, "depth") tells whether there is one.
     Where numpy or a plotting library wants an array, an image counts as its rgb8: plt.imshow(image), np.asarray(image).

@@ -101,14 +101,15 @@ STRUCTS = {
 class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
-    kind: value (a scalar or a struct), buffer (read by the kernel) or output (written, one record for each pixel);
+    kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
+    (one number that the kernel changes where something has happened);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
     output.
     """
 
     name: str
     type: str
-    kind: Literal["value", "buffer", "output"]
+    kind: Literal["value", "buffer", "output", "note"]
     group: str
     text: str
     channels: int = 1
@@ -117,6 +118,7 @@ class Argument:
     def parameter(self) -> str:
         """How OpenCL C declares it."""
         pointer = {"value": "const {} {}", "buffer": "__global const {} *{}", "output": "__global {} *{}"}
+        pointer["note"] = "volatile __global {} *{}"
         return pointer[self.kind].format(self.type, self.name)
 
 
@@ -145,6 +147,8 @@ COUNTERS = {
     "BOUNCES": "rays that mirrors and glass send on",
     "WEIGHTLESS": "points whose own colour has no weight",
     "TOTAL": "refracted rays that total reflection makes one with the mirrored ray",
+    "DROPPED": "branches too faint for any output",
+    "RETRACED": "pixels traced again, as what was dropped might show",
 }
 
 ARGUMENTS = (
@@ -155,13 +159,19 @@ ARGUMENTS = (
         ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
         ("row", "int", "row of the region at which this launch starts"),
     ),
-    *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
+    *_values(
+        "Outputs",
+        ("pitch", "int", "pixels in a row of the outputs, which hold whole packets"),
+        ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
+    ),
     *_values(
         "Scene",
         ("lights", "int4", "how many parallel, point and spot lights there are, and how many in all"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
         ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
+        ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
+        ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
     ),
     *_values(
         "Tree",
@@ -224,6 +234,13 @@ ARGUMENTS = (
         ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
         ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
     ),
+    Argument(
+        "overgrown",
+        "int",
+        "note",
+        "Outputs",
+        "a pixel of more than MOST_RAYS rays: W times its packet's number in the picture, row by row, plus its lane",
+    ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}
 # The outputs that show something of the picture; the other ones count what was done for it.
@@ -238,6 +255,7 @@ CONSTANTS = {
     "WHOLE": 30,  # the level that a grid of one cell uses
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
+    "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
 }
 
@@ -261,6 +279,9 @@ FLAGS = {
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",
     "WITH_SPLITS": "something is both",
+    "WITH_DROPPING": "branches are dropped where no output shows them",
+    "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
+    "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.plan.abi import CONSTANTS
+
 # The numbers of waiting rays that programs have room for: one for each depth of 0 .. max_bounces.
 ROOMS = (9, 17, 33, 65, 101)
 
@@ -35,9 +37,22 @@ class Bounces:
         most = float((r + t).max(initial=0))
         return cls(full or most > 0, full or bool(t.any()), full or bool(((r > 0) & (t > 0)).any()), most)
 
+    @property
+    def shrinks(self) -> bool:
+        """Whether what goes on from a surface never weighs more than what came."""
+        return self.most <= 1
+
     def growth(self, max_bounces: int) -> float:
         """How much all rays of a pixel together may weigh, 1 being one ray; 1e200 stands for all that is more."""
         return math.exp(min(math.log(1e200), math.log(max(1.0, self.most)) * (max_bounces + 1)))
+
+    def overgrows(self, max_bounces: int) -> bool:
+        """Whether a pixel may take more than MOST_RAYS rays.
+
+        Where nothing splits, there are max_bounces + 2 at most. A tree that splits everywhere has 2^depth rays of each
+        depth up to max_bounces + 1.
+        """
+        return self.splits and 2 ** (max_bounces + 2) - 1 > CONSTANTS["MOST_RAYS"]
 
     def branches(self, max_bounces: int) -> int:
         """How many rays of a pixel may wait for others: one for each depth at most."""

@@ -21,7 +21,7 @@ class Contents:
 
     spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
     a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light;
-    bounces: what surfaces do with rays; ellipsoids: whether there are any.
+    bounces: what surfaces do with rays; ellipsoids: whether there are any; max_bounces: of the camera.
     """
 
     spheres: int
@@ -31,6 +31,7 @@ class Contents:
     black: bool
     bounces: Bounces
     ellipsoids: bool
+    max_bounces: int
 
 
 def features(contents: Contents, request: Request) -> frozenset[str]:
@@ -39,6 +40,8 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     full = "features" in request.keep
     lit = shading and (full or (any(contents.lights) and contents.spheres > 0))
     bounces = shading and contents.bounces.any and contents.spheres > 0
+    splits = bounces and contents.bounces.splits
+    drops = splits and (contents.bounces.shrinks or full) and "branches" not in request.keep
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
@@ -58,7 +61,10 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_ELLIPSOIDS": contents.ellipsoids,
         "WITH_BOUNCES": bounces,
         "WITH_GLASS": bounces and contents.bounces.glass,
-        "WITH_SPLITS": bounces and contents.bounces.splits,
+        "WITH_SPLITS": splits,
+        "WITH_DROPPING": drops,
+        "WITH_CEILING": splits and (contents.bounces.overgrows(contents.max_bounces) or full),
+        "PROVE_COLOR": drops and "color" in request.outputs,
         "WITH_TREE": bounces and contents.spheres > FOREST and "tree" not in request.keep,
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,

@@ -22,6 +22,7 @@ from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer
 from cltrace.plan.accel.tiles import Window, picture_tiles
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
+from cltrace.plan.dropping import brightest, limits
 from cltrace.plan.exact import Array
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
@@ -49,8 +50,8 @@ class World:
     material_of: (n,), the index of each one's material in materials; again: (n,), whether it is equal to a sphere
     before it; lights: (m,) of the scene's records, those that can add to a colour, in the order parallel, point, spot;
     bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where there are neither
-    ellipsoids nor such rays; background: linear (r, g, b); skipped: what the scene does not need, in words, and how
-    often; seconds: what took how long: "tree".
+    ellipsoids nor such rays; background: linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0;
+    skipped: what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
     center: Array
@@ -65,6 +66,7 @@ class World:
     bounces: Bounces
     paths: Paths | None
     background: Vector
+    peak: Array
     skipped: dict[str, int]
     seconds: dict[str, float]
 
@@ -112,6 +114,7 @@ class World:
             bounces,
             paths,
             scene.background,
+            brightest(materials, of, lights, scene.background) if bounces.splits else np.zeros(3),
             {"lights that add nothing": useless} if useless else {},
             seconds,
         )
@@ -219,6 +222,7 @@ class Plan:
             bool(world.materials.black.any()),
             world.bounces,
             world.maps is not None,
+            view.camera.max_bounces,
         )
         return cls(
             request,
@@ -228,7 +232,9 @@ class Plan:
             features(contents, request),
             world.bounces.branches(view.camera.max_bounces),
             view.arrays,
-            view.values | {"frame": _frame(world, view, request), "size": view.camera.resolution},
+            view.values
+            | limits(world.bounces, world.peak, request.outputs, request.precision)
+            | {"frame": _frame(world, view, request), "size": view.camera.resolution},
             view.skipped,
             view.seconds,
         )

@@ -25,6 +25,7 @@ Keep = Literal[
     "bounces",
     "tree",
     "weightless",
+    "branches",
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
@@ -58,6 +59,7 @@ class Request:
         bounces: the code of mirrors and glass, where nothing mirrors or is transparent
         tree: rays from surfaces try every sphere
         weightless: the own colour of surfaces that only mirror or let through
+        branches: mirrored and refracted rays that no output shows
 
     Raises ValueError, naming the field, for a precision, outputs, truncate or keep that is not allowed. A crop is
     checked by region_of(), where the size of the picture is known.

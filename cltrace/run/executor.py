@@ -13,7 +13,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.errors import DeviceError
+from cltrace.errors import DeviceError, TooManyRaysError
 from cltrace.plan.abi import ARGUMENTS, CONSTANTS, COUNTERS, OUTPUTS, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
@@ -41,6 +41,8 @@ STRIP = 2**22
 # A launch takes about so many seconds at most, so that Ctrl-C is heard. A first one, which may turn out to be slow, has
 # so many rows.
 PATIENCE, FIRST_ROWS = 0.25, 64
+# What is noted where no pixel is overgrown: later than any.
+NOTHING = np.iinfo(np.int32).max
 
 
 @dataclass(eq=False)
@@ -77,12 +79,14 @@ class Executor:
             self._context: Any = context_of(device.cl)
             self._queue: Any = cl.CommandQueue(self._context)
             self._kernel = self._built()
+        self._overgrown = np.zeros(1, np.int32)
         with self._timed("upload"), self.driver_errors():
             kept = before.plan.arrays if before else {}
             self.buffers: dict[str, Any] = {
                 name: before.buffers[name] if before and array is kept[name] else self._buffer(array)
                 for name, array in plan.arrays.items()
             }
+            self.buffers["overgrown"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, self._overgrown.nbytes)
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
@@ -112,16 +116,22 @@ class Executor:
         """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
-        frame begins with the size that was found.
+        frame begins with the size that was found. Raises TooManyRaysError after the strip in which that happened.
         """
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
         row, most = 0, max(64, STRIP // frame.width // 64 * 64)
+        bounded = "WITH_CEILING" in self.plan.features
+        if bounded:
+            self._overgrown[0] = NOTHING
+            cl.enqueue_copy(self._queue, self.buffers["overgrown"], self._overgrown)
         while row < region[3]:
             rows = min(self._rows, most, frame.height - row)
             start = time.perf_counter()
             self._launch(frame, region, row, rows).wait()
             seconds = time.perf_counter() - start
+            if bounded:
+                self._check_overgrown()
             row += rows
             if seconds > PATIENCE:
                 self._rows = max(16, self._rows // 32 * 16)
@@ -192,6 +202,17 @@ class Executor:
         # How many columns and rows of the tile in which the region begins are not in it. No packet may be in two tiles.
         self._margin = (region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"])
 
+    def _check_overgrown(self) -> None:
+        """Raises TooManyRaysError if the kernel has noted a pixel."""
+        cl.enqueue_copy(self._queue, self._overgrown, self.buffers["overgrown"])
+        if self._overgrown[0] == NOTHING:
+            return
+        size, (columns, rows) = self.plan.size, (self.packet.columns, self.packet.rows)
+        number, lane = divmod(int(self._overgrown[0]), self.width)
+        row, column = divmod(number, -(-size[0] // columns))
+        pixel = (column * columns + lane % columns, row * rows + lane // columns)
+        raise TooManyRaysError(pixel, CONSTANTS["MOST_RAYS"], self.plan.values["bounces"])
+
     def _buffer(self, array: NDArray[Any]) -> Any:
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self._context, flags, hostbuf=np.ascontiguousarray(array))
@@ -204,7 +225,7 @@ class Executor:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
         packets = (-(-frame.width // (self.packet.run * self.packet.columns)), -(-rows // self.packet.rows))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
-        values = self.plan.values | {"region": region, "row": row, "pitch": frame.width}
+        values = self.plan.values | {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         arguments = (

@@ -35,8 +35,8 @@ SOURCES = (
     "shade/phong.cl",
     "shade/lights.cl",
     "shade/bounce.cl",
-    "shade/tree_of_rays.cl",
     "output.cl",
+    "shade/tree_of_rays.cl",
     "trace.cl",
 )
 

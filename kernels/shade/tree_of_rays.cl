@@ -29,6 +29,12 @@ static void add_to(Sum3 *sum, const MASK where, const REAL weight, const Shade3 
     sum->z = part_of(w, color.z, sum->z);
 }
 
+static Shade3 color_of(const Sum3 sum) {
+    const Shade3 color = {TO_SHADE(TO_REAL(sum.x) * (real)0x1p-40f), TO_SHADE(TO_REAL(sum.y) * (real)0x1p-40f),
+                          TO_SHADE(TO_REAL(sum.z) * (real)0x1p-40f)};
+    return color;
+}
+
 /* Rays on their way, and how much of their colour is in the pixel's. live: the lanes that have one; depth: 0 for those
  * from the eye. */
 typedef struct {
@@ -87,12 +93,44 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, 
     return bounce;
 }
 
-/* The colours of rays that hit, with all that mirrors and glass add to them. at, own: what was hit; count: the pixels'
- * shadow rays, counted up. */
-static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Intersection at, INT own, INT *count,
-                     Work *work) {
+/* What all rays of a pixel see, but for branches that were dropped. */
+typedef struct {
+    Sum3 sum, slack; /* with them, the sum would be larger by `slack` at most */
+    INT rays;        /* those that were traced, that from the eye included */
+} Gathered;
+
+#ifdef WITH_DROPPING
+/* What is seen with a weight adds at most parts = weight * most to a sum, before rounding. Each of its contributions x is
+ * rounded to x + 1/2 at most, and to 2 x at most, as nothing up to 1/2 is rounded up. roundings: half of how many
+ * contributions there can be. */
+static LONG slack_of(const REAL parts, const real roundings) {
+    const REAL more = parts < roundings ? parts : (REAL)roundings;
+    return TO_LONG(ceil(parts > (real)0.5f ? parts + more : (REAL)0));
+}
+
+/* Which lanes' branches are dropped: those that add `faint` to no sum. Their weights are as if something of the scene's
+ * greatest brightness filled all that they see; it is that even after rounding, see plan/dropping.py. depth: of the rays
+ * that branch, so that 2^(bounces + 1 - depth) - 1 rays follow in each branch. */
+static MASK drop(const Scene scene, const MASK branches, const REAL weight, const real faint, const int depth, Sum3 *slack,
+                 Work *work) {
+    const MASK dropped = branches & TO_MASK(weight * scene.brightest.w <= faint);
+    COUNT(DROPPED, dropped);
+    if (!ANY(dropped)) return dropped;
+    const REAL w = TO_REAL_MASK(dropped) ? weight : (REAL)0;
+    const real roundings = ldexp((real)1, scene.bounces - depth);
+    slack->x += slack_of(w * scene.brightest.x, roundings);
+    slack->y += slack_of(w * scene.brightest.y, roundings);
+    slack->z += slack_of(w * scene.brightest.z, roundings);
+    return dropped;
+}
+#endif
+
+/* Sums up the colours of rays that hit, with all that mirrors and glass add to them. at, own: what was hit; faint: what
+ * adds no more than this to a sum may be dropped, in its units; count: the pixels' shadow rays, counted up. */
+static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Intersection at, INT own, const real faint,
+                       INT *count, Work *work) {
     const Shade3 background = {frame.background.x, frame.background.y, frame.background.z};
-    Sum3 sum = {0, 0, 0};
+    Gathered all = {{0, 0, 0}, {0, 0, 0}, 1};
     Branch rays = {at.hit, own, 0, at.normal, ray.d, 1, 0};
 #ifdef WITH_SPLITS
     Branch stack[BRANCHES];
@@ -112,13 +150,22 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
         at.hit = shown;
 #endif
         if (ANY(at.hit))
-            add_to(&sum, at.hit, weight, shade(scene, rays.d, DOT(rays.d, rays.d), at, own, count, work));
+            add_to(&all.sum, at.hit, weight, shade(scene, rays.d, DOT(rays.d, rays.d), at, own, count, work));
 
-        /* On with the mirrored ray, or where there is none with the refracted one. */
-        const MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
+        /* On with the mirrored ray, or where there is none with the refracted one. Whichever waits, there is one of a
+         * depth at most, so BRANCHES are enough. (If the lighter one went first, only as many could wait as halve a weight
+         * before it is dropped; but of each lane, and a packet's lanes may split at different depths.) */
+        MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
+#ifdef WITH_DROPPING
+        mirrors = mirrors & !drop(scene, mirrors, bounce.mirrors, faint, rays.depth, &all.slack, work);
+#endif
         Branch next = {mirrors, own, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
 #ifdef WITH_GLASS
-        const MASK sends = rays.live & TO_MASK(bounce.sends > 0), only = sends & !mirrors;
+        MASK sends = rays.live & TO_MASK(bounce.sends > 0);
+#ifdef WITH_DROPPING
+        sends = sends & !drop(scene, sends, bounce.sends, faint, rays.depth, &all.slack, work);
+#endif
+        const MASK only = sends & !mirrors;
         const REAL_MASK through = TO_REAL_MASK(only);
         next.live = mirrors | only;
         next.inner = through ? !bounce.inside : bounce.inside;
@@ -149,16 +196,67 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
                 break;
         }
         COUNT(BOUNCES, rays.live);
+#ifdef WITH_CEILING
+        all.rays += rays.live ? (INT)1 : (INT)0;
+        if (ANY(all.rays > MOST_RAYS)) break;
+#endif
         const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
         const Met met = closest_from(scene, path, rays.live, work);
         FETCH_SURFACES(scene, met.id);
-        add_to(&sum, rays.live & (met.id < 0), rays.weight, background);
+        add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
         rays.live = rays.live & (met.id >= 0);
         at = intersection_from(frame, scene, path, met);
         own = met.id;
     }
-    const Shade3 color = {TO_SHADE(TO_REAL(sum.x) * (real)0x1p-40f), TO_SHADE(TO_REAL(sum.y) * (real)0x1p-40f),
-                          TO_SHADE(TO_REAL(sum.z) * (real)0x1p-40f)};
+    return all;
+}
+
+/* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. */
+static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) {
+#ifdef WITH_DROPPING
+    const LONG most = 1L << 61;
+    const LONG x = all.sum.x + all.slack.x, y = all.sum.y + all.slack.y, z = all.sum.z + all.slack.z;
+    const Sum3 sum = {x < most ? x : most, y < most ? y : most, z < most ? z : most};
+    const Shade3 high = color_of(sum);
+    const shade_t rounding = frame.quantize.x;
+    MASK differ = (byte_of(color.x, rounding) != byte_of(high.x, rounding)) |
+                  (byte_of(color.y, rounding) != byte_of(high.y, rounding)) |
+                  (byte_of(color.z, rounding) != byte_of(high.z, rounding));
+#ifdef PROVE_COLOR
+    differ = differ | (TO_FLOAT(color.x) != TO_FLOAT(high.x)) | (TO_FLOAT(color.y) != TO_FLOAT(high.y)) |
+             (TO_FLOAT(color.z) != TO_FLOAT(high.z));
+#endif
+    return differ;
+#else
+    return (MASK)0;
+#endif
+}
+
+/* The colours of rays that hit, with all that mirrors and glass add to them. at, own: what was hit.
+ *
+ * First without branches that are faint, then, where an output might be another with them, without those that are 64 times
+ * fainter, and so on until all that is dropped would be rounded to nothing. A ray that is traced with one limit is traced
+ * with all lower ones. So where there are too many rays with one limit, there would be too many without any. */
+static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Intersection at, const INT own, Pixels *pixels,
+                     Work *work) {
+    Shade3 color = {0, 0, 0};
+#ifdef WITH_CEILING
+    at.hit = at.hit & pixels->wanted;
+#endif
+    for (real faint = scene.faint; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
+        const Gathered all = gather(frame, scene, ray, at, own, faint, &pixels->rays, work);
+#ifdef WITH_CEILING
+        pixels->overgrown = at.hit & (all.rays > MOST_RAYS);
+        if (ANY(pixels->overgrown)) break;
+#endif
+        const Shade3 seen = color_of(all.sum);
+        const SHADE_MASK here = TO_SHADE_MASK(at.hit);
+        PUT_WHERE(here, color.x, seen.x);
+        PUT_WHERE(here, color.y, seen.y);
+        PUT_WHERE(here, color.z, seen.z);
+        at.hit = at.hit & unproven(frame, all, seen);
+        COUNT(RETRACED, at.hit);
+    }
     return color;
 }
 #endif
