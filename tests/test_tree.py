@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from glowing import (
+    WHITE,
     assert_same,
     eye,
     glowing,
@@ -19,10 +22,10 @@ from glowing import (
 )
 from PIL import Image as Picture
 from random_scenes import fuzzed_tree, random_tree, stretched
-from stress_cases import channel, picture, remembered
+from stress_cases import channel, picture, remembered, renderer
 
 import cltrace
-from cltrace import Image, Scene, ambient_light, parallel_light, point_light
+from cltrace import CltraceError, Image, Scene, ambient_light, parallel_light, point_light
 from cltrace.bench.cases import unit
 from cltrace.plan.request import KEEPS
 from cltrace.reference import byte_of, primary_ray, trace, world_of
@@ -101,7 +104,7 @@ def check_keeps(device: Device, seeds: Iterable[int], precisions: Iterable[str],
 
 def test_what_is_skipped_changes_no_bit(device: Device) -> None:
     check_keeps(
-        device, [s for s in TREES if s % 2], ("accurate",), ("tree", "weightless", "hidden", "receivers", "order")
+        device, [s for s in TREES if s % 2], ("accurate",), ("tree", "weightless", "branches", "hidden", "receivers")
     )
 
 
@@ -288,16 +291,19 @@ def test_kernel_agrees_with_the_reference_on_many_scenes(device: Device) -> None
     check_agreement(device, range(40, 640), ("accurate", "double"), 100)
 
 
+def splitting(scene: Scene, bounces: int) -> Scene:
+    """The same where all that mirrors is glass, too, and all glass mirrors: rays double at every hit."""
+    materials = scene.materials.copy()
+    both = (materials["reflectance"] > 0) | (materials["transmittance"] > 0)
+    for name in ("reflectance", "transmittance"):
+        materials[name][both & (materials[name] == 0)] = 0.375
+    materials["index"][both & (materials["index"] == 0)] = 1.25
+    return replace(scene, materials=materials, camera=replace(scene.camera, max_bounces=bounces))
+
+
 def check_splits(device: Device, seeds: Iterable[int], bounces: int, pixels: int) -> None:
-    """All that mirrors is glass, too, and all glass mirrors: rays double at every hit."""
     for seed in seeds:
-        scene = tree(seed)
-        materials = scene.materials.copy()
-        both = (materials["reflectance"] > 0) | (materials["transmittance"] > 0)
-        for name in ("reflectance", "transmittance"):
-            materials[name][both & (materials[name] == 0)] = 0.375
-        materials["index"][both & (materials["index"] == 0)] = 1.25
-        scene = replace(scene, materials=materials, camera=replace(scene.camera, max_bounces=bounces))
+        scene = splitting(tree(seed), bounces)
         image = drawn(scene, device)
         chosen, levels, ids = said(scene, image, pixels)
         assert np.array_equal(channel(image, "id")[chosen], ids), seed
@@ -394,3 +400,118 @@ def test_the_command_draws_and_checks_trees(device: Device, tmp_path: Path) -> N
     assert "check ok: 100 of" in done.stderr
     with Picture.open(tmp_path / "out.png") as image:
         assert np.array_equal(np.asarray(image), drawn(scene, device).rgb8)
+
+
+# -------------------------------------------------------------------------------------------------- the rays of a pixel
+
+
+def forest(bounces: int, part: float = 0.5) -> Scene:
+    """Three balls of glass, r = t = part, in a closed white room: every hit within it makes two rays, for ever."""
+    balls = [((0, 0, -5), 1), ((2.5, 0, -5), 1), ((1, 2, -6), 1), ((0, 0, 0), 40)]
+    camera = eye(bounces, tan=0.1, size=(3, 2))
+    return glowing(camera, balls, WHITE, WHITE, reflectance=part, transmittance=[part] * 3 + [0], index=1.5)
+
+
+@pytest.mark.parametrize("keep", [("branches",), ()])
+def test_a_pixel_of_too_many_rays(device: Device, tmp_path: Path, keep: tuple[str, ...]) -> None:
+    """More than 2^20 rays for a pixel: one error with the pixel and max_bounces, soon, and no picture of a part of it.
+
+    A program that proves that what it leaves out changes no byte may draw it instead: all of it is white.
+    """
+    path = written(tmp_path, forest(100))
+    command = [sys.executable, "-m", "cltrace", str(path), "-d", device.spec, "-o", "out.png"]
+    command += ["--keep", ",".join(keep)] if keep else []
+    start = time.monotonic()
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert time.monotonic() - start < 90
+    if done.returncode == 0 and not keep:
+        with Picture.open(tmp_path / "out.png") as image:
+            assert (np.asarray(image) == 255).all()
+        return
+    assert done.returncode == 2, done.stderr
+    lines = [line for line in done.stderr.splitlines() if "warning" not in line]
+    assert len(lines) == 1, done.stderr
+    assert "max_bounces" in lines[0]
+    assert any(f"{x}, {y}" in lines[0] or f"{x},{y}" in lines[0] for x in range(3) for y in range(2)), lines[0]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["trees.xml"]
+
+
+def test_a_renderer_survives_a_pixel_of_too_many_rays(device: Device) -> None:
+    """The error comes from render(), as one of cltrace's own, and the next picture is as good as any."""
+    scene = forest(100)
+    failing = renderer(scene, device, keep=("branches",))
+    for _ in range(2):
+        with pytest.raises(CltraceError, match="max_bounces"):
+            failing.render()
+    fine = failing.look(replace(scene.camera, max_bounces=6)).render()
+    assert (fine.color == 1).all()
+
+
+def test_fewer_bounces_are_drawn(device: Device) -> None:
+    """Up to 2^12 rays a pixel, kept or dropped: the same bits, and all of them white."""
+    for n in (3, 8, 11):
+        one, two = drawn(forest(n), device), drawn(forest(n), device, keep=("branches",))
+        assert_same(one, two, EVERY, n)
+        assert (one.color == 1).all()
+
+
+def test_many_branches_that_are_faint(device: Device) -> None:
+    """From the centre of 9 concentric white shells of glass, r = t = 1/4, where a ray meets all of them straight on.
+
+    At depth 16 most of 2^16 rays are left. They weigh 2^-32 each, which is nothing, and together what a float shows.
+    """
+    balls = [((0, 0, -5), float(radius)) for radius in range(1, 10)]
+    camera = eye(16, at=(0, 0, -5), size=(2, 1))
+    scene = glowing(camera, balls, WHITE, WHITE, reflectance=0.25, transmittance=0.25, index=1.5)
+    one, two = drawn(scene, device), drawn(scene, device, keep=("branches",))
+    assert_same(one, two, EVERY, "shells")
+    assert (one.color == 1).all()
+
+
+def bytes_of(scene: Scene, device: Device, truncate: bool = False, keep: tuple[str, ...] = ()) -> np.ndarray:
+    """The bytes of a picture that is nothing else, by a program of their own."""
+    kept = ("features", "bounces", *keep)
+    return cltrace.Renderer(scene, device, "accurate", ("rgb8",), truncate=truncate, keep=kept).render().rgb8
+
+
+def plain(scene: Scene, color: tuple[float, float, float]) -> Scene:
+    """The same shapes where all is of one colour, whatever bounces: weights add up to 1."""
+    materials = bare(scene).materials.copy()
+    materials["color"] = color
+    more = np.maximum(1, materials["reflectance"] + materials["transmittance"])
+    materials["reflectance"] /= more
+    materials["transmittance"] /= more
+    return replace(bare(scene), materials=materials, background=color)
+
+
+def check_dropped(device: Device, seeds: Iterable[int], bounces: int) -> None:
+    """With faint branches and without them: the same bytes, rounded and cut; and the same colours."""
+    for seed in seeds:
+        scene = splitting(random_tree(seed), bounces)
+        every = drawn(scene, device, keep=("branches",))
+        assert_same(every, drawn(scene, device), EVERY, seed)
+        assert np.array_equal(every.rgb8, bytes_of(scene, device)), seed
+        cut = np.floor(np.clip(every.color, 0, 1) * np.float32(255)).astype(np.uint8)
+        assert np.array_equal(cut, bytes_of(scene, device, truncate=True)), seed
+        # 1 is the least that is 255 when it is cut, and 1/2 the least that is 128 when it is rounded.
+        for red, green, blue in np.eye(3).tolist():
+            cut = bytes_of(plain(scene, (red, green, blue)), device, truncate=True)
+            assert (cut == np.array([red, green, blue]) * 255).all(), seed
+            rounded = bytes_of(plain(scene, (red / 2, green / 2, blue / 2)), device)
+            assert (rounded == np.array([red, green, blue]) * 128).all(), seed
+
+
+def test_dropped_branches_change_no_byte(device: Device) -> None:
+    check_dropped(device, range(0, 16, 2), 8)
+
+
+@pytest.mark.stress
+def test_dropped_branches_change_no_byte_of_many(device: Device) -> None:
+    check_dropped(device, range(16, 200), 8)
+
+
+def test_white_is_never_less_than_white(device: Device) -> None:
+    """A byte that no number of rays can prove is an error and no byte; 100 bounces, cut instead of rounded."""
+    for truncate in (False, True):
+        with contextlib.suppress(CltraceError):
+            assert (bytes_of(forest(100), device, truncate) == 255).all()
