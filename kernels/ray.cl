@@ -8,7 +8,7 @@
  * so t is in units of |d|.
  */
 
-#if defined(WITH_BOUNCES) || defined(WITH_ELLIPSOIDS)
+#ifdef WITH_LEAVING
 /* Rays that leave surfaces. */
 typedef struct {
     INT own;         /* index of the surface */
@@ -54,8 +54,8 @@ typedef struct {
 
 #ifdef WITH_ELLIPSOIDS
 /* A ray from the eye, as one that leaves a point. */
-static Leaving leaving_eye(const Frame frame, const Real3 d) {
-    Leaving ray = {-1, 0, {1, 0, 0}, d, {frame.eye.x, frame.eye.y, frame.eye.z}, 0, 0, {0, 0, 0}};
+static Leaving leaving_eye(const Frame frame, const Spheres spheres, const Real3 d) {
+    Leaving ray = {-1, 0, {1, 0, 0}, d, {spheres.eye.x, spheres.eye.y, spheres.eye.z}, 0, 0, {0, 0, 0}};
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
     ray.map = 0;
@@ -72,8 +72,5 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
     ray.d.z = -1;
     ray.a = (ray.d.x * ray.d.x + ray.d.y * ray.d.y) + 1;
     ray.over_a = 1 / ray.a;
-#ifdef WITH_ELLIPSOIDS
-    ray.leaving = leaving_eye(frame, ray.d);
-#endif
     return ray;
 }

@@ -154,7 +154,11 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
                     (row >= region.y + out.margin.y) & (row < region.y + region.w);
 #endif
     if (tile_has_any(scene.lists, tile)) {
-        pixels = trace(frame, scene, primary_ray(frame, size, column, row), tile, pixels, work);
+        Ray ray = primary_ray(frame, size, column, row);
+#ifdef WITH_ELLIPSOIDS
+        ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
+#endif
+        pixels = trace(frame, scene, ray, tile, pixels, work);
     } else {
         COUNT(BACKGROUND, ALL_LANES);
     }

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -35,7 +36,6 @@ STRUCTS = {
         Field("right", "real4", "xyz: the camera's x axis in the world"),
         Field("up", "real4", "xyz: its y axis"),
         Field("back", "real4", "xyz: its z axis, against the view"),
-        Field("eye", "real4", "xyz: its place in the world, in single from the scene's middle"),
         Field("background", "float4", "rgb, linear"),
         Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
     ),
@@ -104,7 +104,7 @@ class Argument:
     kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
     (one number that the kernel changes where something has happened);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
-    output.
+    output; needs: the flag without which the kernel has no such argument, "" for none.
     """
 
     name: str
@@ -113,6 +113,7 @@ class Argument:
     group: str
     text: str
     channels: int = 1
+    needs: str = ""
 
     @property
     def parameter(self) -> str:
@@ -122,12 +123,12 @@ class Argument:
         return pointer[self.kind].format(self.type, self.name)
 
 
-def _values(group: str, *rows: tuple[str, str, str]) -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "value", group, text) for name, type_, text in rows)
+def _values(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
+    return tuple(Argument(name, type_, "value", group, text, needs=needs) for name, type_, text in rows)
 
 
-def _buffers(group: str, *rows: tuple[str, str, str]) -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "buffer", group, text) for name, type_, text in rows)
+def _buffers(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
+    return tuple(Argument(name, type_, "buffer", group, text, needs=needs) for name, type_, text in rows)
 
 
 def _outputs(*rows: tuple[str, str, int, str]) -> tuple[Argument, ...]:
@@ -159,29 +160,12 @@ ARGUMENTS = (
         ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
         ("row", "int", "row of the region at which this launch starts"),
     ),
-    *_values(
-        "Outputs",
-        ("pitch", "int", "pixels in a row of the outputs, which hold whole packets"),
-        ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
-    ),
+    *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
     *_values(
         "Scene",
         ("lights", "int4", "how many parallel, point and spot lights there are, and how many in all"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
-        ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
-        ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
-        ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
-    ),
-    *_values(
-        "Tree",
-        (
-            "middle",
-            "real4",
-            "xyz: the scene's middle in the world; w: what leads from lengths of type real to the tree's",
-        ),
-        ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
-        ("blocks", "int", "how many blocks there are"),
     ),
     *_buffers(
         "Spheres",
@@ -189,24 +173,12 @@ ARGUMENTS = (
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
         ("camera", "real4", "xyz of four, in the world: the eye, the axes right, up and back. Not in single"),
-        (
-            "map_of",
-            "int",
-            "of a sphere, which of the maps makes it an ellipsoid; 0: none. Only where there are ellipsoids",
-        ),
-        ("map", "Map", "the first one is 1"),
-        (
-            "place",
-            "real4",
-            "centre in the world, in single from the scene's middle; radius. If something bounces",
-        ),
     ),
     *_buffers(
         "Scene",
         ("id_of", "int", "a sphere's index in the scene"),
         ("material_of", "int", "the index in material of a sphere's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
-        ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction"),
         ("light", "Light", "parallel lights, then point lights, then spot lights"),
         ("eye_filter", "float4", "a sphere's filter constant for rays from the eye, see sphere_may_meet()"),
         ("light_filter", "float4", "for each light in turn, all spheres' filter constants, see filter_leaves()"),
@@ -219,11 +191,6 @@ ARGUMENTS = (
         ("start", "int", "where a cell's list begins in entry; it ends where the next cell's list begins"),
         ("entry", "int2", "x: a sphere's index, y: the depth by which the list is sorted, as the bits of a float"),
     ),
-    *_buffers(
-        "Tree",
-        ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
-        ("block", "Block", "its leaves"),
-    ),
     *_outputs(
         ("rgb8", "uchar", 3, "linear colour in bytes, without gamma"),
         ("color", "float", 3, "linear colour, not clamped"),
@@ -234,12 +201,67 @@ ARGUMENTS = (
         ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
         ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
     ),
+    *_buffers(
+        "Spheres",
+        ("place", "real4", "centre in the world, in single from the scene's middle; radius"),
+        needs="WITH_LEAVING",
+    ),
+    *_values(
+        "Spheres",
+        ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle"),
+        needs="WITH_ELLIPSOIDS",
+    ),
+    *_buffers(
+        "Spheres",
+        ("map_of", "int", "of a sphere, which of the maps makes it an ellipsoid; 0: none"),
+        ("map", "Map", "the first one is 1"),
+        needs="WITH_ELLIPSOIDS",
+    ),
+    *_values(
+        "Scene",
+        ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
+        needs="WITH_BOUNCES",
+    ),
+    *_buffers(
+        "Scene",
+        ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction"),
+        needs="WITH_BOUNCES",
+    ),
+    *_values(
+        "Tree",
+        (
+            "middle",
+            "real4",
+            "xyz: the scene's middle in the world; w: what lengths of type real are in the tree's unit",
+        ),
+        ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
+        ("blocks", "int", "how many blocks there are"),
+        needs="WITH_BOUNCES",
+    ),
+    *_buffers(
+        "Tree",
+        ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
+        ("block", "Block", "its leaves"),
+        needs="WITH_BOUNCES",
+    ),
+    *_values(
+        "Scene",
+        ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
+        ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
+        needs="WITH_DROPPING",
+    ),
+    *_values(
+        "Outputs",
+        ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
+        needs="WITH_CEILING",
+    ),
     Argument(
         "overgrown",
         "int",
         "note",
         "Outputs",
         "a pixel of more than MOST_RAYS rays: W times its packet's number in the picture, row by row, plus its lane",
+        needs="WITH_CEILING",
     ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}
@@ -276,6 +298,7 @@ FLAGS = {
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
+    "WITH_LEAVING": "some rays are decided that may start anywhere: those from surfaces, and all that meet ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",
     "WITH_SPLITS": "something is both",
@@ -344,30 +367,68 @@ def header() -> str:
     lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
     lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
     for name, fields in STRUCTS.items():
-        lines += _struct(name, [(f"{f.type} {f.name}", f.text) for f in fields])
+        lines += _struct(name, [(f"{f.type} {f.name}", f.text, "") for f in fields])
         # The build fails here, by name, if the host lays a struct out differently.
         lines.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
     groups: dict[str, list[Argument]] = {}
     for argument in ARGUMENTS:
         groups.setdefault(argument.group, []).append(argument)
-    loose = groups.pop("")
+    del groups[""]
     parts = ("Spheres", "Lists", "Tree")
+    needs = {part: _common_need(groups[part]) for part in parts}
     for name in (*parts, "Scene", "Outputs"):
-        inner = [(f"{g} {g.lower()}", "") for g in parts] if name == "Scene" else []
-        fields_of = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
-        lines += _struct(name, inner + fields_of)
-    lines.append("#define RENDER_PARAMETERS " + ", ".join(a.parameter for a in ARGUMENTS))
-    for name, members in groups.items():
-        nested = [f".{g.lower()} = {g.upper()}_OF_PARAMETERS" for g in parts] if name == "Scene" else []
-        values = [f".{a.name} = {a.name}" for a in members]
-        lines.append(f"#define {name.upper()}_OF_PARAMETERS {{{', '.join(nested + values)}}}")
-    assert [a.name for a in loose] == ["frame", "size", "region", "row"]
+        members = [(a.parameter.removeprefix("const "), a.text, a.needs) for a in groups[name]]
+        inner = [(f"{part} {part.lower()}", "", needs[part]) for part in parts] if name == "Scene" else []
+        lines += _guarded(needs.get(name, ""), _struct(name, inner + members))
+    lines += _list_macro("RENDER_PARAMETERS", [(a.parameter, a.needs) for a in ARGUMENTS])
+    for name, arguments in groups.items():
+        values = [(f".{a.name} = {a.name}", "" if a.needs == needs.get(name) else a.needs) for a in arguments]
+        nested = [(f".{part.lower()} = {part.upper()}_OF_PARAMETERS", needs[part]) for part in parts]
+        lines += _list_macro(f"{name.upper()}_OF_PARAMETERS", values + (nested if name == "Scene" else []), "{", "}")
     return "\n".join(lines) + "\n"
 
 
-def _struct(name: str, fields: list[tuple[str, str]]) -> list[str]:
+def arguments_of(features: frozenset[str]) -> list[Argument]:
+    """The arguments, in their order, of a kernel that is built with these flags."""
+    return [a for a in ARGUMENTS if not a.needs or a.needs in features]
+
+
+def _common_need(arguments: list[Argument]) -> str:
+    """The flag that all of them need, "" if there is none."""
+    needs = {a.needs for a in arguments}
+    return needs.pop() if len(needs) == 1 else ""
+
+
+def _guarded(needs: str, lines: list[str], otherwise: tuple[str, ...] = ()) -> list[str]:
+    """Lines that are there only if a flag is set, and those that are there if it is not."""
+    if not needs:
+        return lines
+    return [f"#ifdef {needs}", *lines, *(("#else", *otherwise) if otherwise else ()), "#endif"]
+
+
+def _list_macro(name: str, items: list[tuple[str, str]], opening: str = "", closing: str = "") -> list[str]:
+    """A macro that is a list of items, each of which is left out where the flag is not set that it needs.
+
+    The first one needs none.
+    """
+    lines: list[str] = []
+    parts: list[str] = []
+    for needs, run in groupby(items, key=lambda item: item[1]):
+        part = f"{name}_{len(parts)}"
+        text = (", " if parts else "") + ", ".join(item for item, _ in run)
+        lines += _guarded(needs, [f"#define {part} {text}"], (f"#define {part}",))
+        parts.append(part)
+    return [*lines, f"#define {name} {opening}{' '.join(parts)}{closing}"]
+
+
+def _struct(name: str, fields: list[tuple[str, str, str]]) -> list[str]:
+    """A struct of fields (declaration, comment, the flag that it needs)."""
     comment = {True: " /* {} */", False: ""}
-    rows = [f"    {declaration};{comment[bool(text)].format(text)}" for declaration, text in fields]
+    rows = [
+        line
+        for declaration, text, needs in fields
+        for line in _guarded(needs, [f"    {declaration};{comment[bool(text)].format(text)}"])
+    ]
     return ["typedef struct {", *rows, f"}} {name};"]
 
 

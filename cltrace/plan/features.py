@@ -59,6 +59,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_BLACK": lit and (contents.black or full),
         "WITH_PREFETCH": contents.spheres >= PLENTY,
         "WITH_ELLIPSOIDS": contents.ellipsoids,
+        "WITH_LEAVING": bounces or contents.ellipsoids,
         "WITH_BOUNCES": bounces,
         "WITH_GLASS": bounces and contents.bounces.glass,
         "WITH_SPLITS": splits,

@@ -13,10 +13,11 @@ from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.accel.bvh import Tree, build_tree
 from cltrace.plan.exact import Array, squared_length
 from cltrace.plan.shapes.sphere import U
+from cltrace.scene import Camera
 
 Mask = NDArray[np.bool_]
 # The kernel's arguments where no ray leaves a surface.
-NO_PATHS: dict[str, Any] = {"middle": (0.0, 0.0, 0.0, 1.0), "widen": 0.0, "blocks": 0}
+NO_PATHS: dict[str, Any] = {"middle": (0.0, 0.0, 0.0, 1.0), "widen": 0.0, "blocks": 0, "eye": (0.0, 0.0, 0.0, 0.0)}
 
 
 @dataclass(frozen=True)
@@ -60,17 +61,14 @@ class Paths:
             return {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block")}
         return {"node": self.tree.node, "block": self.tree.block}
 
-    def values(self, exponent: int | None) -> dict[str, Any]:
+    def values(self, camera: Camera, exponent: int | None) -> dict[str, Any]:
         """The kernel's arguments by name. exponent: of the float buffers, where `real` is float; else None."""
-        middle = (*self.middle.tolist(), math.ldexp(1.0, self.exponent))
+        middle, eye = (*self.middle.tolist(), math.ldexp(1.0, self.exponent)), np.array(camera.position)
         if exponent is not None:
-            # What is too small for float32, seen from so far, is a point there in any unit.
-            middle = (0.0, 0.0, 0.0, math.ldexp(1.0, min(self.exponent - exponent, 127)))
-        return {"middle": middle, "widen": self.widen, "blocks": len(self.tree.block) if self.tree else 0}
-
-    def eye(self, position: Array, exponent: int | None) -> Array:
-        """(3,): the eye as abi's Frame has it. exponent: as in values()."""
-        return position if exponent is None else np.ldexp(position - self.middle, exponent)
+            middle = (0.0, 0.0, 0.0, math.ldexp(1.0, self.exponent - exponent))
+            eye = np.ldexp(eye - self.middle, exponent)
+        blocks = len(self.tree.block) if self.tree else 0
+        return {"middle": middle, "widen": self.widen, "blocks": blocks, "eye": (*eye.tolist(), 0.0)}
 
     def places(self, center: Array, radius: Array, exponent: int | None) -> Array:
         """(n, 4): abi's `place`. exponent: as in values()."""

@@ -183,7 +183,7 @@ class View:
                 "count": len(world.radius),
                 "unit": math.ldexp(1.0, unit),
                 "bounces": camera.max_bounces,
-                **(world.paths.values(k if real.itemsize == 4 else None) if world.paths else NO_PATHS),
+                **(world.paths.values(camera, k if real.itemsize == 4 else None) if world.paths else NO_PATHS),
             },
             bool((space.power <= 0).any()),
             skipped,
@@ -384,9 +384,6 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
     frame["pixel"][:2] = x / width, y / height
     for name, axis in zip(("right", "up", "back"), view.camera.basis(), strict=True):
         frame[name][:3] = axis
-    eye = np.array(view.camera.position)
-    if world.paths:
-        frame["eye"][:3] = world.paths.eye(eye, -view.exponent if request.precision == "single" else None)
     rounding = 0.0 if request.truncate else 0.5
     shade = abi.shade_dtype(request.precision)
     frame["background"][:3] = [_same_byte(c, rounding, shade) for c in world.background]

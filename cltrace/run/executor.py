@@ -14,7 +14,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cltrace.errors import DeviceError, TooManyRaysError
-from cltrace.plan.abi import ARGUMENTS, CONSTANTS, COUNTERS, OUTPUTS, dtype_of
+from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
 from cltrace.run.devices import Device
@@ -229,7 +229,8 @@ class Executor:
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         arguments = (
-            _value(a.type, values[a.name], self.plan) if a.kind == "value" else buffers[a.name] for a in ARGUMENTS
+            _value(a.type, values[a.name], self.plan) if a.kind == "value" else buffers[a.name]
+            for a in arguments_of(self.plan.features)
         )
         return self._kernel(self._queue, grid, self.packet.group, *arguments)
 

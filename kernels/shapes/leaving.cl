@@ -6,7 +6,7 @@
  * own surface is met again or not by theory, and any other one is met where t > 0. cltrace/reference/equation.py has the
  * same numbers in the same order.
  */
-#if defined(WITH_BOUNCES) || defined(WITH_ELLIPSOIDS)
+#ifdef WITH_LEAVING
 
 /* A sphere of the file, in the world. */
 typedef struct {
