@@ -243,7 +243,12 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
 #ifdef WITH_CEILING
     at.hit = at.hit & pixels->wanted;
 #endif
-    for (real faint = scene.faint; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
+#ifdef WITH_DROPPING
+    const real first = scene.faint;
+#else
+    const real first = -1;
+#endif
+    for (real faint = first; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
         const Gathered all = gather(frame, scene, ray, at, own, faint, &pixels->rays, work);
 #ifdef WITH_CEILING
         pixels->overgrown = at.hit & (all.rays > MOST_RAYS);
