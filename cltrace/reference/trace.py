@@ -98,7 +98,7 @@ def trace(world: World, ray: Ray) -> tuple[Color, Intersection | None]:
     Raises ValueError, which names max_bounces, where mirrors and glass make more than 2^20 rays of one.
     """
     at = closest_hit(world, ray)
-    if at is not None and world.passes_on:
+    if at is not None and at.material.passes_on:
         pixel = Pixel()
         follow(world, ray, at, 1.0, 0, pixel)
         return pixel.color, at

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +26,6 @@ class World:
     lights: Sequence[Light]
     ambient: Color
     background: Color
-
-    @cached_property
-    def passes_on(self) -> bool:
-        """Whether anything mirrors or lets light through, so that a pixel may take more than one ray."""
-        return any(surface.material.passes_on for surface in self.surfaces)
 
 
 def world_of(scene: Scene) -> World:

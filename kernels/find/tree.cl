@@ -237,7 +237,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
         if (!wanted[lane]) continue;
         Walker walker = {{x[lane], y[lane], z[lane]}, {wx[lane], wy[lane], wz[lane]}, reach[lane], own[lane], lane};
 #ifdef WITH_TREE
-        const float3 least = fmax(fabs(walker.w), 1e-18f), reciprocal = copysign(1 / least, walker.w);
+        const float3 least = fmax(fabs(walker.w), 0x1p-60f), reciprocal = copysign(1 / least, walker.w);
         Stack stack;
         stack.top = 1;
         stack.entry[0] = 0;

@@ -97,6 +97,8 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, 
 typedef struct {
     Sum3 sum, slack; /* with them, the sum would be larger by `slack` at most */
     INT rays;        /* those that were traced, that from the eye included */
+    MASK alone;      /* where the rays from the eye are all: what they meet sends none on. Then no sum is needed */
+    Shade3 first;    /* the own colours of what they meet */
 } Gathered;
 
 #ifdef WITH_DROPPING
@@ -130,7 +132,7 @@ static MASK drop(const Scene scene, const MASK branches, const REAL weight, cons
 static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Intersection at, INT own, const real faint,
                        INT *count, Work *work) {
     const Shade3 background = {frame.background.x, frame.background.y, frame.background.z};
-    Gathered all = {{0, 0, 0}, {0, 0, 0}, 1};
+    Gathered all = {{0, 0, 0}, {0, 0, 0}, 1, 0, {0, 0, 0}};
     Branch rays = {at.hit, own, 0, at.normal, ray.d, 1, 0};
 #ifdef WITH_SPLITS
     Branch stack[BRANCHES];
@@ -149,19 +151,24 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
 #ifndef KEEP_WEIGHTLESS
         at.hit = shown;
 #endif
-        if (ANY(at.hit))
-            add_to(&all.sum, at.hit, weight, shade(scene, rays.d, DOT(rays.d, rays.d), at, own, count, work));
+        if (ANY(at.hit)) {
+            const Shade3 shown_color = shade(scene, rays.d, DOT(rays.d, rays.d), at, own, count, work);
+            add_to(&all.sum, at.hit, weight, shown_color);
+            if (rays.depth == 0) all.first = shown_color;
+        }
 
         /* On with the mirrored ray, or where there is none with the refracted one. Whichever waits, there is one of a
          * depth at most, so BRANCHES are enough. (If the lighter one went first, only as many could wait as halve a weight
          * before it is dropped; but of each lane, and a packet's lanes may split at different depths.) */
         MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
+        if (rays.depth == 0) all.alone = rays.live & !mirrors;
 #ifdef WITH_DROPPING
         mirrors = mirrors & !drop(scene, mirrors, bounce.mirrors, faint, rays.depth, &all.slack, work);
 #endif
         Branch next = {mirrors, own, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
 #ifdef WITH_GLASS
         MASK sends = rays.live & TO_MASK(bounce.sends > 0);
+        if (rays.depth == 0) all.alone = all.alone & !sends;
 #ifdef WITH_DROPPING
         sends = sends & !drop(scene, sends, bounce.sends, faint, rays.depth, &all.slack, work);
 #endif
@@ -254,12 +261,16 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
         pixels->overgrown = at.hit & (all.rays > MOST_RAYS);
         if (ANY(pixels->overgrown)) break;
 #endif
-        const Shade3 seen = color_of(all.sum);
+        Shade3 seen = color_of(all.sum);
+        const SHADE_MASK alone = TO_SHADE_MASK(all.alone);
+        PUT_WHERE(alone, seen.x, all.first.x);
+        PUT_WHERE(alone, seen.y, all.first.y);
+        PUT_WHERE(alone, seen.z, all.first.z);
         const SHADE_MASK here = TO_SHADE_MASK(at.hit);
         PUT_WHERE(here, color.x, seen.x);
         PUT_WHERE(here, color.y, seen.y);
         PUT_WHERE(here, color.z, seen.z);
-        at.hit = at.hit & unproven(frame, all, seen);
+        at.hit = at.hit & !all.alone & unproven(frame, all, seen);
         COUNT(RETRACED, at.hit);
     }
     return color;
