@@ -66,10 +66,11 @@ def parser() -> argparse.ArgumentParser:
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
           help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
                "exit 1 if they differ")  # fmt: skip
-    group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), help="times and counts")
+    group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
+          help="times and counts")  # fmt: skip
     group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
     group("--keep", metavar="NAME,...", action="extend", type=_keep, default=[],
-          help=f"to measure these skips: {', '.join(KEEPS)}")  # fmt: skip
+          help=f"skip none of these, to measure them: {', '.join(KEEPS)}")  # fmt: skip
 
     group = p.add_argument_group("messages").add_argument
     group("-q", "--quiet", action="store_true", help="only errors")

@@ -41,7 +41,8 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     lit = shading and (full or (any(contents.lights) and contents.spheres > 0))
     bounces = shading and contents.bounces.any and contents.spheres > 0
     splits = bounces and contents.bounces.splits
-    drops = splits and (contents.bounces.shrinks or full) and "branches" not in request.keep
+    pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
+    drops = splits and (pays or full) and "branches" not in request.keep
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {

@@ -65,7 +65,8 @@ class Paths:
         """The kernel's arguments by name. exponent: of the float buffers, where `real` is float; else None."""
         middle, eye = (*self.middle.tolist(), math.ldexp(1.0, self.exponent)), np.array(camera.position)
         if exponent is not None:
-            middle = (0.0, 0.0, 0.0, math.ldexp(1.0, self.exponent - exponent))
+            # What is too small for float32, seen from so far, is a point there in any unit.
+            middle = (0.0, 0.0, 0.0, math.ldexp(1.0, min(self.exponent - exponent, 127)))
             eye = np.ldexp(eye - self.middle, exponent)
         blocks = len(self.tree.block) if self.tree else 0
         return {"middle": middle, "widen": self.widen, "blocks": blocks, "eye": (*eye.tolist(), 0.0)}
