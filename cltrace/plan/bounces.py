@@ -47,7 +47,7 @@ class Bounces:
     def fades(self, max_bounces: int) -> bool:
         """Whether it pays to drop what is faint.
 
-        Where all that comes goes on, what is dropped is so much that most pixels are traced again: see plan/dropping.py.
+        Where all that comes goes on, so much is dropped that most pixels are traced again: see plan/dropping.py.
         Then it is worth a try only where a tree might be too large without.
         """
         return self.most <= FADING or self.overgrows(max_bounces)
