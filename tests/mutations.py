@@ -287,9 +287,14 @@ MUTATIONS = [
     Mutation(
         "const REAL weight = rays.weight * bounce.share;", "const REAL weight = bounce.share;", "weights", BOUNCES
     ),
-    Mutation("(bounce.sends > 0), only = sends & !mirrors;", "(bounce.sends > 0), only = sends;", "branches", BOUNCES),
+    Mutation("const MASK only = sends & !mirrors;", "const MASK only = sends;", "branches", BOUNCES),
     Mutation("slack->y += slack_of(w * scene.brightest.y, roundings);", "", "what was dropped", TREE),
-    Mutation("parts > (real)0.5f ? parts + more : (REAL)0", "(real)0.25f * parts", "bounds of what was dropped", TREE),
+    Mutation(
+        "parts > (real)0.5f ? parts + more : (REAL)0",
+        "parts > (real)0.5f ? (real)0.25f * parts : (REAL)0",
+        "bounds of what was dropped",
+        TREE,
+    ),
     Mutation(
         "np.maximum(shown.max(axis=0, initial=0), background)",
         "0.25 * shown.max(axis=0, initial=0)",
