@@ -176,6 +176,95 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
     return e;
 }
 
+/* The power c of the point by which a ray leaves one sphere, of another one, in double: in whole numbers, so that it has
+ * the right sign where spheres touch.
+ *
+ * With g = C' - C and m = B^T n it is A + B / sqrt(s), A = g.g + r^2 - r'^2, B = -2 r g.m and s = m.m. Where A and B differ
+ * in sign, that is (A^2 s - B^2) / (s (A - B / sqrt(s))), of which only the numerator cancels. What would take more than
+ * DIGITS digits counts as 0: no coordinates of a size do. */
+static __attribute__((noinline)) double whole_power(const Spheres spheres, const int own, const int other, const double x,
+                                                    const double y, const double z) {
+    const double n[3] = {x, y, z}, r = spheres.place[own].w, R = spheres.place[other].w;
+    const real4 from = spheres.place[own], to = spheres.place[other];
+    Span f = span_of_both(span_of(r), span_of(R)), axes = {INT_MAX, INT_MIN}, normal = axes;
+    f = span_of_both(f, span_of_both(span_of(from.x), span_of_both(span_of(from.y), span_of(from.z))));
+    f = span_of_both(f, span_of_both(span_of(to.x), span_of_both(span_of(to.y), span_of(to.z))));
+    for (int k = 0; k < 3; k++) {
+        const real4 axis = spheres.camera[k + 1];
+        normal = span_of_both(normal, span_of(n[k]));
+        axes = span_of_both(axes, span_of_both(span_of(axis.x), span_of_both(span_of(axis.y), span_of(axis.z))));
+    }
+    const int bits_f = f.high - f.low + 1, bits_m = axes.high - axes.low + normal.high - normal.low + 2;
+    const int digits = (4 * bits_f + 2 * bits_m + 12 + 31) / 32, unit_m = axes.low + normal.low;
+    if (digits > DIGITS) return 0;
+    Integer A, B, s, g, m, one, two;
+    set_to(&A, r, f.low, digits);
+    set_to(&B, 0, 0, digits);
+    set_to(&s, 0, 0, digits);
+    set_to(&one, R, f.low, digits);
+    set_to(&g, 0, 0, digits);
+    add_product(&g, &one, &one, digits);
+    negate(&g, digits);
+    one = A;
+    add_product(&g, &one, &one, digits);
+    A = g;
+    for (int i = 0; i < 3; i++) {
+        set_to(&g, i == 0 ? to.x : i == 1 ? to.y : to.z, f.low, digits);
+        set_to(&one, -(i == 0 ? from.x : i == 1 ? from.y : from.z), f.low, digits);
+        add(&g, &one, digits);
+        set_to(&m, 0, 0, digits);
+        for (int k = 0; k < 3; k++) {
+            const real4 axis = spheres.camera[k + 1];
+            set_to(&one, i == 0 ? axis.x : i == 1 ? axis.y : axis.z, axes.low, digits);
+            set_to(&two, n[k], normal.low, digits);
+            add_product(&m, &one, &two, digits);
+        }
+        add_product(&A, &g, &g, digits);
+        add_product(&B, &g, &m, digits);
+        add_product(&s, &m, &m, digits);
+    }
+    /* B = -2 r g.m. */
+    set_to(&one, r, f.low, digits);
+    set_to(&two, 0, 0, digits);
+    add_product(&two, &B, &one, digits);
+    add(&two, &two, digits);
+    negate(&two, digits);
+    B = two;
+    const int sign_A = sign_of(&A, digits), sign_B = sign_of(&B, digits);
+    /* A^2 s - B^2. */
+    set_to(&one, 0, 0, digits);
+    add_product(&one, &B, &B, digits);
+    negate(&one, digits);
+    set_to(&two, 0, 0, digits);
+    add_product(&two, &A, &A, digits);
+    add_product(&one, &two, &s, digits);
+    const double a = nearest_double(&A, 2 * f.low, digits), b = nearest_double(&B, 2 * f.low + unit_m, digits);
+    const double square = nearest_double(&s, 2 * unit_m, digits), part = b / sqrt(square);
+    if (sign_A * sign_B >= 0) return a + part;
+    return nearest_double(&one, 4 * f.low + 2 * unit_m, digits) / square / (a - part);
+}
+
+/* Puts that in place of a power which pairs cannot tell from 0. */
+static __attribute__((noinline)) void decide_power(const Spheres spheres, const Leaving ray, const INT index,
+                                                   const MASK unsure, Finer *e) {
+    int own[W], other[W], left[W];
+    double x[W], y[W], z[W], c[W];
+    STORE_LANES(ray.own, own);
+    STORE_LANES(index, other);
+    STORE_LANES(unsure, left);
+    STORE_LANES(ray.n.x, x);
+    STORE_LANES(ray.n.y, y);
+    STORE_LANES(ray.n.z, z);
+    STORE_LANES(e->c.hi, c);
+    for (int lane = 0; lane < W; lane++)
+        if (left[lane]) c[lane] = whole_power(spheres, own[lane], other[lane], x[lane], y[lane], z[lane]);
+    const REAL_MASK here = TO_REAL_MASK(unsure);
+    const REAL whole = LOAD_LANES(c);
+    PUT_WHERE(here, e->c.hi, whole);
+    PUT_WHERE(here, e->c.lo, 0);
+    PUT_WHERE(here, e->c_error, 0x1p-48 * fabs(whole));
+}
+
 /* Where the ray meets the sphere, in pairs: t, or infinite; a bound of what it is off by; whether from inside.
  *
  * What is within its bound of 0 counts as 0. The bounds are below 2^-95 of the terms that they are about; only numbers
@@ -188,8 +277,14 @@ typedef struct {
 
 static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres spheres, const Leaving ray, const Ball ball,
                                                               const INT index) {
-    const Finer e = finer_from(spheres, ray, ball);
-    const REAL_MASK own = TO_REAL_MASK(index == ray.own), on = own | (fabs(e.c.hi) <= e.c_error), out = !on & (e.c.hi > 0);
+    Finer e = finer_from(spheres, ray, ball);
+    const REAL_MASK own = TO_REAL_MASK(index == ray.own);
+    MASK touching = (index >= 0) & (ray.own >= 0) & TO_MASK(!own & (fabs(e.c.hi) <= e.c_error));
+#ifdef WITH_ELLIPSOIDS
+    touching = touching & (ray.map == 0) & (ball.map == 0);
+#endif
+    if (ANY(touching)) decide_power(spheres, ray, index, touching, &e);
+    const REAL_MASK on = own | (fabs(e.c.hi) <= e.c_error), out = !on & (e.c.hi > 0);
     const REAL_MASK touches = fabs(e.D.hi) <= e.D_error, some = !touches & (e.D.hi > 0), forward = e.b.hi > 0;
     const REAL near = some ? sqrt(e.D.hi) : (REAL)0;
     const Pair rest = minus(e.D, two_product(near, near));
