@@ -171,13 +171,11 @@ MUTATIONS = [
     Mutation("(exact[2] < exact_r * (1 + SLACK))", "(exact[2] < 0)", "spheres beside the eye", LISTS),
     Mutation("coarse = bool((window.half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS),
     Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
-    Mutation(
-        "(r[1:] == r[:-1]) & (c[1:] == c[:-1]).all(axis=1)", "(c[1:] == c[:-1]).all(axis=1)", "equal spheres", CULLING
-    ),
+    Mutation("(r[1:] == r[:-1]) & (s[1:] == s[:-1])", "(s[1:] == s[:-1])", "equal spheres", CULLING),
     Mutation(
         "self.radius, power), np.sign(power)", "self.radius, power), np.abs(np.sign(power))", "lights inside", STRESS
     ),
-    Mutation("np.fill_diagonal(shadows, power <= 0)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
+    Mutation("np.fill_diagonal(shadows, inside)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
     Mutation(
         "return np.asarray((gap <= roomy[:, None] + roomy[None])",
         "return np.asarray((gap <= roomy[:, None])",
