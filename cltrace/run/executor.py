@@ -39,7 +39,7 @@ WIDTHS = {1: Packet((16, 4), 1, 1, 1), **{w: Packet((1, 1), 8, 4, w // 4) for w 
 # A launch has at most so many pixels.
 STRIP = 2**22
 # A launch takes about so many seconds at most, so that Ctrl-C is heard. A first one, which may turn out to be slow, has
-# so many rows.
+# so many rows; where a pixel may take many rays, a quarter of them.
 PATIENCE, FIRST_ROWS = 0.25, 64
 # What is noted where no pixel is overgrown: later than any.
 NOTHING = np.iinfo(np.int32).max
@@ -73,7 +73,7 @@ class Executor:
     def __init__(self, plan: Plan, device: Device, width: int, before: Executor | None = None) -> None:
         self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
-        self._rows = FIRST_ROWS
+        self._rows = FIRST_ROWS // 4 if "WITH_SPLITS" in plan.features else FIRST_ROWS
         self._move_to(plan.region)
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._context: Any = context_of(device.cl)
