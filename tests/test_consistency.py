@@ -64,6 +64,8 @@ def expected(name: str) -> Expected:
 
 
 NAMES = [path.stem for path in SCENES] + [str(seed) for seed in RANDOM]
+# Scenes that need a program of their own, which is compiled for one width and not for `double`.
+OWN_PROGRAM = {"dusk", "four-mirrors"}
 # Spheres that float32 cannot hold relative to the camera: ordinary scenes are the others.
 HOSTILE = {"globe"}
 
@@ -72,6 +74,8 @@ HOSTILE = {"globe"}
 def test_kernel_agrees_with_the_reference(device: Device, width: int, precision: str) -> None:
     differing = total = 0
     for name in NAMES:
+        if name in OWN_PROGRAM and (precision == "double" or width != device.width):
+            continue
         want = expected(name)
         image = picture(load(name), device, precision, width)
         levels = np.abs(image.rgb8.reshape(-1, 3)[want.at].astype(int) - want.rgb8).max(axis=1)

@@ -12,7 +12,6 @@ from cltrace import Camera, Scene
 from cltrace.plan import features, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import cells, light_buffer, tiles
-from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device, choose
 
 TRACED, UNSTOPPABLE = COUNTERS["SHADOW_RAYS"], COUNTERS["UNSTOPPABLE"]
@@ -166,8 +165,9 @@ def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
         assert (ids == 0).all()
 
 
-# These change the plan's arrays only, so no program has to be compiled for them.
-PACKED = tuple(name for name in KEEPS if name not in ("filter", "features", "highlights", "outputs"))
+# These change the plan's arrays only, so no program has to be compiled for them. What mirrors and glass need is in
+# tests/test_tree.py.
+PACKED = ("lists", "lights", "hidden", "receivers", "unstopped", "order")
 
 
 def scenes(seeds: range) -> None:

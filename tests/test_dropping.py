@@ -46,7 +46,7 @@ def drawn(scene: Scene, device: Device, outputs: tuple[str, ...], *keep: str, **
     return Renderer(scene, device, outputs=outputs, keep=keep, **options).render()  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("outputs", [BYTES, FLOATS])
+@pytest.mark.parametrize("outputs", [BYTES, pytest.param(FLOATS, marks=pytest.mark.stress)])
 def test_no_output_changes(device: Device, outputs: tuple[str, ...]) -> None:
     for seed in range(96):
         scene, truncate = splitting(seed), seed % 2 == 1
@@ -56,6 +56,7 @@ def test_no_output_changes(device: Device, outputs: tuple[str, ...]) -> None:
             assert np.array_equal(getattr(dropped, name), getattr(kept, name)), (seed, name)
 
 
+@pytest.mark.stress
 def test_no_number_depends_on_packets_or_crops(device: Device) -> None:
     """Not even that of shadow rays, which tells what was done for each pixel."""
     outputs = ("rgb8", "shadow_rays")
@@ -107,6 +108,7 @@ def test_what_might_show_is_traced_again(device: Device) -> None:
         assert np.array_equal(one.rgb8, two.rgb8)
 
 
+@pytest.mark.stress
 def test_nothing_is_dropped_where_more_goes_on_than_comes(device: Device) -> None:
     """One material of r + t > 1 is enough, even one that few rays meet."""
     scene = splitting(3)
@@ -178,6 +180,7 @@ def shells(bounces: int, size: tuple[int, int] = (1, 1), small: bool = False) ->
     return glowing(camera, [(at, float(radius)) for radius in radii], (0.5, 0.25, 1), (0, 0, 0), **HALF)
 
 
+@pytest.mark.stress
 def test_how_many_rays_are_too_many(device: Device) -> None:
     """With max_bounces n they are 2^(n + 2) - 1: the ceiling is 2^20."""
     assert drawn(shells(18), device, BYTES).rgb8.any()

@@ -6,7 +6,6 @@ import contextlib
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from glowing import (
 )
 from PIL import Image as Picture
 from random_scenes import fuzzed_tree, random_tree, stretched
-from stress_cases import channel, picture, remembered, renderer
+from stress_cases import channel, picture, remembered
 
 import cltrace
 from cltrace import CltraceError, Image, Scene, ambient_light, parallel_light, point_light
@@ -410,41 +409,6 @@ def forest(bounces: int, part: float = 0.5) -> Scene:
     balls = [((0, 0, -5), 1), ((2.5, 0, -5), 1), ((1, 2, -6), 1), ((0, 0, 0), 40)]
     camera = eye(bounces, tan=0.1, size=(3, 2))
     return glowing(camera, balls, WHITE, WHITE, reflectance=part, transmittance=[part] * 3 + [0], index=1.5)
-
-
-@pytest.mark.parametrize("keep", [("branches",), ()])
-def test_a_pixel_of_too_many_rays(device: Device, tmp_path: Path, keep: tuple[str, ...]) -> None:
-    """More than 2^20 rays for a pixel: one error with the pixel and max_bounces, soon, and no picture of a part of it.
-
-    A program that proves that what it leaves out changes no byte may draw it instead: all of it is white.
-    """
-    path = written(tmp_path, forest(100))
-    command = [sys.executable, "-m", "cltrace", str(path), "-d", device.spec, "-o", "out.png"]
-    command += ["--keep", ",".join(keep)] if keep else []
-    start = time.monotonic()
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
-    assert time.monotonic() - start < 90
-    if done.returncode == 0 and not keep:
-        with Picture.open(tmp_path / "out.png") as image:
-            assert (np.asarray(image) == 255).all()
-        return
-    assert done.returncode == 2, done.stderr
-    lines = [line for line in done.stderr.splitlines() if "warning" not in line]
-    assert len(lines) == 1, done.stderr
-    assert "max_bounces" in lines[0]
-    assert any(f"{x}, {y}" in lines[0] or f"{x},{y}" in lines[0] for x in range(3) for y in range(2)), lines[0]
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["trees.xml"]
-
-
-def test_a_renderer_survives_a_pixel_of_too_many_rays(device: Device) -> None:
-    """The error comes from render(), as one of cltrace's own, and the next picture is as good as any."""
-    scene = forest(100)
-    failing = renderer(scene, device, keep=("branches",))
-    for _ in range(2):
-        with pytest.raises(CltraceError, match="max_bounces"):
-            failing.render()
-    fine = failing.look(replace(scene.camera, max_bounces=6)).render()
-    assert (fine.color == 1).all()
 
 
 def test_fewer_bounces_are_drawn(device: Device) -> None:
