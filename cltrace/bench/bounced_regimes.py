@@ -6,7 +6,7 @@ the surface on which they start, and inwards. Half of them start where that surf
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,8 +111,12 @@ def scene_of(name: str, seed: int) -> Scene:
     return Scene.from_spheres(camera, (), centers, radii, transform=shape)
 
 
-def rays_of(scene: Scene, count: int, seed: int) -> Rays:
-    """Rays of all kinds from all surfaces of a scene."""
+# The kinds of rays.
+ANYWHERE, AT_ANOTHER, TOUCHING, ALONG, INWARDS = KINDS = tuple(range(5))
+
+
+def rays_of(scene: Scene, count: int, seed: int, kinds: Sequence[int] = KINDS) -> Rays:
+    """Rays of these kinds from all surfaces of a scene."""
     rng, spheres = np.random.default_rng(seed), scene.spheres
     bent = spheres["to_object"] >= 0
     K = np.where(bent[:, None, None], scene.to_object[spheres["to_object"]] if bent.any() else np.eye(3), np.eye(3))
@@ -124,14 +128,16 @@ def rays_of(scene: Scene, count: int, seed: int) -> Rays:
     to = gap - spheres["radius"][own, None] * _of(L[own], u)
     normal = _unit(_of(K[own].transpose(0, 2, 1), u))
     there = _of(L[other], _unit(rng.normal(size=(count, 3))) * spheres["radius"][other, None])
-    kinds = [
+    ways = [
         rng.normal(size=(count, 3)),
         to + there,
         _of(L[other], _tangent(rng, _of(K[other], to), spheres["radius"][other]) + _little(rng, count)),
         np.cross(normal, rng.normal(size=(count, 3))) + little,
         little - normal,
     ]
-    d = _some(np.choose(rng.integers(5, size=(count, 1)), kinds)) * 10.0 ** rng.uniform(-3, 3, (count, 1))
+    d = _some(np.choose(np.array(kinds)[rng.integers(len(kinds), size=(count, 1))], ways)) * 10.0 ** rng.uniform(
+        -3, 3, (count, 1)
+    )
     q = np.where(bent[own, None], u, _unit(u @ basis.T))
     return Rays(own.astype(np.int32), q, d @ basis.T, basis, scene.camera.position)
 
