@@ -43,6 +43,7 @@ ABI = "tests/test_abi.py"
 READER = "tests/test_reader.py"
 BOUNCES = "tests/test_bounces.py"
 TREE = "tests/test_tree.py"
+SECOND = "tests/test_second_rays.py"
 
 MUTATIONS = [
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
@@ -303,6 +304,24 @@ MUTATIONS = [
         'text.startswith("/") or ".." in text.split("/")', 'text.startswith("/")', "paths out of the folder", READER
     ),
     Mutation('if "/" in text or text in (".", ".."):', 'if text in (".", ".."):', "names with a folder", READER),
+    Mutation(
+        "(D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least)",
+        "(D > 0)",
+        "of what doubles are sure, from surfaces",
+        SECOND,
+    ),
+    Mutation("((D < -D_error) | ", "((D < 0) | ", "what doubles rule out, from surfaces", SECOND),
+    Mutation("two_sum(guess, (REAL)0.5 * guess * (rest.hi + rest.lo))", "pair(guess, 0)", "length of normals", SECOND),
+    Mutation(
+        "(gap < -error) | (!(gap > error) & tie)", "(gap < 0) | ((gap == 0) & tie)", "ties of second rays", SECOND
+    ),
+    Mutation("more = e > least ? (REAL)0", "more = e > 0 ? (REAL)0", "which side rays leave", SECOND),
+    Mutation(
+        "root_error = by_root < least ? by_root : least;\n    FineEnc",
+        "root_error = 0;\n    FineEnc",
+        "error of t from surfaces",
+        SECOND,
+    ),
 ]
 
 

@@ -24,7 +24,7 @@ from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
 
 from . import bounced_regimes
-from .bounced import Rays, Shapes, closest_of, rounded_t
+from .bounced import Rays, Shapes, closest_of, closest_of_touching, rounded_t
 from .bounced_regimes import ALONG, INWARDS, KINDS, REGIMES, TOUCHING, Made
 from .pairs import Floats
 from .regimes import rays as camera_rays
@@ -151,19 +151,34 @@ def _aimed(scene: Scene, rays: Rays, row: int, rng: np.random.Generator) -> Came
     eye = scene.spheres["center"][own] + step - away * v
     # Its place is rounded, by which the aim is off, and the far point at which it looks, by next to nothing.
     size = np.abs(eye).max() + away
-    least = min(2.0**-46 * size / away, 0.1)
-    angle = math.degrees(math.atan(10.0 ** rng.uniform(math.log10(least), 0.3)))
+    least = math.log10(min(2.0**-46 * size / away, 0.1))
+    angle = math.degrees(math.atan(10.0 ** rng.uniform(least, rng.choice([0.3, min(0.3, least + 3)]))))
     return Camera(tuple(eye), tuple(eye + 4 * size * v), tuple(rng.normal(size=3)), angle)
 
 
-def wrong_pixels(scene: Scene, image: Image) -> tuple[int, NDArray[np.intp]]:
-    """How many second rays a picture with colours and ids shows, and the pixels of those that met something else than
-    the exact oracle says."""
+class Verdict(NamedTuple):
+    """rays: how many second rays there were; wrong: the pixels, (k,), of those that met what they should not have;
+    touching: how many met what exact arithmetic does not say, but the rule of SHARE does."""
+
+    rays: int
+    wrong: NDArray[np.intp]
+    touching: int
+
+
+# The kernel's rule, see docs/accuracy.md: what is within this share of touching, or less, may count as touching.
+SHARE = 2.0**-95
+
+
+def judge(scene: Scene, image: Image) -> Verdict:
+    """What the exact oracle says of all second rays that a picture with colours and ids shows."""
     if image.id is None or image.color is None:
         raise ValueError("image: must have color and id")
+    shapes = Shapes.of(scene)
     pixels, rays = second_rays(scene, image.id.ravel())
     met = names(image.color.reshape(-1, 3)[pixels])
-    return len(pixels), pixels[met != closest_of(rays, Shapes.of(scene))[0]]
+    other = np.flatnonzero(met != closest_of(rays, shapes)[0])
+    wrong = other[met[other] != closest_of_touching(rays.at(other), shapes, SHARE)]
+    return Verdict(len(pixels), pixels[wrong], len(other) - len(wrong))
 
 
 # ------------------------------------------------------------------------------------------------------- the same rays
