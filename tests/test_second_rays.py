@@ -45,7 +45,7 @@ def judged(name: str, device: Device, count: int, side: int, cameras: int, **how
 
 @pytest.mark.parametrize("name", NAMES)
 def test_second_rays(device: Device, name: str) -> None:
-    """By the kernel with all features, which other tests compile, too. Of a thousand balls the oracle takes its time."""
+    """By the kernel with all features, as other tests have it. Of a thousand balls the oracle takes its time."""
     count, side = (1, 12) if name == NAMES[-1] else (1400, 20)
     assert judged(name, device, count, side, 2, outputs=OUTPUTS, keep=("features",)) >= count
 
