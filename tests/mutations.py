@@ -310,18 +310,7 @@ MUTATIONS = [
         "of what doubles are sure, from surfaces",
         SECOND,
     ),
-    Mutation("((D < -D_error) | ", "((D < 0) | ", "what doubles rule out, from surfaces", SECOND),
     Mutation("two_sum(guess, (REAL)0.5 * guess * (rest.hi + rest.lo))", "pair(guess, 0)", "length of normals", SECOND),
-    Mutation(
-        "(gap < -error) | (!(gap > error) & tie)", "(gap < 0) | ((gap == 0) & tie)", "ties of second rays", SECOND
-    ),
-    Mutation("more = e > least ? (REAL)0", "more = e > 0 ? (REAL)0", "which side rays leave", SECOND),
-    Mutation(
-        "root_error = by_root < least ? by_root : least;\n    FineEnc",
-        "root_error = 0;\n    FineEnc",
-        "error of t from surfaces",
-        SECOND,
-    ),
 ]
 
 

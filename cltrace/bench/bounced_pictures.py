@@ -37,12 +37,15 @@ DIGITS = 255  # of a colour's channel that stand for a surface; the one that is 
 
 
 class Regime(NamedTuple):
-    """shapes: see bounced_regimes; kinds: of the rays at which cameras are aimed; glass: the share of surfaces that are
-    glass, the others being mirrors."""
+    """shapes: see bounced_regimes; kinds, widest: of the rays at which cameras are aimed, see rays_of(); glass: the
+    share of surfaces that are glass, the others being mirrors; decades: half of the pictures are at most that many
+    powers of ten wider than what the rounding of the eye allows for."""
 
     shapes: Callable[[np.random.Generator], Made]
     kinds: tuple[int, ...] = KINDS
     glass: float = 0.5
+    widest: float = 1e-1
+    decades: float = 3
 
 
 def _far_side(rng: np.random.Generator) -> Made:
@@ -80,8 +83,8 @@ def _round(count: int) -> Floats:
 
 PICTURES: dict[str, Regime] = {
     **{name: Regime(shapes) for name, shapes in REGIMES.items()},
-    "grazing mirrors": Regime(bounced_regimes.room, (TOUCHING, ALONG), 0),
-    "grazing glass": Regime(bounced_regimes.room, (TOUCHING, ALONG, INWARDS), 1),
+    "grazing mirrors": Regime(bounced_regimes.room, (TOUCHING, ALONG), 0, 1e-15, 0.5),
+    "grazing glass": Regime(bounced_regimes.room, (TOUCHING, ALONG, INWARDS), 1, 1e-15, 0.5),
     "the far side of glass": Regime(_far_side, (TOUCHING, INWARDS), 1),
     "a ball in a shell": Regime(_in_a_shell),
     "a thousand balls round a mirror": Regime(_many, glass=0.1),
@@ -96,9 +99,9 @@ def scenes_of(name: str, seed: int, size: tuple[int, int], cameras: int) -> Iter
     glass = rng.random(len(radii)) < regime.glass
     index = rng.choice([1.0, 1.5, 0.75, 2.5], len(radii))
     scene = named(Scene.from_spheres(axes, (), centers, radii, transform=maps), glass, index)
-    rays = bounced_regimes.rays_of(scene, cameras, int(rng.integers(2**32)), regime.kinds)
+    rays = bounced_regimes.rays_of(scene, cameras, int(rng.integers(2**32)), regime.kinds, regime.widest)
     for row in range(cameras):
-        camera = _aimed(scene, rays, row, rng)
+        camera = _aimed(scene, rays, row, regime.decades, rng)
         yield scene.seen_by(replace(camera, resolution=size, max_bounces=0))
 
 
@@ -127,7 +130,7 @@ def names(color: ArrayLike) -> Ids:
     return np.where((parts == DIGITS + 1).all(axis=1), -1, ids).astype(np.int32)
 
 
-def _aimed(scene: Scene, rays: Rays, row: int, rng: np.random.Generator) -> Camera:
+def _aimed(scene: Scene, rays: Rays, row: int, decades: float, rng: np.random.Generator) -> Camera:
     """A camera that looks at where a ray starts, such that the ray is what goes on from there, but for rounding.
 
     What it sees is between all of that and next to nothing beside it. Something else may be in the way.
@@ -152,7 +155,7 @@ def _aimed(scene: Scene, rays: Rays, row: int, rng: np.random.Generator) -> Came
     # Its place is rounded, by which the aim is off, and the far point at which it looks, by next to nothing.
     size = np.abs(eye).max() + away
     least = math.log10(min(2.0**-46 * size / away, 0.1))
-    angle = math.degrees(math.atan(10.0 ** rng.uniform(least, rng.choice([0.3, min(0.3, least + 3)]))))
+    angle = math.degrees(math.atan(10.0 ** rng.uniform(least, rng.choice([0.3, min(0.3, least + decades)]))))
     return Camera(tuple(eye), tuple(eye + 4 * size * v), tuple(rng.normal(size=3)), angle)
 
 

@@ -6,6 +6,7 @@ the surface on which they start, and inwards. Half of them start where that surf
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -115,14 +116,14 @@ def scene_of(name: str, seed: int) -> Scene:
 ANYWHERE, AT_ANOTHER, TOUCHING, ALONG, INWARDS = KINDS = tuple(range(5))
 
 
-def rays_of(scene: Scene, count: int, seed: int, kinds: Sequence[int] = KINDS) -> Rays:
-    """Rays of these kinds from all surfaces of a scene."""
+def rays_of(scene: Scene, count: int, seed: int, kinds: Sequence[int] = KINDS, widest: float = 1e-1) -> Rays:
+    """Rays of these kinds from all surfaces of a scene. widest: how far from its kind a ray may be."""
     rng, spheres = np.random.default_rng(seed), scene.spheres
     bent = spheres["to_object"] >= 0
     K = np.where(bent[:, None, None], scene.to_object[spheres["to_object"]] if bent.any() else np.eye(3), np.eye(3))
     L, basis = np.linalg.inv(K), np.array(scene.camera.basis())
     own, other = rng.integers(len(spheres), size=(2, count))
-    gap, little = spheres["center"][other] - spheres["center"][own], _little(rng, count)
+    gap, little = spheres["center"][other] - spheres["center"][own], _little(rng, count, widest)
     towards = _of(K[own], gap) + np.where(own == other, 1.0, 0.0)[:, None]
     u = _unit(np.where(rng.random((count, 1)) < 0.5, rng.normal(size=(count, 3)), _unit(_some(towards)) + little))
     to = gap - spheres["radius"][own, None] * _of(L[own], u)
@@ -131,7 +132,7 @@ def rays_of(scene: Scene, count: int, seed: int, kinds: Sequence[int] = KINDS) -
     ways = [
         rng.normal(size=(count, 3)),
         to + there,
-        _of(L[other], _tangent(rng, _of(K[other], to), spheres["radius"][other]) + _little(rng, count)),
+        _of(L[other], _tangent(rng, _of(K[other], to), spheres["radius"][other]) + _little(rng, count, widest)),
         np.cross(normal, rng.normal(size=(count, 3))) + little,
         little - normal,
     ]
@@ -146,8 +147,8 @@ def _of(matrices: Floats, v: Floats) -> Floats:
     return np.asarray(np.einsum("nij,nj->ni", matrices, v))
 
 
-def _little(rng: np.random.Generator, count: int) -> Floats:
-    return np.asarray(rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-17, -1, (count, 1)))
+def _little(rng: np.random.Generator, count: int, widest: float) -> Floats:
+    return np.asarray(rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-17, math.log10(widest), (count, 1)))
 
 
 def _some(v: Floats) -> Floats:
