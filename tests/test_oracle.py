@@ -946,21 +946,6 @@ def test_bounced_rays_beyond_the_range_of_the_filter():
     assert bounced.closest_of(rays, huge)[0].tolist() == [1, 1, 1, -1]
 
 
-def test_what_all_but_touches_may_count_as_touching():
-    """Beside the point where two unit balls touch, 2^-50 is a gap of 2^-100; the second one has a ball within."""
-    shapes = bounced.Shapes(np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 0]]), np.array([1, 1, 0.5]), [None] * 3)
-    q = np.array([(1, 2.0**-50, 0), (1, 2.0**-40, 0), (1, 0, 0)])
-    rays = bounced.Rays(np.zeros(3, np.int32), q, np.array([(1.0, 0, 0)] * 3))
-    assert bounced.closest_of(rays, shapes)[0].tolist() == [1, 1, 2]
-    assert bounced.closest_of_touching(rays, shapes, 2.0**-95).tolist() == [2, 1, 2]
-    # Past a ball at 2^-52 of its radius.
-    shapes = bounced.Shapes(np.array([[4, 1 + 2.0**-52, 0]]), np.array([1.0]), [None])
-    rays = bounced.Rays(np.array([-1], np.int32), np.zeros((1, 3)), np.array([(1.0, 0, 0)]))
-    assert bounced.closest_of(rays, shapes)[0].tolist() == [-1]
-    assert bounced.closest_of_touching(rays, shapes, 2.0**-50).tolist() == [0]
-    assert bounced.closest_of_touching(rays, shapes, 2.0**-60).tolist() == [-1]
-
-
 @each_bounced
 def test_bounced_regimes_are_what_they_say(name):
     scene, again, other = (bounced_regimes.scene_of(name, seed) for seed in (3, 3, 4))

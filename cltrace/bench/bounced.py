@@ -101,20 +101,6 @@ def filtered_of(rays: Rays, shapes: Shapes) -> tuple[NDArray[np.int32], Floats, 
     return index, t, doubt
 
 
-def closest_of_touching(rays: Rays, shapes: Shapes, share: float) -> NDArray[np.int32]:
-    """The nearest surface of every ray, (n,), -1 if none, where all that is within `share` of touching touches.
-
-    A ray starts on a surface if |c| is not above that share of |f|^2 + r^2, and touches it if |D| is not above that
-    share of a r^2 + b^2 + a |f|^2; see oracle.py for these numbers. Double-double arithmetic alone decides: the share
-    must be 2^-96 at least.
-    """
-    index = np.full(len(rays.own), -1, np.int32)
-    for own in np.unique(rays.own):
-        rows = np.flatnonzero(rays.own == own)
-        index[rows] = _closest(int(own), rays.at(rows), shapes, share).index
-    return index
-
-
 def rounded_t(rays: Rays, shapes: Shapes) -> tuple[Floats, NDArray[np.bool_]]:
     """The nearest hit's t (n,) of rays that start on one surface, or at the eye, correctly rounded where the second
     array, (n,), says so; inf if there is none."""
@@ -133,8 +119,8 @@ def _moderate(values: ArrayLike) -> NDArray[np.bool_]:
     return np.asarray((size == 0) | ((size >= LOW) & (size <= HIGH)))
 
 
-def _closest(own: int, rays: Rays, shapes: Shapes, share: float = 0.0) -> _Nearest:
-    """Of rays from one surface, or from the eye. share: see closest_of_touching()."""
+def _closest(own: int, rays: Rays, shapes: Shapes) -> _Nearest:
+    """Of rays from one surface, or from the eye."""
     basis = [[Fraction(x) for x in row] for row in np.asarray(rays.basis, float).tolist()]
     columns = [[basis[j][i] for j in range(3)] for i in range(3)]
     w = _times(columns, _vector(rays.direction))
@@ -163,7 +149,7 @@ def _closest(own: int, rays: Rays, shapes: Shapes, share: float = 0.0) -> _Neare
             continue
         rows = np.flatnonzero(_may_meet(f, d, shapes.radii[i]))
         if len(rows):
-            best.offer(i, rows, *_meeting(_at(f, rows), _at(d, rows), Fine.of(shapes.radii[i]), share))
+            best.offer(i, rows, *_meeting(_at(f, rows), _at(d, rows), Fine.of(shapes.radii[i])))
     return best
 
 
@@ -218,16 +204,10 @@ def _is_known(v: Vector) -> NDArray[np.bool_]:
     return np.asarray(2 * errors <= 2.0**-60 * sizes)
 
 
-def _meeting(f: Vector, w: Vector, r: Fine, share: float) -> tuple[NDArray[np.bool_], Fine, NDArray[np.bool_]]:
+def _meeting(f: Vector, w: Vector, r: Fine) -> tuple[NDArray[np.bool_], Fine, NDArray[np.bool_]]:
     """Which rays surely meet a surface, where, and which may or may not. The equation is that of oracle.py."""
-    a, b, ff, rr = _dot(w, w), _dot(f, w), _dot(f, f), r * r
-    c = ff - rr
-    if share:
-        c = _cut(c, share * (ff.h + rr.h))
+    a, b, c = _dot(w, w), _dot(f, w), _dot(f, f) - r * r
     D = b * b - a * c
-    if share:
-        D = _cut(D, share * (a.h * (ff.h + rr.h) + b.h * b.h))
-        return _meeting_of_touching(a, b, c, D)
     outside, ahead, meets = c.sign(), b.sign(), D.sign()
     hit = ((outside > 0) & (ahead > 0) & (meets > 0)) | ((outside < 0) & (meets > 0))
     miss = (meets < 0) | ((outside > 0) & (ahead < 0))
@@ -236,24 +216,6 @@ def _meeting(f: Vector, w: Vector, r: Fine, share: float) -> tuple[NDArray[np.bo
     n = select(b.h < 0, -b, b) + root
     direct = (outside[rows] < 0) & (b.h >= 0)
     return hit, select(direct, n, select(outside[rows] < 0, -c, c)) / select(direct, a, n), ~(hit | miss)
-
-
-def _cut(x: Fine, bound: Floats) -> Fine:
-    """0 where it is not above the bound."""
-    return select(np.abs(x.h) <= bound, Fine.of(np.zeros_like(x.h)), x)
-
-
-def _meeting_of_touching(a: Fine, b: Fine, c: Fine, D: Fine) -> tuple[NDArray[np.bool_], Fine, NDArray[np.bool_]]:
-    """_meeting() where what is 0 is exactly that."""
-    hit = (D.h >= 0) & ((c.h < 0) | (b.h > 0))
-    rows = np.flatnonzero(hit)
-    a, b, c, D = a[rows], b[rows], c[rows], D[rows]
-    some = D.h > 0
-    root = select(some, select(some, D, a).root(), Fine.of(np.zeros(len(rows))))
-    n = select(b.h < 0, -b, b) + root
-    direct = (c.h < 0) & (b.h >= 0)
-    t = select(direct, n, select(c.h < 0, -c, c)) / select(direct, a, n)
-    return hit, select(c.h == 0, (b + b) / a, t), np.zeros(len(hit), bool)
 
 
 def _own_meeting(f: Vector, w: Vector) -> tuple[NDArray[np.bool_], Fine, NDArray[np.bool_]]:

@@ -24,7 +24,7 @@ from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
 
 from . import bounced_regimes
-from .bounced import Rays, Shapes, closest_of, closest_of_touching, rounded_t
+from .bounced import Rays, Shapes, closest_of, rounded_t
 from .bounced_regimes import ALONG, INWARDS, KINDS, REGIMES, TOUCHING, Made
 from .pairs import Floats
 from .regimes import rays as camera_rays
@@ -159,29 +159,14 @@ def _aimed(scene: Scene, rays: Rays, row: int, decades: float, rng: np.random.Ge
     return Camera(tuple(eye), tuple(eye + 4 * size * v), tuple(rng.normal(size=3)), angle)
 
 
-class Verdict(NamedTuple):
-    """rays: how many second rays there were; wrong: the pixels, (k,), of those that met what they should not have;
-    touching: how many met what exact arithmetic does not say, but the rule of SHARE does."""
-
-    rays: int
-    wrong: NDArray[np.intp]
-    touching: int
-
-
-# The kernel's rule, see docs/accuracy.md: what is within this share of touching, or less, may count as touching.
-SHARE = 2.0**-95
-
-
-def judge(scene: Scene, image: Image) -> Verdict:
-    """What the exact oracle says of all second rays that a picture with colours and ids shows."""
+def judge(scene: Scene, image: Image) -> tuple[int, NDArray[np.intp]]:
+    """How many second rays a picture with colours and ids shows, and the pixels of those that met something else than
+    the exact oracle says."""
     if image.id is None or image.color is None:
         raise ValueError("image: must have color and id")
-    shapes = Shapes.of(scene)
     pixels, rays = second_rays(scene, image.id.ravel())
     met = names(image.color.reshape(-1, 3)[pixels])
-    other = np.flatnonzero(met != closest_of(rays, shapes)[0])
-    wrong = other[met[other] != closest_of_touching(rays.at(other), shapes, SHARE)]
-    return Verdict(len(pixels), pixels[wrong], len(other) - len(wrong))
+    return len(pixels), pixels[met != closest_of(rays, Shapes.of(scene))[0]]
 
 
 # ------------------------------------------------------------------------------------------------------- the same rays
