@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.accel.bvh import Tree, build_tree
-from cltrace.plan.exact import Array, squared_length
+from cltrace.plan.exact import Array
 from cltrace.plan.shapes.sphere import U
 from cltrace.scene import Camera
 
@@ -41,18 +41,21 @@ class Paths:
         Those of `member` (n,) are entered in the tree; None: there is none.
         """
         # Halves, as the sum of two doubles may overflow.
-        low, high = (f(center, axis=0, initial=i) / 2 for f, i in ((np.min, np.inf), (np.max, -np.inf)))
-        middle = low + high if len(center) else np.zeros(3)
-        offset = center - middle
-        size = float((np.sqrt(squared_length(offset)) + outer).max(initial=2.0**-149))
+        low, high = (
+            np.array([f(x, initial=i) / 2 for x in center.T]) for f, i in ((np.min, np.inf), (np.max, -np.inf))
+        )
+        middle, half = (low + high, high - low) if len(center) else (np.zeros(3), np.zeros(3))
+        # All of it is within this distance of the middle, but for roundings of which WIDEN has enough to spare.
+        size = max(2.0**-149, float(np.hypot(np.hypot(half[0], half[1]), half[2]) + outer.max(initial=0)))
         exponent = -math.frexp(size)[1]
-        # The size is below 1 in the tree's unit; that it was rounded is less than half of what WIDEN has to spare.
-        widen = CONSTANTS["WIDEN"] * U * size * 2.0**exponent
+        unit = 2.0**exponent
+        widen = CONSTANTS["WIDEN"] * U * size * unit
         tree = None
         if member is not None:
-            index = np.flatnonzero(member).astype(np.int32)
-            places, large, small = (np.ldexp(v, exponent) for v in (offset, outer, inner))
-            tree = build_tree(places, large, small, widen, index)
+            index = None if member.all() else np.flatnonzero(member).astype(np.int32)
+            large = outer * unit
+            small = large if inner is outer else inner * unit
+            tree = build_tree((center - middle) * unit, large, small, widen, index)
         return cls(middle, exponent, widen, tree)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
