@@ -82,6 +82,7 @@ def bubble(color: object, sky: tuple[float, float, float]) -> Scene:
     return glowing(camera, [((0, 0, 0), 2)], color, sky, reflectance=0.5, transmittance=0.25, index=1.5)
 
 
+@pytest.mark.stress
 def test_what_is_dropped_at_first(device: Device) -> None:
     """What weighs 2^-16 or less, times the brightest that there is, which is 1 but a little more.
 
