@@ -11,9 +11,8 @@ static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
 #if defined(OUT_NORMAL) || defined(OUT_DIRECTION)
 /* Turns a direction from camera space into the world. */
 static Float3 to_world(const Frame frame, const Real3 v) {
-    const Float3 w = {TO_FLOAT(v.x * frame.right.x + v.y * frame.up.x + v.z * frame.back.x),
-                      TO_FLOAT(v.x * frame.right.y + v.y * frame.up.y + v.z * frame.back.y),
-                      TO_FLOAT(v.x * frame.right.z + v.y * frame.up.z + v.z * frame.back.z)};
+    const Real3 turned = turned_to_world(frame, v);
+    const Float3 w = {TO_FLOAT(turned.x), TO_FLOAT(turned.y), TO_FLOAT(turned.z)};
     return w;
 }
 #endif

@@ -8,6 +8,14 @@
  * so t is in units of |d|.
  */
 
+/* A vector of camera space in the world: B^T v. */
+static Real3 turned_to_world(const Frame frame, const Real3 v) {
+    const Real3 w = {(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
+                     (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
+                     (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
+    return w;
+}
+
 #ifdef WITH_LEAVING
 /* Rays that leave surfaces. */
 typedef struct {
@@ -24,14 +32,6 @@ typedef struct {
     Real3 q; /* see the ellipsoid below */
 #endif
 } Leaving;
-
-/* A vector of camera space in the world: B^T v. */
-static Real3 turned_to_world(const Frame frame, const Real3 v) {
-    const Real3 w = {(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
-                     (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
-                     (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
-    return w;
-}
 
 static Real3 turned_to_camera(const Frame frame, const Real3 v) {
     const Real3 c = {DOT(frame.right, v), DOT(frame.up, v), DOT(frame.back, v)};

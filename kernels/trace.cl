@@ -93,7 +93,10 @@ static Intersection intersection_from(const Frame frame, const Scene scene, cons
     Intersection at = material_at(scene, met.id);
     const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, met.id), met.t);
     at.normal = spot.n;
-    at.start = start_of(spheres_of(scene.spheres, met.id), at.normal, met.inside);
+    const Sphere sphere = spheres_of(scene.spheres, met.id);
+    const Real3 C = sphere.center, n = at.normal;
+    const Real3 point = {C.x + sphere.r * n.x, C.y + sphere.r * n.y, C.z + sphere.r * n.z};
+    at.start = start_of(sphere, n, met.inside ? (REAL)-1 : (REAL)1, point);
 #ifdef WITH_ELLIPSOIDS
     at.q = spot.q;
     at.spread = 1;

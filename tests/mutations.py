@@ -60,7 +60,7 @@ MUTATIONS = [
     Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)0.5 * ((real)3.001 - DOT(n, n))", "length of normals", STRESS),
     Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
     Mutation("(scene.id_of[index] < ids_of", "(scene.id_of[index] > ids_of", "ties", STRESS),
-    Mutation("margin = hit.t * 0x1p-22", "margin = hit.t * 0x1p-60", "nearly equal distances", STRESS),
+    Mutation("margin = best * 0x1p-22", "margin = best * 0x1p-60", "nearly equal distances", STRESS),
     Mutation("return (exact < 0) | ((exact == 0) & tie);", "return exact < 0;", "exact ties", EXACT),
     Mutation("(wanted & !rounds_to_hi(e.D, e.D_error))", "(wanted & (e.D.hi != e.D.hi))", "doubts of pairs", EXACT),
     Mutation("!((gap > error) | (gap < -error))", "(gap != gap)", "doubts of pairs about distances", EXACT),
@@ -145,7 +145,7 @@ MUTATIONS = [
     Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),
     Mutation("low < 1 ? low : (SHADE)1", "low < 2 ? low : (SHADE)1", "what is brighter than white", STRESS),
     Mutation(
-        "v.x * frame.right.y + v.y * frame.up.y", "v.x * frame.up.x + v.y * frame.up.y", "normals in the world", AGREE
+        "frame.right.y * v.x + frame.up.y * v.y", "frame.up.x * v.x + frame.up.y * v.y", "normals in the world", AGREE
     ),
     Mutation(
         'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60',
@@ -248,7 +248,7 @@ MUTATIONS = [
         BOUNCES,
     ),
     Mutation(
-        "const REAL margin = met.t * 0x1p-22;",
+        "const REAL margin = best * 0x1p-22;",
         "const REAL margin = 0;",
         "close rivals of rays from surfaces",
         f"{BOUNCES} {TREE}",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.materials import used
 
 # The numbers of waiting rays that programs have room for: one for each depth of 0 .. max_bounces.
 ROOMS = (9, 17, 33, 65, 101)
@@ -33,9 +34,7 @@ class Bounces:
     @classmethod
     def of(cls, bounce: NDArray[Any], material_of: NDArray[np.integer[Any]], full: bool) -> Bounces:
         """bounce: of Materials; material_of: (n,), of the spheres; full: whether to expect everything of them."""
-        used = np.zeros(len(bounce), bool)
-        used[material_of] = True
-        r, t = bounce[used, 0], bounce[used, 1]
+        r, t = bounce[used(len(bounce), material_of), :2].T
         most = float((r + t).max(initial=0))
         return cls(full or most > 0, full or bool(t.any()), full or bool(((r > 0) & (t > 0)).any()), most)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import Precision, real_dtype
 from cltrace.plan.bounces import Bounces
 from cltrace.plan.exact import Array
-from cltrace.plan.materials import Materials
+from cltrace.plan.materials import Materials, used
 from cltrace.scene import Vector
 
 # Sums count in such parts.
@@ -48,9 +48,7 @@ def brightest(
     surface those of both branches and the share of its own colour add up to 1 but for 4 roundings, one of them that of
     the product. So all that is seen with a weight exceeds it by less than 1,500 u and its square: less than 2^-12.
     """
-    used = np.zeros(len(materials.packed), bool)
-    used[material_of] = True
-    packed = materials.packed[used].astype(np.float64)
+    packed = materials.packed[used(len(materials.packed), material_of)].astype(np.float64)
     light = lights["color"].astype(np.float64).sum(axis=0)
     shown = packed[:, 0:3] + (packed[:, 3:6] + packed[:, 6:7]) * light
     return np.asarray(np.maximum(shown.max(axis=0, initial=0), background) * (1 + 2.0**-12))

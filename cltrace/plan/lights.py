@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import Precision, dtype_of, shade_dtype
 from cltrace.plan.exact import Array
-from cltrace.plan.materials import Materials, finite32
+from cltrace.plan.materials import Materials, finite32, used
 from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
 from cltrace.plan.space import Space
 from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
@@ -22,9 +22,7 @@ def useful_lights(scene: Scene, materials: Materials, all_of_them: bool) -> NDAr
     Without all_of_them, black lights are left out, and all of them where no material that is used reflects any.
     """
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
-    used = np.zeros(len(scene.materials), bool)
-    used[scene.spheres["material"]] = True
-    nothing_reflects = bool(materials.black[used].all())
+    nothing_reflects = bool(materials.black[used(len(scene.materials), scene.spheres["material"])].all())
     useful = lights[lights["color"].any(axis=1) & (not nothing_reflects) | all_of_them]
     return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
 

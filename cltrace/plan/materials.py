@@ -55,6 +55,13 @@ class Materials:
         )
 
 
+def used(count: int, material_of: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
+    """(count,): which materials some sphere has. material_of: (n,), of the spheres."""
+    mask = np.zeros(count, bool)
+    mask[material_of] = True
+    return mask
+
+
 def finite32(value: Array) -> Array:
     """The values, with float32's largest number in place of larger ones. Products of colours may be as large; they are
     white in any picture.

@@ -13,7 +13,7 @@ from cltrace.scene.lights import (
     point_light,
     spot_light,
 )
-from cltrace.scene.maps import inverses, uniform_scales
+from cltrace.scene.maps import inverses, uniform_scales, whole_inverse
 from cltrace.scene.materials import MATERIAL
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene
@@ -49,4 +49,5 @@ __all__ = [
     "reaches",
     "spot_light",
     "uniform_scales",
+    "whole_inverse",
 ]

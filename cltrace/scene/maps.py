@@ -83,16 +83,24 @@ def _sum_of_pairs(a: Pair, b: Pair) -> Pair:
 
 
 def _inverse(rows: list[list[float]]) -> NDArray[np.float64]:
-    """The adjugate over the determinant, both in integers: dividing two of them rounds once."""
+    """The exact inverse, each number divided once: dividing two integers rounds once."""
+    numerators, determinant = whole_inverse(rows)
+    if not determinant:
+        return np.full((3, 3), np.nan)
+    return np.array([[x / determinant for x in row] for row in numerators]) + 0.0  # makes -0 a 0
+
+
+def whole_inverse(rows: list[list[float]]) -> tuple[list[list[int]], int]:
+    """Integers, (3, 3), and the one by which they are to be divided to give the inverse exactly; 0 if there is none.
+
+    They are the adjugate and the determinant of a matrix whose numbers the rules allow.
+    """
     m = [[int(x * 2.0**_GRID) for x in row] for row in rows]
     # Indices that go round need no signs.
     adjugate = [
         [m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)] for i in range(3)
     ]
-    determinant = sum(m[0][j] * adjugate[j][0] for j in range(3))
-    if not determinant:
-        return np.full((3, 3), np.nan)
-    return np.array([[(x << _GRID) / determinant for x in row] for row in adjugate]) + 0.0  # makes -0 a 0
+    return [[x << _GRID for x in row] for row in adjugate], sum(m[0][j] * adjugate[j][0] for j in range(3))
 
 
 def uniform_scales(maps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,12 +42,16 @@ static int tile_has_any(const Lists lists, const int2 tile) {
     return 0;
 }
 
-/* Tells a CPU to fetch what the first entries of a list will ask for: filter constants, and the spheres themselves.
- * With many spheres those are far apart in memory, and half of the time went into waiting for them. OpenCL's own
- * prefetch() does nothing on the CPU drivers. */
-#if defined(WITH_PREFETCH) && W > 1 && defined(__has_builtin)
+/* Tells a CPU to fetch what is at an index of an array. OpenCL's own prefetch() does nothing on the CPU drivers. */
+#if W > 1 && defined(__has_builtin)
 #if __has_builtin(__builtin_prefetch)
 #define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))
+#endif
+#endif
+
+/* Fetches what the first entries of a list will ask for: filter constants, and the spheres themselves. With many spheres
+ * those are far apart in memory, and half of the time went into waiting for them. */
+#if defined(WITH_PREFETCH) && defined(FETCH)
 static void fetch_ahead(const Spheres spheres, const Lists lists, __global const float4 *filter, const int first) {
     for (int k = first; k < first + AHEAD; k++) {
         const int index = lists.entry[k].x;
@@ -92,7 +96,6 @@ static void fetch_surfaces(const Scene scene, const INT index) {
     }
 }
 #define FETCH_SURFACES(scene, index) fetch_surfaces(scene, index)
-#endif
 #endif
 #endif
 #ifndef FETCH_AHEAD

@@ -26,19 +26,24 @@ static INT ids_of(const Scene scene, const INT index) {
     return LOAD_LANES(each);
 }
 
+/* Where t is so close to the nearest one so far that they are to be compared exactly. */
+static REAL_MASK too_close(const REAL t, const REAL best) {
+#if REAL_BYTES == 8
+    /* Both are off by at most 2^-24 (see sphere_meet and sphere_meet_from). */
+    const REAL margin = best * 0x1p-22;
+    return (t - best <= margin) & (best - t <= margin) & (best < INFINITY);
+#else
+    return (t == best) & (t < INFINITY);
+#endif
+}
+
 /* Which lanes' rays meet a sphere, at `at`, before what they have hit so far. Of equally near ones, the sphere that comes
  * first in the scene file is hit. */
 static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, const int index, const Meeting at,
                         const Hit hit) {
     const REAL t = at.t;
     const REAL_MASK nearer = t < hit.t;
-#if REAL_BYTES == 8
-    /* The distance is off by at most 2^-24 (see sphere_meet). */
-    const REAL margin = hit.t * 0x1p-22;
-    const REAL_MASK close = (t - hit.t <= margin) & (hit.t - t <= margin) & (hit.t < INFINITY);
-#else
-    const REAL_MASK close = (t == hit.t) & (t < INFINITY);
-#endif
+    const REAL_MASK close = too_close(t, hit.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
     REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
 #if REAL_BYTES == 8

@@ -58,12 +58,7 @@ typedef struct {
 static REAL_MASK closer_from(const Scene scene, const Leaving ray, const Ball ball, const INT index, const REAL t,
                              const Met met) {
     const REAL_MASK nearer = t < met.t;
-#if REAL_BYTES == 8
-    const REAL margin = met.t * 0x1p-22;
-    const REAL_MASK close = (t - met.t <= margin) & (met.t - t <= margin) & (met.t < INFINITY);
-#else
-    const REAL_MASK close = (t == met.t) & (t < INFINITY);
-#endif
+    const REAL_MASK close = too_close(t, met.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
     REAL_MASK first = TO_REAL_MASK(ids_of(scene, index) < ids_of(scene, met.id));
 #if REAL_BYTES == 8
@@ -152,7 +147,7 @@ static void add_block(const Tree tree, const int number, Walker *walker, Candida
 }
 
 #ifdef WITH_TREE
-/* Nodes and blocks that are still to be visited, each with the distance at which the ray enters its box in the upper way:
+/* Nodes and blocks that are still to be visited, each with the distance at which the ray enters its box in the upper half:
  * that is a float of at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most,
  * and there are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
 #define STACK 64
@@ -161,25 +156,16 @@ typedef struct {
     ulong entry[STACK];
 } Stack;
 
-/* Tells a CPU to fetch a node or a block that is to be visited soon: in large trees, half of the time is waiting. */
-#if W > 1 && defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
-#define FETCH_LINES(pointer)                                      \
-    do {                                                          \
-        __builtin_prefetch((const void *)(uintptr_t)(pointer));   \
-        __builtin_prefetch((const char *)(uintptr_t)(pointer) + 64); \
-        __builtin_prefetch((const char *)(uintptr_t)(pointer) + 128); \
-    } while (0)
-#define FETCH_CHILD(tree, child)                    \
-    if ((child) < 0)                                \
-        FETCH_LINES((tree).block + ~(child));       \
-    else                                            \
-        FETCH_LINES((tree).node + (child))
+/* Fetches a node or a block that is to be visited soon: in large trees, half of the time is waiting. */
+static void fetch_child(const Tree tree, const int child) {
+#ifdef FETCH
+    __global const uchar *lines = child < 0 ? (__global const uchar *)(tree.block + ~child)
+                                            : (__global const uchar *)(tree.node + child);
+    FETCH(lines, 0);
+    FETCH(lines, 64);
+    FETCH(lines, 128);
 #endif
-#endif
-#ifndef FETCH_CHILD
-#define FETCH_CHILD(tree, child)
-#endif
+}
 
 /* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top.
  *
@@ -203,7 +189,7 @@ static void add_children(const Tree tree, const int number, const Walker *walker
     const int base = stack->top;
     for (; bits; bits &= bits - 1) {
         const int i = 31 - (int)clz(bits & -bits);
-        FETCH_CHILD(tree, child[i]);
+        fetch_child(tree, child[i]);
         const ulong entry = (ulong)(uint)enter[i] << 32 | (uint)child[i];
         int k = stack->top++;
         for (; k > base && stack->entry[k - 1] < entry; k--) stack->entry[k] = stack->entry[k - 1];

@@ -116,17 +116,6 @@ typedef struct {
     REAL a_error, b_error, c_error, D_error;
 } Finer;
 
-/* B^T v. */
-static Pair3 pairs_in_world(const Spheres spheres, const Real3 v) {
-    const real4 right = spheres.camera[1], up = spheres.camera[2], back = spheres.camera[3];
-    const Pair3 w = {
-        plus(plus(two_product(right.x, v.x), two_product(up.x, v.y)), two_product(back.x, v.z)),
-        plus(plus(two_product(right.y, v.x), two_product(up.y, v.y)), two_product(back.y, v.z)),
-        plus(plus(two_product(right.z, v.x), two_product(up.z, v.y)), two_product(back.z, v.z)),
-    };
-    return w;
-}
-
 /* With u = 2^-53, and s, f1 and w1 as in view_of(): m = B^T n is off by 18 u^2, and 1 / |m|, of one Newton step from
  * double, by 20 u^2, so P is off by 60 u^2 r and f by 2^-99 s, w by 18 u^2 w1. So b and each coordinate of X are off by
  * less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1, both

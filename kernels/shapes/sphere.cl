@@ -100,13 +100,13 @@ static Pair dot_axis(const real4 axis, const Pair3 v) {
     return plus(plus(times(x, v.x), times(y, v.y)), times(z, v.z));
 }
 
-/* w. */
-static Pair3 ray_in_world(const Spheres spheres, const Ray ray) {
+/* B^T v. */
+static Pair3 pairs_in_world(const Spheres spheres, const Real3 v) {
     const real4 right = spheres.camera[1], up = spheres.camera[2], back = spheres.camera[3];
     const Pair3 w = {
-        plus(plus(two_product(right.x, ray.d.x), two_product(up.x, ray.d.y)), pair(-back.x, 0)),
-        plus(plus(two_product(right.y, ray.d.x), two_product(up.y, ray.d.y)), pair(-back.y, 0)),
-        plus(plus(two_product(right.z, ray.d.x), two_product(up.z, ray.d.y)), pair(-back.z, 0)),
+        plus(plus(two_product(right.x, v.x), two_product(up.x, v.y)), two_product(back.x, v.z)),
+        plus(plus(two_product(right.y, v.x), two_product(up.y, v.y)), two_product(back.y, v.z)),
+        plus(plus(two_product(right.z, v.x), two_product(up.z, v.y)), two_product(back.z, v.z)),
     };
     return w;
 }
@@ -143,7 +143,7 @@ static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, cons
         PUT_WHERE(here, rest, (REAL)s.w);
     }
     const Pair3 f = {two_sum(x, (REAL)-eye.x), two_sum(y, (REAL)-eye.y), two_sum(z, (REAL)-eye.z)};
-    e.w = ray_in_world(spheres, ray);
+    e.w = pairs_in_world(spheres, ray.d);
     e.a = dot_pairs(e.w, e.w);
     e.b = dot_pairs(f, e.w);
     e.c = pair(sphere.c, rest);
@@ -520,41 +520,29 @@ typedef struct {
 #endif
 } Start;
 
-static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
-    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, 1};
+/* side: as in Start; point: P itself, in camera space. */
+static Start start_of(const Sphere own, const Real3 normal, const REAL side, const Real3 point) {
+    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, side};
 #ifdef WITH_ELLIPSOIDS
     P.stretched = 0;
     P.support = own.r;
 #endif
-#ifdef WITH_INSIDE
-    P.side = own.c > 0 ? (REAL)1 : (REAL)-1;
-#endif
 #if REAL_BYTES == 4
-    P.from_eye.x = t * ray.d.x;
-    P.from_eye.y = t * ray.d.y;
-    P.from_eye.z = -t;
-    P.near_eye = DOT(P.from_eye, P.from_eye) < own.r * own.r;
+    P.from_eye = point;
+    P.near_eye = DOT(point, point) < own.r * own.r;
 #endif
     return P;
 }
 
-#ifdef WITH_BOUNCES
-/* The same for a point that another ray found, from inside or not. */
-static Start start_of(const Sphere own, const Real3 normal, const REAL_MASK inside) {
-    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, inside ? (REAL)-1 : (REAL)1};
-#ifdef WITH_ELLIPSOIDS
-    P.stretched = 0;
-    P.support = own.r;
+/* Where a ray from the eye meets its sphere at t. */
+static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
+    const Real3 point = {t * ray.d.x, t * ray.d.y, -t};
+#ifdef WITH_INSIDE
+    return start_of(own, normal, own.c > 0 ? (REAL)1 : (REAL)-1, point);
+#else
+    return start_of(own, normal, 1, point);
 #endif
-#if REAL_BYTES == 4
-    P.from_eye.x = own.center.x + P.p.x;
-    P.from_eye.y = own.center.y + P.p.y;
-    P.from_eye.z = own.center.z + P.p.z;
-    P.near_eye = DOT(P.from_eye, P.from_eye) < own.r * own.r;
-#endif
-    return P;
 }
-#endif
 
 /* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
  * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import dtype_of
 from cltrace.plan.exact import Array, two_sum
-from cltrace.scene import inverses
+from cltrace.scene import inverses, whole_inverse
 
 # Singular values are right to far less than this.
 LOOSE = 2.0**-40
-# Every number of a scene is a whole multiple of 2^-201: of 2^-149 it is the last of a double's 53 bits.
-GRID = 201
 
 
 @dataclass(frozen=True)
@@ -86,19 +84,14 @@ def _sizes(matrices: Array) -> Array:
 
 
 def _rest(rows: list[list[float]], rounded: list[list[float]]) -> list[list[float]]:
-    """What is cut off of the inverse of a matrix, by way of the adjugate and the determinant as whole numbers."""
-    m = [[int(x * 2.0**GRID) for x in row] for row in rows]
-    # Indices that go round need no signs.
-    adjugate = [
-        [m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)] for i in range(3)
-    ]
-    determinant = sum(m[0][j] * adjugate[j][0] for j in range(3))
+    """What is cut off of the inverse of a matrix where each of its numbers is rounded."""
+    numerators, determinant = whole_inverse(rows)
 
     def cut(x: int, hi: float) -> float:
         p, q = hi.as_integer_ratio()
-        return ((x << GRID) * q - p * determinant) / (determinant * q)
+        return (x * q - p * determinant) / (determinant * q)
 
-    return [[cut(x, hi) for x, hi in zip(*row, strict=True)] for row in zip(adjugate, rounded, strict=True)]
+    return [[cut(x, hi) for x, hi in zip(*row, strict=True)] for row in zip(numerators, rounded, strict=True)]
 
 
 def _exact_side(K: Array, center: Array, radius: float, point: Array) -> int:
