@@ -18,7 +18,7 @@ from cltrace.formats.xml_reader import read
 from cltrace.picture.image import Image
 from cltrace.renderer import Renderer, render
 from cltrace.run.devices import Device, devices
-from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.scene import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light, spot_light
 
 __all__ = [
     "BuildError",
@@ -27,6 +27,8 @@ __all__ = [
     "Device",
     "DeviceError",
     "Image",
+    "Material",
+    "Mesh",
     "Renderer",
     "Scene",
     "SceneError",

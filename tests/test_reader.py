@@ -127,7 +127,7 @@ def test_everything_arrives() -> None:
     ]
     assert scene.lights.tobytes() == np.array(lights, LIGHT).tobytes()
     assert scene.spheres.tobytes() == np.array([((4, 5, 6), 1.5, 0, -1)], SPHERE).tobytes()
-    materials = [((0.5, 0.25, 1), 0.3, 0.9, 1, 200, 0, 0, 1)]
+    materials = [((0.5, 0.25, 1), 0.3, 0.9, 1, 200, 0, 0, 1, -1)]
     assert scene.materials.tobytes() == np.array(materials, MATERIAL).tobytes()
 
 

@@ -160,7 +160,8 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         (
             lambda: Scene(Camera(), [], MATERIALS, SPHERES),
             "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of color, ka, kd, "
-            "ks, exponent, reflectance, transmittance, index, shape (0,); Scene.from_spheres() takes plain arrays",
+            "ks, exponent, reflectance, transmittance, index, texture, shape (0,); Scene.from_spheres() takes plain "
+            "arrays",
         ),
         (
             lambda: Scene(Camera(), [], SPHERES, [1.0]),  # type: ignore[arg-type]

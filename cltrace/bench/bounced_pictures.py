@@ -112,6 +112,7 @@ def named(scene: Scene, glass: Bools, index: Floats) -> Scene:
     """
     n = len(scene.spheres)
     materials = np.zeros(n, MATERIAL)
+    materials["texture"] = -1
     materials["color"] = np.arange(n)[:, None] // DIGITS ** np.arange(3) % DIGITS / (DIGITS + 1)
     materials["ka"] = 1
     materials["transmittance"], materials["reflectance"] = glass, ~glass

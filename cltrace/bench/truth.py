@@ -123,7 +123,7 @@ def lamps(scene: Scene) -> list[Scene]:
     lights = scene.lights[scene.lights["kind"] != AMBIENT].copy()
     lights["color"] = np.resize(np.eye(3), (len(lights), 3))
     white = np.zeros(1, MATERIAL)
-    white["color"], white["kd"] = 1, 1
+    white["color"], white["kd"], white["texture"] = 1, 1, -1
     spheres = scene.spheres.copy()
     spheres["material"] = 0
     return [Scene(scene.camera, lights[k : k + 3], spheres, white) for k in range(0, max(1, len(lights)), 3)]

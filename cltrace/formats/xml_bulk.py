@@ -80,6 +80,7 @@ def packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void
     spheres["radius"], spheres["center"], spheres["material"] = rows[:, 0], rows[:, 1:4], rank[of_sphere.ravel()]
     spheres["to_object"] = rows[:, -1]
     materials = np.empty(len(order), MATERIAL)
+    materials["texture"] = -1
     shades = shades[first[order]]
     materials["color"] = shades[:, :3]
     for column, name in enumerate(("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index"), 3):

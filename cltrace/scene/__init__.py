@@ -14,7 +14,8 @@ from cltrace.scene.lights import (
     spot_light,
 )
 from cltrace.scene.maps import inverses, uniform_scales, whole_inverse
-from cltrace.scene.materials import MATERIAL
+from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
+from cltrace.scene.meshes import MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
@@ -29,6 +30,9 @@ __all__ = [
     "MAX_BOUNCES",
     "MAX_LIGHTS",
     "MAX_SPHERES",
+    "MAX_TEXELS",
+    "MAX_TRIANGLES",
+    "MAX_VERTICES",
     "NOT_NEGATIVE",
     "PARALLEL",
     "POINT",
@@ -36,8 +40,13 @@ __all__ = [
     "SPHERE",
     "SPOT",
     "Camera",
+    "Geometry",
+    "Material",
+    "Mesh",
+    "PlacedMesh",
     "Rule",
     "Scene",
+    "Texture",
     "Vector",
     "ambient_light",
     "check_resolution",
@@ -48,6 +57,7 @@ __all__ = [
     "point_light",
     "reaches",
     "spot_light",
+    "texels",
     "uniform_scales",
     "whole_inverse",
 ]

@@ -1,13 +1,15 @@
-"""Materials: of one colour all over, shaded after Phong; what they mirror and let through."""
+"""Materials: a colour or a texture, shaded after Phong; what they mirror and let through."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.rules import ANY, NOT_NEGATIVE, check_rule
+from cltrace.scene.rules import ANY, NOT_NEGATIVE, Vector, check_not_bytes, check_rule, checked, described, vector
 
 MATERIAL = np.dtype(
     [
@@ -19,13 +21,144 @@ MATERIAL = np.dtype(
         ("reflectance", "f8"),  # share of the light that is mirrored
         ("transmittance", "f8"),  # share of the light that is let through, refracted
         ("index", "f8"),  # index of refraction inside, 1 outside; counts only where transmittance > 0
+        ("texture", "i4"),  # index into the scene's textures, by which the colour is multiplied; -1: none
     ]
 )
+Texture = NDArray[np.uint8] | NDArray[np.uint16]
+MAX_TEXELS = 2**27  # in all textures of a scene
 COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
 
-def check_materials(materials: NDArray[np.void]) -> None:
-    """Raises ValueError, which names field and index, where a MATERIAL array holds what is not allowed."""
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Material:
+    """What a mesh is made of. Immutable; meshes may share one.
+
+    color: linear, 1 = full, 3 numbers >= 0; ka, kd, ks: how strongly the surface shows ambient light, diffuse light and
+    highlights; without ka it is kd; exponent: the larger, the smaller the highlight; reflectance, transmittance: the
+    shares of the light that it mirrors and lets through; index: of refraction inside, > 0 where transmittance > 0; each
+    a number >= 0, as in Scene.from_spheres.
+
+    texture: an image by which the colour is multiplied, or None: an array of uint8 or uint16, (h, w, 3) RGB, (h, w, 4)
+    with alpha, which is ignored, or (h, w) grey, the top row first, 255 or 65535 = full; or an image of Pillow in one
+    of the modes L, RGB, RGBA and I;16. The attribute is (h, w, 3) and read-only; handed to another Material, it is
+    shared, where any other array is copied.
+
+    Raises ValueError, which names the argument.
+    """
+
+    color: Vector
+    ka: float
+    kd: float
+    ks: float
+    exponent: float
+    reflectance: float
+    transmittance: float
+    index: float
+    texture: Texture | None
+
+    def __init__(
+        self,
+        color: ArrayLike = (1.0, 1.0, 1.0),
+        ka: float | None = None,
+        kd: float = 0.8,
+        ks: float = 0.5,
+        exponent: float = 50.0,
+        reflectance: float = 0.0,
+        transmittance: float = 0.0,
+        index: float = 1.0,
+        texture: Any = None,
+    ) -> None:
+        given = {
+            "ka": kd if ka is None else ka,
+            "kd": kd,
+            "ks": ks,
+            "exponent": exponent,
+            "reflectance": reflectance,
+            "transmittance": transmittance,
+        }
+        values: dict[str, Any] = {"color": vector("material.color", color, NOT_NEGATIVE)}
+        check_not_bytes("material.color", values["color"], reflected=True)
+        for name, value in given.items():
+            values[name] = float(checked(f"material.{name}", NOT_NEGATIVE, value, ()))
+        number = checked("material.index", ANY, index, ())
+        check_index("material.index", number, np.array(values["transmittance"]))
+        values |= {"index": float(number), "texture": None if texture is None else texels("material.texture", texture)}
+        self.__setstate__(values)
+
+    def __repr__(self) -> str:
+        image = None if self.texture is None else f"<{described(self.texture)}>"
+        values = {**self.__dict__, "texture": image}
+        return f"Material({', '.join(f'{name}={value}' for name, value in values.items())})"
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+
+def texels(name: str, image: Any) -> Texture:
+    """An image as a read-only (h, w, 3) array of uint8 or uint16; see `Material`. ValueError begins with the name.
+
+    An array that is just that, and owns its memory, is taken as it is.
+    """
+    mode = getattr(image, "mode", None)
+    if isinstance(mode, str) and mode not in ("L", "RGB", "RGBA") and not mode.startswith("I;16"):
+        raise ValueError(f"{name}: must have the mode L, RGB, RGBA or I;16, got {mode}; convert('RGB') makes it one")
+    array = np.asarray(image)
+    if array.dtype not in (np.uint8, np.uint16) or isinstance(array, np.ma.MaskedArray):
+        raise ValueError(f"{name}: must be an array of uint8 or uint16, got {described(image)}")
+    if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)):
+        raise ValueError(f"{name}: must have shape (h, w, 3), (h, w, 4) or (h, w), got {array.shape}")
+    if not 0 < array.shape[0] * array.shape[1] <= MAX_TEXELS:
+        raise ValueError(f"{name}: must have 1 to {MAX_TEXELS} pixels, got {array.shape[0]} x {array.shape[1]}")
+    if array.flags.writeable or array.base is not None or array.shape[2:] != (3,) or not array.flags.c_contiguous:
+        rgb = np.empty((*array.shape[:2], 3), array.dtype.newbyteorder("="))
+        rgb[:] = array[:, :, None] if array.ndim == 2 else array[:, :, :3]
+        array = rgb
+        array.flags.writeable = False
+    return array
+
+
+def checked_textures(textures: object) -> tuple[Texture, ...]:
+    """The textures of a scene. Raises ValueError and TypeError, which name the index."""
+    if not isinstance(textures, Iterable):
+        raise TypeError(f"textures: must be a list of arrays, got {described(textures)}")
+    found = tuple(texels(f"textures[{i}]", image) for i, image in enumerate(textures))
+    check_texels(found)
+    return found
+
+
+def check_texels(textures: Iterable[Texture]) -> None:
+    """Raises ValueError if these are too many pixels for a scene."""
+    count = sum(texture.shape[0] * texture.shape[1] for texture in textures)
+    if count > MAX_TEXELS:
+        raise ValueError(f"textures: must be at most {MAX_TEXELS} pixels in all, got {count}")
+
+
+def records(materials: Iterable[Material]) -> tuple[NDArray[np.void], tuple[Texture, ...]]:
+    """(n,) MATERIAL and the textures, each of which is one however many materials share it."""
+    found = list(materials)
+    textures = {id(m.texture): m.texture for m in found if m.texture is not None}
+    place = {key: i for i, key in enumerate(textures)}
+    result = np.empty(len(found), MATERIAL)
+    for record, m in zip(result, found, strict=True):
+        for name in (*COEFFICIENTS, "color", "index"):
+            record[name] = getattr(m, name)
+        record["texture"] = place.get(id(m.texture), -1)
+    return result, tuple(textures.values())
+
+
+def check_materials(materials: NDArray[np.void], textures: int) -> None:
+    """Raises ValueError, which names field and index, where a MATERIAL array holds what is not allowed.
+
+    textures: how many there are.
+    """
+    lost = (materials["texture"] < -1) | (materials["texture"] >= textures)
+    if lost.any():
+        i = int(np.argmax(lost))
+        got = materials["texture"][i]
+        raise ValueError(f"materials.texture[{i}]: must be -1 or the index of one of textures, got {got}")
     for name in (*COEFFICIENTS, "color"):
         check_rule(f"materials.{name}", NOT_NEGATIVE, materials[name])
     check_index("materials.index", materials["index"], materials["transmittance"])
@@ -46,8 +179,9 @@ def check_index(name: str, index: NDArray[np.float64], transmittance: NDArray[np
 
 
 def packed(count: int, fields: Mapping[str, ArrayLike]) -> NDArray[np.void]:
-    """A (count,) MATERIAL array; each field has a value for each record or one for all."""
+    """A (count,) MATERIAL array; each field has a value for each record or one for all. Without textures."""
     materials = np.empty(count, MATERIAL)
+    materials["texture"] = -1
     for name, value in fields.items():
         materials[name] = value
     return materials

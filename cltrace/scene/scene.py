@@ -1,4 +1,4 @@
-"""The scene: a camera, lights, and packed arrays of surfaces and materials. No files, no devices.
+"""The scene: a camera, lights, packed arrays of spheres and materials, meshes, textures. No files, no devices.
 
 Lengths are in scene units, angles in degrees, colours linear (1 = full). The world is right-handed with y up.
 Every array is double precision, one record per object, and read-only.
@@ -6,6 +6,7 @@ Every array is double precision, one record per object, and read-only.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
@@ -16,7 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.scene.camera import Camera
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
-from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, check_materials, packed
+from cltrace.scene.materials import (
+    COEFFICIENTS,
+    MATERIAL,
+    Texture,
+    check_index,
+    check_materials,
+    check_texels,
+    checked_textures,
+    packed,
+    records,
+)
+from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -44,12 +56,19 @@ Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene:
-    """Everything that a picture depends on. Immutable and picklable. `Scene.from_spheres` makes one of plain arrays.
+    """Everything that a picture depends on. Immutable and picklable.
+
+    `Scene.from_spheres` and `Scene.from_meshes` make one of plain arrays.
 
     camera: a Camera; lights: one (n,) LIGHT array or several, such as point_light() returns; spheres, materials: (n,)
     arrays of the dtypes SPHERE and MATERIAL of cltrace.scene; background: the linear colour of rays that hit nothing,
     3 numbers >= 0; output_file: the picture's name, without a folder; to_object: (k, 3, 3), the linear maps of the
-    ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index. The arrays are copied.
+    ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index; meshes: of PlacedMesh, by
+    rising numbers; textures: (h, w, 3) arrays of uint8 or uint16, of which a material's `texture` is the index. The
+    arrays are copied, but for textures that are read-only and own their memory.
+
+    Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
+    mesh knows its number, and the spheres have those that the meshes leave.
 
     Raises ValueError, which names the field and the index, where a value is not allowed, and TypeError where an
     argument is something else altogether.
@@ -62,6 +81,8 @@ class Scene:
     background: Vector
     output_file: str
     to_object: NDArray[np.float64]
+    meshes: tuple[PlacedMesh, ...]
+    textures: tuple[Texture, ...]
 
     def __init__(
         self,
@@ -72,13 +93,16 @@ class Scene:
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
         to_object: ArrayLike = (),
+        meshes: Iterable[PlacedMesh] = (),
+        textures: Iterable[Texture] = (),
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
-        maps = checked_maps(to_object)
+        maps, images = checked_maps(to_object), checked_textures(textures)
         check_spheres(balls, len(shades), maps)
-        check_materials(shades)
-        self._fill(camera, joined(lights), balls, shades, background, output_file, maps)
+        check_materials(shades, len(images))
+        placed = check_meshes(meshes, len(shades))
+        self._fill(camera, joined(lights), balls, shades, background, output_file, maps, placed, images)
 
     def _fill(
         self,
@@ -89,14 +113,16 @@ class Scene:
         background: ArrayLike,
         output_file: str,
         to_object: NDArray[np.float64],
+        meshes: tuple[PlacedMesh, ...],
+        textures: tuple[Texture, ...],
     ) -> None:
-        """Takes these arrays as they are, of which spheres, materials and to_object have been checked."""
+        """Takes these as they are, of which all but lights, background and output_file have been checked."""
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
         color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
-        values = (camera, lights, spheres, materials, color, output_file, to_object)
+        values = (camera, lights, spheres, materials, color, output_file, to_object, meshes, textures)
         self.__setstate__(dict(zip((f.name for f in fields(self)), values, strict=True)))
 
     def seen_by(self, camera: Camera) -> Scene:
@@ -111,12 +137,29 @@ class Scene:
 
     def __repr__(self) -> str:
         width, height = self.camera.resolution
-        return f"<cltrace.Scene {width}x{height}: {len(self.spheres)} spheres, {len(self.lights)} lights>"
+        parts = [f"{len(self.spheres)} spheres", f"{len(self.lights)} lights"]
+        if self.meshes:
+            triangles = sum(len(mesh.geometry.faces) for mesh in self.meshes)
+            parts.insert(1, f"{len(self.meshes)} meshes of {triangles} triangles")
+        return f"<cltrace.Scene {width}x{height}: {', '.join(parts)}>"
+
+    @functools.cached_property
+    def sphere_numbers(self) -> NDArray[np.int32]:
+        """(n,): the number of each sphere among all surfaces, rising."""
+        taken = np.array([mesh.number for mesh in self.meshes], np.int64)
+        free = np.setdiff1d(np.arange(len(self.spheres) + len(taken)), taken, assume_unique=True)
+        numbers = free[: len(self.spheres)].astype(np.int32)
+        numbers.flags.writeable = False
+        return numbers
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: self.__dict__[f.name] for f in fields(self)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+            for array in value if name == "textures" else (value,):
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -136,6 +179,7 @@ class Scene:
         transmittance: ArrayLike = 0.0,
         index: ArrayLike = 1.0,
         transform: ArrayLike | None = None,
+        meshes: Iterable[Mesh] | Mesh = (),
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
     ) -> Scene:
@@ -158,6 +202,8 @@ class Scene:
         transform: a (3, 3) matrix for all or (n, 3, 3): a linear map of the world that is applied to each sphere about
         its centre, which makes it an ellipsoid. One that only rotates, mirrors and scales uniformly leaves a sphere.
 
+        meshes: of cltrace.Mesh, whose numbers follow those of the spheres.
+
         Raises ValueError, which names the argument and the index, and TypeError as Scene does.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
@@ -178,11 +224,56 @@ class Scene:
         shade["index"] = _values("index", ANY, index, (n,))
         check_index("index", shade["index"], shade["transmittance"])
         shade["ka"] = shade["kd"] if ka is None else _values("ka", NOT_NEGATIVE, ka, (n,))
+        shapes = mesh_list(meshes)
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
         spheres["material"] = 0 if one else np.arange(n)
         maps = _shape(spheres, transform)
+        return cls._made(camera, lights, spheres, packed(1 if one else n, shade), background, output_file, maps, shapes)
+
+    @classmethod
+    def from_meshes(
+        cls,
+        camera: Camera,
+        lights: Lights,
+        meshes: Iterable[Mesh] | Mesh,
+        *,
+        background: ArrayLike = (0.0, 0.0, 0.0),
+        output_file: str = "scene.png",
+    ) -> Scene:
+        """A scene of meshes; with spheres, too, from_spheres makes it.
+
+        camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
+        return; meshes: a cltrace.Mesh or several; background, output_file: see Scene.
+
+        Raises ValueError and TypeError, which name the argument and the index.
+        """
+        _check_camera(camera, "camera, lights, meshes")
+        none = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
+        return cls._made(camera, joined(lights), *none, background, output_file, np.empty((0, 3, 3)), mesh_list(meshes))
+
+    @classmethod
+    def _made(
+        cls,
+        camera: Camera,
+        lights: NDArray[np.void],
+        spheres: NDArray[np.void],
+        materials: NDArray[np.void],
+        background: ArrayLike,
+        output_file: str,
+        to_object: NDArray[np.float64],
+        meshes: list[Mesh],
+    ) -> Scene:
+        """A scene of spheres and their materials, and of meshes after them with theirs."""
+        kinds = {id(mesh.material): mesh.material for mesh in meshes}
+        place = {key: len(materials) + i for i, key in enumerate(kinds)}
+        shades, textures = records(kinds.values())
+        check_texels(textures)
+        placed = tuple(mesh.placed.of(place[id(mesh.material)], len(spheres) + i) for i, mesh in enumerate(meshes))
+        check_size(placed)
         scene = cls.__new__(cls)
-        scene._fill(camera, lights, spheres, packed(1 if one else n, shade), background, output_file, maps)
+        if len(shades):
+            materials = np.concatenate([materials, shades])
+        scene._fill(camera, lights, spheres, materials, background, output_file, to_object, placed, textures)
         return scene
 
 

@@ -1,0 +1,366 @@
+"""Meshes: triangles between vertices, placed in the world by an affine map.
+
+The corners of a triangle are three vertices. A mesh in the world is its world vertices, which are doubles: where a map
+places it, they are rounded once, and the triangles between the rounded ones are the surface.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.scene.maps import affine, inverses, whole_inverse
+from cltrace.scene.materials import Material
+from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
+from cltrace.scene.surfaces import inverse_faults
+
+# In all meshes of a scene. A mesh that is placed twice counts twice.
+MAX_TRIANGLES = MAX_VERTICES = 2**26
+
+_IDENTITY = np.eye(3, 4)
+
+
+class _Frozen:
+    """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Geometry(_Frozen):
+    """Triangles in the object's own space, in scene units. Immutable; may be placed several times.
+
+    vertices: (v, 3) doubles; faces: (f, 3) int32, the indices of each triangle's corners; normals: (k, 3) doubles of
+    any length; normal_of: (f, 3) int32, the index of each corner's normal, all three -1 for a triangle without; uv: (j,
+    2) doubles, texture coordinates, 1 for the whole width or height, v downwards from the top; uv_of: (f, 3) int32, as
+    normal_of. Triangles without area are kept, so that a triangle's number is its place among all.
+
+    Raises ValueError, which names the field and the index.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float64]
+    normal_of: NDArray[np.int32]
+    uv: NDArray[np.float64]
+    uv_of: NDArray[np.int32]
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        normals: ArrayLike = (),
+        normal_of: ArrayLike | None = None,
+        uv: ArrayLike = (),
+        uv_of: ArrayLike | None = None,
+    ) -> None:
+        points = _rows("mesh.vertices", vertices, 3)
+        corners = _indices("mesh.faces", faces, len(points), "a vertex")
+        if len(points) > MAX_VERTICES or len(corners) > MAX_TRIANGLES:
+            name = "vertices" if len(points) > MAX_VERTICES else "faces"
+            raise ValueError(f"mesh.{name}: must be at most {MAX_VERTICES}, got {max(len(points), len(corners))}")
+        directions, places = _rows("mesh.normals", normals, 3), _rows("mesh.uv", uv, 2)
+        state = {
+            "vertices": points,
+            "faces": corners,
+            "normals": directions,
+            "normal_of": _of_corners("mesh.normal_of", normal_of, len(corners), len(directions), "a normal"),
+            "uv": places,
+            "uv_of": _of_corners("mesh.uv_of", uv_of, len(corners), len(places), "uv"),
+        }
+        self.__setstate__(state)
+
+    def __repr__(self) -> str:
+        return f"<cltrace geometry: {len(self.faces)} triangles, {len(self.vertices)} vertices>"
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class PlacedMesh(_Frozen):
+    """A mesh of a scene. Immutable.
+
+    geometry: a Geometry, which several may share; to_world: (3, 4) doubles, the affine map from its space to the world,
+    of which the last column is the translation in scene units; material: the index of a material of the scene; number:
+    the surface's, in the order of the file, in which spheres count, too.
+
+    Raises ValueError where the map is singular, or takes vertices to where the rules allow none.
+    """
+
+    geometry: Geometry
+    to_world: NDArray[np.float64]
+    material: int
+    number: int
+
+    def __init__(self, geometry: Geometry, to_world: ArrayLike = _IDENTITY, material: int = 0, number: int = 0) -> None:
+        if not isinstance(geometry, Geometry):
+            raise TypeError(f"mesh.geometry: must be a cltrace.scene.Geometry, got {described(geometry)}")
+        for name, value in (("material", material), ("number", number)):
+            if not is_whole(value) or not 0 <= value < 2**31:
+                raise ValueError(f"mesh.{name}: must be an integer within 0..{2**31 - 1}, got {described(value)}")
+        place = checked("mesh.to_world", ANY, to_world, (3, 4))
+        linear = place[None, :, :3]
+        for _, fault in inverse_faults(linear, inverses(linear)):
+            raise ValueError(f"mesh.to_world: {fault}")
+        self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
+        check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
+
+    @functools.cached_property
+    def vertices(self) -> NDArray[np.float64]:
+        """(v, 3) doubles, the vertices in the world, scene units: to_world applied, and each number rounded once."""
+        if (self.to_world == _IDENTITY).all():
+            return self.geometry.vertices
+        return _read_only(affine(self.to_world, self.geometry.vertices))
+
+    @functools.cached_property
+    def normal_to_world(self) -> NDArray[np.float64]:
+        """(3, 3) doubles: takes the directions of normals to the world.
+
+        It is the transposed inverse of to_world's linear part, each number rounded once, times the power of two that
+        brings its largest number into [1, 2).
+        """
+        matrix = inverses(self.to_world[None, :, :3])[0].T
+        _, exponent = np.frexp(np.abs(matrix).max())
+        return _read_only(np.ldexp(matrix, 1 - exponent))
+
+    @functools.cached_property
+    def front(self) -> NDArray[np.int8]:
+        """(f,): 1 where a triangle's front is the side of N = (B - A) x (C - A) of its corners A, B, C in the world.
+
+        It is -1 where it is the other side. The front is where the sum of the corners' normals points to: a side of
+        the triangle in the object's space, in doubles, which a map that mirrors exchanges. Without normals, and where
+        the sum lies in the triangle's plane, it is the side of N in the object's space.
+        """
+        shape = self.geometry
+        side = np.ones(len(shape.faces), np.int8)
+        given = np.flatnonzero(shape.normal_of[:, 0] >= 0)
+        if len(given):
+            a, b, c = (shape.vertices[shape.faces[given, k]] for k in range(3))
+            x, y, z = (shape.normals[shape.normal_of[given, k]] for k in range(3))
+            flat, mean = _cross(b - a, c - a), (x + y) + z
+            dot = (flat[:, 0] * mean[:, 0] + flat[:, 1] * mean[:, 1]) + flat[:, 2] * mean[:, 2]
+            side[given[dot < 0]] = -1
+        _, determinant = whole_inverse(self.to_world[:, :3].tolist())
+        return _read_only(-side if determinant < 0 else side)
+
+    def of(self, material: int, number: int) -> PlacedMesh:
+        """The same with another material and number; shares the arrays."""
+        other = object.__new__(PlacedMesh)
+        other.__setstate__({**self.__dict__, "material": material, "number": number})
+        return other
+
+    def __repr__(self) -> str:
+        return f"<cltrace mesh {self.number}: {len(self.geometry.faces)} triangles, material {self.material}>"
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Mesh(_Frozen):
+    """Triangles with a material, for Scene.from_meshes and Scene.from_spheres. Immutable; the arrays are copied.
+
+    vertices: (v, 3), scene units; faces: (f, 3) integers, each triangle's corners as indices into the vertices, seen
+    counter-clockwise from its front; normals: (v, 3), one for each vertex, or (f, 3, 3), one for each corner of each
+    triangle, of any length, for smooth shading, or None; uv: (v, 2) or (f, 3, 2), texture coordinates alike; material:
+    a Material; transform: (3, 3), (3, 4) or (4, 4), an affine map to the world, whose last row is 0 0 0 1 if it has
+    four.
+
+    Both sides of a triangle are seen. Its front, which matters to glass, is the side that its normals point to; without
+    normals it is the one from which the corners go round counter-clockwise. `Mesh.of` takes other libraries' objects.
+
+    Raises ValueError, which names the argument and the index, and TypeError where the material is none.
+    """
+
+    geometry: Geometry
+    material: Material
+    placed: PlacedMesh
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        normals: ArrayLike | None = None,
+        uv: ArrayLike | None = None,
+        material: Material = Material(),  # noqa: B008 (it is immutable)
+        transform: ArrayLike | None = None,
+    ) -> None:
+        points = _rows("mesh.vertices", vertices, 3)
+        corners = _indices("mesh.faces", faces, len(points), "a vertex")
+        directions, normal_of = _given("mesh.normals", normals, corners, len(points), 3)
+        places, uv_of = _given("mesh.uv", uv, corners, len(points), 2)
+        self._fill(Geometry(points, corners, directions, normal_of, places, uv_of), material, transform)
+
+    def _fill(self, geometry: Geometry, material: Material, transform: ArrayLike | None) -> None:
+        if not isinstance(material, Material):
+            raise TypeError(f"mesh.material: must be a cltrace.Material, got {described(material)}")
+        placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
+        self.__setstate__({"geometry": geometry, "material": material, "placed": placed})
+
+    @classmethod
+    def of(
+        cls,
+        thing: Any,
+        material: Material = Material(),  # noqa: B008
+        transform: ArrayLike | None = None,
+    ) -> Mesh:
+        """A mesh of what another library calls one.
+
+        thing: an object with `vertices` and `faces`, as trimesh's; or with `points` and `cells`, as meshio's, of which
+        the cells of type triangle, quad and polygon are taken, those of more than three corners as fans; or another
+        Mesh, whose arrays are then shared. Other objects' normals and texture coordinates are left alone: they go into
+        `Mesh` as arrays. material, transform: as of Mesh.
+
+        Raises TypeError if it is none of these, and ValueError as Mesh does.
+        """
+        if isinstance(thing, Mesh):
+            mesh = cls.__new__(cls)
+            mesh._fill(thing.geometry, material, transform)
+            return mesh
+        if hasattr(thing, "vertices") and hasattr(thing, "faces"):
+            return cls(thing.vertices, thing.faces, material=material, transform=transform)
+        if hasattr(thing, "points") and hasattr(thing, "cells"):
+            return cls(thing.points, _triangles(thing.cells), material=material, transform=transform)
+        raise TypeError(f"mesh: must have vertices and faces, or points and cells, got {described(thing)}")
+
+    def __repr__(self) -> str:
+        return f"<cltrace.Mesh: {len(self.geometry.faces)} triangles, {len(self.geometry.vertices)} vertices>"
+
+
+def check_meshes(meshes: object, materials: int) -> tuple[PlacedMesh, ...]:
+    """The placed meshes of a scene with so many materials. Raises ValueError and TypeError, which name the index."""
+    found = tuple(meshes) if isinstance(meshes, Iterable) else (meshes,)
+    last = -1
+    for i, mesh in enumerate(found):
+        if not isinstance(mesh, PlacedMesh):
+            raise TypeError(
+                f"meshes[{i}]: must be a cltrace.scene.PlacedMesh, got {described(mesh)}; "
+                "Scene.from_meshes() takes each cltrace.Mesh"
+            )
+        if mesh.material >= materials:
+            raise ValueError(f"meshes[{i}].material: must be the index of a material, got {mesh.material}")
+        if mesh.number <= last:
+            raise ValueError(f"meshes[{i}].number: must be greater than that of the mesh before, got {mesh.number}")
+        last = mesh.number
+    check_size(found)
+    return found
+
+
+def check_size(meshes: Iterable[PlacedMesh]) -> None:
+    """Raises ValueError if these are too many triangles or vertices for a scene."""
+    shapes = [mesh.geometry for mesh in meshes]
+    for name, most, count in (
+        ("triangles", MAX_TRIANGLES, sum(len(shape.faces) for shape in shapes)),
+        ("vertices", MAX_VERTICES, sum(len(shape.vertices) for shape in shapes)),
+    ):
+        if count > most:
+            raise ValueError(f"meshes: must be at most {most} {name} in all, got {count}")
+
+
+def mesh_list(meshes: Iterable[Mesh] | Mesh) -> list[Mesh]:
+    """The meshes of an argument. Raises TypeError, which names the index."""
+    found = [meshes] if isinstance(meshes, Mesh) else meshes
+    if not isinstance(found, Iterable):
+        raise TypeError(f"meshes: must be a list of cltrace.Mesh, got {described(meshes)}")
+    found = list(found)
+    for i, mesh in enumerate(found):
+        if not isinstance(mesh, Mesh):
+            raise TypeError(f"meshes[{i}]: must be a cltrace.Mesh, got {described(mesh)}; Mesh.of() makes one")
+    return found
+
+
+def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
+    matrix = numbers("mesh.transform", transform)
+    if matrix.shape not in ((3, 3), (3, 4), (4, 4)):
+        raise ValueError(f"mesh.transform: must have shape (3, 3), (3, 4) or (4, 4), got {matrix.shape}")
+    check_rule("mesh.transform", ANY, matrix)
+    if len(matrix) == 4 and matrix[3].tolist() != [0, 0, 0, 1]:
+        raise ValueError(f"mesh.transform[3]: must be 0, 0, 0, 1, got {', '.join(f'{x:g}' for x in matrix[3])}")
+    to_world = np.zeros((3, 4))
+    to_world[:, : matrix.shape[1]] = matrix[:3]
+    try:
+        return PlacedMesh(geometry, to_world)
+    except ValueError as error:
+        raise ValueError(str(error).replace("mesh.to_world", "mesh.transform", 1)) from None
+
+
+def _triangles(blocks: Iterable[Any]) -> NDArray[np.int64]:
+    """The triangles of meshio's blocks of cells, (f, 3), in their order."""
+    fans = []
+    for block in blocks:
+        kind, data = block if isinstance(block, tuple) else (block.type, block.data)
+        if kind in ("triangle", "quad") or kind.startswith("polygon"):
+            corners = np.asarray(data)
+            if corners.ndim != 2 or corners.shape[1] < 3:
+                raise ValueError(f"mesh.cells: must have shape (n, 3) or more, got {corners.shape} of type {kind}")
+            k = np.arange(1, corners.shape[1] - 1)
+            fans.append(corners[:, np.stack([0 * k, k, k + 1], axis=1)].reshape(-1, 3))
+    if not fans:
+        raise ValueError("mesh.cells: must have some of type triangle, quad or polygon, got none")
+    return np.concatenate(fans)
+
+
+def _given(
+    name: str, value: ArrayLike | None, faces: NDArray[np.int32], vertices: int, width: int
+) -> tuple[ArrayLike, NDArray[np.int32] | None]:
+    """What is given for each vertex or for each corner as rows, and the index of each corner's row; None for none."""
+    if value is None:
+        return (), None
+    array = numbers(name, value)
+    if array.shape == (vertices, width):
+        return array, faces
+    if array.shape == (len(faces), 3, width):
+        return array.reshape(-1, width), np.arange(3 * len(faces), dtype=np.int32).reshape(-1, 3)
+    wanted = f"({vertices}, {width}) or ({len(faces)}, 3, {width})"
+    raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
+
+
+def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
+    array = numbers(name, value)
+    return checked(name, ANY, array.reshape(0, width) if array.shape == (0,) else array, (-1, width))
+
+
+def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
+    """(f, 3) indices of `count` things. Raises ValueError, which names the place of the first that is none."""
+    array = numbers(name, value)
+    if array.shape == (0,):  # an empty list
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"{name}: must have shape (n, 3), got {array.shape}")
+    bad = ~((array >= least) & (array < count) & (array == np.floor(array)))
+    if bad.any():
+        i, k = np.argwhere(bad)[0]
+        raise ValueError(
+            f"{name}[{i}][{k}]: must be the index of {what}, of which there are {count}, got {array[i, k]:g}"
+        )
+    return array.astype(np.int32)
+
+
+def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what: str) -> NDArray[np.int32]:
+    """(faces, 3) indices, -1 for none. Raises ValueError also where a triangle has one for some corners only."""
+    if value is None:
+        return np.full((faces, 3), -1, np.int32)
+    array = _indices(name, value, count, what, least=-1)
+    if len(array) != faces:
+        raise ValueError(f"{name}: must have shape ({faces}, 3), got {array.shape}")
+    some = (array < 0).any(axis=1) & (array >= 0).any(axis=1)
+    if some.any():
+        raise ValueError(f"{name}[{int(np.argmax(some))}]: must be -1 for all three corners or for none")
+    return array
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
