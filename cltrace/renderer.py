@@ -27,10 +27,11 @@ class Renderer:
 
     scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
     as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
-    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, shadow_rays and work, which
-    Image describes; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all
-    of it; truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in
-    a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for measuring, see Request.
+    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays
+    and work, which Image describes; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1
+    excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the
+    nearest; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for
+    measuring, see Request.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.

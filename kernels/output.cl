@@ -76,6 +76,12 @@ typedef struct {
     Shade3 color;
     Float3 normal; /* in the world, facing the ray; 0 where nothing was hit */
     INT rays;      /* shadow rays */
+#ifdef OUT_PRIMITIVE
+    INT primitive; /* a triangle's number within its mesh, -1 elsewhere */
+#endif
+#ifdef OUT_UV
+    FLOAT u, v; /* where it is on a texture, 0 where nothing was hit */
+#endif
 #ifdef WITH_CEILING
     MASK wanted, overgrown; /* whether it is in the region; whether it takes more than MOST_RAYS rays */
 #endif
@@ -116,6 +122,13 @@ static void write(const Frame frame, const int2 size, const INT column, const IN
 #endif
 #ifdef OUT_ID
     STORE(int, out.id, first, pitch, 1, pixels.hit.id);
+#endif
+#ifdef OUT_PRIMITIVE
+    STORE(int, out.primitive, first, pitch, 1, pixels.primitive);
+#endif
+#ifdef OUT_UV
+    STORE(float, out.uv, first, pitch, 2, pixels.u);
+    STORE(float, out.uv + 1, first, pitch, 2, pixels.v);
 #endif
 #ifdef OUT_SHADOW_RAYS
     STORE(int, out.shadow_rays, first, pitch, 1, pixels.rays);

@@ -69,6 +69,9 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
     if (ANY(at.hit & (ball.map != 0)))
         stretch(&at, spot_at(frame, scene.spheres, ray.leaving, ball, hit.t), hit.inside);
 #endif
+#ifdef WITH_UV
+    map_spheres(frame, &at);
+#endif
 #endif
     return at;
 }
@@ -132,6 +135,10 @@ static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const i
     pixels.normal.y = at.hit ? world.y : (FLOAT)0;
     pixels.normal.z = at.hit ? world.z : (FLOAT)0;
 #endif
+#ifdef OUT_UV
+    pixels.u = at.hit ? TO_FLOAT(at.u) : (FLOAT)0;
+    pixels.v = at.hit ? TO_FLOAT(at.v) : (FLOAT)0;
+#endif
 #endif
     return pixels;
 }
@@ -146,6 +153,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
                      {frame.background.x, frame.background.y, frame.background.z},
                      {0, 0, 0},
                      0};
+#ifdef OUT_UV
+    pixels.u = pixels.v = 0;
+#endif
     Work counts, *work = &counts;
 #ifdef OUT_WORK
     for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
@@ -165,6 +175,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     } else {
         COUNT(BACKGROUND, ALL_LANES);
     }
+#ifdef OUT_PRIMITIVE
+    pixels.primitive = -1;
+#endif
 #ifdef OUT_ID
     pixels.hit.id = ids_of(scene, pixels.hit.id);
 #endif

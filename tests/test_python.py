@@ -167,17 +167,25 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
         normal=np.array([[[0, 0, 1], [0, 0, 0]]], np.float32),
         depth=np.array([[2.0, np.inf]]),
         id=np.array([[3, -1]], np.int32),
+        primitive=np.array([[0, -1]], np.int32),
+        uv=np.array([[[1.2, -0.4], [0, 0]]], np.float32),
     )
     assert image.as_rgb8("color").tolist() == [[[7, 7, 7], [7, 7, 7]]]
     assert image.as_rgb8("normal").tolist() == [[[128, 128, 255], [0, 0, 0]]]
     assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
     assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
     assert image.as_rgb8("id")[0, 0].min() >= 64
+    assert image.as_rgb8("primitive").min(axis=2).tolist() == [[image.as_rgb8("primitive")[0, 0].min(), 0]]
+    assert image.as_rgb8("primitive")[0, 0].min() >= 64
+    assert image.as_rgb8("uv").tolist() == [[[51, 153, 0], [0, 0, 0]]]
     with pytest.raises(
-        ValueError, match=r"^show: the image has no direction, only rgb8, normal, depth, id; show='color'"
+        ValueError,
+        match=r"^show: the image has no direction, only rgb8, normal, depth, id, primitive, uv; show='color'",
     ):
         image.as_rgb8("direction")
-    with pytest.raises(ValueError, match="show: must be one of color, normal, direction, depth, id, got 'heat'"):
+    with pytest.raises(
+        ValueError, match="show: must be one of color, normal, direction, depth, id, primitive, uv, got 'heat'"
+    ):
         image.as_rgb8("heat")
     assert image._repr_png_().startswith(b"\x89PNG")
 

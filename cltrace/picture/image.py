@@ -13,8 +13,8 @@ from PIL import Image as Picture
 
 from cltrace.picture.files import is_named_as_folder, whole_file
 
-Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays", "work"]
-Show = Literal["color", "normal", "direction", "depth", "id"]
+Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work"]
+Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 SHOWS: tuple[Show, ...] = get_args(Show)
 
@@ -30,11 +30,16 @@ class Image:
         direction    (h, w, 3) float32  unit vector of the pixel's ray, in the world
         depth        (h, w) float64     distance from the eye in scene units; inf where nothing was hit
         id           (h, w) int32       index of the sphere in the scene; -1 where nothing was hit
+        primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
+        uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
         work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
 
-    The last two count what was done, also for rays of mirrors and glass. Faint ones of those may have been left out, or
-    traced twice, where no picture shows it: how many depends on which outputs were asked for.
+    u and v, from the left and from the top, are 1 where a texture begins anew. On a sphere they are made of the unit
+    normal n that it had before its transform: 1/2 + atan2(n.x, n.z) / (2 pi) and acos(n.y) / pi.
+
+    The last two outputs count what was done, also for rays of mirrors and glass. Faint ones of those may have been
+    left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.
 
     Asking for an output that it has not raises AttributeError, so hasattr(image, "depth") tells whether there is one.
     Where numpy or a plotting library wants an array, an image counts as its rgb8: plt.imshow(image), np.asarray(image).
@@ -49,6 +54,8 @@ class Image:
     direction: NDArray[np.float32]
     depth: NDArray[np.float64]
     id: NDArray[np.int32]
+    primitive: NDArray[np.int32]
+    uv: NDArray[np.float32]
     shadow_rays: NDArray[np.int32]
     work: NDArray[np.int32]
 
@@ -60,12 +67,15 @@ class Image:
         direction: NDArray[np.float32] | None = None,
         depth: NDArray[np.float64] | None = None,
         id: NDArray[np.int32] | None = None,
+        primitive: NDArray[np.int32] | None = None,
+        uv: NDArray[np.float32] | None = None,
         shadow_rays: NDArray[np.int32] | None = None,
         work: NDArray[np.int32] | None = None,
         seconds: dict[str, float] | None = None,
         frame: Any = None,
     ) -> None:
-        given = zip(OUTPUTS, (rgb8, color, normal, direction, depth, id, shadow_rays, work), strict=True)
+        arrays = (rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays, work)
+        given = zip(OUTPUTS, arrays, strict=True)
         self.__dict__.update({name: array for name, array in given if array is not None})
         self.seconds = seconds or {}
         self.frame = frame
@@ -114,8 +124,9 @@ class Image:
         """(h, w, 3) uint8 that show one of the outputs: what the debugging hints of the course ask for.
 
         color: the picture, which is rgb8; normal, direction: (v + 1)/2 as red, green and blue; depth: the nearest is
-        white, the farthest dark; id: a colour for each sphere. Where nothing was hit, all but color and direction are
-        black. Raises ValueError if there is no such show, or the image does not have that output.
+        white, the farthest dark; id, primitive: a colour for each sphere and for each triangle number; uv: u as red and
+        v as green, without their whole parts. Where nothing was hit, all but color and direction are black. Raises
+        ValueError if there is no such show, or the image does not have that output.
         """
         if show not in SHOWS:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
@@ -132,6 +143,8 @@ class Image:
             return np.where(hit, bytes_, 0).astype(np.uint8)
         if show == "depth":
             return _grey(np.asarray(value, np.float64))
+        if show == "uv":
+            return _wrapped(np.asarray(value, np.float64))
         return _distinct(np.asarray(value, np.int32))
 
     def save(self, path: str | os.PathLike[str], show: Show = "color") -> None:
@@ -174,6 +187,13 @@ def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
     share = (1 / np.where(hit, depth, 1 / far) - far) / (near - far if near > far else 1.0)
     grey = np.where(hit, np.rint(32 + 223 * share), 0).astype(np.uint8)
     return np.repeat(grey[..., None], 3, axis=-1)
+
+
+def _wrapped(uv: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """u and v (h, w, 2) as red and green (h, w, 3), without their whole parts."""
+    colors = np.zeros((*uv.shape[:2], 3), np.uint8)
+    colors[..., :2] = np.rint((uv - np.floor(uv)) * 255)
+    return colors
 
 
 def _distinct(index: NDArray[np.int32]) -> NDArray[np.uint8]:

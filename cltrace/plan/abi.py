@@ -131,8 +131,8 @@ def _buffers(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[
     return tuple(Argument(name, type_, "buffer", group, text, needs=needs) for name, type_, text in rows)
 
 
-def _outputs(*rows: tuple[str, str, int, str]) -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "output", "Outputs", text, n) for name, type_, n, text in rows)
+def _outputs(*rows: tuple[str, str, int, str], needs: str = "") -> tuple[Argument, ...]:
+    return tuple(Argument(name, type_, "output", "Outputs", text, n, needs) for name, type_, n, text in rows)
 
 
 # What --stats counts, in the order of the last axis of the output `work`: the kernel's names, and words for a reader.
@@ -198,6 +198,13 @@ ARGUMENTS = (
         ("direction", "float", 3, "unit vector of the pixel's ray in the world"),
         ("depth", "real", 1, "distance from the eye, infinite = nothing"),
         ("id", "int", 1, "the sphere's index in the scene, -1 = nothing"),
+    ),
+    *_outputs(
+        ("primitive", "int", 1, "a triangle's number within its mesh, -1 = a sphere or nothing"),
+        needs="OUT_PRIMITIVE",
+    ),
+    *_outputs(("uv", "float", 2, "u, v: where the point is on a texture, 0 = nothing"), needs="OUT_UV"),
+    *_outputs(
         ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
         ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
     ),
@@ -287,6 +294,7 @@ FLAGS = {
     "WITH_FILTER": "a float32 test with a proved bound goes before each decision",
     "WITH_INTERSECTION": "more of a hit is needed than its index and distance",
     "WITH_NORMAL": "its normal is needed",
+    "WITH_UV": "where it is on a texture is needed",
     "WITH_INSIDE": "the eye is inside of a sphere or on it",
     "WITH_SHADING": "colours are wanted",
     "WITH_LIGHTS": "some light may add to them",

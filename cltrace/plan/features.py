@@ -43,12 +43,14 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     splits = bounces and contents.bounces.splits
     pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
+    uv = "uv" in request.outputs
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
         "WITH_FILTER": request.precision != "double" and "filter" not in request.keep,
-        "WITH_INTERSECTION": shading or "normal" in request.outputs,
-        "WITH_NORMAL": lit or bounces or "normal" in request.outputs,
+        "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
+        "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
+        "WITH_UV": uv,
         "WITH_INSIDE": contents.inside or full,
         "WITH_SHADING": shading,
         "WITH_LIGHTS": lit,

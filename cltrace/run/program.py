@@ -34,6 +34,7 @@ SOURCES = (
     "find/stopped.cl",
     "shade/phong.cl",
     "shade/lights.cl",
+    "shade/texture.cl",
     "shade/bounce.cl",
     "output.cl",
     "shade/tree_of_rays.cl",

@@ -12,6 +12,9 @@ typedef struct {
     Real3 q;     /* see Spot */
     REAL spread; /* see lift() */
 #endif
+#ifdef WITH_UV
+    REAL u, v; /* where the points are on a texture, see texture.cl */
+#endif
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
