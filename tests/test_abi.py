@@ -44,7 +44,8 @@ def test_offsets(device: Device, name: str, precision: abi.Precision) -> None:
     queue = cl.CommandQueue(context)
     out = np.zeros(len(offsets) + 1, np.int32)
     buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, out.nbytes)
-    options = ["-DW=1", "-DRUN=1", *abi.options(precision, frozenset())]
+    needs = frozenset({abi.STRUCT_NEEDS[name]} if name in abi.STRUCT_NEEDS else ())
+    options = ["-DW=1", "-DRUN=1", *abi.options(precision, needs)]
     cl.Program(context, source).build(options).offsets(queue, (1,), None, buffer)
     cl.enqueue_copy(queue, out, buffer)
     assert out.tolist() == [*offsets.values(), dtype.itemsize]

@@ -1,4 +1,4 @@
-"""The tree of boxes by itself, without a device: it holds every sphere once, and a ray that meets one gets to it.
+"""The tree of boxes by itself, without a device: it holds every shape once, and a ray that meets one gets to it.
 
 The boxes are tested here as the kernel tests them, in float32.
 """
@@ -6,14 +6,14 @@ The boxes are tested here as the kernel tests them, in float32.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cltrace.plan.accel import bvh
-from cltrace.plan.accel.bvh import Tree, build_tree
+from cltrace.plan.accel.bvh import Balls, Tree, Triangles, build_tree
 from cltrace.plan.exact import two_sum
 
 Floats = NDArray[np.float64]
@@ -24,18 +24,13 @@ f32 = np.float32
 STACK = 64
 
 
-class Balls(NamedTuple):
-    """center: (n, 3), outer and inner: (n,)."""
-
-    center: Floats
-    outer: Floats
-    inner: Floats
+WIDEN = 24 * 2.0**-24
 
 
 def balls(center: object, radius: object = 0.01, inner: object = None) -> Balls:
     c = np.asarray(center, float).reshape(-1, 3)
     r = np.broadcast_to(np.asarray(radius, float), len(c)).copy()
-    return Balls(c, r, r if inner is None else np.broadcast_to(np.asarray(inner, float), len(c)).copy())
+    return Balls(c, r, r if inner is None else np.broadcast_to(np.asarray(inner, float), len(c)).copy(), WIDEN)
 
 
 def rng(seed: int) -> np.random.Generator:
@@ -108,7 +103,6 @@ CASES = {
     "tiny": balls(rng(8).uniform(-1, 1, (300, 3)), 1e-60),
     "no inside": balls(rng(9).uniform(-1, 1, (300, 3)), 1e-3, 0),
 }
-WIDEN = 24 * 2.0**-24
 
 
 @pytest.fixture(params=CASES)
@@ -152,7 +146,7 @@ def stack_needed(tree: Tree, node: int = 0) -> int:
 
 
 def build(scene: Balls) -> Tree:
-    return build_tree(*scene, WIDEN)
+    return build_tree(scene)
 
 
 def test_every_sphere_is_in_one_slot(case: Balls) -> None:
@@ -167,7 +161,7 @@ def test_every_sphere_is_in_one_slot(case: Balls) -> None:
 
 def test_members_alone_are_entered() -> None:
     scene, member = CASES["1000"], np.flatnonzero(rng(10).random(1000) < 0.3).astype(np.int32)
-    index = build_tree(*scene, WIDEN, member).block["index"]
+    index = build_tree(scene._replace(member=member)).block["index"]
     assert sorted(index[index >= 0].tolist()) == member.tolist()
 
 
@@ -243,7 +237,7 @@ def test_levels(n: int) -> None:
 def test_a_root_joins_eight_trees_at_most() -> None:
     scene = CASES["sizes"]
     keys = np.concatenate([scene.center.T, 2 * scene.outer[None]]).astype(f32)
-    classes = bvh._size_classes(keys)
+    classes = bvh._size_classes(keys, 8)
     assert len(classes) == 8
     assert sorted(np.concatenate(classes).tolist()) == list(range(len(scene.outer)))
 
@@ -307,7 +301,7 @@ def reached(tree: Tree, origin: Floats, d: Floats, reach: float) -> set[int]:
     least = 1e-18 * np.abs(d).max()
     rd = (1 / np.where(np.abs(d) < least, np.copysign(least, d), d)).astype(f32)
     o = origin.astype(f32)
-    pad = np.copysign(f32(2.0**-22) * np.abs(o) + f32(2.0**-100), rd)
+    pad = np.copysign(f32(2.0**-22) * np.abs(o) + f32(2.0**-50), rd)
     found: set[int] = set()
     todo = [0]
     while todo:
@@ -321,7 +315,7 @@ def reached(tree: Tree, origin: Floats, d: Floats, reach: float) -> set[int]:
         for slot in np.flatnonzero((near <= far * f32(1 + 2.0**-20)) & (near <= reach)):
             child = int(record["child"][slot])
             if child < 0:
-                found.update(tree.block["index"][~child].tolist())
+                found.update(leaf_index(tree, child).tolist())
             else:
                 todo.append(child)
     return found
@@ -376,3 +370,245 @@ def test_a_ray_is_spared_most_of_the_tree() -> None:
     tree = build(scene)
     counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(scene, 200, 12)]
     assert np.mean(counts) < 5000 / 20
+
+
+# ------------------------------------------------------------------------------------------------------------ triangles
+
+
+def mesh(corners: Floats, first: int = 0) -> Triangles:
+    """corners: (m, 3, 3), of which equal ones are one vertex."""
+    vertex, face = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return Triangles(vertex, face.reshape(-1, 3).astype(np.int32), first)
+
+
+def soup(n: int, size: float, seed: int = 21) -> Floats:
+    r = rng(seed)
+    return np.clip(r.uniform(-0.5, 0.5, (n, 1, 3)) + r.normal(size=(n, 3, 3)) * size, -0.57, 0.57)
+
+
+def needles(n: int, thin: float) -> Floats:
+    """Slivers of a length of about 0.2, with a side of `thin` of that."""
+    r = rng(22)
+    start = r.uniform(-0.45, 0.45, (n, 3))
+    along = r.normal(size=(n, 3)) * 0.1
+    aside = np.cross(along, r.normal(size=(n, 3))) * thin
+    return np.stack([start, start + along, start + along + aside], axis=1)
+
+
+def sheet(side: int, height: float = 0.0) -> Floats:
+    """2 side^2 triangles in a plane, or nearly so."""
+    axis = np.linspace(-0.5, 0.5, side + 1)
+    x, z = np.meshgrid(axis, axis, indexing="ij")
+    p = np.stack([x, height * rng(23).normal(size=x.shape), z], axis=-1)
+    a, b, c, d = p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]
+    return np.concatenate(
+        [np.stack([a, b, c], axis=2).reshape(-1, 3, 3), np.stack([a, c, d], axis=2).reshape(-1, 3, 3)]
+    )
+
+
+def with_huge(n: int) -> Floats:
+    """Small ones among a few that are as large as everything."""
+    return np.concatenate([soup(n, 0.005), soup(5, 0.4, 24)])
+
+
+MESHES = {
+    "one": soup(1, 0.2),
+    "eight": soup(8, 0.1),
+    "nine": soup(9, 0.1),
+    "300": soup(300, 0.1),
+    "3000": soup(3000, 0.02),
+    "needles": needles(1000, 0.02),
+    "slivers": needles(300, 1e-7),
+    "lines": needles(300, 0) + np.array([[0], [0], [1]]) * (needles(300, 0)[:, 1:2] - needles(300, 0)[:, :1]),
+    "sheet": sheet(20),
+    "rough sheet": sheet(20, 0.01),
+    "huge": with_huge(1000),
+    "twice": np.repeat(soup(200, 0.05), 2, axis=0),
+    "equal": np.repeat(soup(1, 0.2), 100, axis=0),
+    "tiny": soup(300, 1e-9),
+    "below float32": soup(300, 1e-3) * 1e-42,
+}
+
+
+@pytest.fixture(params=MESHES)
+def triangles(request: pytest.FixtureRequest) -> Triangles:
+    return mesh(MESHES[request.param], first=7)
+
+
+NO_BALLS = balls(np.zeros((0, 3)))
+
+
+def leaf_index(tree: Tree, child: int) -> Ints:
+    """The primitives of a leaf."""
+    blocks = len(tree.block)
+    index: Ints = tree.block["index"][~child] if ~child < blocks else tree.patch["index"][~child - blocks]
+    return index[index >= 0]
+
+
+def primitives_below(tree: Tree) -> dict[tuple[int, int], set[int]]:
+    """For each child of each node, as (node, slot), all primitives in it."""
+    found: dict[tuple[int, int], set[int]] = {}
+
+    def visit(node: int) -> set[int]:
+        every: set[int] = set()
+        for slot, child in children(tree, node):
+            found[node, slot] = set(leaf_index(tree, child).tolist()) if child < 0 else visit(child)
+            every |= found[node, slot]
+        return every
+
+    visit(0)
+    return found
+
+
+def test_every_triangle_is_in_the_tree(triangles: Triangles) -> None:
+    tree, below = build_tree(NO_BALLS, triangles), set[int]()
+    found = primitives_below(tree)
+    below = below.union(*(found[0, slot] for slot, _ in children(tree, 0)))
+    assert below == set(range(7, 7 + len(triangles.face)))
+    assert set(tree.patch["index"][tree.patch["index"] >= 0].tolist()) == below
+    assert (tree.patch["slack"][tree.patch["index"] < 0] == -1).all()
+    assert stack_needed(tree) <= STACK
+
+
+def test_both_kinds_are_in_one_tree() -> None:
+    for scene, flat in (("one", "one"), ("1000", "300"), ("mixed", "huge"), ("sizes", "needles"), ("ground", "sheet")):
+        n = len(CASES[scene].outer)
+        tree = build_tree(CASES[scene], mesh(MESHES[flat], n))
+        found = primitives_below(tree)
+        every = set[int]().union(*(found[0, slot] for slot, _ in children(tree, 0)))
+        assert every == set(range(n + len(MESHES[flat]))), (scene, flat)
+
+
+def test_triangles_of_two_corners_are_left_out() -> None:
+    corners = soup(100, 0.1)
+    corners[::3, 2] = corners[::3, 0]
+    corners[1::9, 1] = corners[1::9, 2]
+    kept = [i for i in range(100) if i % 3 and i % 9 != 1]
+    index = build_tree(NO_BALLS, mesh(corners)).patch["index"]
+    assert sorted(index[index >= 0].tolist()) == kept
+    nothing = build_tree(NO_BALLS, mesh(corners[::3]))
+    assert len(nothing.node) == 1
+    assert not list(children(nothing, 0))
+    assert not len(nothing.patch)
+
+
+def test_boxes_hold_triangles(triangles: Triangles) -> None:
+    tree = build_tree(NO_BALLS, triangles)
+    low = triangles.vertex[triangles.face].min(axis=1)
+    high = triangles.vertex[triangles.face].max(axis=1)
+    for (node, slot), index in primitives_below(tree).items():
+        which = np.array(sorted(index)) - 7
+        box_low, box_high = sides(tree, node, slot)
+        assert (low[which] >= box_low).all()
+        assert (high[which] <= box_high).all()
+
+
+def test_patches_hold_triangles(triangles: Triangles) -> None:
+    patch = build_tree(NO_BALLS, triangles).patch
+    filled = patch["index"] >= 0
+    a, b, c = triangles.vertex[triangles.face[patch["index"][filled] - 7]].transpose(1, 2, 0)
+    for j, axis in enumerate("xyz"):
+        np.testing.assert_array_equal(patch[f"a{axis}"][filled], a[j].astype(f32))
+        np.testing.assert_array_equal(patch[f"e{axis}"][filled], (b[j] - a[j]).astype(f32))
+        np.testing.assert_array_equal(patch[f"f{axis}"][filled], (c[j] - a[j]).astype(f32))
+    assert (
+        patch["slack"][filled] >= 40 * 2.0**-24 * (np.linalg.norm(b - a, axis=0) + np.linalg.norm(c - a, axis=0))
+    ).all()
+
+
+def candidates(patch: NDArray[np.void], o: Floats, w: Floats, reach: float) -> dict[int, tuple[float, float]]:
+    """Of a patch, the triangles that a ray may meet, each with bounds of the distance: as the kernel's add_patch()."""
+    ox, oy, oz = o.astype(f32)
+    wx, wy, wz = w.astype(f32)
+    (ax, ay, az), (ex, ey, ez), (fx, fy, fz) = ([patch[f"{name}{axis}"] for axis in "xyz"] for name in "aef")
+    slack = patch["slack"]
+    x, y, z = ax - ox, ay - oy, az - oz
+    X, Y, Z = y * wz - z * wy, z * wx - x * wz, x * wy - y * wx
+    nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    den = nx * wx + (ny * wy + nz * wz)
+    sign = np.where(np.signbit(den), f32(-1), f32(1))
+    size = den * sign
+    u, v = (fx * X + (fy * Y + fz * Z)) * sign, -(ex * X + (ey * Y + ez * Z)) * sign
+    d = (nx * x + (ny * y + nz * z)) * sign
+    least = np.minimum(np.minimum(u, v), size - u - v)
+    steep = size > slack
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = np.where(steep, np.maximum(d - slack, f32(0)) * f32(1 - 2.0**-20) / (size + slack), f32(0))
+        may = (least >= -slack) & (~steep | (d >= -slack)) & (near <= reach) & (slack > 0)
+        sure = steep & (least > slack) & (d > slack)
+        far = np.where(sure, (d + slack) * f32(1 + 2.0**-20) / (size - slack), f32(np.inf))
+    return {int(patch["index"][k]): (float(near[k]), float(far[k])) for k in np.flatnonzero(may)}
+
+
+def exactly_met(corners: Floats, o: Floats, w: Floats) -> Fraction | None:
+    """The t > 0 of the ray o + t w where it meets the triangle, its edges included; None: nowhere or all along."""
+    a, b, c = (
+        [Fraction(x) - Fraction(y) for x, y in zip(corner.tolist(), o.tolist(), strict=True)] for corner in corners
+    )
+    d = [Fraction(x) for x in w.tolist()]
+
+    def determinant(p: list[Fraction], q: list[Fraction], r: list[Fraction]) -> Fraction:
+        return (
+            p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])
+        )
+
+    full, edges = determinant(a, b, c), (determinant(d, a, b), determinant(d, b, c), determinant(d, c, a))
+    sign = 1 if full > 0 else -1
+    if not full or any(edge * sign < 0 for edge in edges) or not any(edges):
+        return None
+    return full / sum(edges)
+
+
+def aimed_at(triangles: Triangles, n: int, seed: int) -> Iterator[tuple[int, Floats, Floats]]:
+    """Rays through triangles, their edges and corners, or nearly so, from anywhere, from others and along axes."""
+    r = rng(seed)
+    corners = triangles.vertex[triangles.face]
+    for k in range(n):
+        i, j = r.integers(len(corners), size=2)
+        weight = r.dirichlet([1, 1, 1]) * r.choice([1, 1e-7], size=3, p=[0.8, 0.2])
+        if k % 3 == 0:
+            weight[r.integers(3)] = 0
+        if k % 7 == 0:
+            weight = np.eye(3)[r.integers(3)]
+        aim = weight @ corners[i] / weight.sum()
+        start = r.uniform(-0.5, 0.5, 3) if k % 2 else r.dirichlet([1, 1, 1]) @ corners[j]
+        if k % 5 == 0:
+            start = aim + np.eye(3)[r.integers(3)] * r.uniform(-0.3, 0.3)
+        yield int(i), start, (aim - start) * 10 ** r.uniform(-3, 3)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_what_a_ray_meets_is_a_candidate(name: str) -> None:
+    """By exact arithmetic, of the ray as it is in double; and its distance is within the bounds."""
+    triangles = mesh(MESHES[name])
+    tree = build_tree(NO_BALLS, triangles)
+    place = {int(i): k // 8 for k, i in enumerate(tree.patch["index"].ravel())}
+    met = sure = 0
+    for i, o, d in aimed_at(triangles, 300, 25):
+        t, length = exactly_met(triangles.vertex[triangles.face[i]], o, d), float(np.linalg.norm(d))
+        if t is None or t <= 0:
+            continue
+        met += 1
+        d /= length
+        found = candidates(tree.patch[place[i]], o, d, np.inf)
+        assert i in found
+        assert found[i][0] <= float(t) * length <= found[i][1]
+        sure += found[i][1] < np.inf
+        assert i in reached(tree, o, d, float(t) * length * (1 + 2.0**-20))
+    assert met > (20 if name != "lines" else -1)
+    assert sure > met / 4 or name in ("slivers", "lines", "tiny", "sheet", "below float32")
+
+
+def test_few_are_candidates_in_vain() -> None:
+    """Of 3000 triangles, a ray has hardly one that it does not meet."""
+    triangles = mesh(MESHES["3000"])
+    patch = build_tree(NO_BALLS, triangles).patch
+    corners, vain = triangles.vertex[triangles.face], 0
+    for _, o, d in aimed_at(triangles, 30, 26):
+        if float(np.linalg.norm(d)) == 0:
+            continue
+        for leaf in patch:
+            for i in candidates(leaf, o, d / np.linalg.norm(d), np.inf):
+                t = exactly_met(corners[i], o, d)
+                vain += t is None or t <= 0
+    assert vain <= 30

@@ -84,7 +84,7 @@ STRUCTS = {
         Field("high_y", "float8", ""),
         Field("low_z", "float8", ""),
         Field("high_z", "float8", ""),
-        Field("child", "int8", ">= 0: a node; < 0: ~ a block. The box of a child that is missing is empty"),
+        Field("child", "int8", ">= 0: a node; < 0: ~ a leaf, a block or `blocks` + a patch. A missing one has no box"),
     ),
     "Block": (
         Field("x", "float8", "the centres of 8 spheres, likewise"),
@@ -94,7 +94,22 @@ STRUCTS = {
         Field("inner", "float8", "radii that are surely too small, at least 0"),
         Field("index", "int8", "which spheres these are"),
     ),
+    "Patch": (
+        Field("ax", "float8", "the first corners A of 8 triangles, likewise"),
+        Field("ay", "float8", ""),
+        Field("az", "float8", ""),
+        Field("ex", "float8", "the edges B - A"),
+        Field("ey", "float8", ""),
+        Field("ez", "float8", ""),
+        Field("fx", "float8", "the edges C - A"),
+        Field("fy", "float8", ""),
+        Field("fz", "float8", ""),
+        Field("slack", "float8", "see add_patch(); < 0 where there is no triangle"),
+        Field("index", "int8", "which triangles these are, as primitives"),
+    ),
 }
+# The flag without which the kernel has no such struct; none for the others.
+STRUCT_NEEDS = {"Patch": "WITH_PATCHES"}
 
 
 @dataclass(frozen=True)
@@ -248,9 +263,11 @@ ARGUMENTS = (
     *_buffers(
         "Tree",
         ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
-        ("block", "Block", "its leaves"),
+        ("block", "Block", "its leaves of spheres"),
         needs="WITH_BOUNCES",
     ),
+    *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
+    *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
     *_values(
         "Scene",
         ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
@@ -286,6 +303,7 @@ CONSTANTS = {
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
+    "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
 }
 
 # The -D flags without a value. Each is set if the scene, the outputs or the device need it.
@@ -313,6 +331,9 @@ FLAGS = {
     "WITH_DROPPING": "branches are dropped where no output shows them",
     "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
+    "WITH_TRIANGLES": "there are meshes",
+    "ONLY_TRIANGLES": "there are no spheres",
+    "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",
@@ -375,9 +396,10 @@ def header() -> str:
     lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
     lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
     for name, fields in STRUCTS.items():
-        lines += _struct(name, [(f"{f.type} {f.name}", f.text, "") for f in fields])
+        struct = _struct(name, [(f"{f.type} {f.name}", f.text, "") for f in fields])
         # The build fails here, by name, if the host lays a struct out differently.
-        lines.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
+        struct.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
+        lines += _guarded(STRUCT_NEEDS.get(name, ""), struct)
     groups: dict[str, list[Argument]] = {}
     for argument in ARGUMENTS:
         groups.setdefault(argument.group, []).append(argument)

@@ -304,7 +304,7 @@ def _paths(world: World, exponent: int | None, basis: Array, real: np.dtype[Any]
     exponent: of the float buffers, where `real` is float; else None; basis: (3, 3), the camera's axes in the world.
     """
     precision: abi.Precision = "single" if real.itemsize == 4 else "accurate"
-    arrays = {name: np.zeros(0, dtype_of(name.title(), precision)) for name in ("node", "block", "map")}
+    arrays = {name: np.zeros(0, dtype_of(name.title(), precision)) for name in ("node", "block", "patch", "map")}
     arrays |= {"place": np.zeros((0, 4), real), "map_of": np.zeros(0, np.int32)}
     if world.paths:
         arrays |= world.paths.arrays()

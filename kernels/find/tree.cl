@@ -1,8 +1,8 @@
 /* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/bvh.py makes it.
  *
- * One ray at a time walks the tree in float32, against the 8 children of a node or the 8 spheres of a block at once. That
- * yields the few spheres that the ray may meet first, with a proof that it is none of the others; then all lanes' rays
- * are decided side by side. Lengths are in the tree's unit, in which the scene's size is about 1, and places count from
+ * One ray at a time walks the tree in float32, against the 8 children of a node, the 8 spheres of a block or the 8
+ * triangles of a patch at once. That yields the few shapes that the ray may meet first, with a proof that it is none of the
+ * others; then all lanes' rays are decided side by side. Lengths are in the tree's unit, in which the scene's size is about 1, and places count from
  * the scene's middle.
  */
 #ifdef WITH_BOUNCES
@@ -40,7 +40,7 @@ typedef struct {
     int lane;
 } Walker;
 
-/* The spheres that a packet's rays may meet first, with lower bounds of the distance; room for two blocks' of a ray. */
+/* The shapes that a packet's rays may meet first, with lower bounds of the distance; room for two leaves' of a ray. */
 #define CANDIDATES 16
 typedef struct {
     int count[W], index[CANDIDATES][W];
@@ -54,27 +54,74 @@ typedef struct {
     REAL_MASK inside; /* whether the ray comes from the inside of what it meets */
 } Met;
 
-/* Which lanes' rays meet a sphere, at t, before what they have met so far. As closer(). */
-static REAL_MASK closer_from(const Scene scene, const Leaving ray, const Ball ball, const INT index, const REAL t,
-                             const Met met) {
+#if REAL_BYTES == 8
+/* Where the lanes' rays meet a sphere or a triangle, in pairs. */
+static FineEncounter finely_met(const Scene scene, const Leaving ray, const INT index) {
+#ifdef ONLY_TRIANGLES
+    return triangle_fine_from(scene, ray, index);
+#else
+#ifdef WITH_TRIANGLES
+    const MASK flat = index >= scene.count;
+    if (ANY(flat)) {
+        const FineEncounter triangle = triangle_fine_from(scene, ray, flat ? index : (INT)-1);
+        const INT round = flat ? (INT)-1 : index;
+        FineEncounter at = fine_encounter(scene.spheres, ray, balls_of(scene.spheres, round), round);
+        const REAL_MASK here = TO_REAL_MASK(flat);
+        PUT_WHERE(here, at.t.hi, triangle.t.hi);
+        PUT_WHERE(here, at.t.lo, triangle.t.lo);
+        PUT_WHERE(here, at.error, triangle.error);
+        PUT_WHERE(here, at.inside, triangle.inside);
+        return at;
+    }
+#endif
+    return fine_encounter(scene.spheres, ray, balls_of(scene.spheres, index), index);
+#endif
+}
+#endif
+
+/* Which lanes' rays meet a shape, at t, before what they have met so far. As closer(). */
+static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT index, const REAL t, const Met met) {
     const REAL_MASK nearer = t < met.t;
     const REAL_MASK close = too_close(t, met.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
+#ifdef WITH_TRIANGLES
+    REAL_MASK first = TO_REAL_MASK(comes_before(scene, index, met.id));
+#else
     REAL_MASK first = TO_REAL_MASK(ids_of(scene, index) < ids_of(scene, met.id));
+#endif
 #if REAL_BYTES == 8
-    const Ball other = balls_of(scene.spheres, met.id);
-    first = comes_first_from(scene.spheres, ray, ball, index, other, met.id, first);
+    const FineEncounter a = finely_met(scene, ray, index), b = finely_met(scene, ray, met.id);
+    const REAL gap = (a.t.hi - b.t.hi) + (a.t.lo - b.t.lo), error = a.error + b.error;
+    first = (gap < -error) | (!(gap > error) & first);
 #endif
     return close ? first : nearer;
 }
 
-/* Takes one sphere for each lane, -1 for none, into account. */
+/* Takes one shape for each lane, -1 for none, into account. */
 static void meet(const Scene scene, const Leaving ray, const INT index, Met *met, Work *work) {
     const MASK wanted = index >= 0;
     COUNT(DECIDED, wanted);
-    const Ball ball = balls_of(scene.spheres, index);
-    const Encounter at = sphere_meet_from(scene.spheres, ray, ball, index, TO_REAL_MASK(wanted));
-    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, ball, index, at.t, *met);
+#ifdef ONLY_TRIANGLES
+    const Encounter at = triangle_meet_from(scene, ray, index, TO_REAL_MASK(wanted));
+#else
+#ifdef WITH_TRIANGLES
+    const MASK flat = index >= scene.count;
+    const INT round = flat ? (INT)-1 : index;
+#else
+    const INT round = index;
+#endif
+    const Ball ball = balls_of(scene.spheres, round);
+    Encounter at = sphere_meet_from(scene.spheres, ray, ball, round, TO_REAL_MASK(round >= 0));
+#ifdef WITH_TRIANGLES
+    if (ANY(flat)) {
+        const REAL_MASK here = TO_REAL_MASK(flat);
+        const Encounter on = triangle_meet_from(scene, ray, flat ? index : (INT)-1, here);
+        PUT_WHERE(here, at.t, on.t);
+        PUT_WHERE(here, at.inside, on.inside);
+    }
+#endif
+#endif
+    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, *met);
     PUT_WHERE(nearer, met->t, at.t);
     PUT_WHERE(nearer, met->inside, at.inside);
     PUT_WHERE(TO_MASK(nearer), met->id, index);
@@ -96,7 +143,7 @@ static __attribute__((noinline)) FLOAT decide_all(const Scene scene, const Leavi
     return reach;
 }
 
-/* Makes room for a block: forgets the candidates that lie too far. Returns whether there is room now. */
+/* Makes room for a leaf: forgets the candidates that lie too far. Returns whether there is room now. */
 static int make_room(const Walker *walker, Candidates *list) {
     const int lane = walker->lane, count = list->count[lane];
     int kept = 0;
@@ -109,6 +156,7 @@ static int make_room(const Walker *walker, Candidates *list) {
     return kept <= CANDIDATES - 8;
 }
 
+#ifndef ONLY_TRIANGLES
 /* Adds those of a block's spheres that the ray may meet within its reach.
  *
  * The spheres' centres and P are off by u S each, u = 2^-24, S being the scene's size, so F = C - P is by 4.1 u S, w by
@@ -146,8 +194,76 @@ static void add_block(const Tree tree, const int number, Walker *walker, Candida
     }
 }
 
+#endif
+
+#ifdef WITH_PATCHES
+/* Adds those of a patch's triangles that the ray may meet within its reach.
+ *
+ * With C = A - P and R = C x w, U = f.R, V = -e.R and L = N.w - U - V have the sign of N.w, N = e x f, where the ray's line
+ * passes inside; it does so at t = (N.C) / (N.w). Let u = 2^-24. As for spheres above, C is off by 4.1 u S and at most 2 S
+ * long, R is off by 14.2 u S; S, the scene's size, is 1 at most. e and f are off by 1.01 u of themselves. So U is off by
+ * (14.2 + 2 * 1.01 + 2 * 3.03) u |f|, which is less than 23 u |f|; likewise V; N by 4.9 u |e||f|; N.w by 9 u |e||f|, and N.C
+ * by (4.1 + 2 * 4.9 + 2 * 3.03) u |e||f|, which is less than 20 u |e||f|; and |e||f| is at most |e| + |f|, as both are at
+ * most 2. So L is off by (23 + 9) u (|e| + |f|) and by two roundings, which are 6 u (|e| + |f|) at most as U, V and N.w are
+ * below 2 |f|, 2 |e| and |e||f|. All that is less than slack = 40 u (|e| + |f|) + 2^-100 [EDGE_ROUNDINGS = 40]; the last
+ * term is for what is below float's range.
+ *
+ * The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u |e||f| at
+ * most, and with the wrong sign none of them is below -slack either. */
+static void add_patch(const Scene scene, const int number, Walker *walker, Candidates *list) {
+    __global const Patch *patch = scene.patch + number;
+    const float8 wx = walker->w.x, wy = walker->w.y, wz = walker->w.z;
+    const float8 ex = patch->ex, ey = patch->ey, ez = patch->ez, fx = patch->fx, fy = patch->fy, fz = patch->fz;
+    const float8 x = patch->ax - walker->o.x, y = patch->ay - walker->o.y, z = patch->az - walker->o.z;
+    const float8 X = FMA(y, wz, -(z * wy)), Y = FMA(z, wx, -(x * wz)), Z = FMA(x, wy, -(y * wx));
+    const float8 nx = FMA(ey, fz, -(ez * fy)), ny = FMA(ez, fx, -(ex * fz)), nz = FMA(ex, fy, -(ey * fx));
+    const float8 den = FMA(nx, wx, FMA(ny, wy, nz * wz)), slack = patch->slack;
+    const int8 sign = as_int8(den) & (int)0x80000000;
+    const float8 size = as_float8(as_int8(den) ^ sign);
+    const float8 U = as_float8(as_int8(FMA(fx, X, FMA(fy, Y, fz * Z))) ^ sign);
+    const float8 V = as_float8(as_int8(FMA(ex, X, FMA(ey, Y, ez * Z))) ^ sign ^ (int)0x80000000);
+    const float8 D = as_float8(as_int8(FMA(nx, x, FMA(ny, y, nz * z))) ^ sign);
+    const float8 least = smaller(smaller(U, V), size - U - V);
+    const int8 steep = size > slack;
+    /* The distance is at least this, but for roundings. */
+    const float8 first = steep ? larger(D - slack, 0.0f) * (1 - 0x1p-20f) / (size + slack) : 0.0f;
+    int bits = BITS_OF((least >= -slack) & (!steep | (D >= -slack)) & (first <= walker->reach) &
+                       (patch->index != walker->own) & (slack > 0));
+    if (!bits) return;
+    const int8 sure = steep & (least > slack) & (D > slack);
+    const float8 last = sure ? (D + slack) * (1 + 0x1p-20f) / (size - slack) : (float8)INFINITY;
+    float near[8], far[8];
+    int index[8];
+    vstore8(first, 0, near);
+    vstore8(last, 0, far);
+    vstore8(patch->index, 0, index);
+    const int lane = walker->lane;
+    for (; bits; bits &= bits - 1) {
+        const int i = 31 - (int)clz(bits & -bits), n = list->count[lane]++;
+        list->index[n][lane] = index[i];
+        list->near[n][lane] = near[i];
+        walker->reach = fmin(walker->reach, far[i]);
+    }
+}
+#endif
+
+/* Adds those of a leaf's shapes that the ray may meet within its reach. */
+static void add_leaf(const Scene scene, const int number, Walker *walker, Candidates *list) {
+#ifdef ONLY_TRIANGLES
+    add_patch(scene, number, walker, list);
+#else
+#ifdef WITH_PATCHES
+    if (number >= scene.tree.blocks) {
+        add_patch(scene, number - scene.tree.blocks, walker, list);
+        return;
+    }
+#endif
+    add_block(scene.tree, number, walker, list);
+#endif
+}
+
 #ifdef WITH_TREE
-/* Nodes and blocks that are still to be visited, each with the distance at which the ray enters its box in the upper half:
+/* Nodes and leaves that are still to be visited, each with the distance at which the ray enters its box in the upper half:
  * that is a float of at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most,
  * and there are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
 #define STACK 64
@@ -156,9 +272,22 @@ typedef struct {
     ulong entry[STACK];
 } Stack;
 
-/* Fetches a node or a block that is to be visited soon: in large trees, half of the time is waiting. */
-static void fetch_child(const Tree tree, const int child) {
+/* Fetches a node or a leaf that is to be visited soon: in large trees, half of the time is waiting. */
+static void fetch_child(const Scene scene, const int child) {
 #ifdef FETCH
+    const Tree tree = scene.tree;
+#ifdef WITH_PATCHES
+    if (child < -tree.blocks) {
+        __global const uchar *leaf = (__global const uchar *)(scene.patch + (~child - tree.blocks));
+        FETCH(leaf, 0);
+        FETCH(leaf, 64);
+        FETCH(leaf, 128);
+        FETCH(leaf, 192);
+        FETCH(leaf, 256);
+        FETCH(leaf, 320);
+        return;
+    }
+#endif
     __global const uchar *lines = child < 0 ? (__global const uchar *)(tree.block + ~child)
                                             : (__global const uchar *)(tree.node + child);
     FETCH(lines, 0);
@@ -170,12 +299,13 @@ static void fetch_child(const Tree tree, const int child) {
 /* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top.
  *
  * Boxes are rounded outwards. 1 / w and the products are off by 3 u each, which the factor of `far` makes good, and P by
- * u |o|, which pad does. No direction is so nearly along a plane that its reciprocal leaves float's range. */
-static void add_children(const Tree tree, const int number, const Walker *walker, const float3 over, Stack *stack) {
-    __global const Node *node = tree.node + number;
+ * u |o|, and by what double rounds, which pad makes good. No direction is so nearly along a plane that its reciprocal
+ * leaves float's range. */
+static void add_children(const Scene scene, const int number, const Walker *walker, const float3 over, Stack *stack) {
+    __global const Node *node = scene.tree.node + number;
     __global const float8 *planes = &node->low_x;
     const int x = over.x < 0, y = over.y < 0, z = over.z < 0;
-    const float3 pad = copysign(0x1p-22f * fabs(walker->o) + 0x1p-100f, over);
+    const float3 pad = copysign(0x1p-22f * fabs(walker->o) + 0x1p-50f, over);
     const float3 from = -(walker->o + pad) * over, to = -(walker->o - pad) * over;
     const float8 near = larger(larger(fma(planes[x], over.x, from.x), fma(planes[2 + y], over.y, from.y)),
                                larger(fma(planes[4 + z], over.z, from.z), 0.0f));
@@ -189,7 +319,7 @@ static void add_children(const Tree tree, const int number, const Walker *walker
     const int base = stack->top;
     for (; bits; bits &= bits - 1) {
         const int i = 31 - (int)clz(bits & -bits);
-        fetch_child(tree, child[i]);
+        fetch_child(scene, child[i]);
         const ulong entry = (ulong)(uint)enter[i] << 32 | (uint)child[i];
         int k = stack->top++;
         for (; k > base && stack->entry[k - 1] < entry; k--) stack->entry[k] = stack->entry[k - 1];
@@ -232,19 +362,24 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
             if (as_float((int)(entry >> 32)) > walker.reach) continue;
             const int number = (int)entry;
             if (number >= 0) {
-                add_children(tree, number, &walker, reciprocal, &stack);
+                add_children(scene, number, &walker, reciprocal, &stack);
                 continue;
             }
-            const int block = ~number;
+            const int leaf = ~number;
 #else
-        for (int block = 0; block < tree.blocks; block++) {
+#ifdef WITH_PATCHES
+        const int leaves = tree.blocks + scene.patches;
+#else
+        const int leaves = tree.blocks;
+#endif
+        for (int leaf = 0; leaf < leaves; leaf++) {
 #endif
             if (list.count[lane] > CANDIDATES - 8 && !make_room(&walker, &list)) {
                 float all[W];
                 STORE_LANES(decide_all(scene, ray, scale, &list, &met, work), all);
                 walker.reach = fmin(walker.reach, all[lane]);
             }
-            add_block(tree, block, &walker, &list);
+            add_leaf(scene, leaf, &walker, &list);
         }
     }
     decide_all(scene, ray, scale, &list, &met, work);

@@ -1,39 +1,40 @@
-"""A tree of boxes over spheres, for rays that start anywhere: mirrored and refracted ones.
+"""A tree of boxes over spheres and triangles, for rays that start anywhere: mirrored and refracted ones.
 
-A node has up to eight children, which are nodes or blocks of up to eight spheres (Wald, Benthin and Boulos 2008). The
-spheres are put into an order; each eight of them are a block, and each eight neighbours on one level are a node of the
-next one. So all nodes of a level are made at once, all but the last one of a level are full, and no tree is deeper than
-its number of spheres asks for, wherever they are.
+A node has up to eight children, which are nodes, blocks of up to eight spheres or patches of up to eight triangles
+(Wald, Benthin and Boulos 2008). The shapes of a kind are put into an order; each eight of them are a leaf, and each
+eight neighbours on one level are a node of the next one. So all nodes of a level are made at once, all but the last one
+of a level are full, and no tree is deeper than its number of shapes asks for, wherever they are.
 
-The order comes from halving a set of spheres again and again: across the longest side of the box of their centres, and
-in small sets across the axis that gives the smallest boxes. Spheres that are large beside the distance of most others
-are in trees of their own, which the root joins.
+The order comes from halving a set of shapes again and again: across the longest side of the box of their middles, and
+in small sets across the axis that gives the smallest boxes. Shapes that are large beside the distance of most others
+are in trees of their own, and so are the two kinds. The root joins all trees.
 
-The root is on level 1. With n spheres, the nodes just above the blocks are on level ceil(log8(n / 8)), 1 at least, or
-on the next one if the root joins several trees. A walk that goes on with one child of a node, and keeps the others for
-later, has up to 7 of them for each level: 63 for 2^26 spheres, and as many for 2^27.
+The root is on level 1. With n shapes, the nodes just above the leaves are on level ceil(log8(n / 8)), 1 at least, or on
+the next one if the root joins several trees. A walk that goes on with one child of a node, and keeps the others for
+later, has up to 7 of them for each level: 63 for 2^26 shapes, and as many for 2^27.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import dtype_of
+from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.exact import Array, blockwise, concurrently
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 
-# Children of a node, and spheres of a block.
+# Children of a node, spheres of a block and triangles of a patch.
 WIDTH = 8
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
-# Both are the same in all precisions.
-NODE, BLOCK = dtype_of("Node", "accurate"), dtype_of("Block", "accurate")
+# They are the same in all precisions.
+NODE, BLOCK, PATCH = (dtype_of(name, "accurate") for name in ("Node", "Block", "Patch"))
 
 # A set of one of these sizes is a row of an array, and all of them are halved together. The sizes are those of nodes
 # with nothing missing below them.
@@ -43,67 +44,149 @@ NETWORK = 256
 # Sets of up to so many spheres are halved across the best axis. A ray then looks at 1 to 3 % fewer nodes and blocks,
 # and a tree takes 7 % longer to build. With sets of 64, it would be 1 % fewer again, and 20 % longer.
 SMALL = 2 * WIDTH
-# Spheres at a time, such that their keys stay in a processor's cache.
+# Shapes at a time, such that their keys stay in a processor's cache.
 CHUNK = 2**15
 # Bins of a histogram along an axis.
 BINS = 4096
+# What add_patch() of kernels/find/tree.cl is off by, for edges of lengths that add up to 1.
+SLACK = CONSTANTS["EDGE_ROUNDINGS"] * 2.0**-24
+
+
+class Balls(NamedTuple):
+    """Surfaces that each lie between two spheres; for a sphere both are itself. All lengths are of a size about 1.
+
+    center: (n, 3), outer and inner: (n,), float64; widen: what is added to the outer radii and taken off the inner
+    ones, for the rounding of whoever reads the blocks; member: (k,), indices of those to be entered, in any order; None
+    for all.
+    """
+
+    center: Array
+    outer: Array
+    inner: Array
+    widen: float
+    member: Ints | None = None
+
+
+class Triangles(NamedTuple):
+    """vertex: (v, 3) float64, of a size about 1; face: (m, 3), indices of three vertices each.
+
+    first: the index of the first triangle as a primitive; those of the others follow.
+    """
+
+    vertex: Array
+    face: Ints
+    first: int
 
 
 @dataclass(frozen=True)
 class Tree:
-    """Boxes over n spheres, as records of abi's `Node` and `Block`.
+    """Boxes over spheres and triangles, as records of abi's `Node`, `Block` and `Patch`.
 
     node: the root is the first one. A node has the boxes of its children, (8,) each, rounded outwards, and `child`: the
-    index of a node, or ~ that of a block. Where a child is missing, the low sides are infinity, the high ones -infinity
-    and `child` is 0. block: centres, rounded, outer and inner radii, rounded up and down and made wider by what the
-    tree was built with, and the spheres' indices; a slot that is empty has the outer radius -1 and the index -1.
+    index of a node, or ~ that of a leaf. Leaves are the blocks, then the patches. Where a child is missing, the low
+    sides are infinity, the high ones -infinity and `child` is 0. block: centres, rounded, outer and inner radii,
+    rounded up and down and made wider by what the tree was built with, and the spheres' indices; a slot that is empty
+    has the outer radius -1 and the index -1. patch: corners and edges, rounded, what the kernel's test of them is off
+    by, and the triangles' indices as primitives; a slot that is empty has the slack -1 and the index -1. No triangle of
+    which two corners are the same is in any.
     """
 
     node: NDArray[np.void]
     block: NDArray[np.void]
+    patch: NDArray[np.void]
 
 
-def build_tree(center: Array, outer: Array, inner: Array, widen: float, member: Ints | None = None) -> Tree:
-    """The tree over surfaces that each lie between two spheres.
+class _Leaves(NamedTuple):
+    """Blocks or patches, their boxes (3, 2, k), and how many are in each tree, the largest tree first."""
 
-    center: (n, 3), outer and inner: (n,), float64, all of a size about 1 at most; for a sphere both are its radius.
-    widen: what is added to the outer radii and taken off the inner ones, for the rounding of whoever reads the blocks.
-    member: (m,), indices of those to be entered; None for all. They may be in any order.
-    """
-    n = len(center) if member is None else len(member)
+    record: NDArray[np.void]
+    boxes: Floats
+    counts: list[int]
+
+
+def build_tree(balls: Balls, triangles: Triangles | None = None) -> Tree:
+    """The tree over surfaces and triangles."""
+    both = triangles is not None and len(triangles.face) > 0 and len(balls.center) > 0
+    trees = WIDTH // 2 if both else WIDTH
+    blocks, patches = _blocks_of(balls, trees), _patches_of(triangles, trees)
+    nodes, first = [], 0
+    for leaves in (blocks, patches):
+        for start, count in zip(accumulate(leaves.counts, initial=0), leaves.counts, strict=False):
+            nodes.append(_nodes(leaves.boxes[:, :, start : start + count], first + start))
+        first += len(leaves.record)
+    nodes.sort(key=len, reverse=True)
+    return Tree(_joined(nodes or [_nodes(np.zeros((3, 2, 0), np.float32), 0)]), blocks.record, patches.record)
+
+
+def _blocks_of(balls: Balls, trees: int) -> _Leaves:
+    """The blocks of all members, in so many trees at most."""
+    n = len(balls.center) if balls.member is None else len(balls.member)
     keys = np.empty((4, n), np.float32)
 
     def round_keys(rows: slice) -> None:
-        which = rows if member is None else member[rows]
-        keys[:3, rows], keys[3, rows] = center[which].T, 2 * outer[which]
+        which = rows if balls.member is None else balls.member[rows]
+        keys[:3, rows], keys[3, rows] = balls.center[which].T, 2 * balls.outer[which]
 
     blockwise(n, round_keys)
-    orders = [part.take(_order(keys[:3].take(part, axis=1))) for part in _size_classes(keys)]
-    index = np.concatenate([np.pad(order, (0, -len(order) % WIDTH), constant_values=-1) for order in orders])
+    index, counts = _leaf_order(keys, trees)
+    if balls.member is not None:
+        index = np.where(index < 0, -1, np.append(balls.member, -1).take(index)).astype(np.int32)
+    return _Leaves(*_blocks(balls, index), counts)
+
+
+def _patches_of(triangles: Triangles | None, trees: int) -> _Leaves:
+    """The patches of all triangles with three corners, in so many trees at most."""
+    if triangles is None:
+        return _Leaves(np.empty(0, PATCH), np.empty((3, 2, 0), np.float32), [])
+    columns = np.ascontiguousarray(triangles.vertex.T)
+    n = len(triangles.face)
+    boxes, keys, flat = np.empty((3, 2, n), np.float32), np.empty((4, n), np.float32), np.zeros(n, bool)
+
+    def enclose(rows: slice) -> None:
+        a, b, c = (np.ascontiguousarray(corner) for corner in triangles.face[rows].T)
+        same = [np.ones(len(a), bool) for _ in range(3)]
+        for j, column in enumerate(columns):
+            x, y, z = column.take(a), column.take(b), column.take(c)
+            boxes[j, 0, rows] = -_above(-np.minimum(np.minimum(x, y), z))
+            boxes[j, 1, rows] = _above(np.maximum(np.maximum(x, y), z))
+            for equal, (p, q) in zip(same, ((x, y), (y, z), (z, x)), strict=True):
+                equal &= p == q
+        flat[rows] = same[0] | same[1] | same[2]
+        low, high = boxes[:, 0, rows], boxes[:, 1, rows]
+        keys[:3, rows], keys[3, rows] = (low + high) / 2, (high - low).max(axis=0)
+
+    blockwise(n, enclose, CHUNK)
+    member = np.flatnonzero(~flat).astype(np.int32) if flat.any() else None
     if member is not None:
-        index = np.where(index < 0, -1, np.append(member, -1).take(index)).astype(np.int32)
-    block, boxes = _blocks(center, outer, inner, widen, index)
-    first, trees = 0, []
-    for order in orders:
-        count = -(-len(order) // WIDTH)
-        trees.append(_nodes(boxes[:, :, first : first + count], first))
-        first += count
-    return Tree(_joined(trees), block)
+        boxes, keys = boxes.take(member, axis=2), keys.take(member, axis=1)
+    index, counts = _leaf_order(keys, trees)
+    return _Leaves(*_patches(columns, triangles, boxes, index, member), counts)
 
 
-def _size_classes(keys: Floats) -> list[Ints]:
-    """Which spheres get trees of their own: sets of indices, eight at most, the one with most of them first.
+def _leaf_order(keys: Floats, trees: int) -> tuple[Ints, list[int]]:
+    """Which shapes are in which leaf: (8 k,), -1 where a slot is empty; and how many leaves are in each tree.
 
-    Among many small spheres, a large one would make all boxes above it large, too, from its block up. keys: (4, n),
-    coordinates and diameter.
+    keys: (4, n), the coordinates of the middles, and the sizes.
+    """
+    orders = [part.take(_order(keys[:3].take(part, axis=1))) for part in _size_classes(keys, trees) if len(part)]
+    filled = [np.pad(order, (0, -len(order) % WIDTH), constant_values=-1) for order in orders]
+    index = np.concatenate(filled) if filled else np.zeros(0, np.int32)
+    return index, [len(part) // WIDTH for part in filled]
+
+
+def _size_classes(keys: Floats, most: int) -> list[Ints]:
+    """Which shapes get trees of their own: sets of indices, `most` at most, the one with most of them first.
+
+    Among many small ones, a large one would make all boxes above it large, too, from its leaf up. keys: (4, n),
+    coordinates and sizes.
     """
     classes: list[Ints] = []
     sets = [np.arange(keys.shape[1], dtype=np.int32)]
     while sets:
         part = sets.pop()
         few = keys if len(part) == keys.shape[1] else keys.take(part, axis=1)
-        if len(part) > WIDTH and len(classes) + len(sets) < WIDTH - 1:
-            # About the side of the box of a block's centres, where those are all over a cube.
+        if len(part) > WIDTH and len(classes) + len(sets) < most - 1:
+            # About the side of the box of a leaf's middles, where those are all over a cube.
             side = max(float(np.ptp(key)) for key in few[:3]) * (WIDTH / len(part)) ** (1 / 3)
             large = few[3] > 2 * side
             if 0 < np.count_nonzero(large) <= len(part) // 2:
@@ -114,7 +197,7 @@ def _size_classes(keys: Floats) -> list[Ints]:
 
 
 def _order(keys: Floats) -> Ints:
-    """The order (n,) of spheres, by their coordinates (3, n), which are put into it, too."""
+    """The order (n,) of shapes, by their coordinates (3, n), which are put into it, too."""
     n = keys.shape[1]
     order = np.arange(n, dtype=np.int32)
     rows: dict[int, list[int]] = {}
@@ -139,7 +222,7 @@ def _order(keys: Floats) -> Ints:
 
 
 def _halve(keys: Floats, order: Ints, start: int, count: int) -> list[tuple[int, int]]:
-    """Puts a set of spheres into an order of two halves, and returns where these are, as (start, count) each.
+    """Puts a set of shapes into an order of two halves, and returns where these are, as (start, count) each.
 
     The first one is as much as full nodes of the next level hold.
     """
@@ -175,7 +258,7 @@ def _bins(size: Floats | np.float32, count: int) -> Floats:
 
 
 def _sorted_rows(keys: Floats, order: Ints) -> Ints:
-    """Each row of spheres in the order of blocks. keys: (3, rows, size), coordinates; order: (rows, size)."""
+    """Each row of shapes in the order of leaves. keys: (3, rows, size), coordinates; order: (rows, size)."""
     shape = order.shape
     width = shape[1]
     keys, order = keys.reshape(3, -1), order.ravel()
@@ -232,11 +315,11 @@ def _best_halves(keys: Floats, low: Floats, scale: Floats, width: int) -> Ints:
     return chosen
 
 
-def _blocks(center: Array, outer: Array, inner: Array, widen: float, index: Ints) -> tuple[NDArray[np.void], Floats]:
-    """The blocks, and their boxes: (3, 2, m), low and high sides. index: (8 m,), the spheres in them, -1 for none."""
+def _blocks(balls: Balls, index: Ints) -> tuple[NDArray[np.void], Floats]:
+    """The blocks, and their boxes: (3, 2, k), low and high sides. index: (8 k,), the spheres in them, -1 for none."""
     blocks = len(index) // WIDTH
     block, boxes = np.empty(blocks, BLOCK), np.empty((3, 2, blocks), np.float32)
-    coordinate = np.ascontiguousarray(center).ravel()
+    coordinate = np.ascontiguousarray(balls.center).ravel()
 
     def fill(rows: slice) -> None:
         part, spheres = block[rows], index.reshape(-1, WIDTH)[rows]
@@ -244,9 +327,9 @@ def _blocks(center: Array, outer: Array, inner: Array, widen: float, index: Ints
         # Empty slots repeat the first sphere, which changes no box. The slots are the first axis from here on: numpy is
         # quick at minima along that one.
         which = np.ascontiguousarray(np.where(spheres < 0, spheres[:, :1], spheres).T)
-        r = outer.take(which)
-        part["outer"] = np.where(spheres.T < 0, np.float32(-1), _above(r + widen)).T
-        part["inner"] = np.maximum(-_above(widen - inner.take(which)), 0).T
+        r = balls.outer.take(which)
+        part["outer"] = np.where(spheres.T < 0, np.float32(-1), _above(r + balls.widen)).T
+        part["inner"] = np.maximum(-_above(balls.widen - balls.inner.take(which)), 0).T
         for j, name in enumerate("xyz"):
             x = coordinate.take(3 * which + j)
             part[name] = x.T
@@ -258,6 +341,42 @@ def _blocks(center: Array, outer: Array, inner: Array, widen: float, index: Ints
     return block, boxes
 
 
+def _patches(
+    columns: Array, triangles: Triangles, boxes: Floats, index: Ints, member: Ints | None
+) -> tuple[NDArray[np.void], Floats]:
+    """The patches, and their boxes: (3, 2, k).
+
+    columns: (3, v), the vertices; boxes: (3, 2, n), of those triangles that are entered; index: (8 k,), which of these
+    are in the patches, -1 for none; member: (n,), which triangles they are, None: all.
+    """
+    patches = len(index) // WIDTH
+    patch, around = np.empty(patches, PATCH), np.empty((3, 2, patches), np.float32)
+
+    def fill(rows: slice) -> None:
+        part, slots = patch[rows], index.reshape(-1, WIDTH)[rows]
+        # As in _blocks().
+        which = np.ascontiguousarray(np.where(slots < 0, slots[:, :1], slots).T)
+        around[:, 0, rows] = boxes[:, 0].take(which, axis=1).min(axis=1)
+        around[:, 1, rows] = boxes[:, 1].take(which, axis=1).max(axis=1)
+        triangle = which if member is None else member.take(which)
+        a, b, c = (np.ascontiguousarray(triangles.face[:, k]).take(triangle) for k in range(3))
+        ee, ff = np.zeros(which.shape), np.zeros(which.shape)
+        for name, column in zip("xyz", columns, strict=True):
+            start = column.take(a)
+            e, f = column.take(b) - start, column.take(c) - start
+            ee += e * e
+            ff += f * f
+            part[f"a{name}"], part[f"e{name}"], part[f"f{name}"] = start.T, e.T, f.T
+        slack = _above(SLACK * (np.sqrt(ee) + np.sqrt(ff)) + 2.0**-100)
+        empty = slots < 0
+        part["slack"] = np.where(empty, np.float32(-1), slack.T)
+        part["index"] = np.where(empty, -1, triangle.T + triangles.first)
+
+    if patches:
+        blockwise(patches, fill, CHUNK // WIDTH)
+    return patch, around
+
+
 def _above(x: Array) -> Floats:
     """float32 numbers >= x, and >= what x was before one operation rounded it to double. They are 2 ulp more at most.
 
@@ -267,7 +386,7 @@ def _above(x: Array) -> Floats:
 
 
 def _nodes(boxes: Floats, first: int) -> NDArray[np.void]:
-    """The nodes over blocks, from the root down. boxes: (3, 2, m), of the blocks; first: the index of the first block.
+    """The nodes over leaves, from the root down. boxes: (3, 2, m), of the leaves; first: the index of the first leaf.
 
     Indices of nodes count from the root.
     """
