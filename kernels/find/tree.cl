@@ -54,45 +54,19 @@ typedef struct {
     REAL_MASK inside; /* whether the ray comes from the inside of what it meets */
 } Met;
 
-#if REAL_BYTES == 8
-/* Where the lanes' rays meet a sphere or a triangle, in pairs. */
-static FineEncounter finely_met(const Scene scene, const Leaving ray, const INT index) {
-#ifdef ONLY_TRIANGLES
-    return triangle_fine_from(scene, ray, index);
-#else
-#ifdef WITH_TRIANGLES
-    const MASK flat = index >= scene.count;
-    if (ANY(flat)) {
-        const FineEncounter triangle = triangle_fine_from(scene, ray, flat ? index : (INT)-1);
-        const INT round = flat ? (INT)-1 : index;
-        FineEncounter at = fine_encounter(scene.spheres, ray, balls_of(scene.spheres, round), round);
-        const REAL_MASK here = TO_REAL_MASK(flat);
-        PUT_WHERE(here, at.t.hi, triangle.t.hi);
-        PUT_WHERE(here, at.t.lo, triangle.t.lo);
-        PUT_WHERE(here, at.error, triangle.error);
-        PUT_WHERE(here, at.inside, triangle.inside);
-        return at;
-    }
-#endif
-    return fine_encounter(scene.spheres, ray, balls_of(scene.spheres, index), index);
-#endif
-}
-#endif
-
 /* Which lanes' rays meet a shape, at t, before what they have met so far. As closer(). */
 static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT index, const REAL t, const Met met) {
     const REAL_MASK nearer = t < met.t;
     const REAL_MASK close = too_close(t, met.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
 #ifdef WITH_TRIANGLES
-    REAL_MASK first = TO_REAL_MASK(comes_before(scene, index, met.id));
+    const REAL_MASK first = comes_first_of(scene, ray, index, met.id);
 #else
     REAL_MASK first = TO_REAL_MASK(ids_of(scene, index) < ids_of(scene, met.id));
-#endif
 #if REAL_BYTES == 8
-    const FineEncounter a = finely_met(scene, ray, index), b = finely_met(scene, ray, met.id);
-    const REAL gap = (a.t.hi - b.t.hi) + (a.t.lo - b.t.lo), error = a.error + b.error;
-    first = (gap < -error) | (!(gap > error) & first);
+    const Ball ball = balls_of(scene.spheres, index), other = balls_of(scene.spheres, met.id);
+    first = comes_first_from(scene.spheres, ray, ball, index, other, met.id, first);
+#endif
 #endif
     return close ? first : nearer;
 }
@@ -105,7 +79,7 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     const Encounter at = triangle_meet_from(scene, ray, index, TO_REAL_MASK(wanted));
 #else
 #ifdef WITH_TRIANGLES
-    const MASK flat = index >= scene.count;
+    const MASK flat = index >= scene.spheres.first;
     const INT round = flat ? (INT)-1 : index;
 #else
     const INT round = index;
