@@ -79,7 +79,8 @@ class Material:
         values: dict[str, Any] = {"color": vector("material.color", color, NOT_NEGATIVE)}
         check_not_bytes("material.color", values["color"], reflected=True)
         for name, value in given.items():
-            values[name] = float(checked(f"material.{name}", NOT_NEGATIVE, value, ()))
+            source = "kd" if name == "ka" and ka is None else name
+            values[name] = float(checked(f"material.{source}", NOT_NEGATIVE, value, ()))
         number = checked("material.index", ANY, index, ())
         check_index("material.index", number, np.array(values["transmittance"]))
         values |= {"index": float(number), "texture": None if texture is None else texels("material.texture", texture)}
@@ -106,13 +107,15 @@ def texels(name: str, image: Any) -> Texture:
     if isinstance(mode, str) and mode not in ("L", "RGB", "RGBA") and not mode.startswith("I;16"):
         raise ValueError(f"{name}: must have the mode L, RGB, RGBA or I;16, got {mode}; convert('RGB') makes it one")
     array = np.asarray(image)
-    if array.dtype not in (np.uint8, np.uint16) or isinstance(array, np.ma.MaskedArray):
+    # Of either order of bytes: 16-bit images come in both.
+    if array.dtype.newbyteorder("=") not in (np.uint8, np.uint16) or isinstance(image, np.ma.MaskedArray):
         raise ValueError(f"{name}: must be an array of uint8 or uint16, got {described(image)}")
     if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)):
         raise ValueError(f"{name}: must have shape (h, w, 3), (h, w, 4) or (h, w), got {array.shape}")
     if not 0 < array.shape[0] * array.shape[1] <= MAX_TEXELS:
         raise ValueError(f"{name}: must have 1 to {MAX_TEXELS} pixels, got {array.shape[0]} x {array.shape[1]}")
-    if array.flags.writeable or array.base is not None or array.shape[2:] != (3,) or not array.flags.c_contiguous:
+    own = array.base is None and not array.flags.writeable and array.flags.c_contiguous and array.dtype.isnative
+    if not own or array.shape[2:] != (3,):
         rgb = np.empty((*array.shape[:2], 3), array.dtype.newbyteorder("="))
         rgb[:] = array[:, :, None] if array.ndim == 2 else array[:, :, :3]
         array = rgb

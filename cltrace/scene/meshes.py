@@ -294,8 +294,11 @@ def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
 def _triangles(blocks: Iterable[Any]) -> NDArray[np.int64]:
     """The triangles of meshio's blocks of cells, (f, 3), in their order."""
     fans = []
-    for block in blocks:
-        kind, data = block if isinstance(block, tuple) else (block.type, block.data)
+    try:
+        pairs = [block if isinstance(block, tuple) else (block.type, block.data) for block in blocks]
+    except (AttributeError, TypeError):
+        raise TypeError(f"mesh.cells: must be a list of blocks with type and data, got {described(blocks)}") from None
+    for kind, data in pairs:
         if kind in ("triangle", "quad") or kind.startswith("polygon"):
             corners = np.asarray(data)
             if corners.ndim != 2 or corners.shape[1] < 3:

@@ -1,0 +1,216 @@
+"""What users hand to Mesh and Material: arrays of every kind and layout, other libraries' objects, and mistakes."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from types import SimpleNamespace as Thing
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from cltrace import Camera, Material, Mesh, Scene
+
+V = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+F = [(0, 1, 2), (0, 2, 3)]
+
+
+def same(mesh: Mesh, vertices: object = V, faces: object = F) -> None:
+    shape = mesh.geometry
+    assert (shape.vertices.dtype, shape.faces.dtype) == (np.float64, np.int32)
+    assert np.array_equal(shape.vertices, vertices)
+    assert np.array_equal(shape.faces, faces)
+
+
+@pytest.mark.parametrize("dtype", ["f2", "<f4", ">f4", "<f8", ">f8", "g", "i1", "u2", ">i8"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_vertices_of_every_type(dtype: str, order: Any) -> None:
+    same(Mesh(np.array(V, dtype, order=order), F))
+
+
+@pytest.mark.parametrize("dtype", ["i1", "u1", "<i2", ">u2", "<i4", ">i4", "<u4", "i8", ">u8", "f4", ">f8"])
+def test_faces_of_every_type(dtype: str) -> None:
+    same(Mesh(V, np.array(F, dtype)))
+    same(Mesh(V, np.array(F, dtype)[::-1, ::-1][::-1, ::-1]))
+
+
+def test_views_of_larger_arrays() -> None:
+    wide = np.full((8, 5), np.nan)
+    wide[::2, 1:4] = V
+    same(Mesh(wide[::2, 1:4], np.array(F)))
+    columns = np.array([(v, 9) for v in range(2)], [("f", "i4"), ("x", "i4")])
+    assert len(Mesh(np.broadcast_to(0.5, (3, 3)), np.stack([columns["f"]] * 3, 1)).geometry.faces) == 2
+    frozen = np.array(V)
+    frozen.flags.writeable = False
+    same(Mesh(frozen, F))
+
+
+def test_what_is_given_is_copied() -> None:
+    vertices, faces, normals, uv = np.array(V), np.array(F, np.int32), np.ones((4, 3)), np.zeros((4, 2))
+    texture, matrix = np.zeros((2, 2, 3), np.uint8), np.eye(4)
+    mesh = Mesh(vertices, faces, normals, uv, Material(texture=texture), matrix)
+    for array in (vertices, faces, normals, uv, texture, matrix):
+        assert array.flags.writeable
+        array[:] = 3
+    scene = Scene.from_meshes(Camera(), [], mesh)
+    same(mesh)
+    assert np.array_equal(scene.meshes[0].vertices, V)
+    assert np.array_equal(scene.meshes[0].geometry.normals, np.ones((4, 3)))
+    assert not scene.textures[0].any()
+    shape = scene.meshes[0].geometry
+    for array in (shape.vertices, shape.faces, shape.normals, shape.uv, scene.textures[0], scene.meshes[0].vertices):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
+
+
+def test_meshes_share_what_they_are_made_of() -> None:
+    texture = np.zeros((2, 2, 3), np.uint8)
+    one = Mesh(V, F, material=Material(texture=texture))
+    two = Mesh.of(one, material=one.material, transform=np.diag([2, 2, 2]))
+    scene = Scene.from_meshes(Camera(), [], [one, one, two])
+    for made in (scene, pickle.loads(pickle.dumps(scene))):
+        assert len({id(mesh.geometry) for mesh in made.meshes}) == 1
+        assert len(made.textures) == 1
+        assert len(made.materials) == 1
+        assert [mesh.number for mesh in made.meshes] == [0, 1, 2]
+        assert np.array_equal(made.meshes[2].vertices, 2 * np.array(V))
+
+
+def test_objects_of_other_libraries() -> None:
+    class Tracked(np.ndarray):
+        """As trimesh has them."""
+
+    faces = np.array(F)
+    quads = np.array([[0, 1, 2, 3]])
+    same(Mesh.of(Thing(vertices=np.array(V).view(Tracked), faces=faces.view(Tracked))))
+    block = Thing(type="triangle", data=faces)
+    line = Thing(type="line", data=np.array([[0, 1]]))
+    same(Mesh.of(Thing(points=np.array(V), cells=[line, block])))
+    same(Mesh.of(Thing(points=np.array(V), cells=[("triangle", faces)])))
+    both = Mesh.of(Thing(points=np.array(V), cells=[block, Thing(type="quad", data=quads)]))
+    same(both, V, [*F, (0, 1, 2), (0, 2, 3)])
+    same(Mesh.of(Thing(points=np.array(V), cells=[Thing(type="polygon", data=quads)])), V, [(0, 1, 2), (0, 2, 3)])
+
+
+MISTAKES: list[tuple[Callable[[], object], type[Exception], str]] = [
+    (lambda: Mesh(V, [(0, 1, 1.5)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, np.nan)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, np.inf)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, -1)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(1, 2, 3), (2, 3, 4)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, 2**70)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, np.array([[0, 1, 2**63]], np.uint64)), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, np.array([[0, 1, 2**32]])), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, 2, 3)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [0, 1, 2]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, [(0, 1, 2), (0, 1)]), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, np.ones((1, 3), bool)), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, "012"), ValueError, "mesh.faces"),
+    (lambda: Mesh(V, None), ValueError, "mesh.faces"),  # type: ignore[arg-type]
+    (lambda: Mesh([], F), ValueError, "mesh.faces"),
+    (lambda: Mesh([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]), ValueError, "mesh.vertices"),
+    (lambda: Mesh(np.ones((4, 4)), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh(np.ones((4, 3, 1)), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh([*V, (np.nan, 0, 0)], F), ValueError, "mesh.vertices[4][0]"),
+    (lambda: Mesh([*V, (0, np.inf, 0)], F), ValueError, "mesh.vertices[4][1]"),
+    (lambda: Mesh([*V, (0, 0, 1e39)], F), ValueError, "mesh.vertices[4][2]"),
+    (lambda: Mesh(np.array(V, complex), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh(np.array(V).astype(object), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh(np.array(V).astype(str), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh(np.ma.masked_array(np.array(V)), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh((v for v in V), F), ValueError, "mesh.vertices"),  # type: ignore[arg-type]
+    (lambda: Mesh(np.zeros(4, [("x", "f8"), ("y", "f8"), ("z", "f8")]), F), ValueError, "mesh.vertices"),
+    (lambda: Mesh(V, F, normals=[(0, 0, 1)]), ValueError, "mesh.normals"),
+    (lambda: Mesh(V, F, normals=np.ones((2, 3))), ValueError, "mesh.normals"),
+    (lambda: Mesh(V, F, normals=np.ones((4, 2))), ValueError, "mesh.normals"),
+    (lambda: Mesh(V, F, normals=np.full((4, 3), np.nan)), ValueError, "mesh.normals"),
+    (lambda: Mesh(V, F, uv=np.zeros((4, 3))), ValueError, "mesh.uv"),
+    (lambda: Mesh(V, F, uv=np.full((4, 2), np.inf)), ValueError, "mesh.uv"),
+    (lambda: Mesh(V, F, material="red"), TypeError, "mesh.material"),  # type: ignore[arg-type]
+    (lambda: Mesh(V, F, material=Material), TypeError, "mesh.material"),  # type: ignore[arg-type]
+    (lambda: Mesh(V, F, transform=np.eye(2)), ValueError, "mesh.transform"),
+    (lambda: Mesh(V, F, transform=np.diag([1, 1, 0])), ValueError, "mesh.transform"),
+    (lambda: Mesh(V, F, transform=np.eye(4).T + np.eye(4, k=-3)), ValueError, "mesh.transform"),
+    (lambda: Mesh(V, F, transform=np.full((3, 3), np.nan)), ValueError, "mesh.transform"),
+    (lambda: Mesh(2 * np.array(V), F, transform=3e38 * np.eye(3)), ValueError, "mesh.transform"),
+    (lambda: Mesh.of(None), TypeError, "mesh"),
+    (lambda: Mesh.of("room.obj"), TypeError, "mesh"),
+    (lambda: Mesh.of((V, F)), TypeError, "mesh"),
+    (lambda: Mesh.of({"vertices": V, "faces": F}), TypeError, "mesh"),
+    (lambda: Mesh.of(Thing(points=V, cells=[("tetra", [(0, 1, 2, 3)])])), ValueError, "mesh.cells"),
+    (lambda: Mesh.of(Thing(points=V, cells={"triangle": np.array(F)})), TypeError, "mesh.cells"),
+    (lambda: Mesh.of(Thing(points=V, cells=np.array([3, 0, 1, 2]))), TypeError, "mesh.cells"),
+    (lambda: Mesh.of(Thing(points=V, cells=None)), TypeError, "mesh.cells"),
+    (lambda: Scene.from_meshes(Camera(), [], [V, F]), TypeError, "meshes[0]"),  # type: ignore[list-item]
+    (lambda: Scene.from_meshes(Camera(), [], None), TypeError, "meshes"),  # type: ignore[arg-type]
+    (lambda: Scene.from_meshes(Camera(), [], {"a": Mesh(V, F)}), TypeError, "meshes[0]"),  # type: ignore[arg-type]
+    (lambda: Scene.from_meshes([], [], Mesh(V, F)), TypeError, "camera"),  # type: ignore[arg-type]
+    (lambda: Scene.from_meshes(Camera(), Mesh(V, F), []), TypeError, "lights"),  # type: ignore[arg-type]
+    (lambda: Scene.from_spheres(Camera(), [], [], 1, meshes=[3]), TypeError, "meshes[0]"),  # type: ignore[list-item]
+    (lambda: Material(color=(255, 0, 0)), ValueError, "material.color"),
+    (lambda: Material(color="red"), ValueError, "material.color"),
+    (lambda: Material(color=(-1, 0, 0)), ValueError, "material.color[0]"),
+    (lambda: Material(ka=-1), ValueError, "material.ka"),
+    (lambda: Material(kd=-1), ValueError, "material.kd"),
+    (lambda: Material(kd=[1, 2]), ValueError, "material.kd"),  # type: ignore[arg-type]
+    (lambda: Material(ks=np.nan), ValueError, "material.ks"),
+    (lambda: Material(reflectance="much"), ValueError, "material.reflectance"),  # type: ignore[arg-type]
+    (lambda: Material(transmittance=0.5, index=0), ValueError, "material.index"),
+    (lambda: Material(texture="wall.png"), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((4, 4, 3))), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((4, 4), bool)), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((4, 4, 2), np.uint8)), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((3, 64, 64), np.uint8)), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((0, 4, 3), np.uint8)), ValueError, "material.texture"),
+    (lambda: Material(texture=np.zeros((4, 4, 3), np.int8)), ValueError, "material.texture"),
+    (lambda: Material(texture=np.ma.zeros((4, 4, 3), np.uint8)), ValueError, "material.texture"),
+]
+
+
+@pytest.mark.parametrize("number", range(len(MISTAKES)))
+def test_mistakes_are_named(number: int) -> None:
+    """The message begins with the argument, is one line, and fits a terminal's few."""
+    attempt, kind, name = MISTAKES[number]
+    with pytest.raises(kind) as caught:
+        attempt()
+    assert type(caught.value) is kind
+    assert str(caught.value).startswith((f"{name}:", f"{name}["))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 250
+
+
+def test_nothing_is_a_mesh_too() -> None:
+    for vertices, faces in (([], []), (V, []), (np.zeros((0, 3)), np.zeros((0, 3), int)), ([], np.zeros((0, 3)))):
+        scene = Scene.from_meshes(Camera(), [], Mesh(vertices, faces))
+        assert len(scene.meshes) == 1
+        assert len(scene.meshes[0].geometry.faces) == 0
+    assert len(Scene.from_meshes(Camera(), [], []).meshes) == 0
+
+
+def test_textures_of_every_kind() -> None:
+    rng = np.random.default_rng(0)
+    rgba = rng.integers(0, 256, (3, 5, 4), np.uint8)
+    deep = rng.integers(0, 65536, (3, 5, 3), np.uint16)
+
+    def texture(image: object) -> np.ndarray:
+        got = Material(texture=image).texture
+        assert got is not None
+        assert got.shape == (3, 5, 3)
+        assert got.flags.c_contiguous
+        assert not got.flags.writeable
+        return got
+
+    for image in (rgba, rgba[..., :3], np.asfortranarray(rgba), np.flipud(np.flipud(rgba)), Picture.fromarray(rgba)):
+        assert np.array_equal(texture(image), rgba[..., :3])
+    for image in (rgba[..., 1], Picture.fromarray(np.ascontiguousarray(rgba[..., 1]))):
+        assert np.array_equal(texture(image), np.repeat(rgba[..., 1:2], 3, axis=2))
+    for image in (deep, deep.astype(">u2"), deep.astype("<u2")):
+        got = texture(image)
+        assert got.dtype == np.uint16
+        assert got.dtype.isnative
+        assert np.array_equal(got, deep)
+    grey = Picture.fromarray(np.ascontiguousarray(deep[..., 0]))
+    assert grey.mode.startswith("I;16")
+    assert np.array_equal(texture(grey), np.repeat(deep[..., :1], 3, axis=2))
