@@ -17,6 +17,7 @@ from cltrace.reference import (
     EYE,
     Direction,
     Intersection,
+    OnSphere,
     Point,
     Ray,
     ShadowRay,
@@ -212,14 +213,14 @@ def test_shadows_of_a_point_light(
     world = world_of(scene_of((0, 0, -5, 2), *others, lights=(cltrace.point_light(light),)))
     t = world.surfaces[0].intersect(AHEAD)
     assert t == 3
-    at = world.surfaces[0].intersection_at(AHEAD, t, 0)
+    at = world.surfaces[0].intersection_at(AHEAD, t)
     assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
 
 
 def test_shadows_of_a_parallel_light_reach_to_infinity() -> None:
     for z, shadowed in ((1e9, True), (-1e9, False)):
         world = world_of(scene_of((0, 0, -5, 2), (0, 0, z, 1), lights=(cltrace.parallel_light((0, 0, -1)),)))
-        at = world.surfaces[0].intersection_at(AHEAD, 3, 0)
+        at = world.surfaces[0].intersection_at(AHEAD, 3)
         assert cast_shadow_ray(world, at, world.lights[0]) is shadowed
 
 
@@ -311,7 +312,7 @@ def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: in
         n = rng.normal(size=3)
         side = np.cross(n, rng.normal(size=3))
         side /= np.linalg.norm(side)
-        start = Start(ball, Direction(*(n / np.linalg.norm(n))))
+        start = OnSphere(ball, Direction(*(n / np.linalg.norm(n))))
         d = Direction(*(-n / np.linalg.norm(n) + side * rng.uniform(0.9, 1.1) * rng.choice([1, 1e9])))
         at = closest_hit(world, Ray(start, d))
         index, t = oracle.closest_from(
@@ -346,7 +347,7 @@ def test_rays_from_a_sphere_are_those_of_the_oracle(turned: bool) -> None:
         own = world.surfaces[i]
         assert isinstance(own, Sphere)
         n = Direction(*rng.normal(size=3))
-        start = Start(own, n if k % 2 else n.normalized())
+        start = OnSphere(own, n if k % 2 else n.normalized())
         d = [Direction(*rng.normal(size=3)), n, -n, n.cross(Direction(1, 2, 3))][k % 4]
         t_min, t_max = (0.0, math.inf) if k % 3 else (float(rng.uniform(0, 1)), float(rng.uniform(1, 4)))
         at = closest_hit(world, Ray(start, d, t_min, t_max))
@@ -508,12 +509,12 @@ def test_bounds_of_doubles_hold(bent: bool) -> None:
         assert isinstance(first, Sphere)
         assert isinstance(second, Sphere)
         normal = Direction(*(n if bent else np.array(scene.camera.basis()) @ n).tolist()).normalized()
-        ray = ShadowRay(Start(first, normal), False, world.lights[0])
+        ray = ShadowRay(OnSphere(first, normal), False, world.lights[0])
         said = surely_blocks(second, ray)
         sure[said] += 1
         if said is not None:
             assert said is (ray.line.through(second.ball).first(0.0, 1.0) is not None)
-        along = Ray(Start(first, normal), ray.rough_line.w)
+        along = Ray(OnSphere(first, normal), ray.rough_line.w)
         if surely_misses(second, along):
             assert second.equation(along).exact.first(0.0, math.inf) is None
     assert min(sure.values()) > 20
@@ -791,7 +792,7 @@ def test_doubles_are_sure_of_rays_from_a_sphere_only_where_they_are_right(kind: 
         d = hostile_direction(rng, n, centers[other] - (centers[0] + radii[0] * n), radii[other])
         own = world.surfaces[0]
         assert isinstance(own, Sphere)
-        ray = Ray(Start(own, Direction(*unit(basis @ n).tolist())), Direction(*(basis @ d).tolist()))
+        ray = Ray(OnSphere(own, Direction(*unit(basis @ n).tolist())), Direction(*(basis @ d).tolist()))
         for surface in world.surfaces:
             assert isinstance(surface, Sphere)
             equation = surface.equation(ray)
@@ -897,7 +898,7 @@ def test_shadows_of_ellipsoids(
 ) -> None:
     """All are stretched by 2, 1 and 4 along the axes. The point is (0, 0, -2), on the front of the first one."""
     world = ellipsoids((0, 0, -6, 1), *others, transform=np.diag([2, 1, 4]), lights=(cltrace.point_light(light),))
-    at = world.surfaces[0].intersection_at(AHEAD, 2, 0)
+    at = world.surfaces[0].intersection_at(AHEAD, 2)
     assert at.point == Point(0, 0, -2)
     assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
     # The same seen from a sphere that touches the first ellipsoid there.
@@ -906,7 +907,7 @@ def test_shadows_of_ellipsoids(
     spheres = small.spheres.copy()
     spheres["to_object"][1:] = 0
     world = world_of(dataclasses.replace(small, spheres=spheres, to_object=[maps]))
-    at = world.surfaces[0].intersection_at(AHEAD, 2, 0)
+    at = world.surfaces[0].intersection_at(AHEAD, 2)
     assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
 
 
@@ -959,7 +960,7 @@ def test_doubles_are_sure_of_ellipsoids_only_where_they_are_right(kind: str) -> 
         world, basis, own, other = world_of(scene), np.array(camera.basis()), 3 * (k % 2), int(rng.integers(4))
         q = unit(rng.normal(size=3))
         is_sphere = type(world.surfaces[own]) is Sphere
-        start = Start(world.surfaces[own], Direction(*unit(basis @ q if is_sphere else q).tolist()))
+        start = OnSphere(world.surfaces[own], Direction(*unit(basis @ q if is_sphere else q).tolist()))
         point = centers[own] + radii[own] * shapes[own] @ q
         origin: Start | Point = EYE if k % 4 == 0 else start
         point = position if k % 4 == 0 else point
@@ -979,7 +980,7 @@ def test_doubles_are_sure_of_ellipsoids_only_where_they_are_right(kind: str) -> 
             assert equation.side() == (root.side if root else None)
             if root:
                 assert abs(equation.t(root.side) / float(root.value()) - 1) < 2.0**-24
-                at = surface.intersection_at(ray, equation.t(root.side), 0)
+                at = surface.intersection_at(ray, equation.t(root.side))
                 assert at.start.normal.length() == pytest.approx(1, abs=1e-14)
                 assert at.normal.length() == pytest.approx(1, abs=1e-14)
     assert min(sure[None], sure[0], sure[-1] + sure[1]) > 5
@@ -1012,7 +1013,7 @@ def judged(name: str, seed: int, count: int) -> int:
     rays, world = bounced_regimes.rays_of(scene, count, seed), world_of(scene)
     index, t = bounced.closest_of(rays, bounced.Shapes.of(scene))
     for row in range(count):
-        start = Start(world.surfaces[rays.own[row]], Direction(*rays.normal[row].tolist()))
+        start = OnSphere(world.surfaces[rays.own[row]], Direction(*rays.normal[row].tolist()))
         at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
         assert (at.index if at else -1) == index[row], (name, seed, row)
         assert at is None or abs(at.t / t[row] - 1) < 2.0**-24, (name, seed, row)
@@ -1049,8 +1050,8 @@ def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
             n = in_world(scene, q) if K is None else q
             start = oracle.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
             for light, lamp in zip(np.concatenate(lights), world.lights, strict=True):
-                outward = surface.outward(Direction(*q)).dot(lamp.direction_from(Start(surface, Direction(*q)))) > 0
-                ray = ShadowRay(Start(surface, Direction(*q)), not outward, lamp)
+                outward = surface.outward(Direction(*q)).dot(lamp.direction_from(OnSphere(surface, Direction(*q)))) > 0
+                ray = ShadowRay(OnSphere(surface, Direction(*q)), not outward, lamp)
                 where, kind = (light["direction"], "parallel") if lamp.parallel else (light["position"], "point")
                 blocked = oracle.blocked(start, where, kind, *shapes)
                 assert any(s.blocks(ray) for s in world.surfaces) is blocked

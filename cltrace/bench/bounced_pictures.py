@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.picture.image import Image
-from cltrace.reference import World, primary_ray, world_of
+from cltrace.reference import OnSphere, World, primary_ray, world_of
 from cltrace.reference.surfaces import Ellipsoid, Sphere
 from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
@@ -269,9 +269,9 @@ def _by_reference(world: World, i: int, pixels: NDArray[np.intp], starts: Starts
         t = world.surfaces[i].intersect(ray)
         if t is None:
             raise ValueError(f"pixel {pixels[row]}: its ray does not meet surface {i}")
-        at = world.surfaces[i].intersection_at(ray, t, i)
+        at = world.surfaces[i].intersection_at(ray, t)
         starts.side[row] = at.side
-        for vector, value in ((starts.q, at.start.normal), (starts.normal, at.outward)):
+        for vector, value in ((starts.q, cast(OnSphere, at.start).normal), (starts.normal, at.outward)):
             for x, part in zip(vector, value, strict=True):
                 x[row] = part
 

@@ -8,8 +8,10 @@ Everything happens in camera space, as in the tutorial: the eye is the origin, x
 the files in this order:
 
     vectors.py     Point, Direction and Matrix
-    rays.py        Ray, and Start, the point of a sphere by which a ray leaves it
+    rays.py        Ray, and Start, the point of a surface by which a ray leaves it
     surfaces.py    Surface, Sphere with the tutorial's equation, Ellipsoid, Material, Intersection
+    triangles.py   Mesh, Triangle
+    texture.py     Texture
     lights.py      Light, and ShadowRay, which leads to it
     bounce.py      where a ray goes on from a mirror or through glass: mirrored, refracted
     world.py       World: a scene as these objects
@@ -19,6 +21,7 @@ That is a complete ray tracer. It takes any ray: from any point, over any range 
 rest is the care that makes each decision of it right, hit or miss, which is nearer, lit or shadowed:
 
     equation.py    the equation of ray and sphere in doubles that lose no digits
+    crossing.py    ray and triangle likewise
     doubt.py       which answers doubles can give for certain
     exact.py       all other answers, in exact arithmetic, and what exactly they are about
 
@@ -27,18 +30,19 @@ check.py holds a picture against the reference.
 
 from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
-from cltrace.reference.rays import EYE, Ray, Start
-from cltrace.reference.surfaces import Ellipsoid, Intersection, Material, Sphere, Surface
+from cltrace.reference.rays import EYE, OnSphere, OnTriangle, Ray, Start
+from cltrace.reference.surfaces import Ellipsoid, Intersection, Material, Sphere, Surface, comes_first
+from cltrace.reference.texture import Texture
 from cltrace.reference.trace import (
     byte_of,
     cast_shadow_ray,
     closest_hit,
-    comes_first,
     illuminate,
     local_color,
     primary_ray,
     trace,
 )
+from cltrace.reference.triangles import Mesh, Triangle
 from cltrace.reference.vectors import Color, Direction, Point
 from cltrace.reference.world import World, world_of
 
@@ -50,12 +54,17 @@ __all__ = [
     "Intersection",
     "Light",
     "Material",
+    "Mesh",
+    "OnSphere",
+    "OnTriangle",
     "Point",
     "Ray",
     "ShadowRay",
     "Sphere",
     "Start",
     "Surface",
+    "Texture",
+    "Triangle",
     "World",
     "byte_of",
     "cast_shadow_ray",

@@ -20,7 +20,7 @@ Products.  Let f' and w' be the errors of f and w.
 An ellipsoid sees K B^T f and K B^T w instead: turning them back costs k |f| and 5.2 u |f|, K rounds by 3 u of its size
     (see vectors.Matrix) times |f|, and makes all errors as much larger as that size. There is no skew in its own axes.
 Of a start on an ellipsoid, p = B L q r with |p| <= l r, l being the size of L, is off by 5 u l r in the world, and
-    turning adds as much: l r takes the place of r.
+    turning adds as much: l r takes the place of r. Of a start on a triangle, A is a corner, and its reach that of r.
 The bounds themselves are rounded, and products of two errors are dropped where they are third-order: so all are
 doubled. FLOOR covers underflow. An overflow makes a bound infinite or NaN, and both compare as a doubt.
 """
@@ -67,11 +67,8 @@ class RoughStart:
         self.relative, self.skew = 16 * U + 4 * skew, skew
         self.p: Direction | None
         if isinstance(start, Start):
-            n, r = start.normal, start.surface.reach
-            off_unit = abs(n.dot(n) - 1)
-            self.anchor, self.p = start.surface.center, start.from_center
-            self.size = _size(self.anchor) + r
-            self.fixed = r * (off_unit + 4 * U) if off_unit < 0.5 else math.inf
+            self.anchor, self.p = start.anchor, start.from_anchor
+            self.size, self.fixed = _size(self.anchor) + start.reach, start.error
         else:
             self.anchor, self.p, self.size, self.fixed = start, None, _size(start), 0.0
 

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from cltrace.reference.doubt import surely_misses
-from cltrace.reference.exact import Quadratic, minus, product, vector
+from cltrace.reference.exact import Quadratic, Root, minus, product, vector
 from cltrace.reference.rays import EYE, Ray, Start
 from cltrace.reference.vectors import Direction
 
@@ -27,16 +27,7 @@ def equation_of(sphere: Sphere, ray: Ray) -> Equation:
     # Directions whose squares leave the range of double are for exact arithmetic.
     if ray.origin == EYE and sphere.ball.to_object is None and 2.0**-900 < a < 2.0**900:
         return FromEye(sphere, ray)
-    return (FromSurface if _fits(ray, a) else FromAnywhere)(sphere, ray)
-
-
-def _fits(ray: Ray, a: float) -> bool:
-    """Whether FromSurface takes the ray: a = d.d far from the ends of double's range, the normal unit to rounding."""
-    if (ray.t_min, ray.t_max) != (0, math.inf) or not 2.0**-200 < a < 2.0**200:
-        return False
-    if isinstance(ray.origin, Start):
-        return abs(ray.origin.normal.dot(ray.origin.normal) - 1) <= 2.0**-47
-    return ray.origin == EYE
+    return (FromSurface if ray.is_plain else FromAnywhere)(sphere, ray)
 
 
 class Equation(ABC):
@@ -68,13 +59,13 @@ class Equation(ABC):
 
     def _exact_t(self, side: int) -> float:
         """Where on the ray that end is, by exact arithmetic."""
-        try:
-            return float(self.exact_value(side))
-        except OverflowError:
-            return math.inf
+        return float(self._root(side))
 
     def exact_value(self, side: int) -> Fraction:
-        return next(root for root in self.exact.roots() if root.side == side).value()
+        return self._root(side).value()
+
+    def _root(self, side: int) -> Root:
+        return next(root for root in self.exact.roots() if root.side == side)
 
     def _unit(self, from_center: Direction) -> Direction:
         """From the centre to the point is r long but for rounding, so after the division by r one Newton step
@@ -128,7 +119,7 @@ class FromEye(Equation):
         """By doubles, which are off by 2^-25 at most, unless the sign of the discriminant or this is in doubt."""
         low, high, t = self.ray.t_min, self.ray.t_max, self._t(side)
         if self.unsure or not abs(t - low) > abs(low) * 2.0**-22 or not abs(t - high) > t * 2.0**-22:
-            return next(root for root in self.exact.roots() if root.side == side).is_between(low, high)
+            return self._root(side).is_between(low, high)
         return low < t < high
 
     def t(self, side: int) -> float:
@@ -158,17 +149,17 @@ class FromEye(Equation):
 
 
 class FromSurface(Equation):
-    """The equation of a ray that starts on a sphere A and leads from there to infinity, along the world's axes.
+    """The equation of a ray that starts on a surface A and leads from there to infinity, along the world's axes.
 
-    It starts at A's centre plus p = r_A m, with m = B^T q and the unit normal q of its start, and leads along
-    w = B^T d. So f = (C - C_A) - p, from the start to the centre C of this sphere, is right wherever in the world both
-    are. With b = f.w and X = |f x w|, the discriminant is D = a r^2 - X^2.
+    If A is a sphere, it starts at its centre plus p = r_A m, with m = B^T q and the unit normal q of its start, and
+    leads along w = B^T d. So f = (C - C_A) - p, from the start to the centre C of this sphere, is right wherever in the
+    world both are. With b = f.w and X = |f x w|, the discriminant is D = a r^2 - X^2.
 
     Where doubles are sure, they are right in which end is met, if any, and t is right to 2^-24 of itself. u = 2^-53; f,
     w and X are those of doubles, f1, w1 and X1 the sums of their coordinates' magnitudes, and s = f1 + r_A.
 
     m, w. Turning rounds three times, by u of at most |B^T| |q|: m is off by sqrt(27) u < 5.2 u, w by 5.2 u |w|. What m
-        stands for is B^T q / |B^T q|. As _fits() has it, |q|^2 is 1 -/+ 64 u as computed, 67 u in truth, and the axes
+        stands for is B^T q / |B^T q|. As rays.py has it, |q|^2 is 1 -/+ 64 u as computed, 67 u in truth, and the axes
         are orthonormal but for 14 u (see exact.Frame), so |B^T q| is 1 -/+ 40.5 u.
     f. C - C_A rounds by u (|f| + r_A), p by u r_A, and their difference by u |f|: f is off by
         f' = 2 u |f| + (40.5 + 5.2 + 2) u r_A < 48 u s.
@@ -192,6 +183,9 @@ class FromSurface(Equation):
     of a = |K w|^2 is not a share of it: as K w is off by less than e_w = 16 u k w1, it is below
     a_error = e_w (2 |K w|_1 + e_w), which D gets times r^2, and which t needs to be below 2^-27 a.
 
+    If A is a triangle, p leads from a corner C_A by u and v times two edges, whose lengths add up to 2 r_A at most. As
+    u and v are 1/2 at most, p is off by 3 u r_A: f' is less than above.
+
     An ellipsoid meets rays from the eye here as well: then f is the exact difference, rounded, and r_A = 0.
     """
 
@@ -200,8 +194,8 @@ class FromSurface(Equation):
         start, k, r = ray.origin, sphere.stretch, sphere.radius
         w = sphere.frame.B.T @ ray.direction
         if isinstance(start, Start):
-            self.is_own, reach = start.surface is sphere, start.surface.reach
-            f = (sphere.place - start.surface.place) - start.surface.step(start.normal)
+            self.is_own, reach = start.surface is sphere, start.reach
+            f = (sphere.place - start.place) - start.step
         else:
             self.is_own, reach = False, 0.0
             f = Direction(*map(float, sphere.ball.center))

@@ -14,12 +14,14 @@ What is decided about
     are exact numbers, and so is every decision. (B^T d) . f is d . (B f), so a centre in camera space serves for b. For
     an ellipsoid, K B^T d and K (C - o) take the places of B^T d and C - o.
 
+    A triangle is three corners of doubles in the world. Who owns an edge, and a corner, is said at Face.
+
 Which numbers that takes
-    A ray from the eye, or from any point with given coordinates, needs rational numbers only. A ray that starts on a
-    sphere starts at P = C + r n / |n|, on an ellipsoid at C + r K^-1 n / |n|, and |n| = sqrt(s) is a square root: its
-    numbers have the form p + q sqrt(s) with p, q and s rational. Sums, differences and products of such numbers (of one
-    s) have that form again, and their sign is found by squaring, see Surd. So there is no precision to choose and
-    nothing to iterate: equal is equal.
+    A ray from the eye, from any point with given coordinates, or from a triangle needs rational numbers only. A ray
+    that starts on a sphere starts at P = C + r n / |n|, on an ellipsoid at C + r K^-1 n / |n|, and |n| = sqrt(s) is a
+    square root: its numbers have the form p + q sqrt(s) with p, q and s rational. Sums, differences and products of
+    such numbers (of one s) have that form again, and their sign is found by squaring, see Surd. So there is no
+    precision to choose and nothing to iterate: equal is equal.
 
     The two ends of a ray through a sphere, t = (b -/+ sqrt(D)) / a, have one root more. They are compared with each
     other, and with the ends of a ray's range, by squaring once or twice more, see Root.
@@ -32,6 +34,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import ClassVar
 
 from cltrace.reference.vectors import Direction, Matrix
 
@@ -133,6 +136,11 @@ def dot(u: Vector, v: Vector) -> Surd:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
+def cross(u: Vector, v: Vector) -> Vector:
+    x, y, z = (u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3))
+    return x, y, z
+
+
 def product(rows: Rows, v: Rational) -> Rational:
     """The vector of the products of the rows of a matrix with v."""
     x, y, z = (sum((a * b for a, b in zip(row, v, strict=True) if a), ZERO) for row in rows)
@@ -226,6 +234,45 @@ class Ball:
 
 
 @dataclass(frozen=True)
+class Face:
+    """A triangle by its corners A, B, C, from the eye along the world's axes.
+
+    Seen from O, with A' = A - O and so on, a ray along w passes the edge AB on the side that is the sign of
+
+        E = w . (A' x B'),    and likewise BC and CA.
+
+    It meets the triangle where these three are the same. At an edge, E = 0, the sign is that of the first of the
+    coordinates of A' x B' that is not 0: that is the side of the ray w + (e, e^2, e^3) for every small e > 0. So one
+    and the same ray is asked about everywhere, and of all triangles around an edge or a corner, exactly one has it on
+    each side where the surface goes on.
+
+    With N = (B - A) x (C - A), the three add up to N.w, and the ray is in the plane at t = A'.N / N.w. Where A'.N = 0,
+    as the ray starts in the plane or the triangle has no area, it is not met. So not all coordinates of A' x B' are 0.
+    """
+
+    corners: tuple[Rational, Rational, Rational]
+
+    def point(self, corner: int, u: Fraction | float, v: Fraction | float) -> Rational:
+        """V + u (V' - V) + v (V'' - V): from one of the corners, and the next ones going round."""
+        V, V1, V2 = (self.corners[(corner + i) % 3] for i in range(3))
+        a, b = Fraction(u), Fraction(v)
+        x, y, z = (p + a * (q - p) + b * (r - p) for p, q, r in zip(V, V1, V2, strict=True))
+        return x, y, z
+
+    @cached_property
+    def normal(self) -> Rational:
+        """N."""
+        A, B, C = (vector(corner) for corner in self.corners)
+        x, y, z = cross(minus(B, A), minus(C, A))
+        return x.p, y.p, z.p
+
+
+def _side_of(edge: Vector, w: Vector) -> int:
+    """The side on which a ray along w passes an edge from A to B; edge: A' x B'."""
+    return next((sign for x in (dot(edge, w), *edge) if (sign := x.sign())), 0)
+
+
+@dataclass(frozen=True)
 class Line:
     """The points start + t direction, from the eye along the world's axes."""
 
@@ -236,6 +283,54 @@ class Line:
         """The equation of the t at which the line meets a sphere or an ellipsoid."""
         f, d = ball.seen(minus(vector(ball.center), self.start)), ball.seen(self.direction)
         return Quadratic(dot(d, d), dot(f, d), dot(f, f) - Surd(ball.radius * ball.radius))
+
+    def across(self, face: Face) -> Across | None:
+        """Where the line meets a triangle, and how; None if it does not."""
+        A, B, C = (minus(vector(corner), self.start) for corner in face.corners)
+        N = vector(face.normal)
+        D = dot(A, N)
+        edges = cross(A, B), cross(B, C), cross(C, A)
+        sides = {_side_of(edge, self.direction) for edge in edges} if D.sign() else {1, -1}
+        if len(sides) > 1:
+            return None
+        (side,) = sides
+        ab, _, ca = (dot(edge, self.direction) for edge in edges)
+        return Across(side, D.times(side), dot(N, self.direction).times(side), ca.times(side), ab.times(side))
+
+
+@dataclass(frozen=True)
+class Across:
+    """A line across a triangle. side: the sign of N.w, 1 for a ray that goes the way of N.
+
+    depth: side A'.N; pace: side N.w > 0; by_b, by_c: side times E of the edges CA and AB, which are pace times the
+    weights of the corners B and C.
+    """
+
+    side: int
+    depth: Surd
+    pace: Surd
+    by_b: Surd
+    by_c: Surd
+
+    @property
+    def root(self) -> Root:
+        """The t at which the line meets the triangle, depth / pace."""
+        return Root(Linear(self.pace, self.depth), self.depth.sign())
+
+    def weights(self) -> tuple[float, float]:
+        """Of B and of C, rounded."""
+        b, c = (float(Root(Linear(self.pace, e), e.sign())) for e in (self.by_b, self.by_c))
+        return b, c
+
+
+@dataclass(frozen=True)
+class Linear:
+    """a t - b = 0 with a > 0: as a quadratic equation (a t - b)^2 / a = 0, of which both roots are one."""
+
+    a: Surd
+    b: Surd
+    c: ClassVar[Surd] = Surd(ZERO)  # nobody asks for it
+    discriminant: ClassVar[Surd] = Surd(ZERO)
 
 
 @dataclass(frozen=True)
@@ -267,9 +362,12 @@ class Quadratic:
 
 @dataclass(frozen=True)
 class Root:
-    """t = (b + side sqrt(D)) / a, where side is -1 for the near end and 1 for the far one."""
+    """t = (b + side sqrt(D)) / a, where side is -1 for the near end and 1 for the far one.
 
-    of: Quadratic
+    Of a linear equation D is 0, and side the sign of b.
+    """
+
+    of: Quadratic | Linear
     side: int
 
     def sign_less(self, t: float) -> int:
@@ -296,6 +394,13 @@ class Root:
         if x * y >= 0:
             return x + y < 0
         return x * sign_with_root(gap * gap + D - E, gap.times(2 * self.side), D) < 0
+
+    def __float__(self) -> float:
+        """t rounded; infinite beyond the range of double."""
+        try:
+            return float(self.value())
+        except OverflowError:
+            return math.inf
 
     def value(self) -> Fraction:
         """t within 2^-200 of itself, and with its sign.

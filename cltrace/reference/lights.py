@@ -18,7 +18,7 @@ class Light:
 
     towards: unit direction to a parallel light; position: of the other ones; axis: unit direction of a spot light;
     alpha1, alpha2: its angles in radians, None for the others; place: in the world, exactly, from the eye to the light,
-    or the direction to a parallel light, of any length.
+    or the direction to a parallel light, of any length; site: the position in the world, as the file has it.
     """
 
     color: Color
@@ -28,6 +28,7 @@ class Light:
     alpha1: float | None
     alpha2: float | None
     place: Rational
+    site: Point | None = None
 
     @property
     def parallel(self) -> bool:
@@ -38,8 +39,8 @@ class Light:
         if self.towards is not None:
             return self.towards
         assert self.position is not None
-        # By way of the sphere's centre: the point's own coordinates are never formed.
-        return (self.position - start.surface.center) - start.from_center
+        # By way of the anchor: the point's own coordinates are never formed.
+        return (self.position - start.anchor) - start.from_anchor
 
     def strength(self, w: Direction) -> float:
         """The share of the light that leaves in the direction -w, which is not 0: 1, less near the rim of a spot."""
@@ -87,5 +88,11 @@ class ShadowRay:
     @cached_property
     def line(self) -> Line:
         """The ray in exact numbers, in the world: to a parallel light, along the direction that the file gives."""
-        point, light = self.start.surface.exact_point(self.start.normal), vector(self.light.place)
+        point, light = self.start.exact_point, vector(self.light.place)
         return Line(point, light if self.light.parallel else minus(light, point))
+
+    @cached_property
+    def line_of_light(self) -> Line:
+        """As the light comes: from a light at a point to the start; of a parallel light, the same as `line`."""
+        light = vector(self.light.place)
+        return self.line if self.light.parallel else Line(light, minus(self.line.start, light))

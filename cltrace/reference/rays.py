@@ -3,46 +3,201 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-from cltrace.reference.exact import Frame, Line, vector
+from cltrace.reference.exact import Frame, Line, Vector, vector
 from cltrace.reference.vectors import Direction, Point
 
 if TYPE_CHECKING:
-    from cltrace.reference.surfaces import Sphere
+    from cltrace.reference.surfaces import Sphere, Surface
+    from cltrace.reference.triangles import Triangle
 
 EYE = Point(0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Start:
-    """The point by which a ray leaves a sphere: exactly center + radius n / |n|, n being the double triple `normal`.
+class Start(ABC):
+    """The point of a surface by which a ray leaves it: exactly, by numbers that put it on the surface.
 
-    Rounded coordinates would put it off the sphere, and every ray from there would need an epsilon. normal: outward in
-    camera space, of any length but 0; of an ellipsoid, that of the sphere that it is in its own axes. Rays are decided
-    soonest where it is unit to rounding.
+    Rounded coordinates would put it off the surface, and every ray from there would need an epsilon. Doubles reach it
+    in two steps, of which the first one is exact: to a point nearby, the anchor, and from there.
     """
 
-    surface: Sphere
-    normal: Direction
+    @property
+    @abstractmethod
+    def surface(self) -> Surface:
+        """The surface that the ray leaves."""
 
     @property
-    def from_center(self) -> Direction:
-        """From the surface's centre to the point, rounded, for a unit normal."""
-        return self.surface.from_center(self.normal)
+    @abstractmethod
+    def place(self) -> Point:
+        """The anchor in the world, exactly."""
+
+    @property
+    @abstractmethod
+    def anchor(self) -> Point:
+        """The anchor in camera space, rounded."""
+
+    @property
+    @abstractmethod
+    def step(self) -> Direction:
+        """From the anchor to the point, along the world's axes, rounded."""
+
+    @property
+    @abstractmethod
+    def from_anchor(self) -> Direction:
+        """The same in camera space."""
+
+    @property
+    @abstractmethod
+    def reach(self) -> float:
+        """How far the point is from the anchor at most."""
+
+    @property
+    @abstractmethod
+    def error(self) -> float:
+        """A bound of what from_anchor is off by, beside the 2 k reach for the camera's skew k, see doubt.py."""
+
+    @property
+    @abstractmethod
+    def fits(self) -> bool:
+        """Whether step is as good as equation.py and crossing.py need it."""
+
+    @property
+    @abstractmethod
+    def exact_point(self) -> Vector:
+        """The point, exactly, from the eye along the world's axes."""
 
     @property
     def point(self) -> Point:
-        """The point, rounded."""
-        return self.surface.center + self.surface.from_center(self.normal.normalized())
+        """The point in camera space, rounded."""
+        return self.anchor + self.from_anchor
+
+    @abstractmethod
+    def height(self, point: Point, n: Direction) -> float:
+        """n.(point - P), how far a point is above the plane through this one that has the outward unit normal n."""
+
+
+@dataclass(frozen=True)
+class OnSphere(Start):
+    """A point of a sphere: exactly center + radius n / |n|, n being the double triple `normal`.
+
+    The anchor is the centre. normal: outward in camera space, of any length but 0; of an ellipsoid, that of the sphere
+    that it is in its own axes. Rays are decided soonest where it is unit to rounding.
+    """
+
+    sphere: Sphere
+    normal: Direction
+
+    @property
+    def surface(self) -> Sphere:
+        return self.sphere
+
+    @property
+    def place(self) -> Point:
+        return self.sphere.place
+
+    @property
+    def anchor(self) -> Point:
+        return self.sphere.center
+
+    @cached_property
+    def step(self) -> Direction:
+        return self.sphere.step(self.normal)
+
+    @cached_property
+    def from_anchor(self) -> Direction:
+        return self.sphere.from_center(self.normal)
+
+    @property
+    def reach(self) -> float:
+        return self.sphere.reach
+
+    @property
+    def error(self) -> float:
+        off_unit = abs(self.normal.dot(self.normal) - 1)
+        return self.reach * (off_unit + 2.0**-51) if off_unit < 0.5 else math.inf
+
+    @property
+    def fits(self) -> bool:
+        return abs(self.normal.dot(self.normal) - 1) <= 2.0**-47
+
+    @cached_property
+    def exact_point(self) -> Vector:
+        return self.sphere.exact_point(self.normal)
+
+    @property
+    def point(self) -> Point:
+        return self.anchor + self.sphere.from_center(self.normal.normalized())
+
+    def height(self, point: Point, n: Direction) -> float:
+        """By way of the centre: P = center + radius n, so n.P needs no rounding."""
+        return n.dot(point - self.anchor) - self.sphere.support(self.normal)
+
+
+@dataclass(frozen=True)
+class OnTriangle(Start):
+    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V) with u, v >= 0, which is in its plane.
+
+    corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
+    their weights, at most 1/2 each.
+    """
+
+    triangle: Triangle
+    corner: int
+    u: float
+    v: float
+
+    @property
+    def surface(self) -> Triangle:
+        return self.triangle
+
+    @property
+    def place(self) -> Point:
+        return self.triangle.places[self.corner]
+
+    @cached_property
+    def anchor(self) -> Point:
+        return self.triangle.seen_corner(self.corner)
+
+    @cached_property
+    def step(self) -> Direction:
+        V, V1, V2 = (self.triangle.places[(self.corner + i) % 3] for i in range(3))
+        return (V1 - V) * self.u + (V2 - V) * self.v
+
+    @cached_property
+    def from_anchor(self) -> Direction:
+        return self.triangle.frame.B @ self.step
+
+    @property
+    def reach(self) -> float:
+        """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
+        return self.triangle.size
+
+    @property
+    def error(self) -> float:
+        """With u = 2^-53: a difference rounds by u, a product and the sum by u each, and turning by 5.2 u of |step|."""
+        return self.reach * 2.0**-49
+
+    @property
+    def fits(self) -> bool:
+        return True
+
+    @cached_property
+    def exact_point(self) -> Vector:
+        return vector(self.triangle.face.point(self.corner, self.u, self.v))
+
+    def height(self, point: Point, n: Direction) -> float:
+        return n.dot((point - self.anchor) - self.from_anchor)
 
 
 @dataclass(frozen=True)
 class Ray:
     """The points origin + t direction for t_min < t < t_max. The direction may have any length; t is in units of it.
 
-    origin: a point in camera space whose coordinates are exactly these doubles, or a point of a sphere. direction: in
+    origin: a point in camera space whose coordinates are exactly these doubles, or a point of a surface. direction: in
     camera space, exactly these doubles.
     """
 
@@ -57,8 +212,13 @@ class Ray:
 
     def line(self, frame: Frame) -> Line:
         """The ray in exact numbers, in the world."""
-        if isinstance(self.origin, Start):
-            start = self.origin.surface.exact_point(self.origin.normal)
-        else:
-            start = vector(frame.to_world(self.origin))
+        start = self.origin.exact_point if isinstance(self.origin, Start) else vector(frame.to_world(self.origin))
         return Line(start, vector(frame.to_world(self.direction)))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether doubles may decide about it: it counts from 0 to infinity, starts at the eye or by a Start as good as
+        that takes, and its d.d is far from the ends of double's range."""
+        if (self.t_min, self.t_max) != (0, math.inf) or not 2.0**-200 < self.direction.dot(self.direction) < 2.0**200:
+            return False
+        return self.origin.fits if isinstance(self.origin, Start) else self.origin == EYE

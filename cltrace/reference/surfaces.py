@@ -1,9 +1,10 @@
-"""What can be hit: Surface, which a new shape implements, Sphere and Ellipsoid."""
+"""What can be hit: Surface, which a new shape implements, Sphere and Ellipsoid. triangles.py has Mesh and Triangle."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -12,7 +13,8 @@ from cltrace.reference.doubt import surely_blocks
 from cltrace.reference.equation import Equation, equation_of
 from cltrace.reference.exact import Ball, Frame, Rational, Root, Vector, rational
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import Ray, Start
+from cltrace.reference.rays import OnSphere, Ray, Start
+from cltrace.reference.texture import UV, Texture
 from cltrace.reference.vectors import Color, Direction, Matrix, Point
 
 
@@ -21,7 +23,7 @@ class Material:
     """Phong's coefficients and the colour of the surface, and what it passes on of the light.
 
     reflectance, transmittance: the shares of what is seen in the mirrored and along the refracted ray; index: of
-    refraction inside, 1 outside.
+    refraction inside, 1 outside; texture: an image by which the colour is multiplied, if any.
     """
 
     color: Color
@@ -32,11 +34,18 @@ class Material:
     reflectance: float = 0.0
     transmittance: float = 0.0
     index: float = 1.0
+    texture: Texture | None = None
 
     @property
     def passes_on(self) -> bool:
         """Whether rays go on from it."""
         return self.reflectance > 0 or self.transmittance > 0
+
+    def color_at(self, uv: UV) -> Color:
+        if self.texture is None:
+            return self.color
+        red, green, blue = (c * texel for c, texel in zip(self.color, self.texture.color(uv), strict=True))
+        return (red, green, blue)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +54,8 @@ class Intersection:
 
     point: where; t: at which multiple of the ray's direction; distance: how far, in scene units; normal: unit, facing
     the side from which the ray came; inside: whether that was the inside; start: the point as the start of further
-    rays; index: of the surface that was hit.
+    rays; uv: where in the material's texture; index: the number of the surface that was hit; primitive: the number of
+    the triangle in its mesh, -1 for other surfaces.
     """
 
     point: Point
@@ -55,11 +65,18 @@ class Intersection:
     inside: bool
     start: Start
     material: Material
-    index: int = -1
+    uv: UV
+    index: int
+    primitive: int = -1
 
     @property
-    def surface(self) -> Sphere:
+    def surface(self) -> Surface:
         return self.start.surface
+
+    @property
+    def color(self) -> Color:
+        """The surface's, without light."""
+        return self.material.color_at(self.uv)
 
     @property
     def side(self) -> int:
@@ -73,9 +90,15 @@ class Intersection:
 
 
 class Surface(ABC):
-    """Something that can be hit."""
+    """Something that can be hit.
+
+    number: among the scene's surfaces; frame: the camera's axes; spread: of its normals' rounding, see bounce.lift().
+    """
 
     material: Material
+    number: int
+    frame: Frame
+    spread: float = 1.0
 
     @abstractmethod
     def intersect(self, ray: Ray) -> float | None:
@@ -86,12 +109,32 @@ class Surface(ABC):
         """That t of a ray that hits, exactly."""
 
     @abstractmethod
-    def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
         """Everything about the point at that t, where intersect() found the ray to hit."""
 
     @abstractmethod
     def blocks(self, ray: ShadowRay) -> bool:
         """Whether this surface stands between the start of a shadow ray and the light."""
+
+
+def first_met(surfaces: Iterable[Surface], ray: Ray) -> tuple[float, Surface] | None:
+    """The surface that a ray meets first, and at which t; of equally near ones, the first one here. None if none."""
+    best: tuple[float, Surface] | None = None
+    for surface in surfaces:
+        t = surface.intersect(ray)
+        if t is not None and (best is None or comes_first(ray, surface, t, best[1], best[0])):
+            best = t, surface
+    return best
+
+
+def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: float) -> bool:
+    """Whether the ray meets a surface, at t, strictly before another one, at `best`.
+
+    A t is off by 2^-24 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal.
+    """
+    if not abs(t - best) > best * 2.0**-22:
+        return surface.exact_t(ray) < other.exact_t(ray)
+    return t < best
 
 
 class Sphere(Surface):
@@ -111,12 +154,12 @@ class Sphere(Surface):
     space. reach: how far the surface is from its centre at most. stretch, spread: see Ellipsoid.
     """
 
-    stretch = spread = 1.0
+    stretch = 1.0
 
-    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material) -> None:
+    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material, number: int) -> None:
         self.center = Point(*map(float, frame.to_camera(ball.center)))
         self.radius = self.reach = float(ball.radius)
-        self.place, self.ball, self.frame, self.material = place, ball, frame, material
+        self.place, self.ball, self.frame, self.material, self.number = place, ball, frame, material, number
 
     def equation(self, ray: Ray) -> Equation:
         return equation_of(self, ray)
@@ -132,12 +175,12 @@ class Sphere(Surface):
             raise ValueError("the ray does not hit the surface")
         return root
 
-    def intersection_at(self, ray: Ray, t: float, index: int) -> Intersection:
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
         equation = self.equation(ray)
         side = equation.side()
         if side is None:
             raise ValueError("the ray does not hit the surface")
-        start, inside = Start(self, equation.normal(side, t)), side > 0
+        start, inside = OnSphere(self, equation.normal(side, t)), side > 0
         outward = self.outward(start.normal)
         return Intersection(
             point=ray.at(t),
@@ -147,7 +190,8 @@ class Sphere(Surface):
             inside=inside,
             start=start,
             material=self.material,
-            index=index,
+            uv=_around(self.own_axes(start.normal)),
+            index=self.number,
         )
 
     def blocks(self, ray: ShadowRay) -> bool:
@@ -180,6 +224,10 @@ class Sphere(Surface):
         """How far the plane that touches the surface there is from the centre."""
         return self.radius
 
+    def own_axes(self, q: Direction) -> Direction:
+        """The normal there in the object's own axes, before it was placed in the world."""
+        return self.frame.B.T @ q
+
     def seen(self, v: Direction) -> Direction:
         """A direction of the world in the surface's own axes."""
         return v
@@ -209,8 +257,8 @@ class Ellipsoid(Sphere):
     vectors.Matrix), which bound what K and L may make of an error.
     """
 
-    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material) -> None:
-        super().__init__(place, ball, frame, material)
+    def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material, number: int) -> None:
+        super().__init__(place, ball, frame, material, number)
         assert ball.to_object is not None
         assert ball.to_world is not None
         self.K = Matrix(*(Direction(*map(float, row)) for row in ball.to_object))
@@ -235,5 +283,13 @@ class Ellipsoid(Sphere):
         n = self.K.T @ q
         return self.radius * (1 / math.sqrt(n.dot(n)))
 
+    def own_axes(self, q: Direction) -> Direction:
+        return q
+
     def seen(self, v: Direction) -> Direction:
         return self.K @ v
+
+
+def _around(q: Direction) -> UV:
+    """Where a sphere's texture is at the unit normal q: u goes round the y axis, v from the top down."""
+    return 0.5 + math.atan2(q.x, q.z) / (2 * math.pi), math.acos(max(-1.0, min(1.0, q.y))) / math.pi

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import EYE, Ray
-from cltrace.reference.surfaces import Intersection, Surface
+from cltrace.reference.surfaces import Intersection, first_met
 from cltrace.reference.vectors import Color, Direction
 from cltrace.reference.world import World
 from cltrace.scene import Camera
@@ -30,23 +29,12 @@ def primary_ray(camera: Camera, u: int, v: int) -> Ray:
 
 
 def closest_hit(world: World, ray: Ray) -> Intersection | None:
-    """The nearest intersection; of equally near ones, that with the surface of the lowest index."""
-    nearest, index = math.inf, -1
-    for i, surface in enumerate(world.surfaces):
-        t = surface.intersect(ray)
-        if t is not None and (index < 0 or comes_first(ray, surface, t, world.surfaces[index], nearest)):
-            nearest, index = t, i
-    return world.surfaces[index].intersection_at(ray, nearest, index) if index >= 0 else None
-
-
-def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: float) -> bool:
-    """Whether the ray meets a surface, at t, strictly before another one, at `best`.
-
-    A t is off by 2^-25 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal.
-    """
-    if not abs(t - best) > best * 2.0**-22:
-        return surface.exact_t(ray) < other.exact_t(ray)
-    return t < best
+    """The nearest intersection; of equally near ones, that with the surface of the lowest number."""
+    met = first_met(world.surfaces, ray)
+    if met is None:
+        return None
+    t, surface = met
+    return surface.intersection_at(ray, t)
 
 
 def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
@@ -57,13 +45,12 @@ def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
 
 def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
     """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
-    own, start, n, m = at.surface, at.start, at.normal, at.material
-    # n.(L - P) by way of the centre: of a sphere, P = center + radius n, so n.P needs no rounding.
+    start, n, m = at.start, at.normal, at.material
     if light.towards is not None:
         cosine = at.outward.dot(light.towards)
     else:
         assert light.position is not None
-        cosine = at.outward.dot(light.position - own.center) - own.support(start.normal)
+        cosine = start.height(light.position, at.outward)
     if not (-cosine if at.inside else cosine) > 0:
         return BLACK
     w = light.direction_from(start)
@@ -79,13 +66,13 @@ def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
         return BLACK
     r = n * (2 * n.dot(l)) - l
     highlight = m.ks * max(0.0, min(1.0, r.dot(v))) ** m.exponent
-    red, green, blue = (strength * (m.kd * c * n_l + highlight) * L for c, L in zip(m.color, light.color, strict=True))
+    red, green, blue = (strength * (m.kd * c * n_l + highlight) * L for c, L in zip(at.color, light.color, strict=True))
     return (red, green, blue)
 
 
 def local_color(world: World, ray: Ray, at: Intersection) -> Color:
     """What the point shows of the light that reaches it straight from the lights: ambient light and Phong's formula."""
-    red, green, blue = (at.material.ka * a * c for a, c in zip(world.ambient, at.material.color, strict=True))
+    red, green, blue = (at.material.ka * a * c for a, c in zip(world.ambient, at.color, strict=True))
     for light in world.lights:
         more = illuminate(world, ray, at, light)
         red, green, blue = red + more[0], green + more[1], blue + more[2]

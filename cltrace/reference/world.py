@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from cltrace.reference.exact import Ball, Frame, Rational, Rows, rational
 from cltrace.reference.lights import Light
 from cltrace.reference.surfaces import Ellipsoid, Material, Sphere, Surface
+from cltrace.reference.texture import Texture
+from cltrace.reference.triangles import Mesh
 from cltrace.reference.vectors import Color, Direction, Point
 from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
 
 
 @dataclass(frozen=True)
 class World:
-    """A scene in camera space."""
+    """A scene in camera space. surfaces: in the order of their numbers."""
 
     camera: Camera
     surfaces: Sequence[Surface]
@@ -34,21 +36,35 @@ def world_of(scene: Scene) -> World:
     frame = Frame((rational(right), rational(up), rational(back)))
     eye = scene.camera.position
     names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
-    materials = [Material(_color(m["color"]), *(float(m[k]) for k in names)) for m in scene.materials]
+    textures = [*map(Texture, scene.textures), None]  # the last one is that of the index -1
+    materials = [
+        Material(_color(m["color"]), **{k: float(m[k]) for k in names}, texture=textures[m["texture"]])
+        for m in scene.materials
+    ]
     maps = [_rows(to_object) for to_object in scene.to_object.tolist()]
-    surfaces = [_surface(sphere, maps, eye, frame, materials) for sphere in scene.spheres]
+    surfaces: list[Surface] = [
+        _sphere(sphere, number, maps, eye, frame, materials)
+        for sphere, number in zip(scene.spheres, scene.sphere_numbers.tolist(), strict=True)
+    ]
+    surfaces += [Mesh(mesh, Point(*eye), frame, materials[mesh.material]) for mesh in scene.meshes]
+    surfaces.sort(key=lambda surface: surface.number)
     lights = [_light(light, eye, frame) for light in scene.lights[scene.lights["kind"] != AMBIENT]]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
 
 
-def _surface(
-    sphere: np.void, maps: Sequence[Rows], eye: Iterable[float], frame: Frame, materials: Sequence[Material]
+def _sphere(
+    sphere: np.void,
+    number: int,
+    maps: Sequence[Rows],
+    eye: Iterable[float],
+    frame: Frame,
+    materials: Sequence[Material],
 ) -> Sphere:
     center, material = sphere["center"].tolist(), materials[sphere["material"]]
     kind, to_object = (Ellipsoid, maps[sphere["to_object"]]) if sphere["to_object"] >= 0 else (Sphere, None)
     ball = Ball(_from_eye(center, eye), Fraction(float(sphere["radius"])), to_object)
-    return kind(Point(*center), ball, frame, material)
+    return kind(Point(*center), ball, frame, material, number)
 
 
 def _rows(matrix: Sequence[Sequence[float]]) -> Rows:
@@ -61,12 +77,13 @@ def _light(light: np.void, eye: Iterable[float], frame: Frame) -> Light:
     if light["kind"] == PARALLEL:
         x, y, z = rational(direction)
         return Light(color, -_turned(frame, direction), None, None, None, None, (-x, -y, -z))
-    place = _from_eye(light["position"].tolist(), eye)
+    site = Point(*light["position"].tolist())
+    place = _from_eye(site, eye)
     position = Point(*map(float, frame.to_camera(place)))
     if light["kind"] == SPOT:
         alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
-        return Light(color, None, position, _turned(frame, direction), alpha1, alpha2, place)
-    return Light(color, None, position, None, None, None, place)
+        return Light(color, None, position, _turned(frame, direction), alpha1, alpha2, place, site)
+    return Light(color, None, position, None, None, None, place, site)
 
 
 def _from_eye(p: Iterable[float], eye: Iterable[float]) -> Rational:

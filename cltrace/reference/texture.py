@@ -1,0 +1,46 @@
+"""Images on surfaces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.reference.vectors import Color
+
+UV = tuple[float, float]
+
+
+class Texture:
+    """An image that repeats: u = 0..1 is its width from left to right, v = 0..1 its height from top to bottom.
+
+    u = i / W is exactly column i of W, and v = j / H row j. In between, the four pixels around are mixed by how near
+    they are: bilinear interpolation.
+
+    texels: (H, W, 3), of uint8 or uint16; their largest number is full colour.
+    """
+
+    def __init__(self, texels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+        self.texels, self.full = texels, int(np.iinfo(texels.dtype).max)
+
+    def color(self, uv: UV) -> Color:
+        """The colour at (u, v), 1 = full in each channel."""
+        height, width = self.texels.shape[:2]
+        x, y = uv[0] * width, uv[1] * height
+        i, j = math.floor(x), math.floor(y)
+        upper = _mix(self.texel(i, j), self.texel(i + 1, j), x - i)
+        lower = _mix(self.texel(i, j + 1), self.texel(i + 1, j + 1), x - i)
+        return _mix(upper, lower, y - j)
+
+    def texel(self, i: int, j: int) -> Color:
+        """The pixel in column i and row j, both counted on beyond the image."""
+        height, width = self.texels.shape[:2]
+        red, green, blue = self.texels[j % height, i % width].tolist()
+        return (red / self.full, green / self.full, blue / self.full)
+
+
+def _mix(a: Color, b: Color, share: float) -> Color:
+    """a for share = 0, b for 1."""
+    red, green, blue = (x + share * (y - x) for x, y in zip(a, b, strict=True))
+    return (red, green, blue)

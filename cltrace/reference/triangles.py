@@ -1,0 +1,229 @@
+"""Meshes and their triangles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from cltrace.reference.crossing import Crossing, Way, shadow_way, size, way_of
+from cltrace.reference.exact import Across, Face, Frame, Rational, Root, rational
+from cltrace.reference.lights import ShadowRay
+from cltrace.reference.rays import OnTriangle, Ray
+from cltrace.reference.surfaces import Intersection, Material, Surface, first_met
+from cltrace.reference.texture import UV
+from cltrace.reference.vectors import Direction, Matrix, Point
+from cltrace.scene import PlacedMesh
+
+Weights = tuple[float, float, float]  # of a triangle's corners A, B and C
+
+
+class Mesh(Surface):
+    """Triangles, of which a ray meets the nearest one; of equally near ones, the one of the lowest number.
+
+    of: the scene's; eye: in the world; frame: the camera's axes.
+    """
+
+    def __init__(self, of: PlacedMesh, eye: Point, frame: Frame, material: Material) -> None:
+        self.of, self.eye, self.frame, self.material, self.number = of, eye, frame, material, of.number
+        self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
+        self._triangles: dict[int, Triangle] = {}
+        # It is asked about a ray twice: first where it meets the mesh, then what is there.
+        self._first = lru_cache(maxsize=1)(self._find)
+
+    def triangle(self, primitive: int) -> Triangle:
+        if primitive not in self._triangles:
+            self._triangles[primitive] = Triangle(self, primitive)
+        return self._triangles[primitive]
+
+    def intersect(self, ray: Ray) -> float | None:
+        met = self._first(ray)
+        return met[0] if met else None
+
+    def exact_t(self, ray: Ray) -> Root:
+        return self._met_by(ray).exact_t(ray)
+
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
+        return self._met_by(ray).intersection_at(ray, t)
+
+    def blocks(self, ray: ShadowRay) -> bool:
+        return any(triangle.blocks(ray) for triangle in self.near(shadow_way(ray)))
+
+    def _find(self, ray: Ray) -> tuple[float, Surface] | None:
+        return first_met(self.near(way_of(ray, self.frame, self.eye)), ray)
+
+    def _met_by(self, ray: Ray) -> Surface:
+        met = self._first(ray)
+        if met is None:
+            raise ValueError("the ray does not hit the surface")
+        return met[1]
+
+    def near(self, way: Way | None) -> Iterator[Triangle]:
+        """The triangles that a ray may meet, in order. All others it surely passes by.
+
+        Seen from its start, a ray along w is where w x P = 0, and w.P > 0. Two coordinates of w x P, those that have
+        the largest number w_k of w, are linear in P, and 0 where the ray meets a triangle. That is between its corners,
+        so neither may be > 0 at all three corners, or < 0, nor may w.P be < 0 there.
+
+        The corners are off by 48 u (M + reach), u = 2^-53, where M is the largest distance of one; see crossing.py. A
+        coordinate of w x P is then off by 51 u (M + reach) |w|, and so is w.P. As w is off by 48 u w1, these are not
+        quite 0 on the ray: at a distance of M at most, which is t <= 2 M / |w|, by 2 * 48 u w1 |w| t, or 192 u w1 M.
+        With w1 <= 4 |w|_1, all of it is below 2^-41 (M + reach) |w|_1.
+        """
+        faces = self.of.geometry.faces
+        rows = np.arange(len(faces))
+        if way is not None and way.w1 <= 4 * size(way.w):
+            w = np.array(tuple(way.w))
+            P = (self.of.vertices - np.array(tuple(way.place))) - np.array(tuple(way.step))
+            error = 2.0**-41 * (np.abs(P).sum(axis=1).max(initial=0.0) + way.reach) * size(way.w)
+            k = int(np.argmax(np.abs(w)))
+            across = [P[:, i] * w[k] - P[:, k] * w[i] for i in range(3) if i != k]
+            sides = [side > error for x in across for side in (x, -x)] + [P @ w < -error]
+            beside = np.packbits(sides, axis=0, bitorder="little")[0]  # one bit of each vertex for each side
+            rows = np.flatnonzero((beside[faces[:, 0]] & beside[faces[:, 1]] & beside[faces[:, 2]]) == 0)
+        for row in rows.tolist():
+            yield self.triangle(row)
+
+
+class Triangle(Surface):
+    """The points a A + b B + c C with a, b, c >= 0 and a + b + c = 1. Both sides are seen.
+
+    A ray o + t w is in its plane where t w.N = (A - o).N, with N = (B - A) x (C - A). There it is in the triangle if it
+    passes all three edges on the same side: A to B, B to C and C to A go round the triangle. crossing.py computes that
+    in doubles; exact.Face says who owns an edge, and decides what doubles cannot.
+
+    primitive: its number in the mesh; places: A, B and C in the world; e1, e2: from A to B and to C; g, h, size: the
+    sizes of these two, and their sum; front: 1 if N points to the outside, -1 if to the inside; normals: the corners',
+    in the object's space, or None; uvs: where the corners are in the texture.
+    """
+
+    def __init__(self, mesh: Mesh, primitive: int) -> None:
+        self.mesh, self.primitive, self.number = mesh, primitive, mesh.number
+        self.frame, self.material, self.front = mesh.frame, mesh.material, int(mesh.of.front[primitive])
+        shape = mesh.of.geometry
+        A, B, C = (Point(*place) for place in mesh.of.vertices[shape.faces[primitive]].tolist())
+        self.places, self.e1, self.e2 = (A, B, C), B - A, C - A
+        self.N, self.g, self.h = self.e1.cross(self.e2), size(self.e1), size(self.e2)
+        self.size = self.g + self.h
+        normal_of, uv_of = shape.normal_of[primitive], shape.uv_of[primitive]
+        self.normals = [Direction(*n) for n in shape.normals[normal_of].tolist()] if normal_of[0] >= 0 else None
+        self.uvs: Sequence[UV] = shape.uv[uv_of].tolist() if uv_of[0] >= 0 else [(0.0, 0.0)] * 3
+
+    @cached_property
+    def face(self) -> Face:
+        """The triangle, exactly, from the eye."""
+        eye = rational(self.mesh.eye)
+        a, b, c = (_minus(rational(place), eye) for place in self.places)
+        return Face((a, b, c))
+
+    def seen_corner(self, corner: int) -> Point:
+        """A corner in camera space, rounded."""
+        return Point(*map(float, self.frame.to_camera(self.face.corners[corner])))
+
+    def intersect(self, ray: Ray) -> float | None:
+        if self._is_left_by(ray.origin):
+            return None
+        crossing = self._crossing(ray)
+        side = crossing.side if crossing else None
+        if side == 0 or (side is None and self._across(ray) is None):
+            return None
+        t = crossing.t if crossing else None
+        return float(self.exact_t(ray)) if t is None else t
+
+    def exact_t(self, ray: Ray) -> Root:
+        return self._met_by(ray).root
+
+    def blocks(self, ray: ShadowRay) -> bool:
+        """From a light at a point, the ray that is asked about is the one that leads to the start of the shadow ray."""
+        if self._is_left_by(ray.start):
+            return False
+        way = shadow_way(ray)
+        crossing = Crossing(self, way) if way else None
+        if crossing and crossing.side is not None:
+            sure = crossing.side != 0 and (ray.light.parallel or crossing.ends_beyond)
+            if sure is not None:
+                return sure
+        across = ray.line_of_light.across(self.face)
+        return across is not None and across.root.is_between(0.0, ray.t_max)
+
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
+        crossing = self._crossing(ray)
+        sure: Crossing | Across = crossing if crossing and crossing.side else self._met_by(ray)
+        weights = _three(*(crossing or sure).weights())
+        normal, inside = self.normal(weights), sure.side == self.front
+        return Intersection(
+            point=ray.at(t),
+            t=t,
+            distance=t * math.sqrt(ray.direction.dot(ray.direction)),
+            normal=-normal if normal.dot(ray.direction) > 0 else normal,
+            inside=inside,
+            start=self.start(weights),
+            material=self.material,
+            uv=self.uv(weights),
+            index=self.number,
+            primitive=self.primitive,
+        )
+
+    def _is_left_by(self, start: object) -> bool:
+        """It is flat: what leaves it never meets it again."""
+        return isinstance(start, OnTriangle) and start.triangle is self
+
+    def _crossing(self, ray: Ray) -> Crossing | None:
+        way = way_of(ray, self.frame, self.mesh.eye)
+        return Crossing(self, way) if way else None
+
+    def _across(self, ray: Ray) -> Across | None:
+        """How the ray meets the triangle within its range, exactly; None if it does not."""
+        across = ray.line(self.frame).across(self.face)
+        return across if across and across.root.is_between(ray.t_min, ray.t_max) else None
+
+    def _met_by(self, ray: Ray) -> Across:
+        across = self._across(ray)
+        if across is None:
+            raise ValueError("the ray does not hit the surface")
+        return across
+
+    # What is at a point.
+
+    def start(self, weights: Weights) -> OnTriangle:
+        """The point, from the corner that it is nearest to by the weights; so the other two are at most 1/2."""
+        k = weights.index(max(weights))
+        return OnTriangle(self, k, min(weights[k - 2], 0.5), min(weights[k - 1], 0.5))
+
+    def normal(self, weights: Weights) -> Direction:
+        """The unit normal for shading there, in camera space, to either side of the triangle.
+
+        Interpolated in the object's space, and turned to the world as normals are, by the inverse transpose; N where
+        there are none.
+        """
+        m = self.N
+        if self.normals:
+            (a, b, c), (A, B, C) = weights, self.normals
+            m = self.mesh.normal_to_world @ ((A * a + B * b) + C * c)
+        if not m.dot(m) > 0:
+            m = self.N
+        if not m.dot(m) > 0:
+            m = self._exact_normal()
+        return self.frame.B @ (m * (1 / math.sqrt(m.dot(m))))
+
+    def _exact_normal(self) -> Direction:
+        """N of length about 1, for triangles so narrow that in doubles it vanishes."""
+        N = self.face.normal
+        largest = max(map(abs, N))
+        return Direction(*(float(x / largest) for x in N))
+
+    def uv(self, weights: Weights) -> UV:
+        (a, b, c), (A, B, C) = weights, self.uvs
+        return (a * A[0] + b * B[0]) + c * C[0], (a * A[1] + b * B[1]) + c * C[1]
+
+
+def _three(b: float, c: float) -> Weights:
+    """The weights of all three corners from those of two. Rounding may leave nothing for the first one."""
+    a = (1 - b) - c
+    return (a if a > 0 else 0.0), b, c
+
+
+def _minus(p: Rational, q: Rational) -> Rational:
+    return p[0] - q[0], p[1] - q[1], p[2] - q[2]

@@ -1,0 +1,324 @@
+"""The reference's triangles and textures, against rational arithmetic and answers that can be derived by hand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from cltrace import Camera, Mesh, Scene, parallel_light, point_light
+from cltrace.reference import (
+    EYE,
+    Direction,
+    OnSphere,
+    OnTriangle,
+    Point,
+    Ray,
+    ShadowRay,
+    Sphere,
+    Start,
+    World,
+    closest_hit,
+    exact,
+    world_of,
+)
+from cltrace.reference import Mesh as ReferenceMesh
+from cltrace.reference.crossing import Crossing, shadow_way, way_of
+
+Vector = tuple[Fraction, Fraction, Fraction]
+Hit = tuple[Fraction, int, int]  # t, surface, triangle
+
+
+# ----------------------------------------------------------------------- the definition, in rational numbers, once more
+
+
+def exactly(v: Sequence[float | Fraction]) -> Vector:
+    x, y, z = map(Fraction, v)
+    return x, y, z
+
+
+def minus(p: Vector, q: Vector) -> Vector:
+    return p[0] - q[0], p[1] - q[1], p[2] - q[2]
+
+
+def cross(p: Vector, q: Vector) -> Vector:
+    return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
+
+
+def times(p: Vector, q: Vector) -> Fraction:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+def sign(x: Fraction) -> int:
+    return (x > 0) - (x < 0)
+
+
+def meets(origin: Vector, w: Vector, corners: Sequence[Vector]) -> Fraction | None:
+    """The t > 0 at which the ray origin + t w meets a triangle: with w + (e, e^2, e^3) at its edges."""
+    A, B, C = (minus(corner, origin) for corner in corners)
+    normal = cross(minus(B, A), minus(C, A))
+    depth = times(normal, A)
+    if depth == 0:
+        return None
+    for P, Q in ((A, B), (B, C), (C, A)):
+        edge = cross(P, Q)
+        if next(sign(x) for x in (times(edge, w), *edge) if x) != sign(depth):
+            return None
+    return depth / times(normal, w)
+
+
+def corners_of(scene: Scene) -> Iterator[tuple[int, int, list[Vector]]]:
+    for mesh in scene.meshes:
+        for i, face in enumerate(mesh.geometry.faces):
+            yield mesh.number, i, [exactly(mesh.vertices[v].tolist()) for v in face]
+
+
+def nearest(scene: Scene, origin: Vector, w: Vector, own: tuple[int, int] | None = None) -> Hit | None:
+    """What a ray meets first, but for the triangle `own`, by which it leaves."""
+    hits = [
+        (t, number, i)
+        for number, i, corners in corners_of(scene)
+        if (number, i) != own and (t := meets(origin, w, corners)) is not None
+    ]
+    return min(hits, default=None)
+
+
+def in_world(scene: Scene, d: Direction) -> Vector:
+    axes = [exactly(row) for row in scene.camera.basis()]
+    return exactly([sum((Fraction(e) * row[i] for e, row in zip(d, axes, strict=True)), Fraction(0)) for i in range(3)])
+
+
+# --------------------------------------------------------------------------------------------------------- small meshes
+
+AXES = Camera((0, 0, 0), (0, 0, -1), resolution=(1, 1))
+
+
+def scene_of(*meshes: Mesh, camera: Camera = AXES, lights: tuple = ()) -> Scene:
+    return Scene.from_meshes(camera, lights, meshes)
+
+
+def grid_mesh(rng: np.random.Generator, count: int = 12) -> Mesh:
+    """Triangles between small whole numbers: many share edges and corners, or planes with other things."""
+    vertices = rng.integers(-2, 3, (10, 3))
+    return Mesh(vertices, rng.integers(0, 10, (count, 3)))
+
+
+def doubles_mesh(rng: np.random.Generator, offset: float) -> Mesh:
+    """Around a corner, and with needles: corners that are all but on the edges of others."""
+    vertices = rng.normal(size=(9, 3)) + offset * rng.normal(size=3)
+    vertices[5:8] = vertices[0:3] + (vertices[1:4] - vertices[0:3]) * rng.choice([0.5, 0.25, 1 / 3], (3, 1))
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [1, 5, 2], [2, 6, 3], [0, 5, 1], [3, 7, 4], [8, 5, 6]]
+    return Mesh(vertices, faces)
+
+
+def starts_of(world: World, rng: np.random.Generator) -> OnTriangle:
+    """A point of some triangle of the first mesh: often on an edge or a corner."""
+    mesh = world.surfaces[0]
+    assert isinstance(mesh, ReferenceMesh)
+    u, v = rng.choice([0.0, 0.25, 0.5, float(rng.uniform(0, 0.5))], 2).tolist()
+    return OnTriangle(mesh.triangle(int(rng.integers(len(mesh.of.geometry.faces)))), int(rng.integers(3)), u, v)
+
+
+def place_of(scene: Scene, start: OnTriangle) -> Vector:
+    """The point in the world, exactly."""
+    corners = next(c for n, i, c in corners_of(scene) if (n, i) == (start.triangle.number, start.triangle.primitive))
+    V, V1, V2 = (corners[(start.corner + i) % 3] for i in range(3))
+    u, v = Fraction(start.u), Fraction(start.v)
+    return exactly([p + u * (q - p) + v * (r - p) for p, q, r in zip(V, V1, V2, strict=True)])
+
+
+def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int, int] | None = None) -> bool:
+    """Whether a ray meets something, after it has been seen to meet the right thing at the right t."""
+    want, got = nearest(scene, origin, in_world(scene, ray.direction), own), closest_hit(world, ray)
+    if want is None or got is None:
+        assert (want, got) == (None, None)
+        return False
+    assert (got.index, got.primitive) == want[1:]
+    assert abs(Fraction(got.t) - want[0]) <= want[0] * Fraction(2) ** -24
+    return True
+
+
+WAYS = [Direction(*map(float, d)) for d in itertools.product((-2, -1, 0, 1, 2), repeat=3) if any(d)]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_rays_among_whole_numbers(seed: int) -> None:
+    """At corners, at edges, along edges, in planes, from the eye and from triangles."""
+    rng = np.random.default_rng(seed)
+    eye = tuple(rng.integers(-3, 4, 3).astype(float) / rng.choice([1, 2]))
+    camera = Camera(eye, (eye[0], eye[1], eye[2] - 1), resolution=(1, 1))
+    scene = scene_of(grid_mesh(rng), grid_mesh(rng, 6), camera=camera)
+    world = world_of(scene)
+    for i in rng.choice(len(WAYS), 30, replace=False):
+        compare(scene, world, Ray(EYE, WAYS[i]), exactly(eye))
+        start = starts_of(world, rng)
+        own = start.triangle.number, start.triangle.primitive
+        compare(scene, world, Ray(start, WAYS[i]), place_of(scene, start), own)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e7])
+@pytest.mark.parametrize("seed", range(10))
+def test_rays_among_doubles(seed: int, offset: float) -> None:
+    """From the eye and from triangles, at points of edges and at corners but for rounding, before any camera."""
+    rng = np.random.default_rng(seed)
+    mesh = doubles_mesh(rng, offset)
+    vertices = mesh.geometry.vertices
+    eye = vertices[8] + rng.normal(size=3)
+    camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+    scene = scene_of(mesh, camera=camera)
+    world, basis = world_of(scene), np.array(camera.basis())
+    met = 0
+    for _ in range(40):
+        a, b = vertices[rng.integers(len(vertices), size=2)]
+        at = a + (b - a) * rng.choice([0, 0.5, rng.random()])
+        start = starts_of(world, rng)
+        own, place = (start.triangle.number, start.triangle.primitive), place_of(scene, start)
+        d = Direction(*(basis @ (at - eye)).tolist())
+        met += compare(scene, world, Ray(EYE, d), exactly(eye))
+        along = basis @ (at - np.array([float(x) for x in place]))
+        if along.any():
+            compare(scene, world, Ray(start, Direction(*along.tolist())), place, own)
+    assert met > 10
+
+
+def test_a_ray_may_start_anywhere_and_count_anywhere() -> None:
+    mesh = Mesh([(0, 0, -2), (2, 0, -2), (0, 2, -2)], [(0, 1, 2)])
+    world = world_of(scene_of(mesh))
+    at = closest_hit(world, Ray(Point(0.5, 0.5, 3), Direction(0, 0, -0.5)))
+    assert at is not None
+    assert (at.t, at.distance, at.index, at.primitive, at.inside) == (10, 5, 0, 0, False)
+    assert at.point == Point(0.5, 0.5, -2)
+    for t_min, t_max, hits in ((0.0, 10.0, False), (0.0, 10.5, True), (10.0, math.inf, False), (9.5, 11.0, True)):
+        ray = Ray(Point(0.5, 0.5, 3), Direction(0, 0, -0.5), t_min, t_max)
+        assert (closest_hit(world, ray) is not None) is hits
+    behind = Ray(Point(0.5, 0.5, -3), Direction(0, 0, -0.5), -5, 5)
+    at = closest_hit(world, behind)
+    assert at is not None
+    assert at.t == -2
+
+
+# --------------------------------------------------------------------------------------------- from spheres, and bounds
+
+PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rays_from_spheres(seed: int) -> None:
+    """Whose points are rational: triangles through them, and through what the ray aims at."""
+    rng = np.random.default_rng(seed)
+    mesh = grid_mesh(rng)
+    camera = Camera((0.5, 0.25, 8), (0.5, 0.25, 0), resolution=(1, 1))
+    center, radius = rng.integers(-2, 3, 3), float(rng.choice([5, 3, 7, 1]))
+    scene = Scene.from_spheres(camera, (), [center], [radius], meshes=[mesh])
+    world = world_of(scene)
+    sphere = world.surfaces[0]
+    assert isinstance(sphere, Sphere)
+    others = world_of(Scene.from_meshes(camera, (), [mesh]))
+    for n in PYTHAGORAS:
+        length = math.isqrt(sum(x * x for x in n))
+        place = exactly([Fraction(int(c)) + Fraction(int(radius) * x, length) for c, x in zip(center, n, strict=True)])
+        start = OnSphere(sphere, Direction(*n))
+        for i in rng.choice(len(WAYS), 6, replace=False):
+            want = nearest(scene_of(mesh, camera=camera), place, in_world(scene, WAYS[i]))
+            got = closest_hit(others, Ray(start, WAYS[i]))
+            assert (got.primitive if got else None) == (want[2] if want else None)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e7])
+def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
+    """Of rays from the eye, from spheres, ellipsoids and triangles: and in most cases they are."""
+    rng = np.random.default_rng(int(offset) + 1)
+    sure = unsure = 0
+    for _ in range(6):
+        mesh = doubles_mesh(rng, offset)
+        vertices = mesh.geometry.vertices
+        eye = vertices[8] + rng.normal(size=3)
+        camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        maps = np.stack([np.eye(3), rng.normal(size=(3, 3))])
+        lights = (point_light(vertices[0] + rng.normal(size=3)), parallel_light(rng.normal(size=3)))
+        centers = vertices[:2] + 0.1
+        scene = Scene.from_spheres(camera, lights, centers, [0.5, 0.5], transform=maps, meshes=[mesh])
+        world = world_of(scene)
+        triangles = world.surfaces[2]
+        assert isinstance(triangles, ReferenceMesh)
+        basis = np.array(camera.basis())
+        for _ in range(20):
+            n = Direction(*rng.normal(size=3)).normalized()
+            corner, u, v = int(rng.integers(3)), *rng.uniform(0, 0.5, 2).tolist()
+            ball = world.surfaces[int(rng.integers(2))]
+            assert isinstance(ball, Sphere)
+            own = triangles.triangle(int(rng.integers(9)))
+            starts: list[Start] = [OnSphere(ball, n), OnTriangle(own, corner, u, v)]
+            for start in (EYE, *starts):
+                at = start.point if isinstance(start, Start) else start
+                a, b = vertices[rng.integers(9, size=2)]
+                d = basis @ (a + (b - a) * rng.choice([0, 0.5, rng.random()]) - eye) - np.array(tuple(at))
+                ray = Ray(start, Direction(*(d * 10.0 ** rng.uniform(-9, 9)).tolist()))
+                way = way_of(ray, triangles.frame, triangles.eye)
+                assert way is not None
+                for i in range(9):
+                    triangle, line = triangles.triangle(i), ray.line(triangles.frame)
+                    if isinstance(start, OnTriangle) and start.triangle is triangle:
+                        continue
+                    crossing, across = Crossing(triangle, way), line.across(triangle.face)
+                    across = across if across and across.root.is_between(0.0, math.inf) else None
+                    if crossing.side is None:
+                        unsure += 1
+                    else:
+                        assert crossing.side == (across.side if across else 0)
+                        sure += 1
+                    if across and crossing.t is not None:
+                        t = across.root.value()
+                        assert abs(Fraction(crossing.t) - t) <= t * Fraction(2) ** -24
+            for light in world.lights:
+                shadow = ShadowRay(starts[int(rng.integers(2))], False, light)
+                way = shadow_way(shadow)
+                assert way is not None
+                near = set(triangles.near(way))
+                for i in range(9):
+                    triangle = triangles.triangle(i)
+                    if shadow.start.surface is triangle:
+                        continue
+                    across = shadow.line_of_light.across(triangle.face)
+                    blocks = across is not None and across.root.is_between(0.0, shadow.t_max)
+                    assert triangle.blocks(shadow) is blocks
+                    assert triangle in near or not blocks
+    assert unsure > 100
+    assert sure > 2 * unsure
+
+
+def test_every_value_is_within_its_bound() -> None:
+    """Of what crossing.py derives bounds for; with a half of each bound to spare."""
+    rng = np.random.default_rng(7)
+    for k in range(60):
+        mesh = doubles_mesh(rng, [0.0, 1e7][k % 2])
+        eye = mesh.geometry.vertices[8] + rng.normal(size=3) * 10.0 ** rng.uniform(-9, 3)
+        camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        scene = Scene.from_spheres(camera, (), eye[None] + 0.1, 1.0, meshes=[mesh])
+        world = world_of(scene)
+        ball, triangles = world.surfaces
+        assert isinstance(ball, Sphere)
+        assert isinstance(triangles, ReferenceMesh)
+        on_ball = OnSphere(ball, Direction(*rng.normal(size=3)).normalized())
+        for start in (EYE, on_ball, starts_of(world_of(scene_of(mesh, camera=camera)), rng)):
+            ray = Ray(start, Direction(*rng.normal(size=3)))
+            way, line = way_of(ray, triangles.frame, triangles.eye), ray.line(triangles.frame)
+            assert way is not None
+            for i in range(9):
+                triangle, w = triangles.triangle(i), line.direction
+                crossing = Crossing(triangle, way)
+                A, B, C = (exact.minus(exact.vector(corner), line.start) for corner in triangle.face.corners)
+                N = exact.vector(triangle.face.normal)
+                for got, want in (
+                    (crossing.D, exact.dot(A, N)),
+                    (crossing.den, exact.dot(N, w)),
+                    (crossing.ab, exact.dot(exact.cross(A, B), w)),
+                    (crossing.bc, exact.dot(exact.cross(B, C), w)),
+                    (crossing.ca, exact.dot(exact.cross(C, A), w)),
+                ):
+                    off, half = want - exact.Surd(Fraction(got.value)), exact.Surd(Fraction(got.error) / 2)
+                    assert (off - half).sign() <= 0 <= (off + half).sign()
