@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.exact import Array, concurrently
+from cltrace.plan.exact import Array, blockwise, concurrently, rounded_up
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
@@ -52,15 +52,28 @@ class Lists:
     entry: Ints
 
 
+class Outlines(NamedTuple):
+    """Convex polygons that fill little of the rectangles of cells around them, j of them with c corners each.
+
+    at: (j,), which of a grid's members they are; corner: (2, c, j), in cells, or in pixels where rays pass through
+    those alone; loose: (j,), by how much a corner or a ray may be off.
+    """
+
+    at: NDArray[np.intp]
+    corner: NDArray[np.float32]
+    loose: NDArray[np.float32]
+
+
 @dataclass(frozen=True)
 class CellGrid:
-    """One grid, and n spheres to be entered on it.
+    """One grid, and n surfaces to be entered on it.
 
     axes: (3, 3), right, up and ahead; middle: (2,), of the window; half: (2,), half of its sides; cells: (columns,
-    rows) of level 0; member: (n,), indices of the spheres, ascending; covers: (4, n), the cells of level 0 that each
-    one covers, as the first column, the first row, and how many more columns and rows; near: (n,) float32, depth of
-    the nearest points; perspective: whether it is seen from a point, not along a parallel light; coarse: whether the
-    cells are so large that coordinates in float32 tell them apart.
+    rows) of level 0; member: (n,), indices of the surfaces; covers: (4, n), the cells of level 0 that each one covers,
+    as the first column, the first row, and how many more columns and rows; near: (n,) float32, depth of the nearest
+    points; perspective: whether it is seen from a point, not along a parallel light; coarse: whether the cells are so
+    large that coordinates in float32 tell them apart; outlines: of those that cover fewer cells than `covers` says;
+    pixels: in the side of a cell, where rays pass through their centres alone, else 0.
     """
 
     axes: Array
@@ -72,6 +85,8 @@ class CellGrid:
     near: NDArray[np.float32]
     perspective: bool
     coarse: bool = False
+    outlines: tuple[Outlines, ...] = ()
+    pixels: int = 0
 
 
 def build(grids: list[CellGrid], precision: Precision) -> Lists:
@@ -110,7 +125,10 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         return np.zeros(1, np.int32), entry, bool(len(order)) << CONSTANTS["WHOLE"]
     if not len(grid.member):
         return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
-    level, entries = _levels(grid)
+    outlined = np.zeros(len(grid.member), bool)
+    for outlines in grid.outlines:
+        outlined[outlines.at] = True
+    level, entries = _levels(grid, outlined)
     used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
     columns, rows = grid.cells
     pitch, base = {}, {}
@@ -120,16 +138,36 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         total += pitch[k] * (((rows - 1) >> k) + 1)
     # An entry is one whole number. From the top it has the cell, the depth of the nearest point, rounded down to as
     # many bits as are left, and the sphere. Sorting these numbers sorts the cells, and the list of each cell.
-    index_bits = int(grid.member[-1]).bit_length()
+    index_bits = int(grid.member.max()).bit_length()
     near_bits = min(32, 63 - index_bits - total.bit_length())
     cut, shift = np.uint32(32 - near_bits), index_bits + near_bits
+    strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
+    entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
     key, filled = np.empty(entries, np.int64), 0
+
+    def low_of(which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
+        return (_ascending(grid.near[which]) >> cut).astype(np.int64) << index_bits | grid.member[which]
+
+    for strip in strips:
+        origin = np.array([base.get(k, 0) for k in range(max(used) + 1)])
+        wide = np.array([pitch.get(k, 0) for k in range(max(used) + 1)])
+        at_level = level[strip.at]
+        cell = origin[at_level] + strip.row * wide[at_level] + strip.column
+        count = strip.more + 1
+        begin = cell - (np.cumsum(count, dtype=np.int64) - count)
+        run = np.repeat(begin, count)
+        run += np.arange(len(run))
+        run <<= shift
+        run |= np.repeat(low_of(strip.at), count)
+        key[filled : filled + len(run)] = run
+        filled += len(run)
     for i in range(0, len(level), BLOCK):
         block = slice(i, i + BLOCK)
-        low = (_ascending(grid.near[block]) >> cut).astype(np.int64) << index_bits | grid.member[block]
+        low = low_of(block)
         edges = _edges(grid.covers[:, block])
         for k in used:
-            which = np.flatnonzero(level[block] == k) if len(used) > 1 else slice(None)
+            every = len(used) == 1 and not strips
+            which = slice(None) if every else np.flatnonzero((level[block] == k) & ~outlined[block])
             left, top, right, bottom = edges[:, which] >> k
             cell = top.astype(np.int64) * pitch[k] + left + base[k]
             # First there is one number for each row of cells that a sphere covers, then one for each cell.
@@ -182,25 +220,118 @@ def _descended(x: NDArray[np.int64]) -> NDArray[np.int64]:
     return x
 
 
-def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:
-    """The level of each member, and how many entries all of them take: the finest levels that take few enough."""
-    wide, high = grid.covers[2:]
-    n, entries = len(wide), _entries(grid.covers[2:])
-    # Where spheres are very many, all are on level 0, or each is on the level that has its size. Whatever is in between
-    # takes longer to make and saves nothing.
+class _Strip(NamedTuple):
+    """Runs of cells in rows. at: (s,), which of the members they are of; row, column: (s,), the first cell of each,
+    on the member's level; more: (s,), how many more columns."""
+
+    at: NDArray[np.intp]
+    row: Ints
+    column: Ints
+    more: Ints
+
+
+def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list[_Strip]:
+    """The cells that polygons touch, each one on its level."""
+    levels = level[outlines.at].astype(np.int32)
+    left, top, right, bottom = (_edges(grid.covers[:, outlines.at])).astype(np.int32) >> levels
+    count = bottom - top + 1
+    # A strip is as high as a cell, or from its first row of pixels to the last one.
+    side = np.ldexp(np.float32(grid.pixels or 1), levels)
+    high = side - np.float32(bool(grid.pixels))
+
+    def of(block: slice) -> _Strip:
+        which = np.repeat(np.arange(block.start, block.stop), count[block])
+        begin = np.cumsum(count[block]) - count[block]
+        row = np.arange(len(which), dtype=np.int32) - np.repeat(begin - top[block], count[block]).astype(np.int32)
+        low, loose = row * side[which], outlines.loose[which]
+        low, up = low - loose, low + high[which] + loose
+        least, most = np.full(len(which), np.inf, np.float32), np.full(len(which), -np.inf, np.float32)
+        corners = outlines.corner.shape[1]
+        for i in range(corners):
+            # The part of a side between the lines below and above the strip, if any, and the columns that it takes.
+            (x, y), (other_x, other_y) = outlines.corner[:, i], outlines.corner[:, (i + 1) % corners]
+            across, rise = other_x - x, other_y - y
+            over = np.divide(1, rise, out=np.zeros_like(rise), where=np.abs(rise) > 2.0**-60)
+            bottom_y, top_y = np.minimum(y, other_y)[which], np.maximum(y, other_y)[which]
+            x, y, across, over = x[which], y[which], across[which], over[which]
+            meets = (top_y >= low) & (bottom_y <= up)
+            for line in (low, up):
+                at = x + across * np.clip((line - y) * over, 0, 1)
+                np.minimum(least, np.where(meets, at, np.inf), out=least)
+                np.maximum(most, np.where(meets, at, -np.inf), out=most)
+        edge = side[which]
+        begin, end = left[which], right[which]
+        least, most = least - loose, most + loose
+        if grid.pixels:
+            least = np.ceil(least)
+        first = np.clip(np.floor(least / edge), begin, end + 1).astype(np.int32)
+        last = np.clip(np.floor(most / edge), begin - 1, end).astype(np.int32)
+        if grid.pixels:
+            first = np.where(np.floor(most) >= least, first, end + 1)
+        keep = np.flatnonzero(first <= last)
+        return _Strip(outlines.at[which[keep]], row[keep], first[keep], last[keep] - first[keep])
+
+    return blockwise(len(count), of, max(1, BLOCK * len(count) // max(1, int(count.sum(dtype=np.int64)))))
+
+
+def _levels(grid: CellGrid, outlined: Mask) -> tuple[NDArray[np.int8], int]:
+    """The level of each member, the finest levels that take few enough entries, and how many entries all but those of
+    outlines take.
+
+    outlined: (n,), which ones have an outline.
+    """
+    n = len(grid.member)
+    simple = grid.covers[:, ~outlined] if grid.outlines else grid.covers
+    wide, high = simple[2:]
+    edges, sizes = _edges(simple), [_Size.of(grid, outlines) for outlines in grid.outlines]
+    entries, more = _entries(simple[2:]), sum(size.entries(np.int8(0)) for size in sizes)
+    # Where surfaces are very many, all are on level 0, or each is on the level that has its size. Whatever is in
+    # between takes longer to make and saves nothing.
     many = n >= SPARE
-    if entries <= 4.5 * n if many else entries <= 4 * n + SPARE:
+    if entries + more <= 4.5 * n if many else entries + more <= 4 * n + SPARE:
         return np.zeros(n, np.int8), entries
     # Cells of level `bits` are as large as the disc.
     bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)
-    edges = _edges(grid.covers)
-    for lift in (0,) if many else range(int(bits.max()) - 1, 0, -1):
+    coarsest = max(int(some.max(initial=0)) for some in [bits, *(size.bits for size in sizes)])
+    for lift in (0,) if many else range(max(coarsest - 1, 1), 0, -1):
         level = np.maximum(bits - np.int8(lift), np.int8(0))
         left_top, right_bottom = (edges[:2] >> level), (edges[2:] >> level)
         entries = _entries(right_bottom - left_top)
-        if many or lift == 1 or entries <= 4 * n + SPARE:
+        more = sum(size.entries(np.maximum(size.bits - np.int8(lift), np.int8(0))) for size in sizes)
+        if many or lift == 1 or entries + more <= 4 * n + SPARE:
             break
-    return level, entries
+    if not grid.outlines:
+        return level, entries
+    every = np.empty(n, np.int8)
+    every[~outlined] = level
+    for outlines, size in zip(grid.outlines, sizes, strict=True):
+        every[outlines.at] = np.maximum(size.bits - np.int8(lift), np.int8(0))
+    return every, entries
+
+
+class _Size(NamedTuple):
+    """How many cells polygons touch: area: (j,), in cells of level 0; sides: (j,), width and height together; bits:
+    (j,), the level on which they touch about as many as a disc of the size of a cell."""
+
+    area: NDArray[np.float32]
+    sides: NDArray[np.float32]
+    bits: NDArray[np.int8]
+
+    @staticmethod
+    def of(grid: CellGrid, outlines: Outlines) -> _Size:
+        wide, high = grid.covers[2:, outlines.at].astype(np.float32)
+        x, y = (outlines.corner - outlines.corner[:, :1]) / np.float32(grid.pixels or 1)
+        area = np.abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)) / 2
+        area = np.minimum(area, wide * high)
+        # A convex body meets so many cells of a lattice on average: its area + width + height + 1. A square of side s
+        # meets (s + 1)^2.
+        bits = np.frexp(np.sqrt(area + wide + high + 1) - 1)[1].astype(np.int8)
+        return _Size(area, wide + high, bits)
+
+    def entries(self, level: NDArray[np.int8] | np.int8) -> int:
+        """About how many entries the polygons take if each is on its level."""
+        by = np.ldexp(np.float32(1), -level)
+        return int((self.area * by * by + self.sides * by + 1).sum(dtype=np.float64))
 
 
 def _entries(more: NDArray[np.int16]) -> int:
@@ -220,3 +351,31 @@ def whole_grid(members: Mask) -> CellGrid:
 def joined(parts: list[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
     """Each of several arrays, put together along its last axis from the same one of each block."""
     return [np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)]
+
+
+def outlines_of(
+    at: NDArray[np.intp], covers: NDArray[np.int16], corner: NDArray[Any], loose: NDArray[Any]
+) -> Outlines | None:
+    """The outlines of those polygons that may touch fewer cells than their rectangles have, by more than one; None if
+    there are none.
+
+    at: (n,), their places among the members; covers: (4, n); corner, loose: of Outlines, (2, c, n) and (n,) or ().
+    """
+    wide, high = covers[2:]
+    which = np.flatnonzero((wide > 0) & (high > 0) & (wide + high > 2))
+    if not len(which):
+        return None
+    corner = corner[:, :, which]
+    # What _strips() computes is off by a few roundings of the coordinates.
+    loose = np.broadcast_to(loose, len(wide))[which] + SLACK * np.abs(corner).max(axis=(0, 1))
+    return Outlines(at[which], corner.astype(np.float32), rounded_up(loose.astype(np.float64)))
+
+
+def joined_outlines(parts: list[tuple[int, Outlines | None]]) -> tuple[Outlines, ...]:
+    """The outlines of parts of the members, those with equally many corners together. parts: with each one's first
+    member's place."""
+    found: dict[int, list[tuple[Any, ...]]] = {}
+    for first, part in parts:
+        if part:
+            found.setdefault(part.corner.shape[1], []).append((part.at + first, part.corner, part.loose))
+    return tuple(Outlines(*joined(some)) for some in found.values())

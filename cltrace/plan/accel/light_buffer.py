@@ -13,8 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Ints, Mask, joined
-from cltrace.plan.exact import Array, blockwise, concurrently, rounded_down
+from cltrace.plan.accel.cells import (
+    BLOCK,
+    SLACK,
+    CellGrid,
+    Ints,
+    Mask,
+    Outlines,
+    joined,
+    joined_outlines,
+    outlines_of,
+)
+from cltrace.plan.exact import Array, blockwise, concurrently, rotated, rounded_down
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
 # The same as SLACK, for arithmetic in double.
@@ -25,11 +36,15 @@ NARROW = 2.0**-4
 SAMPLE = 16
 
 
+NOTHING = np.zeros(())
+
+
 class Shadows(NamedTuple):
     """Who takes part in shadows.
 
-    occluder: (n,), the spheres that may stop light, which are the ones to enter; receiver: (n,), those of them on which
-    shadow rays may end; slack: SLACK if the kernel decides in float32, else FINE_SLACK.
+    occluder: (n,), the surfaces that may stop light, which are the ones to enter, spheres first, then triangles;
+    receiver: (n,), those of them on which shadow rays may end; slack: SLACK if the kernel decides in
+    float32, else FINE_SLACK.
     """
 
     occluder: Mask
@@ -37,10 +52,14 @@ class Shadows(NamedTuple):
     slack: float
 
 
-def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
-    """The grids of a light at a point, at most six. seen: from the light, along the camera's axes."""
+def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> list[CellGrid]:
+    """The grids of a light at a point, at most six.
+
+    seen: spheres from the light, along the camera's axes; corners: triangles from there, None for none.
+    """
     sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
-    cube = _towards(seen.center)
+    cube = _towards(seen.center if corners is None else np.concatenate([seen.center, corners.vertex]))
+    vertex = None if corners is None else rotated(cube, corners.vertex)
 
     def look(real: type[np.floating[Any]], sides: list[tuple[int, float]], block: slice) -> list[_Discs]:
         x, y, z = np.ascontiguousarray(seen.center[block].T)
@@ -65,9 +84,14 @@ def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
         return found
 
     def discs_of(real: type[np.floating[Any]], sides: list[tuple[int, float]]) -> list[list[_Discs]]:
-        return [
+        found = [
             list(discs) for discs in zip(*blockwise(len(seen.radius), partial(look, real, sides), BLOCK), strict=True)
         ]
+        if corners is not None and vertex is not None:
+            for discs, (axis, sign) in zip(found, sides, strict=True):
+                across = [vertex[:, (axis + 1) % 3], vertex[:, (axis + 2) % 3], sign * vertex[:, axis]]
+                discs += _triangles(corners, across, who, real)
+        return found
 
     grids = []
     for (axis, sign), discs in zip(sides, discs_of(np.float32, sides), strict=True):
@@ -86,6 +110,20 @@ def point_buffer(seen: Seen, who: Shadows) -> list[CellGrid]:
     return grids
 
 
+def _triangles(corners: Corners, axes: list[Array], who: Shadows, real: type[np.floating[Any]]) -> list[_Discs]:
+    """The triangles that are seen through a side of the cube, along its axes."""
+    # A ray that looks at this side has slopes of at most 1, and a few roundings more.
+    pane = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16), (1, 1), (0, 0))
+    found = []
+    for part in polygons(axes, corners.face, who.occluder[corners.first :], pane, real):
+        member = part.triangle + np.int32(corners.first)
+        # A corner is off by this in double, and by what the caller allows for roundings to `real`.
+        loose = part.loose + TURNED * (1 + pane.largest[0]) ** 2
+        edges = [edge - loose if k % 2 == 0 else edge + loose for k, edge in enumerate(part.edges)]
+        found.append(_Discs.of(member, edges, part.near, part.far, who.receiver[member], part.corner, loose))
+    return found
+
+
 def _towards(offset: Array) -> Array:
     """(3, 3): three axes at right angles. The last one points about at the middle of points (n, 3), or away from it.
 
@@ -102,10 +140,10 @@ def _towards(offset: Array) -> Array:
     return np.asarray(np.eye(3) - 2 * np.outer(v, v) / (v * v).sum())
 
 
-def parallel_buffer(axes: Array, seen: Seen, who: Shadows) -> list[CellGrid]:
+def parallel_buffer(axes: Array, seen: Seen, who: Shadows, corners: Corners | None = None) -> list[CellGrid]:
     """The grid of a parallel light; none if it can shadow nothing.
 
-    axes: (3, 3), the two across and the one towards the light; seen: from the eye.
+    axes: (3, 3), the two across and the one towards the light; seen, corners: spheres and triangles from the eye.
     """
 
     def look(block: slice) -> _Discs:
@@ -117,18 +155,39 @@ def parallel_buffer(axes: Array, seen: Seen, who: Shadows) -> list[CellGrid]:
         return _Discs.of(member, [u - r, u + r, v - r, v + r], near, r - s + 2.0**-10, who.receiver[block][i])
 
     discs = blockwise(len(seen.radius), look, BLOCK)
+    if corners is not None:
+        discs += _triangles_along(corners, axes, who)
     window = _window(discs, who.slack, False)
     return [] if window is None else [_on_window(axes, discs, window, who.slack, None)]
 
 
+def _triangles_along(corners: Corners, axes: Array, who: Shadows) -> list[_Discs]:
+    """The triangles as a parallel light sees them."""
+    across = rotated(axes, corners.vertex).T
+
+    def look(block: slice) -> _Discs:
+        member = np.flatnonzero(who.occluder[corners.first + block.start : corners.first + block.stop])
+        triangle = corners.face[block][member].T
+        member = (member + (corners.first + block.start)).astype(np.int32)
+        corner = np.stack([[axis[which] for which in triangle] for axis in across])
+        least, most = corner[2].min(axis=0), corner[2].max(axis=0)
+        # Lengths are about 1: the kernel's depths, too, are right to SLACK of themselves and to this.
+        near = rounded_down(-most - SLACK * np.abs(most) - who.slack)
+        edges = [bound for values in corner[:2] for bound in (values.min(axis=0), values.max(axis=0))]
+        return _Discs.of(member, edges, near, 2.0**-10 - least, who.receiver[member], corner[:2])
+
+    return blockwise(len(corners.face), look, BLOCK)
+
+
 @dataclass(frozen=True)
 class _Discs:
-    """n spheres as discs in the plane of a grid.
+    """n spheres as discs, or triangles as polygons, in the plane of a grid.
 
     member: (n,), their indices; edges: four of (n,), their left, right, low and high coordinates; near: (n,), a lower
     bound of the depth of their nearest points; spans: two lists of the outermost left, right, low and high edge, first
     of all discs, then of those where shadow rays end; nearest, furthest: bounds of the depth of all points where shadow
-    rays end.
+    rays end; corner: (2, c, n), of polygons; loose: (n,) or (), how far off those are, besides a few roundings. It is
+    in the edges already.
     """
 
     member: Ints
@@ -137,15 +196,24 @@ class _Discs:
     spans: list[list[float]]
     nearest: float
     furthest: float
+    corner: Reals | None
+    loose: Array
 
     @staticmethod
-    def of(member: Ints, edges: list[Reals], near: NDArray[np.float32], far: Reals, receiver: Mask) -> _Discs:
+    def of(
+        member: Ints,
+        edges: list[Reals],
+        near: NDArray[np.float32],
+        far: Reals,
+        receiver: Mask,
+        corner: Reals | None = None,
+        loose: Array = NOTHING,
+    ) -> _Discs:
         """far: (n,), upper bounds of the depth of their furthest points; receiver: (n,), where shadow rays end."""
         ends = np.flatnonzero(receiver)
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
-        return _Discs(
-            member, edges, near, spans, float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
-        )
+        nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
+        return _Discs(member, edges, near, spans, nearest, furthest, corner, loose)
 
 
 def _extreme(k: int, edge: Reals) -> float:
@@ -194,7 +262,7 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     cell = max(2 * float(np.median(np.concatenate(each))), np.sqrt(sides[0] * sides[1] / max(2, members)))
     cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
 
-    def place(part: _Discs) -> tuple[NDArray[Any], ...]:
+    def place(part: _Discs) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         # A sphere that is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
         within = part.near < window.furthest
         covers = np.empty((4, len(within)), np.int16)
@@ -208,9 +276,25 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
             covers[2 + k] = np.clip((end - first) * scale + 1 / 64, 0, cells[k] - 1)
             covers[2 + k] -= covers[k]
         which = np.flatnonzero(within)
-        return part.member[which], covers.take(which, axis=1), part.near[which]
+        covers = covers.take(which, axis=1)
+        return (part.member[which], covers, part.near[which]), outlined(part, which, covers)
 
-    member, covers, near = joined(concurrently([partial(place, part) for part in discs]))
+    def outlined(part: _Discs, which: NDArray[np.intp], covers: NDArray[np.int16]) -> Outlines | None:
+        if part.corner is None:
+            return None
+        scale = np.array(cells) / sides
+        corner = (part.corner[:, :, which] - low[:, None, None]) * scale[:, None, None]
+        loose = part.loose[which] if part.loose.ndim else part.loose
+        most = max(np.abs(edge).max(initial=0) for edge in part.edges)
+        off = (slack * (1 + 2 * most) + loose) * scale.max() + 1 / 64
+        return outlines_of(np.arange(len(which)), covers, corner, off)
+
+    placed = concurrently([partial(place, part) for part in discs])
+    member, covers, near = joined([part for part, _ in placed])
+    starts = np.cumsum([0] + [len(part[0]) for part, _ in placed]).tolist()
+    outlines = joined_outlines([(start, outline) for start, (_, outline) in zip(starts, placed, strict=False)])
     columns, rows = cells
     perspective = coarse is not None
-    return CellGrid(axes, window.middle, window.half, (columns, rows), member, covers, near, perspective, bool(coarse))
+    return CellGrid(
+        axes, window.middle, window.half, (columns, rows), member, covers, near, perspective, bool(coarse), outlines
+    )

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Mask, joined
-from cltrace.plan.exact import blockwise
+from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Mask, Outlines, joined, joined_outlines, outlines_of
+from cltrace.plan.exact import blockwise, concurrently
 from cltrace.plan.request import Region
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, polygons
 from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
@@ -32,10 +34,12 @@ class Window:
     region: Region
 
 
-def picture_tiles(seen: Seen, among: Mask, window: Window) -> CellGrid:
-    """The picture's grid. seen: from the eye, in camera space; among: (n,), which spheres to enter.
+def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | None = None) -> CellGrid:
+    """The picture's grid.
 
-    Spheres that cannot be seen are left out: those behind the eye, beside the region, or between the centres of pixels.
+    seen: n spheres from the eye, in camera space; corners: m triangles from there, None for none; among: (n + m,),
+    which of them to enter. Those that cannot be seen are left out: those behind the eye, beside the region, or between
+    the centres of pixels.
     """
     step, size, (left_most, top_most, width, height) = window.step, window.size, window.region
     bounds = ((left_most, left_most + width), (top_most, top_most + height))
@@ -64,6 +68,59 @@ def picture_tiles(seen: Seen, among: Mask, window: Window) -> CellGrid:
         near = nearest(length(x, y, z)[which], r[which], seen.power[block][which])
         return (block.start + which).astype(np.int32), covers.take(which, axis=1), near
 
-    member, covers, near = joined(blockwise(len(seen.center), see, BLOCK))
+    parts, outlines = blockwise(len(seen.center), see, BLOCK), []
+    if corners:
+        for part, outline in _triangles(corners, among, window, real):
+            outlines.append((sum(len(other[0]) for other in parts), outline))
+            parts.append(part)
+    member, covers, near = joined(parts)
     cells = (((size[0] - 1) >> SHIFT) + 1, ((size[1] - 1) >> SHIFT) + 1)
-    return CellGrid(np.eye(3), np.zeros(2), np.ones(2), cells, member, covers, near, True)
+    return CellGrid(
+        np.eye(3),
+        np.zeros(2),
+        np.ones(2),
+        cells,
+        member,
+        covers,
+        near,
+        True,
+        outlines=joined_outlines(outlines),
+        pixels=CONSTANTS["TILE"],
+    )
+
+
+def _triangles(
+    corners: Corners, among: Mask, window: Window, real: type[np.floating[Any]]
+) -> list[tuple[tuple[NDArray[Any], ...], Outlines | None]]:
+    """Of triangles: members, covers and near, and the outlines, for parts of them."""
+    x, y, z = corners.vertex.T
+    first, count = window.region[:2], window.region[2:]
+    # A pixel's coordinates are its column and row. The window ends half a pixel beyond its outermost ones.
+    scale = [0.5 / step for step in window.step]
+    shift = [(n - 1) / 2 for n in window.size]
+    middle = [(first[k] + (count[k] - 1) / 2 - shift[k]) / scale[k] for k in (0, 1)]
+    pane = Pane(tuple(middle), tuple(count[k] / 2 / scale[k] for k in (0, 1)), tuple(scale), tuple(shift))  # type: ignore[arg-type]
+    # In pixels: a 64th, and what coordinates are off by in float32 (see SLACK), and in double before.
+    off = [
+        SLACK * (s * p + n) + TURNED * s * (1 + p) ** 2
+        for s, p, n in zip(scale, pane.largest, window.size, strict=True)
+    ]
+    loose = 1 / 64 + max(off)
+
+    def enter(part: Polygons) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
+        covers, visible = np.empty((4, len(part.triangle)), np.int16), np.ones(len(part.triangle), bool)
+        off = (loose + part.loose).astype(part.edges[0].dtype)
+        for k, (low, high) in enumerate((part.edges[:2], part.edges[2:])):
+            begin = np.clip(np.ceil(low - off), first[k], first[k] + count[k])
+            end = np.clip(np.floor(high + off), first[k] - 1, first[k] + count[k] - 1)
+            visible &= begin <= end
+            covers[k] = begin.astype(np.int32) >> SHIFT
+            covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
+        which = np.flatnonzero(visible)
+        covers = covers.take(which, axis=1)
+        corner = part.corner[:, :, which] if len(which) < len(visible) else part.corner
+        outline = outlines_of(np.arange(len(which)), covers, corner, off[which] if off.ndim else off)
+        return (part.triangle[which] + np.int32(corners.first), covers, part.near[which]), outline
+
+    found = polygons([x, -y, -z], corners.face, among[corners.first :], pane, real)
+    return concurrently([partial(enter, part) for part in found])

@@ -1,0 +1,275 @@
+"""Triangles as seen from a fixed point or along a fixed direction: polygons on a plane, and how near their points are.
+
+A triangle seen from a point is a convex polygon on the image plane, or on a side of a light's cube. Most have their
+three corners ahead and not far out of the window that is looked through: those are three divisions. The others are
+first clipped to a pyramid GUARD times as wide as the window, by its planes through the point (Sutherland and Hodgman
+1974), so that no number is divided by about zero, and have up to seven corners then.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.accel.cells import BLOCK, SLACK, Mask
+from cltrace.plan.exact import Array, blockwise, rounded_down
+from cltrace.plan.shapes.sphere import Reals
+
+# So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
+GUARD = 2.0
+# A corner, in double, is right to this share of its distance: it was subtracted and turned, twice at most.
+TURNED = 2.0**-46
+# Nearer corners are too near for float32's squares.
+CLOSE = 2.0**-40
+
+OUTSIDE, BEYOND = 15, 16
+
+
+class Corners(NamedTuple):
+    """m triangles as seen from a point.
+
+    vertex: (v, 3), from that point (of a parallel light: from the eye) along the camera's axes, in the float buffers'
+    unit; face: (m, 3), three vertices each; first: the index of the first triangle as a primitive.
+    """
+
+    vertex: Array
+    face: NDArray[np.int32]
+    first: int
+
+
+class Pane(NamedTuple):
+    """The window that is looked through, a rectangle of the plane one unit ahead.
+
+    middle, half: its middle and half of its sides, across and up, as slopes; scale, shift: coordinates on the plane
+    are slope * scale + shift.
+    """
+
+    middle: tuple[float, float]
+    half: tuple[float, float]
+    scale: tuple[float, float]
+    shift: tuple[float, float]
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """The largest size of a slope in the pyramid that polygons are clipped to."""
+        across, up = (abs(m) + GUARD * h for m, h in zip(self.middle, self.half, strict=True))
+        return across, up
+
+
+class Polygons(NamedTuple):
+    """n convex polygons of c corners, some of which may be the same.
+
+    triangle: (n,), which triangles they are; corner: (2, c, n), coordinates on the plane; edges: left, right, low and
+    high, each (n,), the extent; loose: (n,) or (), no corner is off by more than that and a few roundings; near: (n,)
+    float32, a lower bound of the squared distance of the nearest point, -1 where it is not known; far: (n,), an upper
+    bound of that of the furthest point.
+    """
+
+    triangle: NDArray[np.int32]
+    corner: Reals
+    edges: list[Reals]
+    loose: Array
+    near: NDArray[np.float32]
+    far: Reals
+
+
+def polygons(
+    axes: list[Array], face: NDArray[np.int32], among: Mask, pane: Pane, real: type[np.floating[Any]]
+) -> list[Polygons]:
+    """The triangles that a window may show.
+
+    axes: the coordinates (v,) of the vertices across, up and ahead, from the point; face: (m, 3); among: (m,), which
+    triangles are asked for; real: what to compute in.
+    """
+    points = _Points(*_joined(blockwise(len(axes[0]), lambda block: _on_plane([a[block] for a in axes], pane, real))))
+
+    def see(block: slice) -> list[Polygons]:
+        a, b, c = np.ascontiguousarray(face[block].T)
+        codes = [points.code.take(corner) for corner in (a, b, c)]
+        wanted = among[block] & ((codes[0] & codes[1] & codes[2] & np.uint8(OUTSIDE)) == 0)
+        inside = (codes[0] | codes[1] | codes[2]) < BEYOND
+        near, far = (np.flatnonzero(which) for which in (wanted & inside, wanted & ~inside))
+        corners = [a, b, c] if len(near) == len(a) else [corner[near] for corner in (a, b, c)]
+        found = [_direct((block.start + near).astype(np.int32), points, corners, axes, pane)]
+        if len(far):
+            found += _clipped((block.start + far).astype(np.int32), [corner[far] for corner in (a, b, c)], axes, pane)
+        return found
+
+    return [part for parts in blockwise(len(face), see, BLOCK) for part in parts if len(part.triangle)]
+
+
+class _Points(NamedTuple):
+    """Vertices on the plane. x, y: (v,), coordinates; square: (v,), squared distances; code: (v,), a bit for each side
+    of the window that a vertex is beyond, and BEYOND where x and y mean nothing."""
+
+    x: Reals
+    y: Reals
+    square: Reals
+    code: NDArray[np.uint8]
+
+
+def _joined(parts: list[_Points]) -> list[NDArray[Any]]:
+    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+
+
+def _on_plane(axes: list[Array], pane: Pane, real: type[np.floating[Any]]) -> _Points:
+    x, y, d = (axis.astype(real) for axis in axes)
+    # `size` is what the doubles may be off by; the other term of `loose`, what is rounded here. A vertex that is
+    # beyond a side by more is beyond it. One that is not has |x| <= (|middle| + half) |d| for that side, to which the
+    # roundings of x - middle d are relative; of one that is far beyond, they are relative to x itself.
+    size = (np.abs(x) + np.abs(y) + np.abs(d)) * real(TURNED)
+    depth = np.abs(d)
+    code = (~(d > CLOSE)).astype(np.uint8) << np.uint8(4)
+    for k, c in enumerate((x, y)):
+        middle, half = pane.middle[k], pane.half[k]
+        loose = depth * real(SLACK * (abs(middle) + half)) + size * real(1 + abs(middle) + half)
+        aside = c - d * real(middle) if middle else c
+        reach = d * real(half)
+        code |= (aside > reach + loose).astype(np.uint8) << np.uint8(2 * k)
+        code |= (-aside > reach + loose).astype(np.uint8) << np.uint8(2 * k + 1)
+        code |= (~(np.abs(aside) <= reach * real(GUARD))).astype(np.uint8) << np.uint8(4)
+    over = 1 / np.where(code < BEYOND, d, 1)
+    placed = []
+    for k, c in enumerate((x, y)):
+        c = c * over
+        if pane.scale[k] != 1 or pane.shift[k] != 0:
+            c = c * real(pane.scale[k]) + real(pane.shift[k])
+        placed.append(c)
+    return _Points(placed[0], placed[1], x * x + y * y + d * d, code)
+
+
+def _direct(
+    triangle: NDArray[np.int32], points: _Points, corners: list[NDArray[np.int32]], axes: list[Array], pane: Pane
+) -> Polygons:
+    """Triangles with all corners within the pyramid."""
+    corner = np.stack([[values.take(which) for which in corners] for values in (points.x, points.y)])
+    squares = [points.square.take(which) for which in corners]
+    least = np.minimum(np.minimum(squares[0], squares[1]), squares[2])
+    most = np.maximum(np.maximum(squares[0], squares[1]), squares[2])
+    edges = _extent(corner)
+    # A point of a triangle has the weighted mean of the corners' squared distances, less a variance of at most the
+    # squared radius of the circle around it, which is at most a third of the longest side's square (Jung 1901). Of two
+    # corners at distances p <= q, this square is (q - p)^2 and p q times that of the chord of their angle, which is
+    # less than between their slopes.
+    real = least.dtype.type
+    wide, high = (edges[1] - edges[0]) * real(1 / pane.scale[0]), (edges[3] - edges[2]) * real(1 / pane.scale[1])
+    apart = most - least
+    spread = (apart * apart / (4 * least) + most * (wide * wide + high * high)) * real(1 / 3)
+    # Each of these terms is right to 2^-20 of the smallest square, as long as they are less than that.
+    near = least * real(1 - 2.0**-16) - spread
+    large = np.flatnonzero(spread > least * real(1 / 16))
+    near = near.astype(np.float32)
+    if len(large):
+        a, b, c = (np.stack([axis[which[large]] for axis in axes]) for which in corners)
+        near[large] = _nearest(a, b, c, np.stack([a, b, c], axis=1))
+    return Polygons(triangle, corner, edges, np.zeros(()), near, most * real(1 + 2.0**-10))
+
+
+def _extent(corner: Reals) -> list[Reals]:
+    """left, right, low, high: each (n,), of corners (2, c, n)."""
+    found = []
+    for values in corner:
+        low, high = np.minimum(values[0], values[1]), np.maximum(values[0], values[1])
+        for more in values[2:]:
+            np.minimum(low, more, out=low)
+            np.maximum(high, more, out=high)
+        found += [low, high]
+    return found
+
+
+def _nearest(a: Array, b: Array, c: Array, corner: Array) -> NDArray[np.float32]:
+    """(n,): a lower bound of the squared distance of the points of n polygons; -1 if it is about 0.
+
+    a, b, c: (3, n), corners of the triangles that the polygons are parts of; corner: (3, c, n), those of the polygons.
+    """
+    normal, sides = _normal(a, b, c)
+    reach = np.maximum(np.maximum(_size(a), _size(b)), _size(c))
+    # Corners are off by TURNED of their distance. So are sides, by twice of it, and all else follows.
+    error = 8 * TURNED * reach
+    plane = np.abs((a * normal).sum(axis=0)) - error * reach * sides
+    plane /= _size(normal) + error * sides + 2.0**-500
+    plane = np.maximum(plane, 0)
+    square = (corner * corner).sum(axis=0).min(axis=0)
+    across = corner.max(axis=1) - corner.min(axis=1)
+    ball = square - (across * across).sum(axis=0) / 3 - error * reach
+    near = np.maximum(plane * plane, ball) * (1 - 2.0**-18)
+    return np.where(near > 2.0**-100, rounded_down(near), np.float32(-1))
+
+
+def _size(v: Array) -> Array:
+    """|v| of (3, n): (n,)."""
+    return np.asarray(np.sqrt((v * v).sum(axis=0)))
+
+
+def _clipped(
+    triangle: NDArray[np.int32], corners: list[NDArray[np.int32]], axes: list[Array], pane: Pane
+) -> list[Polygons]:
+    """The parts of triangles within the pyramid, in double.
+
+    What clipping loses to roundings is within `error` of the pyramid's sides, z away from the window's. So it is out of
+    the window, unless z is less than about that. Then the point is almost in the triangle's plane: such triangles are
+    entered everywhere.
+    """
+    a, b, c = (np.stack([axis[which] for axis in axes]) for which in corners)
+    reach = np.maximum(np.maximum(_size(a), _size(b)), _size(c))
+    # Along the skew axes below, the pyramid is |x|, |y| <= z, and coordinates are larger by `grow` at most.
+    middle, width = np.array(pane.middle)[:, None, None], GUARD * np.array(pane.half)[:, None, None]
+    grow = 1 + float(((1 + np.abs(middle)) / width).max())
+    error = 4 * TURNED * grow * reach
+    normal, sides = _normal(a, b, c)
+    clear = np.abs((a * normal).sum(axis=0)) > 64 * error * (1 + sum(pane.largest)) * sides * sides
+    polygon, which = np.stack([a, b, c], axis=1)[:, :, clear], np.flatnonzero(clear)
+    polygon[:2] = (polygon[:2] - middle * polygon[2]) / width
+    for k in (0, 1):
+        for sign in (1.0, -1.0):
+            polygon, left = _cut(polygon, polygon[2] - sign * polygon[k])
+            which = which[left]
+    scale, shift = np.array(pane.scale)[:, None, None], np.array(pane.shift)[:, None, None]
+    found = []
+    if len(which):
+        slope = polygon[:2] / polygon[2]
+        loose = 2 * error[which] / polygon[2].min(axis=0, initial=np.inf)
+        polygon[:2] = polygon[:2] * width + middle * polygon[2]
+        far = (polygon * polygon).sum(axis=0).max(axis=0, initial=0) * (1 + 2.0**-10)
+        near = _nearest(a[:, which], b[:, which], c[:, which], polygon)
+        corner = (slope * width + middle) * scale + shift
+        found.append(_of(triangle[which], corner, loose * (width * scale).max(), near, far))
+    if not clear.all():
+        rest = np.flatnonzero(~clear)
+        square = np.array([[-1.0, 1, 1, -1], [-1, -1, 1, 1]])[:, :, None] * width + middle
+        everywhere = np.repeat(square * scale + shift, len(rest), axis=2)
+        near = np.full(len(rest), -1, np.float32)
+        found.append(_of(triangle[rest], everywhere, np.zeros(len(rest)), near, 3 * reach[rest] ** 2))
+    return found
+
+
+def _of(triangle: NDArray[np.int32], corner: Array, loose: Array, near: NDArray[np.float32], far: Array) -> Polygons:
+    return Polygons(triangle, corner, _extent(corner), loose, near, far)
+
+
+def _cut(polygon: Array, inside: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The parts of n polygons (3, c, n) where a linear function of the coordinates is not negative, and which have any.
+
+    inside: (c, n), its values at the corners. Polygons with fewer corners than others have their first one many times.
+    """
+    following, then = np.roll(polygon, -1, axis=1), np.roll(inside, -1, axis=0)
+    stays, crosses = inside >= 0, (inside >= 0) != (then >= 0)
+    share = inside / np.where(crosses, inside - then, 1)
+    shape = (3, 2 * polygon.shape[1], polygon.shape[2])
+    # After each corner comes the point where the side to the next one crosses.
+    every = np.stack([polygon, polygon + share * (following - polygon)], axis=2).reshape(shape)
+    valid = np.stack([stays, crosses], axis=1).reshape(shape[1:])
+    count = valid.sum(axis=0)
+    left = np.flatnonzero(count)
+    order = np.argsort(~valid[:, left], axis=0, kind="stable")[: int(count.max(initial=0))]
+    order = np.where(np.arange(len(order))[:, None] < count[left], order, order[:1])
+    return np.take_along_axis(every[:, :, left], order[None], axis=1), left
+
+
+def _normal(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """Of triangles with corners (3, n): (b - a) x (c - a), (3, n), and the longest of the two sides, (n,)."""
+    e, f = b - a, c - a
+    normal = np.stack([e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]])
+    return normal, np.maximum(_size(e), _size(f))
