@@ -72,6 +72,9 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
 #ifdef WITH_UV
     map_spheres(frame, &at);
 #endif
+#ifdef WITH_TEXTURES
+    paint(scene, hit.id, &at);
+#endif
 #endif
     return at;
 }
@@ -104,6 +107,10 @@ static Intersection intersection_from(const Frame frame, const Scene scene, cons
     at.q = spot.q;
     at.spread = 1;
     stretch(&at, spot, met.inside);
+#endif
+#ifdef WITH_TEXTURES
+    map_spheres(frame, &at);
+    paint(scene, met.id, &at);
 #endif
     return at;
 }

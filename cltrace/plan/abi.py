@@ -249,6 +249,17 @@ ARGUMENTS = (
         ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction"),
         needs="WITH_BOUNCES",
     ),
+    *_buffers(
+        "Scene",
+        ("texture_of", "int", "of a material, which texture its colour is multiplied with; -1: none"),
+        (
+            "texture",
+            "int4",
+            "x, y: its width and height in texels; z: where in texel it begins; w: the number of a full colour",
+        ),
+        ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is 65535, not 255"),
+        needs="WITH_TEXTURES",
+    ),
     *_values(
         "Tree",
         (
@@ -313,6 +324,7 @@ FLAGS = {
     "WITH_INTERSECTION": "more of a hit is needed than its index and distance",
     "WITH_NORMAL": "its normal is needed",
     "WITH_UV": "where it is on a texture is needed",
+    "WITH_TEXTURES": "some surface has a texture",
     "WITH_INSIDE": "the eye is inside of a sphere or on it",
     "WITH_SHADING": "colours are wanted",
     "WITH_LIGHTS": "some light may add to them",

@@ -21,7 +21,8 @@ class Contents:
 
     spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
     a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light;
-    bounces: what surfaces do with rays; ellipsoids: whether there are any; max_bounces: of the camera.
+    textures: whether some surface has one; bounces: what surfaces do with rays; ellipsoids: whether there are any;
+    max_bounces: of the camera.
     """
 
     spheres: int
@@ -29,6 +30,7 @@ class Contents:
     inside: bool
     shiny: bool
     black: bool
+    textures: bool
     bounces: Bounces
     ellipsoids: bool
     max_bounces: int
@@ -43,7 +45,8 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     splits = bounces and contents.bounces.splits
     pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
-    uv = "uv" in request.outputs
+    textures = shading and contents.textures
+    uv = textures or "uv" in request.outputs
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
@@ -51,6 +54,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
         "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
         "WITH_UV": uv,
+        "WITH_TEXTURES": textures,
         "WITH_INSIDE": contents.inside or full,
         "WITH_SHADING": shading,
         "WITH_LIGHTS": lit,

@@ -19,12 +19,14 @@ class Materials:
 
     packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
     material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0;
+    texture: (m,), the index of each one's texture in the scene, -1 for none;
     shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light that is not ambient;
     brightest: the largest ks.
     """
 
     packed: NDArray[Any]
     bounce: NDArray[Any]
+    texture: NDArray[np.int32]
     shiny: bool
     black: NDArray[np.bool_]
     brightest: float
@@ -42,7 +44,12 @@ class Materials:
         shade = finite32(packed).astype(shade_dtype(precision))
         bounce = np.stack([m["reflectance"], m["transmittance"], m["index"], np.zeros(len(m))], axis=1)
         return cls(
-            shade, bounce.astype(real_dtype(precision)), bool(m["ks"].any()), black, float(m["ks"].max(initial=0))
+            shade,
+            bounce.astype(real_dtype(precision)),
+            m["texture"],
+            bool(m["ks"].any()),
+            black,
+            float(m["ks"].max(initial=0)),
         )
 
     def in_order(self, order: NDArray[np.int32]) -> Materials:
@@ -51,6 +58,7 @@ class Materials:
             self,
             packed=self.packed.take(order, axis=0),
             bounce=self.bounce.take(order, axis=0),
+            texture=self.texture[order],
             black=self.black[order],
         )
 

@@ -33,6 +33,7 @@ from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.sphere import Seen, filter_constant
 from cltrace.plan.space import Space
+from cltrace.plan.textures import NO_TEXTURES, Textures
 from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
 
 # From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
@@ -47,11 +48,12 @@ class World:
     center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
     packed; maps: what makes ellipsoids of some, None if there are none; reach: (n,) float64, no less than how far a
     surface is from its centre, which of a sphere is the radius; id: (n,), the index of each one in the scene;
-    material_of: (n,), the index of each one's material in materials; again: (n,), whether it is equal to a sphere
-    before it; lights: (m,) of the scene's records, those that can add to a colour, in the order parallel, point, spot;
-    bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where there are neither
-    ellipsoids nor such rays; background: linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0;
-    skipped: what the scene does not need, in words, and how often; seconds: what took how long: "tree".
+    material_of: (n,), the index of each one's material in materials; textures: those that surfaces have; again: (n,),
+    whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that can add to a colour, in
+    the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave surfaces,
+    None where there are neither ellipsoids nor such rays; background: linear (r, g, b); peak: (3,), brightest() where a
+    ray may become two, else 0; skipped: what the scene does not need, in words, and how often; seconds: what took how
+    long: "tree".
     """
 
     center: Array
@@ -62,6 +64,7 @@ class World:
     material_of: NDArray[np.int32]
     again: Mask
     materials: Materials
+    textures: Textures
     lights: NDArray[np.void]
     bounces: Bounces
     paths: Paths | None
@@ -110,6 +113,7 @@ class World:
             of.astype("i4"),
             again,
             materials,
+            Textures.of(scene.textures, materials.texture, of) if request.needs_colors else NO_TEXTURES,
             lights,
             bounces,
             paths,
@@ -158,6 +162,7 @@ class View:
         brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
         lights = pack_lights(world.lights, exact.position, basis, request.precision, brightest)
         arrays = _spheres(world, exact, small, real, k) | _in_world(world, camera, space, real) | {"light": lights}
+        arrays |= world.textures.arrays()
         arrays |= _paths(world, k if real.itemsize == 4 else None, basis, real)
         skipped = dict(world.skipped)
         seconds: dict[str, float] = {}
@@ -220,6 +225,7 @@ class Plan:
             view.inside or world.bounces.glass,
             world.materials.shiny,
             bool(world.materials.black.any()),
+            len(world.textures.place) > 0,
             world.bounces,
             world.maps is not None,
             view.camera.max_bounces,

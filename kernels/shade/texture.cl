@@ -56,3 +56,76 @@ static void map_spheres(const Frame frame, Intersection *at) {
     at->v = 2 * turns_of(sqrt(q.x * q.x + q.z * q.z), q.y);
 }
 #endif
+
+#ifdef WITH_TEXTURES
+/* The two texels between which a point is, along one side of a texture, and its share of the way from the first. */
+typedef struct {
+    INT first, second;
+    SHADE share;
+} Between;
+
+/* c: u or v; size: how many texels the side has. As textures repeat, the whole part of c does not matter. What is behind it
+ * is exact, but for negative numbers near 0, where it is rounded by 2^-54 or, in float, 2^-25. However large c is, `first`
+ * is within 0 .. size - 1, as what is less than 1, times size, is rounded to less than size. From 2^53, or 2^24, on, numbers
+ * have nothing behind their whole part: they are at the first texel, as is what is no number. */
+static Between between(const REAL c, const INT size) {
+    const REAL rest = c - floor(c), x = (rest < 1 ? rest : (REAL)0) * TO_REAL(size);
+    Between at = {TO_INT(x), 0, 0};
+    const INT next = at.first + 1;
+    at.second = next == size ? (INT)0 : next;
+    at.share = TO_SHADE(x - TO_REAL(at.first));
+    return at;
+}
+
+/* What is in memory from a texel on: red, green and blue, in 8 or 16 bits each from the lowest, and then something else. */
+typedef LANES(ulong) Texel;
+
+static Texel texels_at(const Scene scene, const INT place) {
+    int each[W];
+    ulong bytes[W];
+    STORE_LANES(place, each);
+    for (int lane = 0; lane < W; lane++) bytes[lane] = as_ulong(vload8(0, scene.texel + each[lane]));
+    return LOAD_LANES(bytes);
+}
+
+/* Red, green or blue between four texels: the upper two, then the lower two. full: the number of a full colour, whose bits
+ * are all set; shift: what is below the wanted number. These numbers are exact, and so are their differences: at a texel
+ * the colour is the texel's own, and nowhere is it beyond those of all four. */
+static SHADE blended(const Texel four[4], const Texel shift, const Texel full, const SHADE across, const SHADE down) {
+    const SHADE a = TO_SHADE(four[0] >> shift & full), b = TO_SHADE(four[1] >> shift & full);
+    const SHADE c = TO_SHADE(four[2] >> shift & full), d = TO_SHADE(four[3] >> shift & full);
+    const SHADE top = a + across * (b - a), bottom = c + across * (d - c);
+    return (top + down * (bottom - top)) / TO_SHADE(full);
+}
+
+/* Multiplies the colours of points with those of their textures there, if they have one. id: what was hit. */
+static void paint(const Scene scene, const INT id, Intersection *at) {
+    int each[W], width[W], height[W], begin[W], full[W];
+    STORE_LANES(id, each);
+    for (int lane = 0; lane < W; lane++) {
+        const int which = each[lane] < 0 ? -1 : scene.texture_of[scene.material_of[each[lane]]];
+        const int4 texture = which < 0 ? (int4)(1, 1, 0, 0) : scene.texture[which];
+        width[lane] = texture.x;
+        height[lane] = texture.y;
+        begin[lane] = texture.z;
+        full[lane] = texture.w;
+    }
+    const INT columns = LOAD_LANES(width), first = LOAD_LANES(begin), most = LOAD_LANES(full);
+    if (!ANY(most > 0)) return;
+    const Between u = between(at->u, columns), v = between(at->v, LOAD_LANES(height));
+    const INT size = most > 255 ? (INT)6 : (INT)3, top = v.first * columns, bottom = v.second * columns;
+    const Texel four[4] = {
+        texels_at(scene, first + size * (top + u.first)), texels_at(scene, first + size * (top + u.second)),
+        texels_at(scene, first + size * (bottom + u.first)), texels_at(scene, first + size * (bottom + u.second))};
+    const Texel limit = TO(ulong, most), green = TO(ulong, most > 255 ? (INT)16 : (INT)8);
+    const Shade3 color = {blended(four, 0, limit, u.share, v.share), blended(four, green, limit, u.share, v.share),
+                          blended(four, 2 * green, limit, u.share, v.share)};
+    const SHADE_MASK here = TO_SHADE_MASK(most > 0);
+    PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);
+    PUT_WHERE(here, at->ambient.y, at->ambient.y * color.y);
+    PUT_WHERE(here, at->ambient.z, at->ambient.z * color.z);
+    PUT_WHERE(here, at->diffuse.x, at->diffuse.x * color.x);
+    PUT_WHERE(here, at->diffuse.y, at->diffuse.y * color.y);
+    PUT_WHERE(here, at->diffuse.z, at->diffuse.z * color.z);
+}
+#endif

@@ -1,0 +1,64 @@
+"""Textures as the kernel reads them: the texels of all that some surface shows, one texture after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.materials import used
+from cltrace.scene import Texture
+
+# The kernel reads so many bytes from where a texel begins, so as many follow the last one.
+BYTES_READ = 8
+
+
+@dataclass(frozen=True)
+class Textures:
+    """k textures, of m materials.
+
+    texel: (n,) uint8, red, green and blue of all texels, row by row from the top, one byte each or two; place: (k, 4)
+    int32, abi's `texture`; of_material: (m,) int32, the index of each material's texture among the k, -1 for none.
+    """
+
+    texel: NDArray[np.uint8]
+    place: NDArray[np.int32]
+    of_material: NDArray[np.int32]
+
+    @classmethod
+    def of(
+        cls,
+        images: tuple[Texture, ...],
+        of_material: NDArray[np.integer[Any]],
+        material_of: NDArray[np.integer[Any]],
+    ) -> Textures:
+        """Those textures of a scene that some surface shows, each of them once.
+
+        images: all of them; of_material: (m,), the index of each material's image, -1 for none; material_of: (n,), the
+        index of each surface's material.
+        """
+        shown = of_material[used(len(of_material), material_of)] if images else of_material[:0]
+        mask = used(len(images), shown[shown >= 0])
+        if not mask.any():
+            return NO_TEXTURES
+        new = np.full(len(images) + 1, -1, np.int32)  # the last one is for -1
+        new[:-1][mask] = np.arange(mask.sum())
+        texels: list[NDArray[np.uint8]] = []
+        places, begin = [], 0
+        for i in np.flatnonzero(mask).tolist():
+            height, width = images[i].shape[:2]
+            # MAX_TEXELS of 6 bytes each are less than 2^31.
+            places.append((width, height, begin, np.iinfo(images[i].dtype).max))
+            texels.append(images[i].reshape(-1).view(np.uint8))
+            begin += images[i].nbytes
+        texel = np.concatenate([*texels, np.zeros(BYTES_READ, np.uint8)])
+        return cls(texel, np.array(places, np.int32).reshape(-1, 4), new[of_material])
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The kernel's buffers by name."""
+        return {"texel": self.texel, "texture": self.place, "texture_of": self.of_material}
+
+
+NO_TEXTURES = Textures(np.zeros(0, np.uint8), np.zeros((0, 4), np.int32), np.zeros(0, np.int32))
