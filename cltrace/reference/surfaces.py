@@ -292,4 +292,5 @@ class Ellipsoid(Sphere):
 
 def _around(q: Direction) -> UV:
     """Where a sphere's texture is at the unit normal q: u goes round the y axis, v from the top down."""
-    return 0.5 + math.atan2(q.x, q.z) / (2 * math.pi), math.acos(max(-1.0, min(1.0, q.y))) / math.pi
+    # The angle from the y axis by its tangent: near the poles the cosine would lose digits.
+    return 0.5 + math.atan2(q.x, q.z) / (2 * math.pi), math.atan2(math.hypot(q.x, q.z), q.y) / math.pi
