@@ -60,8 +60,46 @@ def lathe(name: str, note: str, profile: Floats, sides: int, smooth: bool = True
     write(name, lines)
 
 
+def curve(points: list[tuple[float, float]], steps: int) -> Floats:
+    """A smooth curve through points (Catmull and Rom's), with so many steps between two; (n, 2)."""
+    p = np.array([points[0], *points, points[-1]], float)
+    t = (np.arange(steps) / steps)[:, None]
+    parts = [
+        b + t * ((c - a) / 2 + t * (a - 2.5 * b + 2 * c - d / 2 + t * ((d - a) / 2 + 1.5 * (b - c))))
+        for a, b, c, d in zip(p, p[1:], p[2:], p[3:], strict=False)
+    ]
+    return np.concatenate([*parts, p[-1:]])
+
+
 def main() -> None:
     FOLDER.mkdir(exist_ok=True)
+    vase = [
+        (0.0, 0.04),
+        (0.17, 0.04),
+        (0.2, 0.0),
+        (0.33, 0.2),
+        (0.36, 0.42),
+        (0.24, 0.66),
+        (0.11, 0.82),
+        (0.12, 0.95),
+        (0.19, 1.0),
+    ]
+    lathe("vase", "A vase of height 1 that stands on y = 0 and is open at the top", curve(vase[::-1], 3), 24)
+    cone = np.array([(0, 1), (0.5, 0), (0.5, 0), (0, 0)])
+    lathe("cone", "A cone of height 1 and radius 0.5 that stands on y = 0", cone, 32)
+    column = [
+        (0, 1),
+        (0.16, 1),
+        (0.16, 1),
+        (0.16, 0.96),
+        (0.16, 0.96),
+        (0.11, 0.92),
+        (0.11, 0.92),
+        (0.125, 0.5),
+        (0.13, 0.08),
+    ]
+    column += [(0.13, 0.08), (0.17, 0.05), (0.17, 0.05), (0.17, 0)]
+    lathe("column", "A column of height 1 that stands on y = 0", np.array(column), 24)
     ring = np.array([(1, 0), (1.16, 0)])
     lathe("ring", "A flat ring about the y axis, of radii 1 and 1.16; v from the inner edge to the outer", ring, 144)
 

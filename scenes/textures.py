@@ -1,4 +1,5 @@
-"""Computes the textures of the scenes, and writes them into scenes/textures: a planet, its moon and rings, stars; wood,
+"""Computes the textures of the scenes, and writes them into scenes/textures: what a planet needs, and
+what a room needs.
 
 python scenes/textures.py
 """
@@ -86,6 +87,61 @@ def stars(width: int = 1024, height: int = 576) -> Floats:
     return color
 
 
+def planks(size: int = 512, count: int = 8) -> Floats:
+    """A floor of planks that repeats in both directions, each plank with one joint; (size, size, 3)."""
+    y, x = np.mgrid[0:size, 0:size] / size
+    plank = np.floor(y * count).astype(int)
+    random = np.random.default_rng(2)
+    along = (x - random.uniform(size=count)[plank]) % 1
+    across = (y * count) % 1
+    place = np.stack([3 * along, across + 7 * plank, 0 * x], axis=-1)
+    rings = np.sin(2 * np.pi * (2.2 * across + 3.5 * layers(place * (0.35, 0.5, 1), 3, 4)))
+    grain = 0.11 * rings + 0.3 * layers(place * (6, 30, 1), 3, 6)
+    shade = (1 + grain) * random.uniform(0.75, 1.1, count)[plank]
+    gap = np.minimum(np.minimum(across, 1 - across) / 0.035, np.minimum(along, 1 - along) / 0.004)
+    shade *= 0.35 + 0.65 * np.clip(gap, 0, 1)
+    return shade[..., None] * np.array([0.58, 0.36, 0.19])
+
+
+def rug(width: int = 192, height: int = 288) -> Floats:
+    """A woven rug: diamonds within a border; (height, width, 3)."""
+    y, x = np.mgrid[0:height, 0:width]
+    edge = np.minimum(np.minimum(x, width - 1 - x), np.minimum(y, height - 1 - y))
+    i, j = abs(x - (width - 1) / 2) // 4, abs(y - (height - 1) / 2) // 4  # in stitches of 4 texels, from the middle
+    diamond = ((i + j) // 3 % 6).astype(int)
+    thread = np.array(
+        [
+            (0.5, 0.07, 0.07),
+            (0.5, 0.07, 0.07),
+            (0.72, 0.55, 0.3),
+            (0.09, 0.12, 0.3),
+            (0.72, 0.55, 0.3),
+            (0.5, 0.07, 0.07),
+        ]
+    )
+    color = thread[diamond]
+    color[edge < 32] = (0.09, 0.12, 0.3)
+    zigzag = abs((x + y) // 4 % 8 - 4) + abs((x - y) // 4 % 8 - 4) < 4
+    color[(edge < 26) & (edge >= 8) & zigzag] = (0.75, 0.6, 0.38)
+    color[edge < 4] = (0.72, 0.62, 0.5)
+    return color * (0.9 + 0.1 * ((x + y) % 2))[..., None]
+
+
+def checks(count: int = 4, texels: int = 16) -> Floats:
+    """Light and dark squares, the first one light; (count texels, count texels, 3)."""
+    y, x = np.mgrid[0 : count * texels, 0 : count * texels] // texels
+    return np.where(((x + y) % 2)[..., None], (0.2, 0.24, 0.3), (0.9, 0.88, 0.8))
+
+
+def stripes(texels: int = 8) -> Floats:
+    """The six colours of a beach ball, one row; (1, 6 texels, 3)."""
+    return np.repeat(
+        [[(0.9, 0.2, 0.2), (0.9, 0.9, 0.9), (0.2, 0.4, 0.9), (0.9, 0.9, 0.9), (1.0, 0.8, 0.2), (0.9, 0.9, 0.9)]],
+        texels,
+        axis=1,
+    )
+
+
 def write(name: str, color: Floats, colors: int | None = 256) -> None:
     """Writes a PNG, with a palette of so many colours."""
     image = Image.fromarray(bytes_of(color))
@@ -100,6 +156,10 @@ def main() -> None:
     write("moon", moon(), 32)
     write("rings", rings())
     write("stars", stars(), None)
+    write("checks", checks(), None)
+    write("stripes", stripes(), None)
+    write("planks", planks(), 64)
+    write("rug", rug(), 16)
 
 
 if __name__ == "__main__":
