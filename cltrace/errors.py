@@ -10,6 +10,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def located(path: str, line: int, message: str) -> str:
+    """A message with the file and the line, 0 for none, that it is about."""
+    return f"{printable(path)}:{line}: {message}" if line else f"{printable(path)}: {message}"
+
+
 class CltraceError(Exception):
     """Base of all errors that cltrace raises on purpose; `exit_code` is the command's exit status."""
 
@@ -22,27 +27,30 @@ class UsageError(CltraceError):
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """One fault of a scene file: the line it is on (1-based; 0 = the file as a whole) and what is wrong."""
+    """One fault of a scene: the line it is on (1-based; 0 = the file as a whole) and what is wrong.
+
+    path: of the file, if that is not the scene's own but one that it names.
+    """
 
     line: int
     message: str
+    path: str = ""
 
 
 class SceneError(CltraceError):
     """A scene cannot be used.
 
-    `faults` holds the faults of the file, in line order; equal ones are one, which says how often and where else it is
-    there. `str()` is one line for each.
+    `faults` holds the faults of the file, in line order, and after them those of each file that it names; equal ones
+    are one, which says how often and where else it is there. `str()` is one line for each.
     """
 
     def __init__(self, path: str, faults: list[Fault]) -> None:
         super().__init__(path, faults)
         self.path = path
-        self.faults = sorted(faults)
+        self.faults = sorted(faults, key=lambda f: (f.path, f.line, f.message))
 
     def __str__(self) -> str:
-        path = printable(self.path)
-        return "\n".join(f"{path}:{f.line}: {f.message}" if f.line else f"{path}: {f.message}" for f in self.faults)
+        return "\n".join(located(f.path or self.path, f.line, f.message) for f in self.faults)
 
 
 class TooManyRaysError(CltraceError):

@@ -16,7 +16,7 @@ import pytest
 
 from cltrace.errors import SceneError
 from cltrace.formats import xml_bulk, xml_reader, xml_source
-from cltrace.formats.xml_faults import closest
+from cltrace.formats.faults import closest
 from cltrace.formats.xml_reader import read
 from cltrace.formats.xml_transforms import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Scene
@@ -416,20 +416,17 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         changed("material_solid", "material_textured", MATERIAL_TEXT)
         .replace("/material_solid", "/material_textured")
         .replace('<color r="0.5" g="0.25" b="1"/>', '<texture name="sky.png"/>'),
-        ["27: sphere material_textured: textures are not drawn by this version yet"],
+        ["28: material_textured texture: name 'sky.png' cannot be read: No such file or directory"],
     ),
     "mesh": (
         "<surfaces>\n",
         f'<surfaces>\n<mesh name="a/b.obj">{MATERIAL_TEXT}</mesh>\n',
-        ["25: mesh: meshes are not drawn by this version yet"],
+        ["25: mesh: name 'a/b.obj' cannot be read: No such file or directory"],
     ),
     "mesh outside": (
         "<surfaces>\n",
         f'<surfaces>\n<mesh name="../b.obj">{MATERIAL_TEXT}</mesh>\n',
-        [
-            "25: mesh: meshes are not drawn by this version yet",
-            "25: mesh: name must stay within the scene's folder, got '../b.obj'",
-        ],
+        ["25: mesh: name must stay within the scene's folder, got '../b.obj'"],
     ),
     "two cameras": ("<lights>", "<camera/>\n<lights>", ["13: scene: <camera> must occur only once"]),
     "two surfaces": ("</scene>", "<surfaces/></scene>", ["36: scene: <surfaces> must occur only once"]),

@@ -1,7 +1,8 @@
 """Spheres by the thousand: those that are laid out as in the format's listing are converted together.
 
 A row is a sphere: 14 numbers in the order of the file, which are its radius, centre, colour, Phong coefficients,
-reflectance, transmittance and index of refraction, and then its index into the maps of the ellipsoids, -1 for a sphere.
+reflectance, transmittance and index of refraction; then the index of its texture, -1 for none, and its index into the
+maps of the ellipsoids, -1 for a sphere. A finish is what a row has of the material: the colour up to the texture.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from cltrace.formats.xml_elements import ELEMENTS
 from cltrace.formats.xml_values import NUMBER
 from cltrace.scene import MATERIAL, SPHERE
 
-ROW = 15
+ROW, FINISH = 16, slice(4, 15)
 NO_ROW = (math.nan,) * ROW
 
 
@@ -59,30 +60,36 @@ def bulk(spheres: Sequence[etree._Element]) -> tuple[NDArray[np.bool_], NDArray[
     good = np.zeros(len(spheres), np.bool_)
     good[usual] = ok
     rows = np.full((len(spheres), ROW), np.nan)
-    rows[good, :-1], rows[good, -1] = values[ok], -1
+    rows[good, :-2], rows[good, -2:] = values[ok], -1
     return good, rows
 
 
-def packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """(n,) SPHERE and (m,) MATERIAL records; equal materials are one record, in the order of their first use.
+def packed_spheres(rows: NDArray[np.float64], materials: NDArray[np.integer[Any]]) -> NDArray[np.void]:
+    """(n,) SPHERE records of rows; materials: (n,), the indices of theirs."""
+    spheres = np.empty(len(rows), SPHERE)
+    spheres["radius"], spheres["center"] = rows[:, 0], rows[:, 1:4]
+    spheres["material"], spheres["to_object"] = materials, rows[:, -1]
+    return spheres
 
-    Where nothing is let through, any index of refraction is as good as another: there it is 1.
+
+def packed_materials(finishes: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+    """(m,) MATERIAL records and the index of that of each finish, (n, 11).
+
+    Equal materials are one record, in the order of their first use. Where nothing is let through, any index of
+    refraction is as good as another: there it is 1.
     """
-    shades = np.ascontiguousarray(rows[:, 4:-1]) + 0.0  # makes -0 a 0, as they are compared as bytes
-    shades[rows[:, _T] == 0, -1] = 1
-    _, first, of_sphere = np.unique(
+    shades = np.ascontiguousarray(finishes) + 0.0  # makes -0 a 0, as they are compared as bytes
+    shades[shades[:, 8] == 0, 9] = 1
+    _, first, of_finish = np.unique(
         shades.view(f"V{shades.itemsize * shades.shape[1]}"), return_index=True, return_inverse=True
     )
     order = np.argsort(first)
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order))
-    spheres = np.empty(len(rows), SPHERE)
-    spheres["radius"], spheres["center"], spheres["material"] = rows[:, 0], rows[:, 1:4], rank[of_sphere.ravel()]
-    spheres["to_object"] = rows[:, -1]
     materials = np.empty(len(order), MATERIAL)
-    materials["texture"] = -1
     shades = shades[first[order]]
     materials["color"] = shades[:, :3]
-    for column, name in enumerate(("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index"), 3):
+    names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index", "texture")
+    for column, name in enumerate(names, 3):
         materials[name] = shades[:, column]
-    return spheres, materials
+    return materials, rank[of_finish.ravel()]

@@ -36,7 +36,7 @@ class Element:
     """An element: every attribute and one of each of `children` is required ("a|b": one of the two).
 
     `check` says what makes no sense about the values together. It may raise KeyError where a value that it needs is
-    missing or faulty itself. `undrawn` names what this version does not draw yet.
+    missing or faulty itself.
     """
 
     attributes: Mapping[str, Kind] = field(default_factory=dict)
@@ -44,7 +44,6 @@ class Element:
     optional: tuple[str, ...] = ()
     many: tuple[str, ...] = ()
     check: Callable[[Values], str | None] = _nothing
-    undrawn: str | None = None
 
     @functools.cached_property
     def slots(self) -> dict[str, str]:
@@ -110,9 +109,9 @@ ELEMENTS = {
     "falloff": Element({"alpha1": CONE, "alpha2": CONE}, check=_ordered),
     "surfaces": Element(many=("sphere", "mesh")),
     "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
-    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",), undrawn="meshes"),
+    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",)),
     "material_solid": Element(children=("color", *_FINISH), check=_index_of_glass),
-    "material_textured": Element(children=("texture", *_FINISH), check=_index_of_glass, undrawn="textures"),
+    "material_textured": Element(children=("texture", *_FINISH), check=_index_of_glass),
     "texture": Element({"name": relative_path}),
     "phong": Element(dict.fromkeys(("ka", "kd", "ks", "exponent"), NOT_NEGATIVE)),
     "reflectance": Element({"r": NOT_NEGATIVE}),

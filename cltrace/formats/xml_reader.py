@@ -4,39 +4,48 @@ The file may be large. After each chunk of it, the elements that are complete ar
 that memory grows with the packed records only. Spheres that are laid out as in the format's listing are converted in
 bulk (`xml_bulk`). Everything else, and whatever has a fault, takes the careful path (`_Reader._element`), which alone
 words the messages. Both paths give the same numbers.
+
+The files of meshes and textures are read when the scene's own is over (`xml_files`).
 """
 
 from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from cltrace.errors import SceneError, printable
-from cltrace.formats.xml_bulk import NO_ROW, ROW, bulk, packed
+from cltrace.errors import SceneError, located
+from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest
+from cltrace.formats.obj import Obj
+from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_materials, packed_spheres
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
-from cltrace.formats.xml_faults import MAX_MESSAGES, FatalError, Messages, closest
+from cltrace.formats.xml_files import Contents, Files
 from cltrace.formats.xml_source import Document, LinesNeededError
-from cltrace.formats.xml_transforms import Maps, transformed
+from cltrace.formats.xml_transforms import Maps, to_world, transformed
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
 from cltrace.scene import (
     ANY,
     LIGHT,
     MAX_LIGHTS,
+    MAX_MESHES,
     MAX_SPHERES,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
     POSITIVE,
     Camera,
+    PlacedMesh,
     Scene,
     Vector,
     extent_faults,
     inverse_faults,
+    inverses,
     reaches,
 )
 
@@ -44,6 +53,16 @@ MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kep
 
 _VIEW = ("position", "lookat", "up")
 _PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")
+
+
+class _Mesh(NamedTuple):
+    """A mesh as the file has it: its line, which of the named files it is, its place, number and finish (xml_bulk)."""
+
+    line: int
+    file: int
+    to_world: NDArray[np.float64]
+    number: int
+    finish: NDArray[np.float64]
 
 
 class _Children:
@@ -111,7 +130,9 @@ class _Reader:
         self._lights: list[NDArray[np.void]] = []
         self._rows: list[NDArray[np.float64]] = []
         self._maps: dict[bytes, int] = {}  # of the ellipsoids, each once -> its index
-        self._sphere_count = 0
+        self._sphere_count = self._surface_count = 0
+        self._meshes: list[_Mesh] = []
+        self._files = Files(path)
         self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
 
     # Messages
@@ -140,22 +161,66 @@ class _Reader:
             self.faults.add(*fatal.args)
 
     def result(self) -> tuple[Scene, list[str]]:
-        """The scene and the warnings; raises SceneError if there are faults."""
-        if self.faults.count:
-            raise SceneError(self.path, self.faults.in_order())
+        """The scene and the warnings, with the files that it names; raises SceneError if there are faults."""
+        textures = self._files.read_textures(self.faults, self.warnings)
+        shapes = self._files.read_meshes(self.faults)
+        placed = self._placed_meshes(shapes)
+        if self.faults.count or self._files.faults:
+            raise SceneError(self.path, [*self.faults.in_order(), *self._files.faults])
+        rows = np.concatenate([np.empty((0, ROW)), *self._rows])
+        finishes = np.concatenate([rows[:, FINISH], *(mesh.finish[None] for mesh in self._meshes)])
+        with_texture = finishes[:, -1] >= 0
+        finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]
+        materials, material_of = packed_materials(finishes)
+        scene = Scene(
+            self._view(),
+            np.concatenate([np.zeros(0, LIGHT), *self._lights]),
+            packed_spheres(rows, material_of[: len(rows)]),
+            materials,
+            self._background,
+            self._output_file,
+            np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
+            [mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
+            textures.found,
+        )
+        return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
+
+    def _view(self) -> Camera:
         view: dict[str, Any] = {name: _vector(self._camera[name]) for name in _VIEW}
-        camera = Camera(
+        return Camera(
             **view,
             horizontal_fov=self._camera["horizontal_fov"]["angle"],
             resolution=(self._camera["resolution"]["horizontal"], self._camera["resolution"]["vertical"]),
             max_bounces=self._camera["max_bounces"]["n"],
             square_pixels=False,  # the tutorial's rule for the shorter side
         )
-        lights = np.concatenate([np.zeros(0, LIGHT), *self._lights])
-        spheres, materials = packed(np.concatenate([np.empty((0, ROW)), *self._rows]))
-        maps = np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3)
-        scene = Scene(camera, lights, spheres, materials, self._background, self._output_file, maps)
-        return scene, [f"{printable(self.path)}:{w.line}: {w.message}" for w in self.warnings.in_order()]
+
+    def _placed_meshes(self, shapes: Contents[Obj]) -> list[PlacedMesh]:
+        """The meshes whose files are right, in the world; complains about those that are not right there."""
+        placed: list[PlacedMesh] = []
+        triangles = vertices = 0
+        for mesh in self._meshes:
+            file = shapes.of[mesh.file]
+            if file is None:
+                continue
+            geometry = shapes.found[file].geometry
+            triangles, vertices = triangles + len(geometry.faces), vertices + len(geometry.vertices)
+            if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
+                most = f"{MAX_TRIANGLES} triangles and {MAX_VERTICES} vertices"
+                self.faults.add(mesh.line, f"surfaces: must be at most {most} of meshes")
+                break
+            try:
+                placed.append(PlacedMesh(geometry, mesh.to_world, 0, mesh.number))
+            except ValueError as error:
+                self.faults.add(mesh.line, f"mesh: after the transform {str(error).partition('in the world, ')[2]}")
+        return placed
+
+    def _notes(self, shapes: Contents[Obj]) -> Iterator[str]:
+        """The warnings of the meshes' files."""
+        textured = {shapes.of[mesh.file] for mesh in self._meshes if mesh.finish[-1] >= 0}
+        for i, (name, obj) in enumerate(zip(shapes.names, shapes.found, strict=True)):
+            for warning in sorted([*obj.warnings, *(obj.unmapped if i in textured else [])]):
+                yield located(self._files.shown(name), warning.line, warning.message)
 
     def _parse(self) -> None:
         for _ in self.document.grow():
@@ -252,7 +317,10 @@ class _Reader:
             if child.tag == "sphere":
                 spheres.append(child)
             elif self._sections[surfaces].claim(child):
-                self._element(child)
+                self._mesh(child)
+            else:
+                continue
+            self._surface_count += 1
         room = MAX_SPHERES - self._sphere_count
         if len(spheres) > room:
             raise FatalError(self.document.line_of(spheres[room]), f"surfaces: must be at most {MAX_SPHERES} spheres")
@@ -307,8 +375,6 @@ class _Reader:
             if fault := schema.check(values):
                 self.fault(element, f"{label}: {fault}")
                 whole = False
-        if schema.undrawn:
-            self.fault(element, f"{label}: {schema.undrawn} are not drawn by this version yet")
         return values, whole
 
     def _attributes(self, element: etree._Element) -> tuple[Values, bool]:
@@ -348,17 +414,49 @@ class _Reader:
     def _sphere(self, element: etree._Element) -> tuple[Sequence[float], Maps | None]:
         """The row of a sphere with its transform folded in, and the maps of an ellipsoid; NaN if it has a fault."""
         values, whole = self._element(element)
-        if not whole or "material_solid" not in values:
+        finish = self._finish(element, values)
+        if not whole or finish is None:
             return NO_ROW, None
         steps = values.get("transform", {}).get("steps", [])
-        center, radius, maps = transformed(_vector(values["position"]), values["radius"], steps)
+        turns = "material_textured" in values
+        center, radius, maps = transformed(_vector(values["position"]), values["radius"], steps, turns)
         for name, rule, number in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
             if fault := rule.fault(number):
                 self.fault(element, f"sphere: after the transform {name} {fault}")
-        material = values["material_solid"]
-        finish = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
-        shade = (number for part in finish for number in part.values())
-        return [radius, *center, *_vector(material["color"]), *shade, -1], maps
+        return [radius, *center, *finish, -1], maps
+
+    def _mesh(self, element: etree._Element) -> None:
+        """Takes a mesh, whose files are read later."""
+        if len(self._meshes) >= MAX_MESHES:
+            raise FatalError(self.document.line_of(element), f"surfaces: must be at most {MAX_MESHES} meshes")
+        values, whole = self._element(element)
+        finish, line = self._finish(element, values), self.document.line_of(element)
+        file = self._files.meshes.add(values["name"], line) if "name" in values else -1
+        place = np.array(to_world(values.get("transform", {}).get("steps", [])))
+        extreme = place[~ANY.admits(place)].tolist()
+        if extreme:
+            self.fault(element, f"mesh transform: a number of its matrix {ANY.fault(extreme[0])}")
+            return
+        linear = place[None, :, :3]
+        for _, fault in inverse_faults(linear, inverses(linear)):
+            self.fault(element, f"mesh transform: {fault}")
+            return
+        if whole and finish is not None:
+            self._meshes.append(_Mesh(line, file, place, self._surface_count, np.array(finish)))
+            self._doubt([element], np.array([finish[:3]]))
+
+    def _finish(self, element: etree._Element, values: Values) -> list[float] | None:
+        """What a row has of the material; None where something is missing. A texture's file is read later."""
+        material = values.get("material_solid") or values.get("material_textured", {})
+        texture = -1
+        if name := material.get("texture", {}).get("name"):
+            texture = self._files.textures.add(name, self.document.line_of(next(element.iter("texture"))))
+        try:
+            color = (1.0, 1.0, 1.0) if "texture" in material else _vector(material["color"])
+            parts = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
+            return [*color, *(number for part in parts for number in part.values()), texture]
+        except (KeyError, ValueError):
+            return None
 
 
 def _vector(values: Values) -> Vector:

@@ -9,17 +9,15 @@ from __future__ import annotations
 import codecs
 import itertools
 import re
-import stat
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
 from cltrace.errors import Fault
-from cltrace.formats.xml_faults import FatalError
+from cltrace.formats.faults import FatalError
+from cltrace.formats.files import UnreadableError, chunks
 from cltrace.formats.xml_values import short
 
 MAX_BYTES = 2**30
@@ -65,17 +63,17 @@ class Document:
 
     def grow(self) -> Iterator[None]:
         """Feeds the file, and stops after each chunk, for the caller to drop what is complete; FatalError."""
-        chunks = _chunks(self._path)
-        first = next(chunks, b"")
+        pieces = _chunks(self._path)
+        first = next(pieces, b"")
         check_prologue(first)
-        chunks, encoding = itertools.chain([first], chunks), None
+        pieces, encoding = itertools.chain([first], pieces), None
         if self._exact and (wide := _wide(first)):
             # Lines are counted, and tags are told apart, by single bytes.
-            chunks, encoding = _as_utf8(chunks, wide), "utf-8"
+            pieces, encoding = _as_utf8(pieces, wide), "utf-8"
         self._parser: Any = etree.XMLPullParser(
             events=("start", "start-ns"), tag=None if self._exact else "scene", encoding=encoding, **PARSER_OPTIONS
         )
-        for chunk in chunks:
+        for chunk in pieces:
             self._feed(chunk)
             if self.malformed:
                 return
@@ -142,22 +140,9 @@ class Document:
 
 def _chunks(path: str) -> Iterator[bytes]:
     try:
-        mode = Path(path).stat().st_mode
-        if not stat.S_ISREG(mode):
-            raise FatalError(0, "is a directory" if stat.S_ISDIR(mode) else "is not a regular file")
-        size = 0
-        with Path(path).open("rb") as file:
-            while chunk := file.read(CHUNK):
-                size += len(chunk)
-                if size > MAX_BYTES:
-                    raise FatalError(0, f"must not be larger than {MAX_BYTES} bytes")
-                yield chunk
-    except OSError as error:
-        raise FatalError(0, f"cannot be read: {error.strerror}") from None
-    except UnicodeEncodeError:
-        raise FatalError(0, f"cannot be read: the name is not {sys.getfilesystemencoding()}") from None
-    except ValueError:
-        raise FatalError(0, "cannot be read: the name contains a NUL") from None
+        yield from chunks(path, CHUNK, MAX_BYTES)
+    except UnreadableError as error:
+        raise FatalError(0, str(error)) from None
 
 
 def _wide(first: bytes) -> str | None:
@@ -168,11 +153,11 @@ def _wide(first: bytes) -> str | None:
     return None
 
 
-def _as_utf8(chunks: Iterator[bytes], encoding: str) -> Iterator[bytes]:
+def _as_utf8(pieces: Iterator[bytes], encoding: str) -> Iterator[bytes]:
     """The same text up to where it is none, and there a byte that UTF-8 does not have, which the parser refuses."""
     decoder = codecs.getincrementaldecoder(encoding)()
     try:
-        for chunk in chunks:
+        for chunk in pieces:
             yield decoder.decode(chunk).encode()
         decoder.decode(b"", final=True)
     except UnicodeDecodeError as error:

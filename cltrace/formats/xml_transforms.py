@@ -1,4 +1,4 @@
-"""The steps of a `transform`, folded into a sphere's centre and its radius, or the map that makes it an ellipsoid."""
+"""The steps of a `transform`: folded into a sphere's centre and radius, or the map of an ellipsoid or of a mesh."""
 
 from __future__ import annotations
 
@@ -19,11 +19,17 @@ Maps = tuple[Rows, Rows]
 _PLANE = {"rotateX": (1, 2), "rotateY": (2, 0), "rotateZ": (0, 1)}
 
 
-def transformed(center: Vector, radius: float, steps: Steps) -> tuple[list[float], float, Maps | None]:
+def transformed(
+    center: Vector, radius: float, steps: Steps, turns: bool = False
+) -> tuple[list[float], float, Maps | None]:
     """Centre and radius in the world, in scene units, after the steps, of which the last listed acts first.
 
     Of an ellipsoid, the radius is the one before the steps, and the third are its linear map to the world and that from
     the world: the product of the inverse steps. It is None where the steps together scale all directions alike.
+
+    turns: whether the sphere is not the same from all sides, as with a texture. Then the maps are also given, with the
+    radius before the steps, where the steps turn or mirror it. That from the world is a rotation, or a mirror image of
+    one, times the inverse scale: K (x - c), with c the centre, is as long as the radius where x is on the sphere.
     """
     p = list(center)
     alike, scaled = True, radius
@@ -37,13 +43,26 @@ def transformed(center: Vector, radius: float, steps: Steps) -> tuple[list[float
         else:
             i, j, cos, sin = _turn(element.tag, step["theta"])
             p[i], p[j] = cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]
-    if alike:
+    if alike and not turns:
         return p, scaled, None
-    to_world = _product(steps)
-    scale = float(uniform_scales(np.array([to_world]))[0])
-    if not math.isnan(scale):
-        return p, radius * scale, None
-    return p, radius, (to_world, [*zip(*_product(steps, inverse=True), strict=True)])
+    linear = _product(steps)
+    if not turns or _upright(linear):
+        scale = float(uniform_scales(np.array([linear]))[0])
+        if alike or not math.isnan(scale):
+            return p, scaled if alike else radius * scale, None
+    return p, radius, (linear, [*zip(*_product(steps, inverse=True), strict=True)])
+
+
+def to_world(steps: Steps) -> list[list[float]]:
+    """The rows of the affine map of all steps to the world, (3, 4); its numbers are products and sums of doubles."""
+    origin, _, _ = transformed((0.0, 0.0, 0.0), 1.0, steps)
+    return [[*row, place + 0.0] for row, place in zip(_product(steps), origin, strict=True)]  # makes -0 a 0
+
+
+def _upright(rows: Rows) -> bool:
+    """Whether a linear map only scales, by the same in all directions."""
+    scale = rows[0][0]
+    return scale > 0 and all(x == (scale if i == j else 0) for i, row in enumerate(rows) for j, x in enumerate(row))
 
 
 def _product(steps: Steps, inverse: bool = False) -> list[list[float]]:

@@ -15,7 +15,7 @@ from cltrace.scene.lights import (
 )
 from cltrace.scene.maps import inverses, uniform_scales, whole_inverse
 from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
-from cltrace.scene.meshes import MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh
+from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
@@ -29,6 +29,7 @@ __all__ = [
     "MATERIAL",
     "MAX_BOUNCES",
     "MAX_LIGHTS",
+    "MAX_MESHES",
     "MAX_SPHERES",
     "MAX_TEXELS",
     "MAX_TRIANGLES",

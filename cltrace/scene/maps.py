@@ -24,7 +24,7 @@ def affine(matrix: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[
         for i, row in enumerate(matrix):
             total = np.full(len(block), row[3]), np.zeros(len(block))
             for j in np.flatnonzero(row[:3]).tolist():
-                total = _sum_of_pairs(total, _exact_product(row[j : j + 1], block[:, j]))
+                total = _sum_of_pairs(total, exact_product(row[j : j + 1], block[:, j]))
             result[start : start + _BLOCK, i] = total[0]
     return result + 0.0  # makes -0 a 0
 
@@ -58,15 +58,15 @@ def _rounded_inverses(maps: NDArray[np.float64]) -> tuple[NDArray[np.float64], N
         # Indices that go round need no signs. Entry i, j is the cofactor of j, i.
         i, j = np.ogrid[:3, :3]
         a, b, c, d = m[j - 2, i - 2], m[j - 1, i - 1], m[j - 2, i - 1], m[j - 1, i - 2]
-        adjugate = _sum_of_pairs(_exact_product(a, b), _exact_product(-c, d))
+        adjugate = _sum_of_pairs(exact_product(a, b), exact_product(-c, d))
         size = np.abs(a * b) + np.abs(c * d)
-        high, low = _exact_product(m[0], adjugate[0][:, 0])
+        high, low = exact_product(m[0], adjugate[0][:, 0])
         terms = high, low + m[0] * adjugate[1][:, 0]
         x, y, z = ((terms[0][k], terms[1][k]) for k in range(3))
         determinant = _sum_of_pairs(_sum_of_pairs(x, y), z)
         whole = (np.abs(m[0]) * size[:, 0]).sum(axis=0)
         quotient = adjugate[0] / determinant[0]
-        product = _exact_product(quotient, np.broadcast_to(determinant[0], quotient.shape))
+        product = exact_product(quotient, np.broadcast_to(determinant[0], quotient.shape))
         rest = (((adjugate[0] - product[0]) - product[1]) + adjugate[1]) - quotient * determinant[1]
         rest /= determinant[0]
         error = 2.0**-98 * ((size + np.abs(quotient) * whole) / np.abs(determinant[0]))
@@ -75,7 +75,7 @@ def _rounded_inverses(maps: NDArray[np.float64]) -> tuple[NDArray[np.float64], N
         return np.moveaxis(result + 0.0, -1, 0), sure
 
 
-def _exact_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> Pair:
+def exact_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> Pair:
     """a b exactly, after Dekker."""
     (x, rest_x), (y, rest_y) = _halves(a), _halves(b)
     p = a * b

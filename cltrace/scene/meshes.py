@@ -21,6 +21,7 @@ from cltrace.scene.surfaces import inverse_faults
 
 # In all meshes of a scene. A mesh that is placed twice counts twice.
 MAX_TRIANGLES = MAX_VERTICES = 2**26
+MAX_MESHES = 2**16
 
 _IDENTITY = np.eye(3, 4)
 
@@ -254,8 +255,10 @@ def check_meshes(meshes: object, materials: int) -> tuple[PlacedMesh, ...]:
 
 
 def check_size(meshes: Iterable[PlacedMesh]) -> None:
-    """Raises ValueError if these are too many triangles or vertices for a scene."""
+    """Raises ValueError if these are too many, or of too many triangles or vertices, for a scene."""
     shapes = [mesh.geometry for mesh in meshes]
+    if len(shapes) > MAX_MESHES:
+        raise ValueError(f"meshes: must be at most {MAX_MESHES}, got {len(shapes)}")
     for name, most, count in (
         ("triangles", MAX_TRIANGLES, sum(len(shape.faces) for shape in shapes)),
         ("vertices", MAX_VERTICES, sum(len(shape.vertices) for shape in shapes)),
@@ -332,14 +335,17 @@ def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
 
 def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
     """(f, 3) indices of `count` things. Raises ValueError, which names the place of the first that is none."""
-    array = numbers(name, value)
+    whole = type(value) is np.ndarray and value.dtype.kind in "iu"
+    array = np.asarray(value) if whole else numbers(name, value)
     if array.shape == (0,):  # an empty list
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"{name}: must have shape (n, 3), got {array.shape}")
-    bad = ~((array >= least) & (array < count) & (array == np.floor(array)))
-    if bad.any():
-        i, k = np.argwhere(bad)[0]
+    good = (array >= least) & (array < count)
+    if not whole:
+        good &= array == np.floor(array)
+    if not good.all():
+        i, k = np.argwhere(~good)[0]
         raise ValueError(
             f"{name}[{i}][{k}]: must be the index of {what}, of which there are {count}, got {array[i, k]:g}"
         )

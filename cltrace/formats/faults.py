@@ -1,4 +1,4 @@
-"""What is wrong with a scene file: messages with their lines, and what a misspelt name was meant to be."""
+"""What is wrong with a file: messages with their lines, and what a misspelt name was meant to be."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import difflib
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cltrace.errors import Fault, printable
 
@@ -26,8 +30,8 @@ class _Group:
     lines: list[int] = field(default_factory=list)  # one more than are told, to know whether there are more
     hints: list[Callable[[], str]] = field(default_factory=list)
 
-    def add(self, line: int, hint: Callable[[], str]) -> None:
-        self.count += 1
+    def add(self, line: int, hint: Callable[[], str], times: int) -> None:
+        self.count += times
         if len(self.hints) < MAX_LINES:
             self.hints.append(hint)
         if line not in self.lines and (len(self.lines) <= MAX_LINES or line < self.lines[-1]):
@@ -51,15 +55,22 @@ class Messages:
         self.count = 0
         self._groups: dict[str, _Group] = {}
 
-    def add(self, line: int, message: str, hint: Callable[[], str] = lambda: "") -> None:
+    def add(self, line: int, message: str, hint: Callable[[], str] = lambda: "", times: int = 1) -> None:
         """A message about this line of the file; 0 is the file as a whole.
 
         `hint` makes the message's end, which may take a while: it is called only for few of those that are kept.
+        times: how many messages this stands for, the others of which are about lines further down.
         """
-        self.count += 1
-        self._groups.setdefault(message, _Group()).add(line, hint)
+        self.count += times
+        self._groups.setdefault(message, _Group()).add(line, hint, times)
         if len(self._groups) >= 2 * MAX_MESSAGES:
             self._trim()
+
+    def add_all(self, lines: NDArray[np.integer[Any]], message: str) -> None:
+        """The same message about each of these lines, which rise."""
+        told = np.unique(lines[: 8 * MAX_LINES])[: MAX_LINES + 1].tolist()
+        for line in told:
+            self.add(line, message, times=1 if line != told[-1] else len(lines) - len(told) + 1)
 
     def _trim(self) -> None:
         # If what goes were said again of a line further up, it would count from there, and the rest among the "more".

@@ -1,0 +1,154 @@
+"""An OBJ file as blocks of lines: comments and continuations gone, and each line's keyword known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.formats.faults import FatalError
+
+Bytes = NDArray[np.uint8]
+Places = NDArray[np.int64]
+
+# Bytes of a block, and of a line with all that continues it at most. The arrays for a block then stay in the caches.
+BLOCK, LINE = 2**20, 2**22
+LINE_FEED, BLANK, HASH, BACKSLASH = b"\n #\\"
+# The kinds of lines that are read, by their keywords.
+KINDS = ("v", "vt", "vn", "f")
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some lines of a file.
+
+    text: bytes that end in a line feed and two more; lines: (n, 2), where each line's first character that is not blank
+    stands, and its line feed; number: (n,), of its first line in the file; kind: (n,), the index of its keyword among
+    KINDS, -1 for an empty line and -2 for any other.
+    """
+
+    text: Bytes
+    lines: Places
+    number: Places
+    kind: NDArray[np.int8]
+
+    def line(self, i: int) -> bytes:
+        """The text of a line, from its keyword on."""
+        return self.text[self.lines[i, 0] : self.lines[i, 1]].tobytes()
+
+    def arguments(self, which: NDArray[np.intp]) -> tuple[Bytes, Places]:
+        """What follows the keywords in these lines, each with its line feed, and where those stand; blank before."""
+        first, last = self.lines[which[0], 0], self.lines[which[-1], 1] + 1
+        begin = np.concatenate([[first], self.lines[which[:-1], 1] + 1])
+        if len(which) == which[-1] - which[0] + 1:
+            text, shift = self.text[first:last].copy(), np.full(len(which), first)
+        else:
+            sizes = np.diff(self.lines[:, 1], prepend=-1)
+            keep = np.zeros(len(sizes), np.bool_)
+            keep[which] = True
+            text = self.text[: self.lines[-1, 1] + 1][np.repeat(keep, sizes)]
+            ends = np.cumsum(sizes[which])
+            shift = self.lines[which, 1] + 1 - ends
+        feeds, begin = self.lines[which, 1] - shift, self.lines[which, 0] - shift
+        text[begin] = BLANK
+        second = text[begin + 1] > BLANK
+        text[begin[second] + 1] = BLANK
+        return text, feeds
+
+
+def blocks(pieces: Iterator[bytes]) -> Iterator[Block]:
+    """The lines of a file that comes in pieces. Raises FatalError at what is no text, and at endless lines."""
+    rest, number = b"", 1
+    for piece in _plain(pieces):
+        rest += piece
+        cut = _complete(rest)
+        if cut:
+            yield _block(rest[:cut], number)
+            number += rest.count(b"\n", 0, cut)
+            rest = rest[cut:]
+        if len(rest) > LINE:
+            raise FatalError(number, f"must not be a line of more than {LINE} bytes")
+    if rest:
+        yield _block(rest + b"\n", number)
+
+
+def _plain(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """The same with line feeds as the only ends of lines, and without a byte order mark."""
+    held, number, first = b"", 1, True
+    for piece in pieces:
+        piece = held + piece
+        if first and piece.startswith(b"\xef\xbb\xbf"):
+            piece = piece[3:]
+        first = False
+        held = b"\r" if piece.endswith(b"\r") else b""
+        if b"\r" in piece:
+            piece = piece[: len(piece) - len(held)].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        if (nul := piece.find(b"\0")) >= 0:
+            raise FatalError(number + piece.count(b"\n", 0, nul), "must be text, but has a NUL")
+        number += piece.count(b"\n")
+        yield piece
+    if held:
+        yield b"\n"
+
+
+def _complete(text: bytes) -> int:
+    """The length of the whole lines at the beginning of a text; a line that is continued is not whole yet."""
+    cut = text.rfind(b"\n") + 1
+    while cut > 1 and text[cut - 2] == BACKSLASH:
+        cut = text.rfind(b"\n", 0, cut - 1) + 1
+    return cut
+
+
+def _block(data: bytes, number: int) -> Block:
+    text = np.frombuffer(data + b"\n\n", np.uint8)
+    feeds = np.flatnonzero(text[:-2] == LINE_FEED)
+    numbers = number + np.arange(len(feeds))
+    if b"#" in data or b"\\" in data:
+        text = text.copy()
+        _blank_comments(text, feeds)
+        # A line feed behind a backslash ends no line; the one at the end of the file does.
+        joined = (text[feeds - 1] == BACKSLASH) & (feeds > 0)
+        text[feeds[joined] - 1] = BLANK
+        joined[-1] = False
+        text[feeds[joined]] = BLANK
+        numbers = numbers[~np.concatenate([[False], joined[:-1]])]
+        feeds = feeds[~joined]
+    first = np.concatenate([[0], feeds[:-1] + 1])
+    indented = np.flatnonzero((text[first] <= BLANK) & (first < feeds))
+    if len(indented):
+        solid = np.append(np.flatnonzero(text > BLANK), len(data))
+        first[indented] = np.minimum(solid[np.searchsorted(solid, first[indented])], feeds[indented])
+    return Block(text, np.stack([first, feeds], axis=1), numbers, _kinds(text, first, feeds))
+
+
+def _blank_comments(text: Bytes, feeds: Places) -> None:
+    """Comments end with their line, also where a backslash is the last of it."""
+    hashes = np.flatnonzero(text == HASH)
+    if len(hashes):
+        ends = feeds[np.searchsorted(feeds, hashes)]
+        change = np.zeros(len(text), np.int8)
+        change[ends] = -1
+        change[hashes[np.concatenate([[True], ends[1:] != ends[:-1]])]] = 1
+        text[np.cumsum(change, dtype=np.int8) > 0] = BLANK
+
+
+def _kinds(text: Bytes, first: Places, feeds: Places) -> NDArray[np.int8]:
+    a, b, c = text[first], text[first + 1], text[first + 2]
+    short, long = b <= BLANK, c <= BLANK
+    kind = np.full(len(first), -2, np.int8)
+    kind[first == feeds] = -1
+    for i, keyword in enumerate(KINDS):
+        letters = keyword.encode()
+        kind[(a == letters[0]) & (short if len(letters) == 1 else (b == letters[1]) & long)] = i
+    return kind
+
+
+def unread(block: Block) -> Iterator[tuple[int, str]]:
+    """The lines whose keyword is none of KINDS: their numbers and their keywords."""
+    for i in np.flatnonzero(block.kind == -2).tolist():
+        begin, end = block.lines[i].tolist()
+        word: Any = block.text[begin : min(end, begin + 200)].tobytes().split(None, 1)[0]
+        yield int(block.number[i]), word.decode("utf-8", "replace")

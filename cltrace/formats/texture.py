@@ -1,0 +1,69 @@
+"""Reads a texture, a PNG or JPEG file, as an array of its pixels.
+
+Values are taken as they are stored: gamma, colour profiles and the camera's orientation do not count, nor does alpha.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from cltrace.formats.files import UnreadableError, check_regular
+from cltrace.scene import MAX_TEXELS, Texture, texels
+
+MAX_BYTES = 2**30
+_PNG, _DEPTH = b"\x89PNG", 24  # the first bytes of a PNG, and where its bits for each colour stand
+
+
+def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None]:
+    """The pixels of an image, (h, w, 3), uint8 or, of 16 bits of grey, uint16, read-only; and a warning or None.
+
+    most: how many pixels it may have, which is asked before they are decoded. Raises UnreadableError with what is
+    wrong, in words that belong behind the file's name.
+    """
+    check_regular(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of damage that does not matter
+        try:
+            if Path(path).stat().st_size > MAX_BYTES:
+                raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes")
+            with Path(path).open("rb") as file:
+                head = file.read(_DEPTH + 1)
+                file.seek(0)
+                with Image.open(file, formats=("PNG", "JPEG")) as image:
+                    if image.width * image.height > most:
+                        raise UnreadableError(_too_large(most))
+                    return _pixels(image, head)
+        except UnidentifiedImageError:
+            raise UnreadableError("is no PNG or JPEG file") from None
+        except Image.DecompressionBombError:
+            raise UnreadableError(_too_large(most)) from None
+        except OSError as error:
+            if error.strerror is not None:
+                raise UnreadableError(f"cannot be read: {error.strerror}") from None
+            raise UnreadableError("is damaged") from None
+
+
+def _too_large(most: int) -> str:
+    return f"must not have more than {most} pixels" + (" with the textures before it" if most < MAX_TEXELS else "")
+
+
+def _pixels(image: Image.Image, head: bytes) -> tuple[Texture, str | None]:
+    try:
+        image.load()
+    except OSError:
+        raise
+    except Exception:  # decoders raise whatever their code does
+        raise UnreadableError("is damaged") from None
+    if image.mode.startswith("I"):  # 16 bits of grey, which convert() would clip at 255
+        return texels("texture", np.asarray(image).astype(np.uint16)), None
+    image.info.pop("transparency", None)
+    pixels = texels("texture", np.asarray(image.convert("RGB")))
+    if image.mode == "CMYK":
+        return pixels, "is CMYK, which is taken for RGB without a colour profile"
+    if head.startswith(_PNG) and head[_DEPTH] == 16:
+        return pixels, "has 16 bits for each colour, of which the upper 8 count"
+    return pixels, None

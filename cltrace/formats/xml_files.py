@@ -1,0 +1,101 @@
+"""The files that a scene names: its meshes and its textures. Each is read once, by whatever name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from cltrace.errors import Fault, SceneError
+from cltrace.formats.faults import Messages
+from cltrace.formats.files import UnreadableError, within
+from cltrace.formats.obj import Obj, read_obj
+from cltrace.formats.texture import read_texture
+from cltrace.formats.xml_values import quoted
+from cltrace.scene import MAX_TEXELS, Texture
+
+T = TypeVar("T")
+
+
+class Names:
+    """The names of files in the order of their first use, and the lines of the scene that name them."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+        self.lines: dict[str, list[int]] = {}
+        self._index: dict[str, int] = {}
+
+    def add(self, name: str, line: int) -> int:
+        """The index of a name."""
+        self.lines.setdefault(name, []).append(line)
+        return self._index.setdefault(name, len(self._index))
+
+
+@dataclass
+class Contents(Generic[T]):
+    """What files hold, each once, with their first names; of: for each name its index, None if it cannot be used."""
+
+    found: list[T] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    of: list[int | None] = field(default_factory=list)
+
+
+class Files:
+    """The files of a scene in a folder."""
+
+    def __init__(self, scene: str) -> None:
+        self._folder = Path(scene).parent
+        self.meshes, self.textures = Names("mesh: name"), Names("material_textured texture: name")
+        self.faults: list[Fault] = []  # of the contents of other files than the scene's own
+
+    def shown(self, name: str) -> str:
+        """The path of a file as a message shows it."""
+        return str(self._folder / name)
+
+    def read_meshes(self, faults: Messages) -> Contents[Obj]:
+        """The meshes; `faults` are told of files that cannot be read."""
+
+        def read(name: str, path: str) -> Obj | None:
+            try:
+                return read_obj(path)
+            except SceneError as error:
+                self.faults += [replace(fault, path=self.shown(name)) for fault in error.faults]
+                return None
+
+        return self._read(self.meshes, read, faults)
+
+    def read_textures(self, faults: Messages, warnings: Messages) -> Contents[Texture]:
+        """The textures; `faults` are told of those that cannot be read."""
+        room = MAX_TEXELS
+
+        def read(name: str, path: str) -> Texture:
+            nonlocal room
+            pixels, warning = read_texture(path, room)
+            room -= pixels.shape[0] * pixels.shape[1]
+            if warning:
+                for line in self.textures.lines[name]:
+                    warnings.add(line, f"{self.textures.label} {quoted(name)} {warning}")
+            return pixels
+
+        return self._read(self.textures, read, faults)
+
+    def _read(self, names: Names, read: Callable[[str, str], T | None], faults: Messages) -> Contents[T]:
+        contents: Contents[T] = Contents()
+        place: dict[str, int | None] = {}
+        for name, lines in names.lines.items():
+            try:
+                path = within(str(self._folder), name)
+                if path not in place:
+                    place[path] = None
+                    found = read(name, path)
+                    if found is not None:
+                        place[path] = len(contents.found)
+                        contents.found.append(found)
+                        contents.names.append(name)
+                contents.of.append(place[path])
+            except UnreadableError as error:
+                contents.of.append(None)
+                for line in lines:
+                    faults.add(line, f"{names.label} {quoted(name)} {error}")
+        return contents
