@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
 from fractions import Fraction
@@ -18,7 +19,7 @@ from cltrace.plan import abi
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.plan.textures import Textures
-from cltrace.reference import primary_ray, trace
+from cltrace.reference import Intersection, primary_ray, trace
 from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.scene import MATERIAL, SPHERE
@@ -309,6 +310,53 @@ def test_a_globe(device: Device, precision: str) -> None:
     across = np.sin(colatitude)
     normal = np.stack([across * np.sin(longitude), np.cos(colatitude), across * np.cos(longitude)], axis=1) @ turned.T
     assert np.abs(np.arccos(normal[:, 1]) / np.pi - drawn.uv[hit][:, 1]).max() <= 1e-6
+
+
+@functools.cache
+def gallery() -> Scene:
+    """Balls with images and without, an ellipsoid with one, all in a mirror and through glass."""
+    random = np.random.default_rng(5)
+    images = [
+        random.integers(0, np.iinfo(dtype).max + 1, (*size, 3)).astype(dtype)
+        for dtype, size in ((np.uint8, (3, 5)), (np.uint16, (4, 4)), (np.uint8, (1, 2)))
+    ]
+    spheres, materials = np.zeros(7, SPHERE), np.zeros(7, MATERIAL)
+    spheres["center"] = [(-2, 0, 0), (0, 0, 0), (2, 0, 0), (0, 1.6, -1), (-1, -1.2, 1), (1, -1.2, 1), (0, -103, 0)]
+    spheres["radius"], spheres["material"], spheres["to_object"] = [0.8, 0.8, 0.8, 0.9, 0.5, 0.5, 101], range(7), -1
+    spheres["to_object"][2] = 0
+    materials["color"] = [(1, 1, 1), (1, 1, 1), (0.5, 1, 0.7), (1, 1, 1), (0.9, 0.9, 1), (1, 0.3, 0.2), (1, 1, 1)]
+    materials["ka"] = materials["kd"] = 0.8
+    materials["ks"], materials["exponent"], materials["index"] = 0.3, 30, 1.5
+    materials["texture"] = [0, 1, 0, 2, -1, -1, 2]
+    materials["reflectance"], materials["transmittance"] = [0, 0, 0, 0.7, 0.1, 0, 0.3], [0, 0, 0, 0, 0.8, 0, 0]
+    lights = [cltrace.ambient_light(), cltrace.point_light((5, 8, 9), (0.8, 0.8, 0.8))]
+    camera = Camera((0, 1, 8), (0, 0, 0), horizontal_fov=20, resolution=(48, 36), max_bounces=4)
+    squashed = np.array([[(1.2, 0.3, 0), (0, 0.8, 0.2), (0.1, 0, 1)]])
+    return Scene(camera, lights, spheres, materials, (0.2, 0.3, 0.5), "x.png", squashed, textures=images)
+
+
+@functools.cache
+def expected(x: int, y: int) -> tuple[tuple[float, float, float], Intersection | None]:
+    """What the reference says of a pixel of the gallery."""
+    return trace(world(gallery()), primary_ray(gallery().camera, x, y))
+
+
+@pytest.mark.parametrize("precision", ["accurate", "double", "single"])
+def test_kernel_agrees_with_the_reference(device: Device, width: int, precision: str) -> None:
+    image = Renderer(gallery(), device, precision, ("rgb8", "color", "id", "uv", "primitive"), width=width).render()
+    hits = 0
+    for y, x in np.ndindex(image.id.shape):
+        color, at = expected(x, y)
+        assert image.id[y, x] == (at.index if at else -1)
+        assert np.abs(image.rgb8[y, x] - 255 * np.clip(color, 0, 1)).max() <= 1
+        assert (
+            np.abs(image.color[y, x] - color).max() <= {"accurate": 5e-7, "double": 2.0**-24, "single": 5e-5}[precision]
+        )
+        if at:
+            hits += 1
+            assert np.abs(image.uv[y, x] - at.uv).max() <= (5e-5 if precision == "single" else 2.0**-24)
+            assert at.primitive == image.primitive[y, x] == -1
+    assert hits > 800
 
 
 def test_only_textures_that_show_are_packed() -> None:

@@ -292,5 +292,6 @@ class Ellipsoid(Sphere):
 
 def _around(q: Direction) -> UV:
     """Where a sphere's texture is at the unit normal q: u goes round the y axis, v from the top down."""
-    # The angle from the y axis by its tangent: near the poles the cosine would lose digits.
-    return 0.5 + math.atan2(q.x, q.z) / (2 * math.pi), math.atan2(math.hypot(q.x, q.z), q.y) / math.pi
+    # The angle from the y axis by its tangent: near the poles the cosine would lose digits. On all of the seam u is 1,
+    # where an x of -0.0 would make it 0.
+    return 0.5 + math.atan2(q.x + 0.0, q.z) / (2 * math.pi), math.atan2(math.hypot(q.x, q.z), q.y) / math.pi

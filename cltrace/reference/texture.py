@@ -27,7 +27,8 @@ class Texture:
     def color(self, uv: UV) -> Color:
         """The colour at (u, v), 1 = full in each channel."""
         height, width = self.texels.shape[:2]
-        x, y = uv[0] * width, uv[1] * height
+        # The image repeats, so whole parts do not matter. Without them, large numbers keep the digits behind.
+        x, y = (uv[0] - math.floor(uv[0])) * width, (uv[1] - math.floor(uv[1])) * height
         i, j = math.floor(x), math.floor(y)
         upper = _mix(self.texel(i, j), self.texel(i + 1, j), x - i)
         lower = _mix(self.texel(i, j + 1), self.texel(i + 1, j + 1), x - i)
