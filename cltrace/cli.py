@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     p = Parser(
         prog="cltrace",
         usage="cltrace SCENE.xml [options]",
-        description="Render a scene file of spheres with OpenCL.",
+        description="Render a scene file of spheres and meshes with OpenCL.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
 
     group = p.add_argument_group("checking and measuring").add_argument
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
-          help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
+          help="compare N pixels with the reference (default 20000, fewer of many surfaces); "
                "exit 1 if they differ")  # fmt: skip
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
           help="times and counts")  # fmt: skip
@@ -256,6 +256,7 @@ def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
         "precision": renderer.precision,
         "size": [width, height],
         "spheres": len(scene.spheres),
+        "triangles": sum(len(mesh.geometry.faces) for mesh in scene.meshes),
         "features": sorted(renderer.plan.features),
         "seconds": {name: image.seconds[name] for name in names},
         "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},
@@ -270,7 +271,8 @@ def _print_stats(stats: dict[str, Any], form: str) -> None:
         return
     tell(f"device     {stats['device']}")
     tell(f"precision  {stats['precision']}")
-    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres")
+    triangles = f", {stats['triangles']} triangles" if stats["triangles"] else ""
+    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres{triangles}")
     tell(f"features   {' '.join(stats['features'])}")
     for name, value in stats["seconds"].items():
         tell(f"{name:<10} {value * 1e3:10.2f} ms")

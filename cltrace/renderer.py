@@ -109,8 +109,10 @@ class Renderer:
         return self.plan.skipped
 
     def __repr__(self) -> str:
-        size, spheres = "{2}x{3}".format(*self.region), len(self.scene.spheres)
-        return f"<cltrace.Renderer {size}: {spheres} spheres, {self.precision} precision, on {self.device.name}>"
+        size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.spheres)} spheres"
+        if self.scene.meshes:
+            counts += f", {len(self.scene.meshes)} meshes"
+        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
 
     def __copy__(self) -> Renderer:
         other = object.__new__(type(self))

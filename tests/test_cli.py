@@ -120,7 +120,9 @@ def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     done = call(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
     stats = json.loads(done.stdout)
     assert done.stdout.count(b"\n") == 1
-    assert set(stats) == {"device", "precision", "size", "spheres", "features", "seconds", "rays", "work", "skipped"}
+    assert set(stats) == {
+        "device", "precision", "size", "spheres", "triangles", "features", "seconds", "rays", "work", "skipped"
+    }  # fmt: skip
     assert stats["precision"] == "accurate"
     assert stats["size"] == [481, 361]
     assert set(stats["seconds"]) == {"read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total"}

@@ -13,7 +13,7 @@ from cltrace import cli
 from cltrace.bench import cli as bench
 from cltrace.plan.request import KEEPS
 from cltrace.reference.check import DEFAULT_PIXELS, DEFAULT_TESTS
-from cltrace.scene import MAX_LIGHTS, MAX_SPHERES
+from cltrace.scene import MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
@@ -45,6 +45,9 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         assert f"{MAX_SIDE:,} pixels a side and 2^{MAX_PIXELS.bit_length() - 1} " in texts[name]
     for name in ("format.md", "python.md"):
         assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts[name]
+    shapes = f"{MAX_MESHES:,} meshes with 2^{MAX_TRIANGLES.bit_length() - 1} triangles and"
+    shapes += f" 2^{MAX_VERTICES.bit_length() - 1} vertices, and textures of 2^{MAX_TEXELS.bit_length() - 1} pixels"
+    assert shapes in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
     for name in KEEPS:
         assert f"| `{name}` |" in texts["speed.md"] or f"`--keep {name}`" in texts["speed.md"]

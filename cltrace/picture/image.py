@@ -29,7 +29,7 @@ class Image:
         normal       (h, w, 3) float32  unit vector in the world, facing the camera; 0 where nothing was hit
         direction    (h, w, 3) float32  unit vector of the pixel's ray, in the world
         depth        (h, w) float64     distance from the eye in scene units; inf where nothing was hit
-        id           (h, w) int32       index of the sphere in the scene; -1 where nothing was hit
+        id           (h, w) int32       number of the surface in the scene; -1 where nothing was hit
         primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
@@ -124,7 +124,7 @@ class Image:
         """(h, w, 3) uint8 that show one of the outputs: what the debugging hints of the course ask for.
 
         color: the picture, which is rgb8; normal, direction: (v + 1)/2 as red, green and blue; depth: the nearest is
-        white, the farthest dark; id, primitive: a colour for each sphere and for each triangle number; uv: u as red and
+        white, the farthest dark; id, primitive: a colour for each surface and for each triangle; uv: u as red and
         v as green, without their whole parts. Where nothing was hit, all but color and direction are black. Raises
         ValueError if there is no such show, or the image does not have that output.
         """
