@@ -30,6 +30,7 @@ SOURCES = (
     "shapes/leaving.cl",
     "find/cells.cl",
     "find/closest.cl",
+    "find/leaves.cl",
     "find/tree.cl",
     "find/stopped.cl",
     "shade/phong.cl",

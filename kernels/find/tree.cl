@@ -1,51 +1,10 @@
 /* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/bvh.py makes it.
  *
- * One ray at a time walks the tree in float32, against the 8 children of a node, the 8 spheres of a block or the 8
- * triangles of a patch at once. That yields the few shapes that the ray may meet first, with a proof that it is none of the
- * others; then all lanes' rays are decided side by side. Lengths are in the tree's unit, in which the scene's size is about 1, and places count from
- * the scene's middle.
+ * The rays walk the tree in float32: those of a packet together as long as they go the same way, else one at a time against
+ * all 8 children of a node at once. That yields the few shapes that each ray may meet first, with a proof that it is none of
+ * the others (leaves.cl); then all lanes' rays are decided side by side.
  */
 #ifdef WITH_BOUNCES
-
-/* Bit k: whether comparison k of 8 holds. */
-#if defined(__AVX__) && defined(__has_builtin)
-#if __has_builtin(__builtin_ia32_movmskps256)
-#define BITS_OF(mask) __builtin_ia32_movmskps256(as_float8(mask))
-#endif
-#endif
-#ifndef BITS_OF
-static int bits_of(const int8 mask) {
-    const int8 bits = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-    const int4 four = bits.lo | bits.hi;
-    const int2 two = four.lo | four.hi;
-    return two.x | two.y;
-}
-#define BITS_OF(mask) bits_of(mask)
-#endif
-
-/* Of numbers none of which is a NaN. fmax() and fmin() are three instructions for what is one here. */
-static float8 larger(const float8 a, const float8 b) {
-    return a > b ? a : b;
-}
-
-static float8 smaller(const float8 a, const float8 b) {
-    return a < b ? a : b;
-}
-
-/* One ray, and what it has found out so far. */
-typedef struct {
-    float3 o, w; /* its start and its unit direction */
-    float reach; /* nothing beyond this distance matters any more */
-    int own;     /* the surface that it leaves */
-    int lane;
-} Walker;
-
-/* The shapes that a packet's rays may meet first, with lower bounds of the distance; room for two leaves' of a ray. */
-#define CANDIDATES 16
-typedef struct {
-    int count[W], index[CANDIDATES][W];
-    float near[CANDIDATES][W];
-} Candidates;
 
 /* What rays that leave surfaces have met: as Hit, and the side. */
 typedef struct {
@@ -101,150 +60,62 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     PUT_WHERE(TO_MASK(nearer), met->id, index);
 }
 
-/* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Returns how far
- * each ray has to look from now on. */
-static __attribute__((noinline)) FLOAT decide_all(const Scene scene, const Leaving ray, const REAL scale,
-                                                  Candidates *list, Met *met, Work *work) {
+/* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how far each
+ * ray has to look from now on. */
+static __attribute__((noinline)) void decide_all(const Scene scene, const Leaving ray, const REAL scale, Search *search,
+                                                 Met *met, Work *work) {
     FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
-    INT left = LOAD_LANES(list->count);
+    const INT left = LOAD_LANES(search->count);
     for (int k = 0; ANY(left > k); k++) {
-        const MASK wanted = (left > k) & (LOAD_LANES(list->near[k]) <= reach);
+        const MASK wanted = (left > k) & (LOAD_LANES(search->near[k]) <= reach);
         if (!ANY(wanted)) continue;
-        meet(scene, ray, wanted ? LOAD_LANES(list->index[k]) : (INT)-1, met, work);
+        meet(scene, ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, work);
         reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
     }
-    for (int lane = 0; lane < W; lane++) list->count[lane] = 0;
-    return reach;
+    const FLOAT before = LOAD_LANES(search->reach);
+    STORE_LANES(reach < before ? reach : before, search->reach);
+    STORE_LANES((INT)0, search->count);
 }
 
-/* Makes room for a leaf: forgets the candidates that lie too far. Returns whether there is room now. */
-static int make_room(const Walker *walker, Candidates *list) {
-    const int lane = walker->lane, count = list->count[lane];
-    int kept = 0;
-    for (int k = 0; k < count; k++) {
-        if (list->near[k][lane] > walker->reach) continue;
-        list->index[kept][lane] = list->index[k][lane];
-        list->near[kept++][lane] = list->near[k][lane];
-    }
-    list->count[lane] = kept;
-    return kept <= CANDIDATES - 8;
+/* The ray of a lane. The starts of all rays are off by u |o| and by what double rounds, which pad makes good; 1 / w and the
+ * products are by 3 u each, which is left to whoever compares distances. No direction is so nearly along a plane that its
+ * reciprocal leaves float's range. */
+static Walker walker_of(const Search *search, const int lane) {
+    Walker walker;
+    walker.o = (float3)(search->o[0][lane], search->o[1][lane], search->o[2][lane]);
+    walker.w = (float3)(search->w[0][lane], search->w[1][lane], search->w[2][lane]);
+    walker.over = (float3)(search->over[0][lane], search->over[1][lane], search->over[2][lane]);
+    const float3 pad = copysign(0x1p-22f * fabs(walker.o) + 0x1p-50f, walker.over);
+    walker.from = -(walker.o + pad) * walker.over;
+    walker.to = -(walker.o - pad) * walker.over;
+    walker.reach = search->reach[lane];
+    walker.own = search->own[lane];
+    walker.lane = lane;
+    return walker;
 }
 
-#ifndef ONLY_TRIANGLES
-/* Adds those of a block's spheres that the ray may meet within its reach.
- *
- * The spheres' centres and P are off by u S each, u = 2^-24, S being the scene's size, so F = C - P is by 4.1 u S, w by
- * 1.01 u, and X = F x w by 14.2 u S; b = F.w is by 12.2 u S. outer is the radius and e = 24 u S more, inner as much less
- * [WIDEN = 24]. So |X| > outer is a miss for certain. And as (R + e)^2 - R^2 exceeds what X^2 is off by, the ray enters
- * the sphere beyond b - sqrt(outer^2 - X^2) - e, and, if it does so from outside, before b - sqrt(inner^2 - X^2) + e; if it
- * starts inside, it leaves before b + sqrt(outer^2 - X^2) + e. The second needs 2 R e - e^2 above 36 u S R, so R > 2 e. */
-static void add_block(const Tree tree, const int number, Walker *walker, Candidates *list) {
-    __global const Block *block = tree.block + number;
-    const float e = tree.widen;
-    const float8 x = block->x - walker->o.x, y = block->y - walker->o.y, z = block->z - walker->o.z;
-    const float8 outer = block->outer * fabs(block->outer), inner = block->inner * block->inner;
-    const float wx = walker->w.x, wy = walker->w.y, wz = walker->w.z;
-    const float8 b = x * wx + (y * wy + z * wz);
-    const float8 X = y * wz - z * wy, Y = z * wx - x * wz, Z = x * wy - y * wx;
-    const float8 XX = X * X + (Y * Y + Z * Z);
-    const float8 way = sqrt(larger(outer - XX, 0.0f)), first = b - way - e;
-    int bits = BITS_OF((XX <= outer) & (b + way + e >= 0) & (first <= walker->reach) & (block->index != walker->own));
-    if (!bits) return;
-    const int8 sure = block->inner > e;
-    const float8 entered = b - sqrt(larger(inner - XX, 0.0f)) + e;
-    const int8 starts_inside = sure & (x * x + (y * y + z * z) < inner), enters = sure & (XX <= inner) & (first > 0);
-    const float8 last = starts_inside ? b + way + e : enters ? entered : (float8)INFINITY;
-    float near[8], far[8];
-    int index[8];
-    vstore8(first, 0, near);
-    vstore8(last, 0, far);
-    vstore8(block->index, 0, index);
-    const int lane = walker->lane;
-    for (; bits; bits &= bits - 1) {
-        const int i = 31 - (int)clz(bits & -bits), n = list->count[lane]++;
-        list->index[n][lane] = index[i];
-        list->near[n][lane] = near[i];
-        walker->reach = fmin(walker->reach, far[i]);
-    }
+/* Of numbers none of which is a NaN. fmax() and fmin() are three instructions for what is one here. */
+static float8 larger(const float8 a, const float8 b) {
+    return a > b ? a : b;
 }
 
-#endif
-
-#ifdef WITH_PATCHES
-/* Adds those of a patch's triangles that the ray may meet within its reach.
- *
- * With C = A - P and R = C x w, U = f.R, V = -e.R and L = N.w - U - V have the sign of N.w, N = e x f, where the ray's line
- * passes inside; it does so at t = (N.C) / (N.w). Let u = 2^-24. As for spheres above, C is off by 4.1 u S and at most 2 S
- * long, R is off by 14.2 u S; S, the scene's size, is 1 at most. e and f are off by 1.01 u of themselves. So U is off by
- * (14.2 + 2 * 1.01 + 2 * 3.03) u |f|, which is less than 23 u |f|; likewise V; N by 4.9 u |e||f|; N.w by 9 u |e||f|, and N.C
- * by (4.1 + 2 * 4.9 + 2 * 3.03) u |e||f|, which is less than 20 u |e||f|; and |e||f| is at most |e| + |f|, as both are at
- * most 2. So L is off by (23 + 9) u (|e| + |f|) and by two roundings, which are 6 u (|e| + |f|) at most as U, V and N.w are
- * below 2 |f|, 2 |e| and |e||f|. All that is less than slack = 40 u (|e| + |f|) + 2^-100 [EDGE_ROUNDINGS = 40]; the last
- * term is for what is below float's range.
- *
- * The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u |e||f| at
- * most, and with the wrong sign none of them is below -slack either. */
-static void add_patch(const Scene scene, const int number, Walker *walker, Candidates *list) {
-    __global const Patch *patch = scene.patch + number;
-    const float8 wx = walker->w.x, wy = walker->w.y, wz = walker->w.z;
-    const float8 ex = patch->ex, ey = patch->ey, ez = patch->ez, fx = patch->fx, fy = patch->fy, fz = patch->fz;
-    const float8 x = patch->ax - walker->o.x, y = patch->ay - walker->o.y, z = patch->az - walker->o.z;
-    const float8 X = FMA(y, wz, -(z * wy)), Y = FMA(z, wx, -(x * wz)), Z = FMA(x, wy, -(y * wx));
-    const float8 nx = FMA(ey, fz, -(ez * fy)), ny = FMA(ez, fx, -(ex * fz)), nz = FMA(ex, fy, -(ey * fx));
-    const float8 den = FMA(nx, wx, FMA(ny, wy, nz * wz)), slack = patch->slack;
-    const int8 sign = as_int8(den) & (int)0x80000000;
-    const float8 size = as_float8(as_int8(den) ^ sign);
-    const float8 U = as_float8(as_int8(FMA(fx, X, FMA(fy, Y, fz * Z))) ^ sign);
-    const float8 V = as_float8(as_int8(FMA(ex, X, FMA(ey, Y, ez * Z))) ^ sign ^ (int)0x80000000);
-    const float8 D = as_float8(as_int8(FMA(nx, x, FMA(ny, y, nz * z))) ^ sign);
-    const float8 least = smaller(smaller(U, V), size - U - V);
-    const int8 steep = size > slack;
-    /* The distance is at least this, but for roundings. */
-    const float8 first = steep ? larger(D - slack, 0.0f) * (1 - 0x1p-20f) / (size + slack) : 0.0f;
-    int bits = BITS_OF((least >= -slack) & (!steep | (D >= -slack)) & (first <= walker->reach) &
-                       (patch->index != walker->own) & (slack > 0));
-    if (!bits) return;
-    const int8 sure = steep & (least > slack) & (D > slack);
-    const float8 last = sure ? (D + slack) * (1 + 0x1p-20f) / (size - slack) : (float8)INFINITY;
-    float near[8], far[8];
-    int index[8];
-    vstore8(first, 0, near);
-    vstore8(last, 0, far);
-    vstore8(patch->index, 0, index);
-    const int lane = walker->lane;
-    for (; bits; bits &= bits - 1) {
-        const int i = 31 - (int)clz(bits & -bits), n = list->count[lane]++;
-        list->index[n][lane] = index[i];
-        list->near[n][lane] = near[i];
-        walker->reach = fmin(walker->reach, far[i]);
-    }
-}
-#endif
-
-/* Adds those of a leaf's shapes that the ray may meet within its reach. */
-static void add_leaf(const Scene scene, const int number, Walker *walker, Candidates *list) {
-#ifdef ONLY_TRIANGLES
-    add_patch(scene, number, walker, list);
-#else
-#ifdef WITH_PATCHES
-    if (number >= scene.tree.blocks) {
-        add_patch(scene, number - scene.tree.blocks, walker, list);
-        return;
-    }
-#endif
-    add_block(scene.tree, number, walker, list);
-#endif
+static float8 smaller(const float8 a, const float8 b) {
+    return a < b ? a : b;
 }
 
 #ifdef WITH_TREE
-/* Nodes and leaves that are still to be visited, each with the distance at which the ray enters its box in the upper half:
- * that is a float of at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most,
- * and there are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
+/* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of at least 0,
+ * so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there are no more than 9:
+ * see build_tree() in cltrace/plan/accel/bvh.py. */
 #define STACK 64
 typedef struct {
     int top;
     ulong entry[STACK];
 } Stack;
+
+static float entered(const ulong entry) {
+    return as_float((int)(entry >> 32));
+}
 
 /* Fetches a node or a leaf that is to be visited soon: in large trees, half of the time is waiting. */
 static void fetch_child(const Scene scene, const int child) {
@@ -253,12 +124,7 @@ static void fetch_child(const Scene scene, const int child) {
 #ifdef WITH_PATCHES
     if (child < -tree.blocks) {
         __global const uchar *leaf = (__global const uchar *)(scene.patch + (~child - tree.blocks));
-        FETCH(leaf, 0);
-        FETCH(leaf, 64);
-        FETCH(leaf, 128);
-        FETCH(leaf, 192);
-        FETCH(leaf, 256);
-        FETCH(leaf, 320);
+        for (int line = 0; line < (int)sizeof(Patch); line += 64) FETCH(leaf, line);
         return;
     }
 #endif
@@ -270,21 +136,17 @@ static void fetch_child(const Scene scene, const int child) {
 #endif
 }
 
-/* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top.
- *
- * Boxes are rounded outwards. 1 / w and the products are off by 3 u each, which the factor of `far` makes good, and P by
- * u |o|, and by what double rounds, which pad makes good. No direction is so nearly along a plane that its reciprocal
- * leaves float's range. */
-static void add_children(const Scene scene, const int number, const Walker *walker, const float3 over, Stack *stack) {
+/* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top. Boxes are
+ * rounded outwards. */
+static void add_children(const Scene scene, const int number, const Walker *walker, Stack *stack) {
     __global const Node *node = scene.tree.node + number;
     __global const float8 *planes = &node->low_x;
+    const float3 over = walker->over, from = walker->from, to = walker->to;
     const int x = over.x < 0, y = over.y < 0, z = over.z < 0;
-    const float3 pad = copysign(0x1p-22f * fabs(walker->o) + 0x1p-50f, over);
-    const float3 from = -(walker->o + pad) * over, to = -(walker->o - pad) * over;
-    const float8 near = larger(larger(fma(planes[x], over.x, from.x), fma(planes[2 + y], over.y, from.y)),
-                               larger(fma(planes[4 + z], over.z, from.z), 0.0f));
-    const float8 far = smaller(smaller(fma(planes[1 - x], over.x, to.x), fma(planes[3 - y], over.y, to.y)),
-                               fma(planes[5 - z], over.z, to.z));
+    const float8 near = larger(larger(FMA(planes[x], over.x, from.x), FMA(planes[2 + y], over.y, from.y)),
+                               larger(FMA(planes[4 + z], over.z, from.z), 0.0f));
+    const float8 far = smaller(smaller(FMA(planes[1 - x], over.x, to.x), FMA(planes[3 - y], over.y, to.y)),
+                               FMA(planes[5 - z], over.z, to.z));
     int bits = BITS_OF((near <= far * (1 + 0x1p-20f)) & (near <= walker->reach));
     if (!bits) return;
     int enter[8], child[8];
@@ -292,7 +154,7 @@ static void add_children(const Scene scene, const int number, const Walker *walk
     vstore8(node->child, 0, child);
     const int base = stack->top;
     for (; bits; bits &= bits - 1) {
-        const int i = 31 - (int)clz(bits & -bits);
+        const int i = lowest_of(bits);
         fetch_child(scene, child[i]);
         const ulong entry = (ulong)(uint)enter[i] << 32 | (uint)child[i];
         int k = stack->top++;
@@ -302,61 +164,227 @@ static void add_children(const Scene scene, const int number, const Walker *walk
 }
 #endif
 
+/* Looks for what the ray of a lane may meet, in the part of the tree below a child. */
+static void walk_alone(const Scene scene, const Leaving ray, const REAL scale, const int lane, const int from,
+                       Search *search, Met *met, Work *work) {
+    Walker walker = walker_of(search, lane);
+#ifdef WITH_TREE
+    Stack stack;
+    stack.top = 1;
+    stack.entry[0] = (uint)from;
+    while (stack.top) {
+        const ulong entry = stack.entry[--stack.top];
+        if (entered(entry) > walker.reach) continue;
+        const int child = (int)entry;
+        if (child >= 0) {
+            add_children(scene, child, &walker, &stack);
+            continue;
+        }
+        const int leaf = ~child;
+#else
+    for (int leaf = 0; leaf < from; leaf++) {
+#endif
+        if (!make_room(search, lane, walker.reach)) {
+            search->reach[lane] = walker.reach;
+            decide_all(scene, ray, scale, search, met, work);
+            walker.reach = search->reach[lane];
+        }
+        add_leaf(scene, leaf, &walker, search);
+    }
+    search->reach[lane] = walker.reach;
+}
+
+#if W > 1 && defined(WITH_TREE)
+/* So few rays of a packet go on one at a time. */
+#define ALONE 5
+
+/* Rays whose directions have the same signs, and bounds of where they go.
+ *
+ * over, from, to: as in Walker. near, far: of each coordinate of their starts, with what these are off by, the extreme ones,
+ * such that the planes of a box are entered later than from `near`, and left earlier than from `far`. least, most: 1 / w, by
+ * size. */
+typedef struct {
+    MASK live;
+    Float3 over, from, to;
+    float near[3], far[3], least[3], most[3];
+    int back[3]; /* whether they go against an axis */
+} Bundle;
+
+static float largest_of(const FLOAT x) {
+#if W == 4
+    const float4 four = x;
+#else
+#if W == 16
+    const float8 eight = larger(x.lo, x.hi);
+#else
+    const float8 eight = x;
+#endif
+    const float4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
+#endif
+    const float2 two = four.lo > four.hi ? four.lo : four.hi;
+    return two.x > two.y ? two.x : two.y;
+}
+
+static Bundle bundle_of(const Search *search, const MASK live) {
+    Bundle bundle;
+    bundle.live = live;
+    FLOAT over[3], from[3], to[3];
+    for (int j = 0; j < 3; j++) {
+        const FLOAT o = LOAD_LANES(search->o[j]), pad = FMA((FLOAT)0x1p-22f, fabs(o), (FLOAT)0x1p-50f);
+        over[j] = LOAD_LANES(search->over[j]);
+        const int back = bundle.back[j] = ANY(live & (over[j] < 0));
+        const FLOAT low = o - pad, high = o + pad, size = fabs(over[j]);
+        from[j] = -(back ? low : high) * over[j];
+        to[j] = -(back ? high : low) * over[j];
+        const float highest = largest_of(live ? high : (FLOAT)-INFINITY), lowest = -largest_of(live ? -low : (FLOAT)-INFINITY);
+        const float most = largest_of(live ? size : (FLOAT)0.0f), least = -largest_of(live ? -size : (FLOAT)-INFINITY);
+        bundle.near[j] = back ? lowest : highest;
+        bundle.far[j] = back ? highest : lowest;
+        bundle.least[j] = back ? -least : least;
+        bundle.most[j] = back ? -most : most;
+    }
+    const Float3 all_over = {over[0], over[1], over[2]}, all_from = {from[0], from[1], from[2]}, all_to = {to[0], to[1], to[2]};
+    bundle.over = all_over;
+    bundle.from = all_from;
+    bundle.to = all_to;
+    return bundle;
+}
+
+/* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8 times the
+ * node plus the child's place. The nearest is on top. */
+static void add_children_for_bundle(const Scene scene, const int number, const Bundle *bundle, const float furthest,
+                                    Stack *stack) {
+    __global const Node *node = scene.tree.node + number;
+    __global const float8 *planes = &node->low_x;
+    float8 near = 0, far = INFINITY;
+    for (int j = 0; j < 3; j++) {
+        const int back = bundle->back[j];
+        const float8 in = planes[2 * j + back] - bundle->near[j], out = planes[2 * j + 1 - back] - bundle->far[j];
+        near = larger(near, smaller(in * bundle->least[j], in * bundle->most[j]));
+        far = smaller(far, larger(out * bundle->least[j], out * bundle->most[j]));
+    }
+    int bits = BITS_OF((near <= far * (1 + 0x1p-20f)) & (near <= furthest));
+    if (!bits) return;
+    int enter[8];
+    vstore8(as_int8(near), 0, enter);
+    const int base = stack->top;
+    for (; bits; bits &= bits - 1) {
+        const int i = lowest_of(bits);
+        fetch_child(scene, ((__global const int *)&node->child)[i]);
+        const ulong entry = (ulong)(uint)enter[i] << 32 | (uint)(8 * number + i);
+        int k = stack->top++;
+        for (; k > base && stack->entry[k - 1] < entry; k--) stack->entry[k] = stack->entry[k - 1];
+        stack->entry[k] = entry;
+    }
+}
+
+/* Which rays of a bundle enter a child of a node within their reach. */
+static MASK entering(const Scene scene, const Bundle *bundle, const int number, const int i, const FLOAT reach) {
+    __global const float8 *planes = &scene.tree.node[number].low_x;
+    const int x = bundle->back[0], y = bundle->back[1], z = bundle->back[2];
+    const FLOAT x0 = FMA((FLOAT)one_of(planes + x, i), bundle->over.x, bundle->from.x);
+    const FLOAT y0 = FMA((FLOAT)one_of(planes + 2 + y, i), bundle->over.y, bundle->from.y);
+    const FLOAT z0 = FMA((FLOAT)one_of(planes + 4 + z, i), bundle->over.z, bundle->from.z);
+    const FLOAT x1 = FMA((FLOAT)one_of(planes + 1 - x, i), bundle->over.x, bundle->to.x);
+    const FLOAT y1 = FMA((FLOAT)one_of(planes + 3 - y, i), bundle->over.y, bundle->to.y);
+    const FLOAT z1 = FMA((FLOAT)one_of(planes + 5 - z, i), bundle->over.z, bundle->to.z);
+    const FLOAT xy = x0 > y0 ? x0 : y0, z_in = z0 > 0 ? z0 : (FLOAT)0.0f, in = xy > z_in ? xy : z_in;
+    const FLOAT last = x1 < y1 ? x1 : y1, out = (last < z1 ? last : z1) * (1 + 0x1p-20f);
+    return bundle->live & (in <= out) & (in <= reach);
+}
+
+/* Looks for what these rays may meet. Their directions have the same signs. */
+static void walk_together(const Scene scene, const Leaving ray, const REAL scale, const MASK live, Search *search, Met *met,
+                          Work *work) {
+    Bundle bundle;
+    if (popcount(lane_bits(live)) > ALONE) bundle = bundle_of(search, live);
+    float furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
+    Stack stack;
+    stack.top = 0;
+    int child = 0;
+    MASK here = live;
+    for (;;) {
+        int bits = lane_bits(here);
+        if (child >= 0 && popcount(bits) > ALONE) {
+            add_children_for_bundle(scene, child, &bundle, furthest, &stack);
+        } else {
+            if (popcount(bits) > ALONE) {
+                int room = 1;
+                for (int left = bits; left; left &= left - 1) {
+                    const int lane = lowest_of(left);
+                    room &= make_room(search, lane, search->reach[lane]);
+                }
+                if (!room) decide_all(scene, ray, scale, search, met, work);
+                add_leaf_for_packet(scene, ~child, here, search);
+            } else {
+                for (; bits; bits &= bits - 1) walk_alone(scene, ray, scale, lowest_of(bits), child, search, met, work);
+            }
+            furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
+        }
+        const FLOAT reach = LOAD_LANES(search->reach);
+        do {
+            if (!stack.top) return;
+            const ulong entry = stack.entry[--stack.top];
+            if (entered(entry) > furthest) {
+                here = 0;
+                continue;
+            }
+            const int number = (int)((uint)entry >> 3), i = (int)entry & 7;
+            child = ((__global const int *)&scene.tree.node[number].child)[i];
+            here = entering(scene, &bundle, number, i, reach);
+        } while (!ANY(here));
+    }
+}
+#endif
+
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest id. */
 static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving ray, const MASK live, Work *work) {
     Met met = {INFINITY, -1, 0};
     const Tree tree = scene.tree;
     const REAL length = sqrt(DOT(ray.w, ray.w)), scale = length * tree.middle.w, over = 1 / length;
-    /* The far side of the own surface is met for certain. */
+#ifndef ONLY_TRIANGLES
+    /* The far side of the own sphere is met for certain. */
     const MASK inner = live & TO_MASK(ray.inner);
     if (ANY(inner)) meet(scene, ray, inner ? ray.own : (INT)-1, &met, work);
-    float x[W], y[W], z[W], wx[W], wy[W], wz[W], reach[W];
-    int own[W], wanted[W];
-    STORE_LANES(TO_FLOAT(((ray.center.x - tree.middle.x) + ray.p.x) * tree.middle.w), x);
-    STORE_LANES(TO_FLOAT(((ray.center.y - tree.middle.y) + ray.p.y) * tree.middle.w), y);
-    STORE_LANES(TO_FLOAT(((ray.center.z - tree.middle.z) + ray.p.z) * tree.middle.w), z);
-    STORE_LANES(TO_FLOAT(ray.w.x * over), wx);
-    STORE_LANES(TO_FLOAT(ray.w.y * over), wy);
-    STORE_LANES(TO_FLOAT(ray.w.z * over), wz);
-    STORE_LANES(TO_FLOAT(met.t * scale) * REACH_SLACK, reach);
-    STORE_LANES(ray.own, own);
-    STORE_LANES(live, wanted);
-    Candidates list;
-    for (int lane = 0; lane < W; lane++) list.count[lane] = 0;
-    for (int lane = 0; lane < W; lane++) {
-        if (!wanted[lane]) continue;
-        Walker walker = {{x[lane], y[lane], z[lane]}, {wx[lane], wy[lane], wz[lane]}, reach[lane], own[lane], lane};
-#ifdef WITH_TREE
-        const float3 least = fmax(fabs(walker.w), 0x1p-60f), reciprocal = copysign(1 / least, walker.w);
-        Stack stack;
-        stack.top = 1;
-        stack.entry[0] = 0;
-        while (stack.top) {
-            const ulong entry = stack.entry[--stack.top];
-            if (as_float((int)(entry >> 32)) > walker.reach) continue;
-            const int number = (int)entry;
-            if (number >= 0) {
-                add_children(scene, number, &walker, reciprocal, &stack);
-                continue;
-            }
-            const int leaf = ~number;
-#else
-#ifdef WITH_PATCHES
-        const int leaves = tree.blocks + scene.patches;
-#else
-        const int leaves = tree.blocks;
 #endif
-        for (int leaf = 0; leaf < leaves; leaf++) {
-#endif
-            if (list.count[lane] > CANDIDATES - 8 && !make_room(&walker, &list)) {
-                float all[W];
-                STORE_LANES(decide_all(scene, ray, scale, &list, &met, work), all);
-                walker.reach = fmin(walker.reach, all[lane]);
-            }
-            add_leaf(scene, leaf, &walker, &list);
-        }
+    const FLOAT wx = TO_FLOAT(ray.w.x * over), wy = TO_FLOAT(ray.w.y * over), wz = TO_FLOAT(ray.w.z * over);
+    Search search;
+    STORE_LANES(TO_FLOAT(((ray.center.x - tree.middle.x) + ray.p.x) * tree.middle.w), search.o[0]);
+    STORE_LANES(TO_FLOAT(((ray.center.y - tree.middle.y) + ray.p.y) * tree.middle.w), search.o[1]);
+    STORE_LANES(TO_FLOAT(((ray.center.z - tree.middle.z) + ray.p.z) * tree.middle.w), search.o[2]);
+    STORE_LANES(wx, search.w[0]);
+    STORE_LANES(wy, search.w[1]);
+    STORE_LANES(wz, search.w[2]);
+    STORE_LANES(copysign(1 / fmax(fabs(wx), 0x1p-60f), wx), search.over[0]);
+    STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search.over[1]);
+    STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search.over[2]);
+    STORE_LANES(TO_FLOAT(met.t * scale) * REACH_SLACK, search.reach);
+    STORE_LANES(ray.own, search.own);
+    STORE_LANES((INT)0, search.count);
+#if W > 1 && defined(WITH_TREE)
+    MASK left = live;
+    for (int bits = lane_bits(left); bits; bits = lane_bits(left)) {
+        const int lane = lowest_of(bits);
+        const MASK like = (AS(int, wx) ^ as_int(search.w[0][lane])) | (AS(int, wy) ^ as_int(search.w[1][lane])) |
+                          (AS(int, wz) ^ as_int(search.w[2][lane]));
+        const MASK group = left & (like >= 0);
+        walk_together(scene, ray, scale, group, &search, &met, work);
+        left &= ~group;
     }
-    decide_all(scene, ray, scale, &list, &met, work);
+#else
+#ifdef WITH_TREE
+    const int from = 0;
+#elif defined(WITH_PATCHES)
+    const int from = tree.blocks + scene.patches;
+#else
+    const int from = tree.blocks;
+#endif
+    int wanted[W];
+    STORE_LANES(live, wanted);
+    for (int lane = 0; lane < W; lane++)
+        if (wanted[lane]) walk_alone(scene, ray, scale, lane, from, &search, &met, work);
+#endif
+    decide_all(scene, ray, scale, &search, &met, work);
     return met;
 }
 #endif
