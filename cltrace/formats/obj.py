@@ -38,7 +38,6 @@ _LABELS = ("vertex", "texture coordinate", "normal", "face")
 # The numbers of a line by how many there are, and how many of them are kept.
 _NAMES = {_V: {3: "xyz", 4: "xyzw", 6: "xyzrgb"}, _VT: {1: "u", 2: "uv", 3: "uvw"}, _VN: {3: "xyz"}}
 _WIDTH = {_V: 3, _VT: 2, _VN: 3}
-_IGNORED = {"o", "g", "s", "l", "p", "usemtl", "mtllib", "vp"}
 _CORNER = re.compile(rb"([-+]?[0-9]+)(?:/([-+]?[0-9]+)?)?(?:/([-+]?[0-9]+)?)?")
 _LARGEST = 2**31 - 1
 
@@ -104,8 +103,7 @@ class _Reader:
 
     def _take(self, block: Block) -> None:
         for line, keyword in unread(block):
-            if keyword not in _IGNORED:
-                self.warnings.add(line, f"unknown keyword {quoted(keyword)} ignored")
+            self.warnings.add(line, f"unknown keyword {quoted(keyword)} ignored")
         lines = [np.flatnonzero(block.kind == kind) for kind in range(len(KINDS))]
         so_far = [self._count[kind] + np.searchsorted(lines[kind], lines[_F]) for kind in _NAMES]
         for kind in _NAMES:

@@ -19,7 +19,7 @@ SLASH, POINT = b"/."
 Doubles = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_E, _BIG_E = b"eE"
+_E, _BIG_E, _PLUS, _MINUS = b"eE+-"
 _MOST = 10**18  # of a number without its point: a few more fit in 63 bits
 _POWERS = np.array([10.0**k for k in range(23)])  # These are exact.
 
@@ -61,7 +61,8 @@ def decimals(text: Bytes, ends: Places) -> Doubles | None:
     more or less makes no difference, the sum is rounded right. What else there is, Python's float() reads.
     """
     data = text.tobytes()
-    if b"_" in data:  # which float() takes
+    before = text[_signs(text) - 1]
+    if not ((before <= BLANK) | (before == _E) | (before == _BIG_E)).all():
         return None
     scaled, stops = np.zeros(len(ends), np.int64), ends
     if b"e" in data or b"E" in data:
@@ -124,15 +125,26 @@ def _places(text: Bytes, stops: Places) -> Ints | None:
 
 
 def integers(data: bytes, count: int) -> Ints | None:
-    """The words of a text as integers, those beyond 63 bits as the largest; None if they are not that many or none."""
+    """The words of a text as integers, those beyond 63 bits as the largest; None if they are not that many or none.
+
+    numpy takes a sign for a number, leaves blanks behind it out, and reads no number at all as 0.
+    """
+    text = np.frombuffer(data, np.uint8)
+    signs = _signs(text)
+    if data.isspace() or (text[signs - 1] > BLANK).any() or (text[signs + 1] <= BLANK).any():
+        return None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
             found = np.fromstring(data, np.int64, sep=" ")
         except (DeprecationWarning, ValueError):
             return None
-    # A word may be read as two numbers, such as 1-2, but none as less than one.
     return found if len(found) == count else None
+
+
+def _signs(text: Bytes) -> Places:
+    """Where a text, which begins and ends blank, has a plus or a minus."""
+    return np.flatnonzero((text == _PLUS) | (text == _MINUS))
 
 
 def corners(text: Bytes, feeds: Places) -> Corners | None:

@@ -19,15 +19,17 @@ BLOCK, LINE = 2**20, 2**22
 LINE_FEED, BLANK, HASH, BACKSLASH = b"\n #\\"
 # The kinds of lines that are read, by their keywords.
 KINDS = ("v", "vt", "vn", "f")
+IGNORED = ("o", "g", "s", "usemtl", "mtllib", "l", "p", "vp")
+_END = b"\n" * 8  # more than the letters of any of these
 
 
 @dataclass(frozen=True)
 class Block:
     """Some lines of a file.
 
-    text: bytes that end in a line feed and two more; lines: (n, 2), where each line's first character that is not blank
-    stands, and its line feed; number: (n,), of its first line in the file; kind: (n,), the index of its keyword among
-    KINDS, -1 for an empty line and -2 for any other.
+    text: bytes that end in some line feeds; lines: (n, 2), where each line's first character that is not blank stands,
+    and its line feed; number: (n,), of its first line in the file; kind: (n,), the index of its keyword among
+    KINDS, -1 for a line that says nothing and -2 for one with another keyword.
     """
 
     text: Bytes
@@ -42,7 +44,6 @@ class Block:
     def arguments(self, which: NDArray[np.intp]) -> tuple[Bytes, Places]:
         """What follows the keywords in these lines, each with its line feed, and where those stand; blank before."""
         first, last = self.lines[which[0], 0], self.lines[which[-1], 1] + 1
-        begin = np.concatenate([[first], self.lines[which[:-1], 1] + 1])
         if len(which) == which[-1] - which[0] + 1:
             text, shift = self.text[first:last].copy(), np.full(len(which), first)
         else:
@@ -103,8 +104,8 @@ def _complete(text: bytes) -> int:
 
 
 def _block(data: bytes, number: int) -> Block:
-    text = np.frombuffer(data + b"\n\n", np.uint8)
-    feeds = np.flatnonzero(text[:-2] == LINE_FEED)
+    text = np.frombuffer(data + _END, np.uint8)
+    feeds = np.flatnonzero(text[: len(data)] == LINE_FEED)
     numbers = number + np.arange(len(feeds))
     if b"#" in data or b"\\" in data:
         text = text.copy()
@@ -136,18 +137,25 @@ def _blank_comments(text: Bytes, feeds: Places) -> None:
 
 
 def _kinds(text: Bytes, first: Places, feeds: Places) -> NDArray[np.int8]:
-    a, b, c = text[first], text[first + 1], text[first + 2]
-    short, long = b <= BLANK, c <= BLANK
     kind = np.full(len(first), -2, np.int8)
     kind[first == feeds] = -1
     for i, keyword in enumerate(KINDS):
-        letters = keyword.encode()
-        kind[(a == letters[0]) & (short if len(letters) == 1 else (b == letters[1]) & long)] = i
+        kind[_begins(text, first, keyword)] = i
+    rest = np.flatnonzero(kind == -2)
+    for keyword in IGNORED if len(rest) else ():
+        kind[rest[_begins(text, first[rest], keyword)]] = -1
     return kind
 
 
+def _begins(text: Bytes, first: Places, keyword: str) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = text[first + len(keyword)] <= BLANK
+    for k, letter in enumerate(keyword.encode()):
+        found &= text[first + k] == letter
+    return found
+
+
 def unread(block: Block) -> Iterator[tuple[int, str]]:
-    """The lines whose keyword is none of KINDS: their numbers and their keywords."""
+    """The lines whose keyword is unknown: their numbers and their keywords."""
     for i in np.flatnonzero(block.kind == -2).tolist():
         begin, end = block.lines[i].tolist()
         word: Any = block.text[begin : min(end, begin + 200)].tobytes().split(None, 1)[0]
