@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
 
     group = p.add_argument_group("checking and measuring").add_argument
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
-          help="compare N pixels with the reference (default 20000, fewer of many surfaces); "
+          help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
                "exit 1 if they differ")  # fmt: skip
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
           help="times and counts")  # fmt: skip
