@@ -37,6 +37,8 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
                     if image.width * image.height > most:
                         raise UnreadableError(_too_large(most))
                     return _pixels(image, head)
+        except UnreadableError:
+            raise
         except UnidentifiedImageError:
             raise UnreadableError("is no PNG or JPEG file") from None
         except Image.DecompressionBombError:
@@ -45,6 +47,8 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
             if error.strerror is not None:
                 raise UnreadableError(f"cannot be read: {error.strerror}") from None
             raise UnreadableError("is damaged") from None
+        except Exception:  # decoders raise whatever their code does
+            raise UnreadableError("is damaged") from None
 
 
 def _too_large(most: int) -> str:
@@ -52,12 +56,7 @@ def _too_large(most: int) -> str:
 
 
 def _pixels(image: Image.Image, head: bytes) -> tuple[Texture, str | None]:
-    try:
-        image.load()
-    except OSError:
-        raise
-    except Exception:  # decoders raise whatever their code does
-        raise UnreadableError("is damaged") from None
+    image.load()
     if image.mode.startswith("I"):  # 16 bits of grey, which convert() would clip at 255
         return texels("texture", np.asarray(image).astype(np.uint16)), None
     image.info.pop("transparency", None)
