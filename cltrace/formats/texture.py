@@ -25,30 +25,26 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
     wrong, in words that belong behind the file's name.
     """
     check_regular(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of damage that does not matter
-        try:
-            if Path(path).stat().st_size > MAX_BYTES:
-                raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes")
-            with Path(path).open("rb") as file:
-                head = file.read(_DEPTH + 1)
-                file.seek(0)
-                with Image.open(file, formats=("PNG", "JPEG")) as image:
-                    if image.width * image.height > most:
-                        raise UnreadableError(_too_large(most))
-                    return _pixels(image, head)
-        except UnreadableError:
-            raise
-        except UnidentifiedImageError:
-            raise UnreadableError("is no PNG or JPEG file") from None
-        except Image.DecompressionBombError:
-            raise UnreadableError(_too_large(most)) from None
-        except OSError as error:
-            if error.strerror is not None:
-                raise UnreadableError(f"cannot be read: {error.strerror}") from None
-            raise UnreadableError("is damaged") from None
-        except Exception:  # decoders raise whatever their code does
-            raise UnreadableError("is damaged") from None
+    try:
+        if Path(path).stat().st_size > MAX_BYTES:
+            raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes")
+        with warnings.catch_warnings(), Path(path).open("rb") as file:
+            warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of what pixels do not need
+            head = file.read(_DEPTH + 1)
+            file.seek(0)
+            with Image.open(file, formats=("PNG", "JPEG")) as image:
+                if image.width * image.height > most:
+                    raise UnreadableError(_too_large(most))
+                return _pixels(image, head)
+    except (UnreadableError, MemoryError):
+        raise
+    except UnidentifiedImageError:
+        raise UnreadableError("is no PNG or JPEG file") from None
+    except Image.DecompressionBombError:
+        raise UnreadableError(_too_large(most)) from None
+    except Exception as error:  # decoders raise whatever their code does
+        words = error.strerror if isinstance(error, OSError) else None
+        raise UnreadableError(f"cannot be read: {words}" if words else "is damaged") from None
 
 
 def _too_large(most: int) -> str:
