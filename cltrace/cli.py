@@ -256,7 +256,7 @@ def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
         "precision": renderer.precision,
         "size": [width, height],
         "spheres": len(scene.spheres),
-        "triangles": sum(len(mesh.geometry.faces) for mesh in scene.meshes),
+        "triangles": scene.triangles,
         "features": sorted(renderer.plan.features),
         "seconds": {name: image.seconds[name] for name in names},
         "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},

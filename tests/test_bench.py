@@ -183,6 +183,51 @@ def test_measuring(any_device: Device, long: bool) -> None:
     assert [line.split(" | ")[0] for line in lines[2:6]] == ["| accurate", "| single", "| double", "| textbook"]
 
 
+def rich() -> Scene:
+    """A mesh, an ellipsoid, a texture, glass and a mirror."""
+    glass = cltrace.Material(transmittance=0.7, index=1.5)
+    tile = cltrace.Mesh([(-2, -1, -5), (2, -1, -5), (0, 2, -6)], [(0, 1, 2)], material=cltrace.Material(texture=GREY))
+    more = cltrace.Mesh.of(tile, glass, [(0.5, 0, 0, 0.6), (0, 0.5, 0, 0), (0, 0, 0.5, 0)])
+    return Scene.from_spheres(
+        looking(tan=0.5, size=SMALL),
+        [cltrace.ambient_light(), point_light((1, 5, 1))],
+        [(-1, 0, -4), (1, 0.5, -3)],
+        0.5,
+        reflectance=[0.5, 0],
+        transform=[np.eye(3), np.diag([1, 2, 1])],
+        background=(1, 1, 1),
+        meshes=[tile, more],
+    )
+
+
+GREY = np.full((2, 2), 100, np.uint8)
+
+
+def test_what_only_cltrace_draws_is_left_to_it(any_device: Device, tmp_path: Path) -> None:
+    wanted = "meshes, ellipsoids, mirrors"
+    assert tracers.Baseline(any_device).refuses(rich()) == wanted
+    assert tracers.PovRay("povray", tmp_path).refuses(rich()) == wanted
+    bare = replace(rich(), meshes=())
+    assert tracers.too_rich(bare) == "ellipsoids, mirrors"
+    assert tracers.too_rich(scenes.cloud(16, SMALL)) == ""
+    row = measure.Row(scenes.Case("rich", scenes.GIVEN, rich()), "accurate", "", "")
+    assert report.title(row) == "given: rich (2 spheres, 2 triangles, 48x27)"
+
+
+def test_lamps_keep_the_shapes() -> None:
+    """Of meshes and ellipsoids, too; nothing in the background is lit."""
+    scene = rich()
+    lamp = truth.lamps(scene)[0]
+    assert [mesh.number for mesh in lamp.meshes] == [2, 3]
+    assert (lamp.spheres["to_object"] == scene.spheres["to_object"]).all()
+    found = truth.answer(scene, every_pixel(scene))
+    seen = truth.answer(lamp, every_pixel(scene))
+    assert set(found.id.tolist()) == {-1, 0, 1, 2, 3}
+    for name in ("id", "depth", "normal", "lit", "light"):
+        assert np.array_equal(getattr(found, name), getattr(seen, name)), name
+    assert np.array_equal(seen.color[:, 0] > 0, found.lit[:, 0])
+
+
 def test_too_many_tests_are_refused(any_device: Device) -> None:
     scene = balls(looking(size=(1000, 1000)), [((0, 0, -5), 1)] * 1001)
     assert "too many" in tracers.Baseline(any_device).refuses(scene)

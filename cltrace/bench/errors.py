@@ -18,9 +18,9 @@ CERTAIN = 2.0**-22
 class Errors:
     """What is wrong with some pixels.
 
-    pixels: how many were compared; wrong_ids: that show another sphere than they must, of which `missed` show nothing
+    pixels: how many were compared; wrong_ids: that show another surface than they must, of which `missed` show nothing
     and `invented` show something where there is nothing; t_ulp: largest error of a distance, in ulp of float32, where
-    the sphere is right (0.5 is its rounding); normal: largest angle between normals, rad; arriving: lights that arrive
+    the surface is right (0.5 is its rounding); normal: largest angle between normals, rad; arriving: lights that arrive
     or should, over all pixels; false_shadows, leaks: of them, those that were held up, or that got through; color_max,
     color_rms: of linear colours; bytes_differ, bytes_off: pixels of which a byte differs at all, and by more than a
     level, but not where it is doubtful whether a surface faces a light; not_finite: pixels with a NaN or an infinity.
@@ -60,7 +60,7 @@ def angles(got: NDArray[np.floating], want: NDArray[np.floating]) -> NDArray[np.
 
 
 def compare(got: Answer, want: Answer) -> Errors:
-    """The errors of `got`. What is compared of a hit is compared where the sphere is right."""
+    """The errors of `got`. What is compared of a hit is compared where the surface is right."""
     wrong = got.id != want.id
     hit = ~wrong & (want.id >= 0)
     arrives = want.lit[hit] & (want.light[hit] > CERTAIN)

@@ -12,20 +12,22 @@ import numpy as np
 
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Keep
-from cltrace.reference.check import sample
+from cltrace.reference.check import DEFAULT_TESTS, TRIANGLES, sample
 from cltrace.run.devices import Device
+from cltrace.scene import Scene
 
 from .errors import Errors, bytes_apart, compare
 from .scenes import Case
 from .tracers import ACCELERATION, SKIPS, Baseline, PeerError, Product, Tracer
-from .truth import Answer, answer
+from .truth import Answer, answer, can_thin
 
 # Short frames are repeated until a measurement takes about this long, in seconds.
 ENOUGH = 0.05
 MOST_FRAMES = 5
 
 # So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
-# long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least.
+# long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
+# thinned, the reference's limit takes the place of SAMPLE_TESTS.
 SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 500, 100, 50_000_000
 
 
@@ -189,7 +191,7 @@ def _errors(
         if checked is None and mode in answers:
             say("exact arithmetic, on a sample")
             width, height = case.scene.camera.resolution
-            count = min(budget.sample, max(LEAST_SAMPLE, SAMPLE_TESTS // max(1, len(case.scene.spheres))))
+            count = min(budget.sample, max(LEAST_SAMPLE, affordable(case.scene)))
             chosen_by = true or answers[mode]
             pixels = sample(chosen_by.id.reshape(height, width), count)
             checked = answer(case.scene, pixels)
@@ -208,6 +210,12 @@ def _errors(
         if row.picture is None and row.sample is not None:
             # Its own picture is the reference, or there is none: the sample has to say.
             row.differ, row.off = (n / row.sample.pixels for n in (row.sample.bytes_differ, row.sample.bytes_off))
+
+
+def affordable(scene: Scene) -> int:
+    """How many pixels can be checked exactly in a while."""
+    tests = SAMPLE_TESTS if can_thin(scene) else DEFAULT_TESTS
+    return tests // max(1, len(scene.spheres) + scene.triangles // TRIANGLES)
 
 
 def median(values: list[float]) -> float:

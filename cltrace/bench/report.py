@@ -54,8 +54,9 @@ def _best_and_median(values: list[float]) -> tuple[float, float]:
 
 def title(row: Row) -> str:
     width, height = row.case.scene.camera.resolution
-    spheres = len(row.case.scene.spheres)
-    return f"{row.case.group}: {row.case.name} ({spheres:,} sphere{'s' * (spheres != 1)}, {width}x{height})"
+    counts = {"sphere": len(row.case.scene.spheres), "triangle": row.case.scene.triangles}
+    shapes = ", ".join(f"{n:,} {name}{'s' * (n != 1)}" for name, n in counts.items() if n or name == "sphere")
+    return f"{row.case.group}: {row.case.name} ({shapes}, {width}x{height})"
 
 
 def scene_table(rows: Sequence[Row]) -> str:
@@ -179,6 +180,7 @@ def _plain(row: Row) -> dict[str, Any]:
         "scene": row.case.name,
         "class": row.case.group,
         "spheres": len(row.case.scene.spheres),
+        "triangles": row.case.scene.triangles,
         "size": list(row.case.scene.camera.resolution),
         "tracer": row.name,
         "variant": row.variant,

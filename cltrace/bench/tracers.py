@@ -35,7 +35,7 @@ from .truth import Answer, lamps
 ACCELERATION: Keep = "lists"
 SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 
-# Without lists every ray tries every sphere. With more tests than this, a frame would take seconds.
+# Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
 PEER_SECONDS = 120
@@ -120,7 +120,7 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        return too_much(scene)
+        return too_rich(scene) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
@@ -136,9 +136,22 @@ class Baseline(Tracer):
 
 
 def too_much(scene: Scene) -> str:
-    """Why a scene is not traced sphere by sphere; empty if it is."""
-    tests = len(scene.spheres) * math.prod(scene.camera.resolution)
+    """Why a scene is not traced surface by surface; empty if it is."""
+    tests = (len(scene.spheres) + scene.triangles) * math.prod(scene.camera.resolution)
     return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
+
+
+def too_rich(scene: Scene) -> str:
+    """Why a scene is not handed to a tracer that knows only round opaque spheres of one colour; empty if it is."""
+    used = scene.materials[np.unique(scene.spheres["material"])]
+    has = {
+        "meshes": bool(scene.meshes),
+        "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
+        "textures": bool((used["texture"] >= 0).any()),
+        "mirrors": bool((used["reflectance"] > 0).any()),
+        "glass": bool((used["transmittance"] > 0).any()),
+    }
+    return ", ".join(name for name, there in has.items() if there)
 
 
 def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
@@ -201,7 +214,7 @@ class _Peer(Tracer):
         self._scene: Scene | None = None
 
     def refuses(self, scene: Scene) -> str:
-        return _one_light(scene)
+        return too_rich(scene) or _one_light(scene)
 
     def _file(self, scene: Scene, suffix: str) -> Path:
         path = self._folder / f"scene{suffix}"

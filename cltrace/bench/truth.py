@@ -2,9 +2,9 @@
 
 Where the camera looks along an axis (see cases.py), the oracle says what is hit, at what distance, and what is lit. Any
 other camera rounds when it turns the world into camera space, and what is true of its picture is what the reference
-tracer says. Colours are always the reference tracer's.
+tracer says, as it is of meshes and ellipsoids. Colours are always the reference tracer's.
 
-A scene of many spheres is thinned first: of a million, a ray and its shadow rays come near a few hundred.
+A scene of many round spheres is thinned first: of a million, a ray and its shadow rays come near a few hundred.
 """
 
 from __future__ import annotations
@@ -126,17 +126,35 @@ def lamps(scene: Scene) -> list[Scene]:
     white["color"], white["kd"], white["texture"] = 1, 1, -1
     spheres = scene.spheres.copy()
     spheres["material"] = 0
-    return [Scene(scene.camera, lights[k : k + 3], spheres, white) for k in range(0, max(1, len(lights)), 3)]
+    meshes = tuple(mesh.of(0, mesh.number) for mesh in scene.meshes)
+    return [
+        replace(
+            scene,
+            lights=lights[k : k + 3],
+            spheres=spheres,
+            materials=white,
+            background=(0.0, 0.0, 0.0),
+            meshes=meshes,
+            textures=(),
+        )
+        for k in range(0, max(1, len(lights)), 3)
+    ]
+
+
+def can_thin(scene: Scene) -> bool:
+    """Whether all of it is round spheres."""
+    return not scene.meshes and bool((scene.spheres["to_object"] < 0).all())
 
 
 def answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
     """What these pixels, counted row by row, must be: see the module's first lines."""
-    many = len(scene.spheres) > MANY
-    every = np.arange(len(scene.spheres))
+    if len(scene.spheres) <= MANY or not can_thin(scene):
+        return _answer(scene, pixels)
     parts = []
-    for group in np.split(pixels, len(pixels)) if many else [pixels]:
-        chosen = _near(scene, group[0]) if many else every
-        parts.append(_answer(_only(scene, chosen), chosen, group))
+    for pixel in pixels:
+        chosen = _near(scene, pixel)
+        part = _answer(_only(scene, chosen), np.array([pixel]))
+        parts.append(replace(part, id=np.append(chosen, -1)[part.id].astype(np.int32)))
     return Answer(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__dict__})
 
 
@@ -172,12 +190,14 @@ def _along(origin: Floats, d: Floats, center: Floats, radius: Floats) -> NDArray
     return np.flatnonzero(across <= radius**2 * (1 + 1e-6) + margin)
 
 
-def _answer(scene: Scene, chosen: NDArray[np.intp], pixels: NDArray[np.intp]) -> Answer:
-    """answer() for a scene of which all spheres are looked at. chosen: their indices in the whole scene."""
+def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
+    """answer() for a scene of which all surfaces are looked at."""
     width = scene.camera.resolution[0]
     world = world_of(scene)
     # The same lights in white, with nothing in their way.
-    bare = [replace(world_of(lamp), surfaces=[]) for lamp in lamps(_only(scene, np.arange(min(1, len(chosen)))))]
+    bare = [
+        replace(world_of(lamp), surfaces=[]) for lamp in lamps(replace(scene, spheres=scene.spheres[:1], meshes=()))
+    ]
     n, k = len(pixels), len(world.lights)
     out = Answer(
         id=np.full(n, -1, np.int32),
@@ -200,7 +220,7 @@ def _answer(scene: Scene, chosen: NDArray[np.intp], pixels: NDArray[np.intp]) ->
         dull = replace(at, material=WHITE)
         out.light[row] = [max(illuminate(lamp, ray, dull, light)) for lamp in bare for light in lamp.lights]
         out.lit[row] = [not cast_shadow_ray(world, at, light) for light in world.lights]
-    if looks_along_an_axis(scene.camera):
+    if looks_along_an_axis(scene.camera) and can_thin(scene):
         seen = hits(scene, pixels)
         out.id[:], out.depth[:] = seen.index, seen.depth
         out.normal[:] = 0
@@ -208,6 +228,4 @@ def _answer(scene: Scene, chosen: NDArray[np.intp], pixels: NDArray[np.intp]) ->
             out.normal[row] = [float(x) for x in facing_normal(scene, seen, row)]
             out.lit[row] = [lit for lit, _ in reached(scene, seen, row)]
     out.lit[:] &= out.light > 0
-    if len(chosen):
-        out.id[:] = np.where(out.id >= 0, chosen[out.id], -1)
     return out

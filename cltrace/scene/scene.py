@@ -139,9 +139,13 @@ class Scene:
         width, height = self.camera.resolution
         parts = [f"{len(self.spheres)} spheres", f"{len(self.lights)} lights"]
         if self.meshes:
-            triangles = sum(len(mesh.geometry.faces) for mesh in self.meshes)
-            parts.insert(1, f"{len(self.meshes)} meshes of {triangles} triangles")
+            parts.insert(1, f"{len(self.meshes)} meshes of {self.triangles} triangles")
         return f"<cltrace.Scene {width}x{height}: {', '.join(parts)}>"
+
+    @property
+    def triangles(self) -> int:
+        """How many triangles the meshes have together."""
+        return sum(len(mesh.geometry.faces) for mesh in self.meshes)
 
     @functools.cached_property
     def sphere_numbers(self) -> NDArray[np.int32]:
