@@ -181,6 +181,10 @@ NUMBERS = [
     "3.4028234663852886e38",
     "1.4012984643248171e-45",
     "179769313486231570e-5",
+    "9000000000000000000e-3",
+    "9000000000000000001e-3",
+    "9223372036854775808",
+    "99999999999999999999999999",
     "5e0000000000000000000000000000000003",
 ]
 
@@ -191,7 +195,9 @@ def test_numbers_are_rounded_right() -> None:
     written = NUMBERS + [f"-{text}" for text in NUMBERS]
     for _ in range(20_000):
         number = rng.uniform(-1, 1) * 10.0 ** rng.randrange(-9, 9)
-        written.append(rng.choice(["{!r}", "{:.17f}", "{:.20f}", "{:.25e}", "{:.9g}", "{:e}"]).format(number))
+        written.append(
+            rng.choice(["{!r}", "{:.17f}", "{:.20f}", "{:.25e}", "{:.18e}", "{:.9g}", "{:e}"]).format(number)
+        )
         halfway = (2 * rng.randrange(2**52, 2**53) + 1) * 5 ** rng.randrange(3)
         digits = rng.randrange(1, 18)
         written.append(f"{halfway // 10**digits}.{halfway % 10**digits:0{digits}}")
@@ -502,6 +508,19 @@ def test_very_many_faults(monkeypatch: pytest.MonkeyPatch) -> None:
     assert faults_of("v 0 0\n" * 5000)[-1] == "11: more than 10 faults, the rest is not read"
     assert faults_of("v 0 0 0\n" + "f 1 1 0\n" * 5000)[-1] == "12: more than 10 faults, the rest is not read"
     assert faults_of("v 0 0 0\n" + "f 1 1 7\n" * 5000)[-1] == "12: more than 10 faults, the rest is not read"
+
+
+def test_very_many_unknown_keywords(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is there often is told once, long ones too."""
+    text = TRIANGLE + "vc 1 1 1\nconnected\nconnecte\nconnection x\n" * 3 + "f 1 2 3\n"
+    often = [(4, "vc", "8, 12"), (5, "connected", "9, 13"), (6, "connecte", "10, 14"), (7, "connection", "11, 15")]
+    assert warnings_of(text) == [
+        f"{line}: unknown keyword '{word}' ignored (3 times, also in lines {others})" for line, word, others in often
+    ]
+    monkeypatch.setattr(obj, "MAX_FAULTS", 10)
+    assert len(warnings_of("x\n" * 99 + TRIANGLE + "f 1 2 3\n")) == 1
+    (fault,) = faults_of("".join(f"x{i}\n" for i in range(99)) + TRIANGLE + "f 1 2 3\n")
+    assert fault.endswith(": more than 10 unknown keywords, the rest is not read")
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,6 +78,7 @@ class _Reader:
         none = np.zeros(0, np.int32)
         self._faces = [_Faces(none, none, np.zeros((3, 0), np.int32))]
         self._triangles = 0
+        self._strange = 0  # unknown keywords
         self._nowhere: list[tuple[int, int, str]] = []  # indices that no file has: line, kind, as written
 
     def run(self, path: str) -> Obj | None:
@@ -102,24 +103,29 @@ class _Reader:
     # Lines
 
     def _take(self, block: Block) -> None:
-        for line, keyword in unread(block):
-            self.warnings.add(line, f"unknown keyword {quoted(keyword)} ignored")
+        for numbers, keyword in unread(block):
+            self.warnings.add_all(numbers, f"unknown keyword {quoted(keyword)} ignored")
+            self._strange += 1
+            if self._strange > MAX_FAULTS:
+                raise FatalError(int(numbers[0]), f"more than {MAX_FAULTS} unknown keywords, the rest is not read")
         lines = [np.flatnonzero(block.kind == kind) for kind in range(len(KINDS))]
-        so_far = [self._count[kind] + np.searchsorted(lines[kind], lines[_F]) for kind in _NAMES]
+        counts_at = np.zeros((3, len(block.kind)), np.int64)  # how many of each kind come before a face's line
         for kind in _NAMES:
-            self._count[kind] += len(lines[kind])
-            if self._count[kind] > MAX_VERTICES:
-                last = int(block.number[lines[kind][-1]])
-                raise FatalError(last, f"{_LABELS[kind]}: must not be one of more than {MAX_VERTICES}")
-            numbers, of_line = functools.partial(self._numbers, kind), functools.partial(self._numbers_of_line, kind)
-            self._rows[kind] += _parts(block, lines[kind], numbers, of_line)
-        counts_at = np.zeros((3, len(block.kind)), np.int64)
-        counts_at[:, lines[_F]] = so_far
-        together, alone = (
-            functools.partial(self._corners, counts_at),
-            functools.partial(self._corners_of_line, counts_at),
-        )
-        for faces in _parts(block, lines[_F], together, alone):
+            counts_at[kind, lines[_F]] = self._count[kind] + np.searchsorted(lines[kind], lines[_F])
+            self._take_numbers(kind, block, lines[kind])
+        self._take_faces(counts_at, block, lines[_F])
+
+    def _take_numbers(self, kind: int, block: Block, which: Lines) -> None:
+        self._count[kind] += len(which)
+        if self._count[kind] > MAX_VERTICES:
+            last = int(block.number[which[-1]])
+            raise FatalError(last, f"{_LABELS[kind]}: must not be one of more than {MAX_VERTICES}")
+        together, alone = functools.partial(self._numbers, kind), functools.partial(self._numbers_of_line, kind)
+        self._rows[kind] += _parts(block, which, together, alone)
+
+    def _take_faces(self, counts_at: Ints, block: Block, which: Lines) -> None:
+        together, alone = (functools.partial(f, counts_at) for f in (self._corners, self._corners_of_line))
+        for faces in _parts(block, which, together, alone):
             self._faces.append(faces)
             self._triangles += int(faces.sizes.sum()) - 2 * len(faces.sizes)
             if self._triangles > MAX_TRIANGLES:

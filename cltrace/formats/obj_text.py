@@ -20,6 +20,7 @@ LINE_FEED, BLANK, HASH, BACKSLASH = b"\n #\\"
 # The kinds of lines that are read, by their keywords.
 KINDS = ("v", "vt", "vn", "f")
 IGNORED = ("o", "g", "s", "usemtl", "mtllib", "l", "p", "vp")
+_SHORT = 8  # letters of a keyword by which lines are put together
 _END = b"\n" * 8  # more than the letters of any of these
 
 
@@ -43,16 +44,17 @@ class Block:
 
     def arguments(self, which: NDArray[np.intp]) -> tuple[Bytes, Places]:
         """What follows the keywords in these lines, each with its line feed, and where those stand; blank before."""
-        first, last = self.lines[which[0], 0], self.lines[which[-1], 1] + 1
-        if len(which) == which[-1] - which[0] + 1:
-            text, shift = self.text[first:last].copy(), np.full(len(which), first)
+        low, high = which[0], which[-1] + 1
+        start = self.lines[low - 1, 1] + 1 if low else 0
+        text = self.text[start : self.lines[high - 1, 1] + 1]
+        if len(which) == high - low:
+            text, shift = text.copy(), np.full(len(which), start)
         else:
-            sizes = np.diff(self.lines[:, 1], prepend=-1)
+            sizes = np.diff(self.lines[low:high, 1], prepend=start - 1)
             keep = np.zeros(len(sizes), np.bool_)
-            keep[which] = True
-            text = self.text[: self.lines[-1, 1] + 1][np.repeat(keep, sizes)]
-            ends = np.cumsum(sizes[which])
-            shift = self.lines[which, 1] + 1 - ends
+            keep[which - low] = True
+            text = text[np.repeat(keep, sizes)]
+            shift = self.lines[which, 1] + 1 - np.cumsum(sizes[keep])
         feeds, begin = self.lines[which, 1] - shift, self.lines[which, 0] - shift
         text[begin] = BLANK
         second = text[begin + 1] > BLANK
@@ -154,9 +156,20 @@ def _begins(text: Bytes, first: Places, keyword: str) -> NDArray[np.bool_]:
     return found
 
 
-def unread(block: Block) -> Iterator[tuple[int, str]]:
-    """The lines whose keyword is unknown: their numbers and their keywords."""
-    for i in np.flatnonzero(block.kind == -2).tolist():
-        begin, end = block.lines[i].tolist()
-        word: Any = block.text[begin : min(end, begin + 200)].tobytes().split(None, 1)[0]
-        yield int(block.number[i]), word.decode("utf-8", "replace")
+def unread(block: Block) -> Iterator[tuple[Places, str]]:
+    """The lines whose keyword is unknown: their numbers, together where the keyword is the same, and the keyword."""
+    lines = np.flatnonzero(block.kind == -2)
+    if not len(lines):
+        return
+    first, feeds = block.lines[lines].T
+    place = np.minimum(first[:, None] + np.arange(_SHORT), feeds[:, None])
+    letters = block.text[place]
+    letters[np.logical_or.accumulate(letters <= BLANK, axis=1)] = BLANK
+    long = letters[:, -1] > BLANK
+    _, which = np.unique(letters.view(f"V{_SHORT}").ravel(), return_inverse=True)
+    order = np.argsort(which, kind="stable")
+    for same in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+        for some in np.split(same, len(same)) if long[same[0]] else [same]:
+            begin, end = first[some[0]], feeds[some[0]]
+            word: Any = block.text[begin : min(end, begin + 200)].tobytes().split(None, 1)[0]
+            yield block.number[lines[some]], word.decode("utf-8", "replace")
