@@ -233,45 +233,57 @@ class _Strip(NamedTuple):
 def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list[_Strip]:
     """The cells that polygons touch, each one on its level."""
     levels = level[outlines.at].astype(np.int32)
-    left, top, right, bottom = (_edges(grid.covers[:, outlines.at])).astype(np.int32) >> levels
+    box = _edges(grid.covers[:, outlines.at]).astype(np.int32) >> levels
+    left, top, right, bottom = box
     count = bottom - top + 1
     # A strip is as high as a cell, or from its first row of pixels to the last one.
-    side = np.ldexp(np.float32(grid.pixels or 1), levels)
-    high = side - np.float32(bool(grid.pixels))
+    sides = np.ldexp(np.float32(grid.pixels or 1), levels)
+    gap = np.float32(bool(grid.pixels))
 
     def of(block: slice) -> _Strip:
-        which = np.repeat(np.arange(block.start, block.stop), count[block])
-        begin = np.cumsum(count[block]) - count[block]
-        row = np.arange(len(which), dtype=np.int32) - np.repeat(begin - top[block], count[block]).astype(np.int32)
-        low, loose = row * side[which], outlines.loose[which]
-        low, up = low - loose, low + high[which] + loose
-        least, most = np.full(len(which), np.inf, np.float32), np.full(len(which), -np.inf, np.float32)
-        corners = outlines.corner.shape[1]
-        for i in range(corners):
-            # The part of a side between the lines below and above the strip, if any, and the columns that it takes.
-            (x, y), (other_x, other_y) = outlines.corner[:, i], outlines.corner[:, (i + 1) % corners]
-            across, rise = other_x - x, other_y - y
-            over = np.divide(1, rise, out=np.zeros_like(rise), where=np.abs(rise) > 2.0**-60)
-            bottom_y, top_y = np.minimum(y, other_y)[which], np.maximum(y, other_y)[which]
-            x, y, across, over = x[which], y[which], across[which], over[which]
-            meets = (top_y >= low) & (bottom_y <= up)
-            for line in (low, up):
-                at = x + across * np.clip((line - y) * over, 0, 1)
-                np.minimum(least, np.where(meets, at, np.inf), out=least)
-                np.maximum(most, np.where(meets, at, -np.inf), out=most)
-        edge = side[which]
-        begin, end = left[which], right[which]
-        least, most = least - loose, most + loose
+        many = count[block]
+        which = np.repeat(np.arange(len(many)), many)
+        row = np.arange(len(which), dtype=np.int32)
+        row -= (np.cumsum(many, dtype=np.int32) - many - top[block]).take(which)
+        side, loose = sides[block].take(which), outlines.loose[block].take(which)
+        low = row.astype(np.float32) * side - loose
+        up = low + (side + 2 * loose - gap)
+        least, most = np.full(len(which), np.nan, np.float32), np.full(len(which), np.nan, np.float32)
+        corner = outlines.corner[:, :, block]
+        for start, end in zip(corner.transpose(1, 0, 2), np.roll(corner, -1, axis=1).transpose(1, 0, 2), strict=True):
+            # The part of the polygon's side from start to end that is in the strip, and where it begins and ends.
+            down = start[1] > end[1]
+            (x, y), (other_x, end_y) = np.where(down, end, start), np.where(down, start, end)
+            rise = end_y - y
+            slope = np.divide(other_x - x, rise, out=np.zeros_like(rise), where=rise > 2.0**-60)
+            x, y, slope = x.take(which), y.take(which), slope.take(which)
+            begin, stop = np.maximum(low, y), np.minimum(up, end_y.take(which))
+            x += (begin - y) * slope
+            x[begin > stop] = np.nan
+            np.fmin(least, x, out=least)
+            np.fmax(most, x, out=most)
+            x += (stop - begin) * slope
+            np.fmin(least, x, out=least)
+            np.fmax(most, x, out=most)
+        least -= loose
+        most += loose
         if grid.pixels:
-            least = np.ceil(least)
-        first = np.clip(np.floor(least / edge), begin, end + 1).astype(np.int32)
-        last = np.clip(np.floor(most / edge), begin - 1, end).astype(np.int32)
-        if grid.pixels:
-            first = np.where(np.floor(most) >= least, first, end + 1)
-        keep = np.flatnonzero(first <= last)
-        return _Strip(outlines.at[which[keep]], row[keep], first[keep], last[keep] - first[keep])
+            # A strip may pass between the centres of pixels.
+            np.ceil(least, out=least)
+            least[least > most] = np.nan
+        least /= side
+        most /= side
+        # Comparisons with nan are false.
+        inside = np.flatnonzero(least <= most)
+        which = which.take(inside)
+        begin = np.maximum(least.take(inside), left[block].take(which)).astype(np.int32)
+        stop = np.minimum(most.take(inside), right[block].take(which)).astype(np.int32)
+        keep = np.flatnonzero(begin <= stop)
+        begin = begin.take(keep)
+        at = outlines.at[block].take(which.take(keep))
+        return _Strip(at, row.take(inside.take(keep)), begin, stop.take(keep) - begin)
 
-    return blockwise(len(count), of, max(1, BLOCK * len(count) // max(1, int(count.sum(dtype=np.int64)))))
+    return blockwise(len(count), of, max(1, BLOCK // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
 
 
 def _levels(grid: CellGrid, outlined: Mask) -> tuple[NDArray[np.int8], int]:
@@ -353,22 +365,19 @@ def joined(parts: list[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
     return [np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)]
 
 
-def outlines_of(
-    at: NDArray[np.intp], covers: NDArray[np.int16], corner: NDArray[Any], loose: NDArray[Any]
-) -> Outlines | None:
-    """The outlines of those polygons that may touch fewer cells than their rectangles have, by more than one; None if
-    there are none.
-
-    at: (n,), their places among the members; covers: (4, n); corner, loose: of Outlines, (2, c, n) and (n,) or ().
-    """
+def sprawling(covers: NDArray[np.int16]) -> NDArray[np.intp]:
+    """Which polygons, with covers (4, n), may touch fewer cells than the rectangles around them have."""
     wide, high = covers[2:]
-    which = np.flatnonzero((wide > 0) & (high > 0) & (wide + high > 2))
-    if not len(which):
+    return np.flatnonzero((wide > 0) & (high > 0))
+
+
+def outlines_of(at: NDArray[np.intp], corner: NDArray[Any], loose: NDArray[Any] | float) -> Outlines | None:
+    """Outlines of arrays of any float type; None if there are none. loose: (j,) or ()."""
+    if not len(at):
         return None
-    corner = corner[:, :, which]
     # What _strips() computes is off by a few roundings of the coordinates.
-    loose = np.broadcast_to(loose, len(wide))[which] + SLACK * np.abs(corner).max(axis=(0, 1))
-    return Outlines(at[which], corner.astype(np.float32), rounded_up(loose.astype(np.float64)))
+    off = loose + SLACK * np.abs(corner).max(axis=(0, 1))
+    return Outlines(at, corner.astype(np.float32), rounded_up(off.astype(np.float64)))
 
 
 def joined_outlines(parts: list[tuple[int, Outlines | None]]) -> tuple[Outlines, ...]:

@@ -23,6 +23,7 @@ from cltrace.plan.accel.cells import (
     joined,
     joined_outlines,
     outlines_of,
+    sprawling,
 )
 from cltrace.plan.exact import Array, blockwise, concurrently, rotated, rounded_down
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, polygons
@@ -282,12 +283,12 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     def outlined(part: _Discs, which: NDArray[np.intp], covers: NDArray[np.int16]) -> Outlines | None:
         if part.corner is None:
             return None
-        scale = np.array(cells) / sides
-        corner = (part.corner[:, :, which] - low[:, None, None]) * scale[:, None, None]
-        loose = part.loose[which] if part.loose.ndim else part.loose
-        most = max(np.abs(edge).max(initial=0) for edge in part.edges)
+        at, scale = sprawling(covers), np.array(cells) / sides
+        corner = (part.corner.take(which.take(at), axis=2) - low[:, None, None]) * scale[:, None, None]
+        loose = part.loose[which[at]] if part.loose.ndim else part.loose
+        most = max(float(np.abs(edge).max(initial=0)) for edge in part.edges)
         off = (slack * (1 + 2 * most) + loose) * scale.max() + 1 / 64
-        return outlines_of(np.arange(len(which)), covers, corner, off)
+        return outlines_of(at, corner, off)
 
     placed = concurrently([partial(place, part) for part in discs])
     member, covers, near = joined([part for part, _ in placed])

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Mask, Outlines, joined, joined_outlines, outlines_of
+from cltrace.plan.accel.cells import (
+    BLOCK,
+    SLACK,
+    CellGrid,
+    Mask,
+    Outlines,
+    joined,
+    joined_outlines,
+    outlines_of,
+    sprawling,
+)
 from cltrace.plan.exact import blockwise, concurrently
 from cltrace.plan.request import Region
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, polygons
@@ -118,8 +128,9 @@ def _triangles(
             covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
         which = np.flatnonzero(visible)
         covers = covers.take(which, axis=1)
-        corner = part.corner[:, :, which] if len(which) < len(visible) else part.corner
-        outline = outlines_of(np.arange(len(which)), covers, corner, off[which] if off.ndim else off)
+        at = sprawling(covers)
+        corner = part.corner.take(which.take(at), axis=2)
+        outline = outlines_of(at, corner, off[which[at]] if off.ndim else off)
         return (part.triangle[which] + np.int32(corners.first), covers, part.near[which]), outline
 
     found = polygons([x, -y, -z], corners.face, among[corners.first :], pane, real)

@@ -116,6 +116,9 @@ def _joined(parts: list[_Points]) -> list[NDArray[Any]]:
 
 def _on_plane(axes: list[Array], pane: Pane, real: type[np.floating[Any]]) -> _Points:
     x, y, d = (axis.astype(real) for axis in axes)
+    beyond = _all_beyond(x, y, d, pane) if len(x) else 0
+    if beyond:
+        return _Points(np.zeros_like(x), np.zeros_like(x), np.zeros_like(x), np.full(len(x), beyond, np.uint8))
     # `size` is what the doubles may be off by; the other term of `loose`, what is rounded here. A vertex that is
     # beyond a side by more is beyond it. One that is not has |x| <= (|middle| + half) |d| for that side, to which the
     # roundings of x - middle d are relative; of one that is far beyond, they are relative to x itself.
@@ -138,6 +141,20 @@ def _on_plane(axes: list[Array], pane: Pane, real: type[np.floating[Any]]) -> _P
             c = c * real(pane.scale[k]) + real(pane.shift[k])
         placed.append(c)
     return _Points(placed[0], placed[1], x * x + y * y + d * d, code)
+
+
+def _all_beyond(x: Reals, y: Reals, d: Reals, pane: Pane) -> int:
+    """The bits of those sides of the window that all vertices (v,) are beyond, as the box around them is; with BEYOND,
+    unless they are none."""
+    code, bounds = 0, [(float(c.min()), float(c.max())) for c in (x, y, d)]
+    size = max(abs(bound) for pair in bounds for bound in pair)
+    for k, (least, most) in enumerate(bounds[:2]):
+        middle, half = pane.middle[k], pane.half[k]
+        loose = 2 * SLACK * size * (1 + abs(middle) + half)
+        for bit, nearest, edge in ((1, least, half + middle), (2, -most, half - middle)):
+            if nearest > max(edge * depth for depth in bounds[2]) + loose:
+                code |= bit << (2 * k)
+    return code | BEYOND if code else 0
 
 
 def _direct(
