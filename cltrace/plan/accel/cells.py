@@ -128,7 +128,12 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
     outlined = np.zeros(len(grid.member), bool)
     for outlines in grid.outlines:
         outlined[outlines.at] = True
-    level, entries = _levels(grid, outlined)
+    if grid.outlines:
+        level = _levels_of_polygons(grid)
+        edges = _edges(grid.covers) >> level
+        entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
+    else:
+        level, entries = _levels(grid)
     used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
     columns, rows = grid.cells
     pitch, base = {}, {}
@@ -286,64 +291,63 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
     return blockwise(len(count), of, max(1, BLOCK // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
 
 
-def _levels(grid: CellGrid, outlined: Mask) -> tuple[NDArray[np.int8], int]:
-    """The level of each member, the finest levels that take few enough entries, and how many entries all but those of
-    outlines take.
-
-    outlined: (n,), which ones have an outline.
-    """
-    n = len(grid.member)
-    simple = grid.covers[:, ~outlined] if grid.outlines else grid.covers
-    wide, high = simple[2:]
-    edges, sizes = _edges(simple), [_Size.of(grid, outlines) for outlines in grid.outlines]
-    entries, more = _entries(simple[2:]), sum(size.entries(np.int8(0)) for size in sizes)
-    # Where surfaces are very many, all are on level 0, or each is on the level that has its size. Whatever is in
-    # between takes longer to make and saves nothing.
+def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:
+    """The level of each member, and how many entries all of them take: the finest levels that take few enough."""
+    wide, high = grid.covers[2:]
+    n, entries = len(wide), _entries(grid.covers[2:])
+    # Where spheres are very many, all are on level 0, or each is on the level that has its size. Whatever is in between
+    # takes longer to make and saves nothing.
     many = n >= SPARE
-    if entries + more <= 4.5 * n if many else entries + more <= 4 * n + SPARE:
+    if entries <= 4.5 * n if many else entries <= 4 * n + SPARE:
         return np.zeros(n, np.int8), entries
     # Cells of level `bits` are as large as the disc.
     bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)
-    coarsest = max(int(some.max(initial=0)) for some in [bits, *(size.bits for size in sizes)])
-    for lift in (0,) if many else range(max(coarsest - 1, 1), 0, -1):
+    edges = _edges(grid.covers)
+    for lift in (0,) if many else range(int(bits.max()) - 1, 0, -1):
         level = np.maximum(bits - np.int8(lift), np.int8(0))
         left_top, right_bottom = (edges[:2] >> level), (edges[2:] >> level)
         entries = _entries(right_bottom - left_top)
-        more = sum(size.entries(np.maximum(size.bits - np.int8(lift), np.int8(0))) for size in sizes)
-        if many or lift == 1 or entries + more <= 4 * n + SPARE:
+        if many or lift == 1 or entries <= 4 * n + SPARE:
             break
-    if not grid.outlines:
-        return level, entries
-    every = np.empty(n, np.int8)
-    every[~outlined] = level
-    for outlines, size in zip(grid.outlines, sizes, strict=True):
-        every[outlines.at] = np.maximum(size.bits - np.int8(lift), np.int8(0))
-    return every, entries
+    return level, entries
 
 
-class _Size(NamedTuple):
-    """How many cells polygons touch: area: (j,), in cells of level 0; sides: (j,), width and height together; bits:
-    (j,), the level on which they touch about as many as a disc of the size of a cell."""
+def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
+    """The level of each member, where some are polygons.
 
-    area: NDArray[np.float32]
-    sides: NDArray[np.float32]
-    bits: NDArray[np.int8]
+    A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells. So many are a
+    polygon's entries; on level k they are looked at from 4^k times as many cells of level 0. One level down from k,
+    there are more entries and fewer looks, and the less is won for each entry, the finer the levels are. So there is a
+    price, in looks, up to which all polygons pay for entries; it is as low as the number of entries allows.
+    """
+    wide, high = grid.covers[2:].astype(np.float32)
+    area, sides = wide * high, wide + high
+    for outlines in grid.outlines:
+        exact = areas(outlines.corner) / np.float32(max(1, grid.pixels) ** 2)
+        area[outlines.at] = np.minimum(area[outlines.at], exact)
+    levels = range(1, max(grid.cells).bit_length())
 
-    @staticmethod
-    def of(grid: CellGrid, outlines: Outlines) -> _Size:
-        wide, high = grid.covers[2:, outlines.at].astype(np.float32)
-        x, y = (outlines.corner - outlines.corner[:, :1]) / np.float32(grid.pixels or 1)
-        area = np.abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)) / 2
-        area = np.minimum(area, wide * high)
-        # A convex body meets so many cells of a lattice on average: its area + width + height + 1. A square of side s
-        # meets (s + 1)^2.
-        bits = np.frexp(np.sqrt(area + wide + high + 1) - 1)[1].astype(np.int8)
-        return _Size(area, wide + high, bits)
+    def at(price: float, some: slice) -> NDArray[np.int8]:
+        level = np.zeros(len(area[some]), np.int8)
+        for k in levels:
+            looks = sides[some] * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
+            level += looks <= price * (area[some] * np.float32(3 * 4.0**-k) + sides[some] * np.float32(2.0**-k))
+        return level
 
-    def entries(self, level: NDArray[np.int8] | np.int8) -> int:
-        """About how many entries the polygons take if each is on its level."""
-        by = np.ldexp(np.float32(1), -level)
-        return int((self.area * by * by + self.sides * by + 1).sum(dtype=np.float64))
+    some, price = slice(None, None, len(area) // BLOCK + 1), 0.0
+    while True:
+        by = np.ldexp(np.float32(1), -at(price, some))
+        entries = (area[some] * by * by + sides[some] * by + 1).mean(dtype=np.float64) * len(area)
+        if entries <= 4 * len(area) + SPARE or price > 4.0 ** len(levels):
+            return at(price, slice(None)) if price else np.zeros(len(area), np.int8)
+        price = max(1.0, 2 * price)
+
+
+def areas(corner: NDArray[Any]) -> NDArray[Any]:
+    """(n,): the areas of polygons with corners (2, c, n)."""
+    x, y = corner[:, 1:] - corner[:, :1]
+    found = x[:-1] * y[1:] - y[:-1] * x[1:]
+    return np.asarray(np.abs(found.sum(axis=0) if len(found) > 1 else found[0]) / 2)
 
 
 def _entries(more: NDArray[np.int16]) -> int:

@@ -20,6 +20,7 @@ from cltrace.plan.accel.cells import (
     Ints,
     Mask,
     Outlines,
+    areas,
     joined,
     joined_outlines,
     outlines_of,
@@ -33,6 +34,8 @@ from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 FINE_SLACK = 2.0**-44
 # The cells of a window that is at least so wide are at least 2^-15 wide, 32 times SLACK: see _on_window().
 NARROW = 2.0**-4
+# So many entries, besides 2.25 for each triangle, the cells of a light's grid are made for.
+FINER = 2**13
 # One in so many discs is looked at to know the size of most.
 SAMPLE = 16
 
@@ -216,6 +219,12 @@ class _Discs:
         nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
         return _Discs(member, edges, near, spans, nearest, furthest, corner, loose)
 
+    def sizes(self) -> Reals:
+        """Of a sample: the width and the height of discs; of polygons, the side of a square of twice their area."""
+        if self.corner is None:
+            return np.concatenate([self.edges[k + 1][::SAMPLE] - self.edges[k][::SAMPLE] for k in (0, 2)])
+        return np.asarray(np.sqrt(2 * areas(self.corner[:, :, ::SAMPLE])))
+
 
 def _extreme(k: int, edge: Reals) -> float:
     """The outermost one of left, right, low or high edges, by k = 0, 1, 2 or 3."""
@@ -257,10 +266,13 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     """The grid of a window, with cells that are about square. coarse: of CellGrid; None for a parallel light."""
     members = sum(len(part.member) for part in discs)
     low, sides = window.middle - window.half, 2 * window.half
-    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout. There are
-    # about as many cells as discs, at most; but two a side at least, as the kernel looks up no window of one cell.
-    each = [part.edges[k + 1][::SAMPLE] - part.edges[k][::SAMPLE] for part in discs for k in (0, 2)]
-    cell = max(2 * float(np.median(np.concatenate(each))), np.sqrt(sides[0] * sides[1] / max(2, members)))
+    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout; each is
+    # in (1 + 1 / 2)^2 cells then. There are about as many cells as discs, at most; but two a side at least, as the
+    # kernel looks up no window of one cell. Triangles are in longer lists, as neighbours share their edges, and few of
+    # them may have more entries.
+    each, some = np.concatenate([part.sizes() for part in discs]), any(part.corner is not None for part in discs)
+    wide = float(np.median(each)) / (np.sqrt(2.25 + (FINER / max(1, members) if some else 0)) - 1)
+    cell = max(wide, np.sqrt(sides[0] * sides[1] / max(2, members, 2 * FINER if some else 0)))
     cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
 
     def place(part: _Discs) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:

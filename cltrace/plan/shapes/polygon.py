@@ -84,6 +84,8 @@ def polygons(
     triangles are asked for; real: what to compute in.
     """
     points = _Points(*_joined(blockwise(len(axes[0]), lambda block: _on_plane([a[block] for a in axes], pane, real))))
+    if np.bitwise_and.reduce(points.code) & OUTSIDE:
+        return []
 
     def see(block: slice) -> list[Polygons]:
         a, b, c = np.ascontiguousarray(face[block].T)
@@ -271,18 +273,26 @@ def _cut(polygon: Array, inside: Array) -> tuple[Array, NDArray[np.intp]]:
 
     inside: (c, n), its values at the corners. Polygons with fewer corners than others have their first one many times.
     """
-    following, then = np.roll(polygon, -1, axis=1), np.roll(inside, -1, axis=0)
-    stays, crosses = inside >= 0, (inside >= 0) != (then >= 0)
+    outside = inside < 0
+    cut = np.flatnonzero(outside.any(axis=0))
+    every, inside, outside = polygon[:, :, cut], inside[:, cut], outside[:, cut]
+    following, then = np.roll(every, -1, axis=1), np.roll(inside, -1, axis=0)
+    crosses = outside != np.roll(outside, -1, axis=0)
     share = inside / np.where(crosses, inside - then, 1)
-    shape = (3, 2 * polygon.shape[1], polygon.shape[2])
+    shape = (3, 2 * polygon.shape[1], len(cut))
     # After each corner comes the point where the side to the next one crosses.
-    every = np.stack([polygon, polygon + share * (following - polygon)], axis=2).reshape(shape)
-    valid = np.stack([stays, crosses], axis=1).reshape(shape[1:])
+    every = np.stack([every, every + share * (following - every)], axis=2).reshape(shape)
+    valid = np.stack([~outside, crosses], axis=1).reshape(shape[1:])
     count = valid.sum(axis=0)
-    left = np.flatnonzero(count)
-    order = np.argsort(~valid[:, left], axis=0, kind="stable")[: int(count.max(initial=0))]
-    order = np.where(np.arange(len(order))[:, None] < count[left], order, order[:1])
-    return np.take_along_axis(every[:, :, left], order[None], axis=1), left
+    order = np.argsort(~valid, axis=0, kind="stable")[: int(count.max(initial=0))]
+    order = np.where(np.arange(len(order))[:, None] < count, order, order[:1])
+    found = np.repeat(polygon[:, :1], max(polygon.shape[1], len(order)), axis=1)
+    found[:, : polygon.shape[1]] = polygon
+    found[:, : len(order), cut] = np.take_along_axis(every, order[None], axis=1)
+    found[:, len(order) :, cut] = found[:, :1, cut]
+    left = np.ones(polygon.shape[2], bool)
+    left[cut] = count > 0
+    return found[:, :, left], np.flatnonzero(left)
 
 
 def _normal(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
