@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+PRIMES = 73856093, 19349663, 83492791  # which spread the lattice's points over the table of slopes
+
 
 def noise(points: Floats, seed: int) -> Floats:
     """Perlin's gradient noise, about -0.7 to 0.7 and 0 wherever all coordinates are whole; points: (..., d).
@@ -16,17 +18,20 @@ def noise(points: Floats, seed: int) -> Floats:
     Each point of the whole numbers' lattice has a random slope, and between them the slopes are blended, smoothly to
     the second derivative.
     """
-    dimensions = points.shape[-1]
-    slopes = np.random.default_rng(seed).normal(size=(4096, dimensions))
+    axes = np.moveaxis(points, -1, 0)
+    slopes = np.random.default_rng(seed).normal(size=(4096, len(axes)))
     slopes /= np.linalg.norm(slopes, axis=1, keepdims=True)
-    whole = np.floor(points).astype(int)
-    part = points - whole
+    whole = np.floor(axes).astype(int)
+    part = axes - whole
     blend = part**3 * (part * (6 * part - 15) + 10)
     total = np.zeros(points.shape[:-1])
-    for corner in itertools.product((0, 1), repeat=dimensions):
-        place = ((whole + corner) * (73856093, 19349663, 83492791)[:dimensions]).sum(axis=-1)
-        weight = np.where(corner, blend, 1 - blend).prod(axis=-1)
-        total += weight * (slopes[(place ^ place >> 7) % 4096] * (part - corner)).sum(axis=-1)
+    for corner in itertools.product((0, 1), repeat=len(axes)):
+        place = sum((w + c) * p for w, c, p in zip(whole, corner, PRIMES, strict=False))
+        place = (place ^ place >> 7) % 4096
+        rise = sum(slope[place] * (f - c) for slope, f, c in zip(slopes.T, part, corner, strict=True))
+        for b, c in zip(blend, corner, strict=True):
+            rise *= b if c else 1 - b
+        total += rise
     return total
 
 
