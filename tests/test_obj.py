@@ -32,6 +32,9 @@ f 2/1/2 3/2/2 4/2/1
 """
 
 
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
 @pytest.fixture(autouse=True)
 def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -274,9 +277,38 @@ def test_lines_of_all_kinds_in_any_order(block: int, monkeypatch: pytest.MonkeyP
             assert np.array_equal(found, corners[:, :, k]), seed
 
 
-# --- Warnings
+ALPHABET = "0123456789" * 2 + "+-..eE/ \t"
 
-TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+def junk(rng: random.Random) -> str:
+    letters = "".join(rng.choice(ALPHABET) for _ in range(rng.randrange(1, 6)))
+    return rng.choice([letters, str(rng.randrange(1, 4)), "-1", "1/1", "1//1", f"{rng.uniform(-2, 2):g}", "1e-3"])
+
+
+def test_lines_together_and_alone_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of words that are almost numbers, of which neither may take one that the other refuses."""
+    parts = obj._parts
+    right = 0
+    for seed in range(3000):
+        rng = random.Random(seed)
+        lines = [TRIANGLE + "vt 0 0\nvn 0 0 1\nf 1 2 3"]
+        for _ in range(rng.randrange(1, 4)):
+            kind, width = rng.choice(["v", "vt", "vn", "f", "f"]), rng.choice([3, 3, 3, 2, 4])
+            lines.append(" ".join([kind, *(junk(rng) for _ in range(width))]))
+        found = []
+        for way in (parts, each_alone):
+            monkeypatch.setattr(obj, "_parts", way)
+            try:
+                one = read_text("\n".join(lines))
+                found.append(([getattr(one.geometry, name).tolist() for name in FIELDS], one.warnings))
+                right += 1
+            except SceneError as error:
+                found.append(error.faults)
+        assert found[0] == found[1], lines
+    assert 200 < right < 3000
+
+
+# --- Warnings
 
 WARNINGS = {
     "weight": (TRIANGLE + "v 1 1 1 2\nf 1 2 3\n", ["4: vertex: weight w ignored"]),
@@ -312,8 +344,10 @@ WARNINGS = {
 
 
 @pytest.mark.parametrize("name", WARNINGS)
-def test_warning(name: str) -> None:
+def test_warning(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     text, expected = WARNINGS[name]
+    assert warnings_of(text) == expected
+    monkeypatch.setattr(obj, "_parts", each_alone)
     assert warnings_of(text) == expected
 
 
@@ -351,6 +385,10 @@ NUMBER_FAULTS = [
     ("1e1_0", "must be a number, got '1e1_0'"),
     ("0x10", "must be a number, got '0x10'"),
     ("1e", "must be a number, got '1e'"),
+    ("-e1", "must be a number, got '-e1'"),
+    ("-.e1", "must be a number, got '-.e1'"),
+    ("1e+", "must be a number, got '1e+'"),
+    ("1e.5", "must be a number, got '1e.5'"),
     ("e1", "must be a number, got 'e1'"),
     ("1e5e5", "must be a number, got '1e5e5'"),
     ("1e5.", "must be a number, got '1e5.'"),

@@ -40,6 +40,7 @@ _NAMES = {_V: {3: "xyz", 4: "xyzw", 6: "xyzrgb"}, _VT: {1: "u", 2: "uv", 3: "uvw
 _WIDTH = {_V: 3, _VT: 2, _VN: 3}
 _CORNER = re.compile(rb"([-+]?[0-9]+)(?:/([-+]?[0-9]+)?)?(?:/([-+]?[0-9]+)?)?")
 _LARGEST = 2**31 - 1
+_WEIGHT, _COLOUR = "vertex: weight w ignored", "vertex: colour ignored"
 
 Lines = NDArray[np.intp]  # indices of lines in a block
 Result = TypeVar("Result")
@@ -146,8 +147,8 @@ class _Reader:
         rows: Doubles = np.append(values, 0.0)[np.where(k < sizes[:, None], first[:, None] + k, len(values))]
         if kind == _V and sizes.max() > 3:
             four = np.flatnonzero(sizes == 4)
-            self.warnings.add_all(block.number[which[four[values[first[four] + 3] != 1]]], "vertex: weight w ignored")
-            self.warnings.add_all(block.number[which[sizes == 6]], "vertex: colour ignored")
+            self.warnings.add_all(block.number[which[four[values[first[four] + 3] != 1]]], _WEIGHT)
+            self.warnings.add_all(block.number[which[sizes == 6]], _COLOUR)
         return rows
 
     def _numbers_of_line(self, kind: int, block: Block, i: int) -> Doubles:
@@ -160,14 +161,15 @@ class _Reader:
             wanted = f"{', '.join(some)} or {last}" if some else last
             self._fault(line, f"{_LABELS[kind]}: must be {wanted} numbers, got {len(words)}")
             return row[None]
+        values = np.zeros(len(words))
         for k, (name, word) in enumerate(zip(names, words, strict=True)):
             try:
-                value = number(ANY, word.decode("utf-8", "replace"))
+                values[k] = number(ANY, word.decode("utf-8", "replace"))
             except ValueError as error:
                 self._fault(line, f"{_LABELS[kind]}: {name} {error}")
-            else:
-                if k < len(row):
-                    row[k] = value
+        if kind == _V and (len(words) == 6 or (len(words) == 4 and values[3] != 1)):
+            self.warnings.add(line, _COLOUR if len(words) == 6 else _WEIGHT)
+        row[: len(values)] = values[: len(row)]
         return row[None]
 
     def _corners(self, counts_at: Ints, block: Block, which: Lines) -> _Faces | None:
@@ -300,19 +302,20 @@ def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Ints:
     doubtful: list[int] = []
     none = np.zeros(len(faces), np.bool_)
     for start in range(0, len(faces), FLAT_BLOCK):
-        rows = slice(start, start + FLAT_BLOCK)
-        corner = [vertices[faces[rows, k]].T for k in range(3)]
-        p, q = corner[1] - corner[0], corner[2] - corner[0]
-        maybe = np.ones(len(p[0]), np.bool_)
-        for i, j in ((1, 2), (2, 0), (0, 1)):
-            left, right = p[i] * q[j], p[j] * q[i]
-            maybe &= np.abs(left - right) <= 2.0**-50 * np.abs(left)
-        none[rows] = one = ~(p.any(axis=0) & q.any(axis=0) & (corner[1] != corner[2]).any(axis=0))
-        maybe &= ~one
-        doubtful += (start + np.flatnonzero(maybe)).tolist()
+        maybe, corner = np.arange(start, min(start + FLAT_BLOCK, len(faces))), faces[start : start + FLAT_BLOCK]
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            a, b, c = (vertices[corner[:, k]] for k in range(3))
+            p, q = b - a, c - a
+            left, right = p[:, i] * q[:, j], p[:, j] * q[:, i]
+            alike = np.abs(left - right) <= 2.0**-50 * np.abs(left)
+            maybe, corner = maybe[alike], corner[alike]
+        a, b, c = (vertices[corner[:, k]] for k in range(3))
+        one = ~((a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1))
+        none[maybe[one]] = True
+        doubtful += maybe[~one].tolist()
     for i in doubtful[:MAX_DOUBTS]:
-        a, b, c = ([Fraction(x) for x in vertices[k].tolist()] for k in faces[i].tolist())
-        v, w = ([x - y for x, y in zip(end, a, strict=True)] for end in (b, c))
+        begin, *ends = ([Fraction(x) for x in vertices[k].tolist()] for k in faces[i].tolist())
+        v, w = ([x - y for x, y in zip(end, begin, strict=True)] for end in ends)
         none[i] = all(v[j] * w[k] == v[k] * w[j] for j, k in ((1, 2), (2, 0), (0, 1)))
     return np.flatnonzero(none)
 

@@ -19,7 +19,7 @@ SLASH, POINT = b"/."
 Doubles = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_E, _BIG_E, _PLUS, _MINUS = b"eE+-"
+_E, _BIG_E, _PLUS, _MINUS, _0, _9 = b"eE+-09"
 _MOST = 9 * 10**18  # of a number without its point: somewhat more fits in 63 bits
 _POWERS = np.array([10.0**k for k in range(23)])  # These are exact.
 
@@ -60,21 +60,17 @@ def decimals(text: Bytes, ends: Places) -> Doubles | None:
     are within 2^-104 hi. Divided by p, with one more rounding, it makes q right to 2^-102 of itself: where 2^-100 of q
     more or less makes no difference, the sum is rounded right. What else there is, Python's float() reads.
     """
-    data = text.tobytes()
-    before = text[_signs(text) - 1]
-    if not ((before <= BLANK) | (before == _E) | (before == _BIG_E)).all():
+    if not _signs_are_right(text):
         return None
-    scaled, stops = np.zeros(len(ends), np.int64), ends
-    if b"e" in data or b"E" in data:
-        parts = _exponents(text, ends)
-        if parts is None:
-            return None
-        data, stops, scaled = parts
+    parts = _exponents(text, ends)
+    if parts is None:
+        return None
+    data, stops, exponents = parts
     whole = integers(data.translate(None, b"."), len(ends))
     places = _places(text, stops)
     if whole is None or places is None:
         return None
-    places = places - scaled
+    places = places - exponents
     strange = (places < 0) | (places >= len(_POWERS)) | (whole > _MOST) | (whole < -_MOST)
     power = _POWERS[np.where(strange, 0, places)]
     hi = whole.astype(np.float64)
@@ -92,23 +88,39 @@ def decimals(text: Bytes, ends: Places) -> Doubles | None:
     return value
 
 
+def _signs_are_right(text: Bytes) -> bool:
+    """Whether a text, which begins and ends blank, has signs only in front of numbers and of exponents.
+
+    numpy takes a sign for the beginning of a number anywhere, leaves out blanks behind it, and reads it alone as 0.
+    """
+    signs = np.flatnonzero((text == _PLUS) | (text == _MINUS))
+    before, behind = text[signs - 1], text[signs + 1]
+    behind = np.where(behind == POINT, text[np.minimum(signs + 2, len(text) - 1)], behind)
+    right = (before <= BLANK) | (before == SLASH) | (before == _E) | (before == _BIG_E)
+    return bool((right & (behind >= _0) & (behind <= _9)).all())
+
+
 def _exponents(text: Bytes, ends: Places) -> tuple[bytes, Places, Ints] | None:
     """The text with blanks for exponents, where the words then end, and their exponents; None if one is no number."""
+    data = text.tobytes()
+    exponents = np.zeros(len(ends), np.int64)
+    if b"e" not in data and b"E" not in data:
+        return data, ends, exponents
     letters = np.flatnonzero((text == _E) | (text == _BIG_E))
     word = np.searchsorted(ends, letters, "right")
     if (word[1:] == word[:-1]).any():
         return None
-    change = np.zeros(len(text), np.int8)
-    change[letters], change[ends[word]] = 1, -1
-    inside = np.cumsum(change, dtype=np.int8) > 0
-    behind = np.where(inside, text, np.uint8(BLANK))
-    behind[letters] = BLANK
-    found = integers(behind.tobytes(), len(letters))
+    sizes = ends[word] - letters  # of the exponents with their letters
+    place = np.arange(sizes.sum()) + np.repeat(letters - (np.cumsum(sizes) - sizes), sizes)
+    behind = text[place]
+    behind[np.cumsum(sizes) - sizes] = BLANK  # in place of the letters
+    found = integers(behind.tobytes() + b" ", len(letters))
     if found is None:
         return None
-    stops, exponents = ends.copy(), np.zeros(len(ends), np.int64)
+    bare, stops = text.copy(), ends.copy()
+    bare[place] = BLANK
     stops[word], exponents[word] = letters, np.clip(found, -9999, 9999)
-    return np.where(inside, np.uint8(BLANK), text).tobytes(), stops, exponents
+    return bare.tobytes(), stops, exponents
 
 
 def _places(text: Bytes, stops: Places) -> Ints | None:
@@ -127,11 +139,9 @@ def _places(text: Bytes, stops: Places) -> Ints | None:
 def integers(data: bytes, count: int) -> Ints | None:
     """The words of a text as integers, those beyond 63 bits as the largest; None if they are not that many or none.
 
-    numpy takes a sign for a number, leaves blanks behind it out, and reads no number at all as 0.
+    Its signs are to be right. numpy reads what is blank as a 0.
     """
-    text = np.frombuffer(data, np.uint8)
-    signs = _signs(text)
-    if data.isspace() or (text[signs - 1] > BLANK).any() or (text[signs + 1] <= BLANK).any():
+    if data.isspace():
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -142,16 +152,11 @@ def integers(data: bytes, count: int) -> Ints | None:
     return found if len(found) == count else None
 
 
-def _signs(text: Bytes) -> Places:
-    """Where a text, which begins and ends blank, has a plus or a minus."""
-    return np.flatnonzero((text == _PLUS) | (text == _MINUS))
-
-
 def corners(text: Bytes, feeds: Places) -> Corners | None:
     """The corners of faces, one face a line."""
     ends = word_ends(text)
     sizes = counts(ends, feeds)
-    if not len(ends) or sizes.min() < 3:
+    if not len(ends) or sizes.min() < 3 or not _signs_are_right(text):
         return None
     slashes = np.flatnonzero(text == SLASH)
     many = len(slashes) // len(ends)

@@ -67,20 +67,23 @@ def blocks(pieces: Iterator[bytes]) -> Iterator[Block]:
     rest, number = b"", 1
     for piece in _plain(pieces):
         rest += piece
+        if b"\0" in piece:
+            raise FatalError(number + rest.count(b"\n", 0, rest.index(b"\0")), "must be text, but has a NUL")
         cut = _complete(rest)
         if cut:
-            yield _block(rest[:cut], number)
-            number += rest.count(b"\n", 0, cut)
+            block, lines = _block(rest[:cut], number)
+            yield block
+            number += lines
             rest = rest[cut:]
         if len(rest) > LINE:
             raise FatalError(number, f"must not be a line of more than {LINE} bytes")
     if rest:
-        yield _block(rest + b"\n", number)
+        yield _block(rest + b"\n", number)[0]
 
 
 def _plain(pieces: Iterator[bytes]) -> Iterator[bytes]:
     """The same with line feeds as the only ends of lines, and without a byte order mark."""
-    held, number, first = b"", 1, True
+    held, first = b"", True
     for piece in pieces:
         piece = held + piece
         if first and piece.startswith(b"\xef\xbb\xbf"):
@@ -89,9 +92,6 @@ def _plain(pieces: Iterator[bytes]) -> Iterator[bytes]:
         held = b"\r" if piece.endswith(b"\r") else b""
         if b"\r" in piece:
             piece = piece[: len(piece) - len(held)].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        if (nul := piece.find(b"\0")) >= 0:
-            raise FatalError(number + piece.count(b"\n", 0, nul), "must be text, but has a NUL")
-        number += piece.count(b"\n")
         yield piece
     if held:
         yield b"\n"
@@ -105,10 +105,12 @@ def _complete(text: bytes) -> int:
     return cut
 
 
-def _block(data: bytes, number: int) -> Block:
+def _block(data: bytes, number: int) -> tuple[Block, int]:
+    """Whole lines, of which the first has this number, as a block, and how many of them the file has."""
     text = np.frombuffer(data + _END, np.uint8)
     feeds = np.flatnonzero(text[: len(data)] == LINE_FEED)
-    numbers = number + np.arange(len(feeds))
+    count = len(feeds)
+    numbers = number + np.arange(count)
     if b"#" in data or b"\\" in data:
         text = text.copy()
         _blank_comments(text, feeds)
@@ -124,7 +126,7 @@ def _block(data: bytes, number: int) -> Block:
     if len(indented):
         solid = np.append(np.flatnonzero(text > BLANK), len(data))
         first[indented] = np.minimum(solid[np.searchsorted(solid, first[indented])], feeds[indented])
-    return Block(text, np.stack([first, feeds], axis=1), numbers, _kinds(text, first, feeds))
+    return Block(text, np.stack([first, feeds], axis=1), numbers, _kinds(text, first, feeds)), count
 
 
 def _blank_comments(text: Bytes, feeds: Places) -> None:
