@@ -9,9 +9,8 @@ they meet. Which rays from the eye meet what is not judged here: that is read fr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from fractions import Fraction
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -19,19 +18,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.picture.image import Image
 from cltrace.reference import OnSphere, World, primary_ray, world_of
-from cltrace.reference.surfaces import Ellipsoid, Sphere
-from cltrace.reference.vectors import Direction, Matrix, Point
+from cltrace.reference.surfaces import Ellipsoid, Sphere, Surface
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
 
 from . import bounced_regimes
 from .bounced import Rays, Shapes, closest_of, rounded_t
 from .bounced_regimes import ALONG, INWARDS, KINDS, REGIMES, TOUCHING, Made
+from .columns import Bools, Vector, columns_of, constant, cross, dot, magnitude, minus, pick, plus, product, times
 from .pairs import Floats
 from .regimes import rays as camera_rays
 
-Bools = NDArray[np.bool_]
 Ids = NDArray[np.int32]
-Vector = tuple[Floats, Floats, Floats]
 
 DIGITS = 255  # of a colour's channel that stand for a surface; the one that is left is the background's
 
@@ -146,7 +143,8 @@ def _aimed(scene: Scene, rays: Rays, row: int, decades: float, rng: np.random.Ge
     step, side = r * np.linalg.solve(K, u), 1 if n @ d > 0 else -1
     v = d - 2 * (n @ d) * n
     if material["transmittance"]:
-        back, total = _refracted(_columns(-d[None]), _columns(n[None]), np.array([side]), float(material["index"]), 1.0)
+        index = float(material["index"])
+        back, total = _refracted(columns_of(-d[None]), columns_of(n[None]), np.array([side]), index, 1.0)
         v, side = (v, side) if total[0] else (-np.array(back)[:, 0], -side)
     # From within, no farther than to the wall; but an eye that is all but on it is for other tests.
     chord = 2 * (K @ step) @ (K @ v) / ((K @ v) @ (K @ v))
@@ -190,10 +188,10 @@ def second_rays(scene: Scene, first: Ids) -> tuple[NDArray[np.intp], Rays]:
     normal, direction = np.empty_like(d), np.empty_like(d)
     for i in np.unique(own).tolist():
         rows, surface = np.flatnonzero(own == i), cast(Sphere, world.surfaces[i])
-        starts = starts_on(surface, _columns(d[rows]), np.array(scene.camera.position))
+        starts = starts_on(surface, columns_of(d[rows]), np.array(scene.camera.position))
         _by_reference(world, i, pixels[rows], starts)
         normal[rows] = np.transpose(starts.q)
-        direction[rows] = np.transpose(_bounced(surface, _columns(d[rows]), starts))
+        direction[rows] = np.transpose(onward(surface, columns_of(d[rows]), starts))
     return pixels, Rays(own, normal, direction, np.array(scene.camera.basis()), scene.camera.position)
 
 
@@ -205,46 +203,46 @@ def starts_on(surface: Sphere, d: Vector, eye: Floats) -> Starts:
 
 def _on_sphere(surface: Sphere, d: Vector) -> Starts:
     """FromEye of cltrace/reference/equation.py."""
-    C, r, c = _constant(surface.center), surface.radius, surface.eye_power
-    a, b, outside = _dot(d, d), _dot(C, d), surface.eye_outside
+    C, r, c = constant(surface.center), surface.radius, surface.eye_power
+    a, b, outside = dot(d, d), dot(C, d), surface.eye_outside
     k = b * (1 / a)
-    v = _minus(C, _times(k, d))
+    v = minus(C, times(k, d))
     bb, rr, arr = b * b, r * r, a * (r * r)
     by_b = (bb < arr) | (not outside)
-    D = np.where(by_b, bb - a * c, a * (rr - _dot(v, v)))
+    D = np.where(by_b, bb - a * c, a * (rr - dot(v, v)))
     sure = (np.abs(D) > (bb + arr) * 2.0**-48) & ~(arr < bb * 2.0**-42)
     root = np.sqrt(np.maximum(D, 0))
     q = np.where(b < 0, b - root, b + root)
     t = np.where((b < 0) == outside, q / a, c / q)
     t = np.where((b >= 0) & ~by_b & (a * c > 2.0**-10 * bb), (b - root) * (1 / a), t)
-    along = _times(root * (1 / a), d)
-    g = _where(by_b, _minus(_times(t, d), C), _times(-1, _plus(v, along)))
-    n = _times(1 / r, g)
-    n = _times(0.5 * (3 - _dot(n, n)), n)
+    along = times(root * (1 / a), d)
+    g = pick(by_b, minus(times(t, d), C), times(-1, plus(v, along)))
+    n = times(1 / r, g)
+    n = times(0.5 * (3 - dot(n, n)), n)
     return Starts(n, n, np.full(len(a), 1 if outside else -1), sure & (D > 0) & (t > 0) & (t < math.inf))
 
 
 def _on_ellipsoid(surface: Ellipsoid, d: Vector, eye: Floats) -> Starts:
     """FromSurface of cltrace/reference/equation.py, from the eye. Where it is not sure, t is the exact one, rounded."""
-    k, r, f = surface.stretch, surface.radius, _constant(surface.ball.center)
-    w = _product(surface.frame.B.T, d)
-    s, w1 = k * _size(f), k * _size(w)
-    f, w = _product(surface.K, f), _product(surface.K, w)
-    X, a, b, ff, rr = _cross(f, w), _dot(w, w), _dot(f, w), _dot(f, f), r * r
-    XX, arr, c = _dot(X, X), a * rr, ff - rr
+    k, r, f = surface.stretch, surface.radius, constant(surface.ball.center)
+    w = product(surface.frame.B.T, d)
+    s, w1 = k * magnitude(f), k * magnitude(w)
+    f, w = product(surface.K, f), product(surface.K, w)
+    X, a, b, ff, rr = cross(f, w), dot(w, w), dot(f, w), dot(f, f), r * r
+    XX, arr, c = dot(X, X), a * rr, ff - rr
     D, e, w_error = arr - XX, 2.0**-47 * s * w1, 2.0**-49 * w1
-    a_error = w_error * (2 * _size(w) + w_error)
-    D_error = (2 * _size(X) * e + e * e) + 2.0**-47 * (arr + XX) + rr * a_error
+    a_error = w_error * (2 * magnitude(w) + w_error)
+    D_error = (2 * magnitude(X) * e + e * e) + 2.0**-47 * (arr + XX) + rr * a_error
     root = np.sqrt(np.maximum(D, 0))
     reach, outside = np.abs(b) + root, surface.eye_outside
     sure = (D_error < D) & (D_error <= 2.0**-25 * root * reach) & (e <= 2.0**-26 * reach) & (a_error <= 2.0**-27 * a)
     sure &= np.abs(c) > 2.0**26 * (2.0**-46 * s * s + 2.0**-50 * (ff + rr))
     t = c / reach if outside else np.where(b >= 0, reach / a, -c / reach)
     sure |= _put_exact_t(t, surface, d, eye, np.flatnonzero(~sure))
-    g = _minus(_times(t, w), f)
-    q = _times(1 / np.sqrt(_dot(g, g)), g)
-    n = _product(surface.K.T, q)
-    n = _product(surface.frame.B, _times(1 / np.sqrt(_dot(n, n)), n))
+    g = minus(times(t, w), f)
+    q = times(1 / np.sqrt(dot(g, g)), g)
+    n = product(surface.K.T, q)
+    n = product(surface.frame.B, times(1 / np.sqrt(dot(n, n)), n))
     return Starts(q, n, np.full(len(a), 1 if outside else -1), sure & (t > 0) & (t < math.inf))
 
 
@@ -276,73 +274,27 @@ def _by_reference(world: World, i: int, pixels: NDArray[np.intp], starts: Starts
                 x[row] = part
 
 
-def _bounced(surface: Sphere, d: Vector, starts: Starts) -> Vector:
+def onward(surface: Surface, d: Vector, starts: Starts) -> Vector:
     """As bounces() of cltrace/reference/trace.py, for a surface that mirrors all or lets all through."""
     n, side, spread = starts.normal, starts.side, surface.spread
-    mirrored = _lift(_minus(d, _times(2 * _dot(n, d), n)), n, side, spread)
+    mirrored = lift(minus(d, times(2 * dot(n, d), n)), n, side, spread)
     if not surface.material.transmittance:
         return mirrored
     through, total = _refracted(d, n, side, surface.material.index, spread)
-    return _where(total, mirrored, through)
+    return pick(total, mirrored, through)
 
 
 def _refracted(d: Vector, n: Vector, side: NDArray[np.int_], index: float, spread: float) -> tuple[Vector, Bools]:
     """refracted() of cltrace/reference/bounce.py, and where reflection is total instead."""
     if index == 1:
         return d, np.zeros(len(side), bool)
-    eta, N = np.where(side > 0, 1 / index, index), _times(side, n)
-    c, X = -_dot(N, d), _cross(n, d)
-    k = _dot(d, d) - (eta * eta) * _dot(X, X)
-    bent = _minus(_times(eta, _plus(d, _times(c, N))), _times(np.sqrt(np.maximum(k, 0)), N))
-    return _lift(bent, n, -side, spread), k < 0
+    eta, N = np.where(side > 0, 1 / index, index), times(side, n)
+    c, X = -dot(N, d), cross(n, d)
+    k = dot(d, d) - (eta * eta) * dot(X, X)
+    bent = minus(times(eta, plus(d, times(c, N))), times(np.sqrt(np.maximum(k, 0)), N))
+    return lift(bent, n, -side, spread), k < 0
 
 
-def _lift(d: Vector, n: Vector, side: NDArray[np.int_], spread: float) -> Vector:
-    leaves, least = side * _dot(n, d), 2.0**-48 * _size(d) * spread
-    return _where(leaves > least, d, _plus(d, _times(side * (2 * least - leaves), n)))
-
-
-# ------------------------------------------------------------------------------------------------------------- vectors
-#
-# Of arrays, or of numbers, in the order of operations that kernel and reference have.
-
-
-def _columns(v: Floats) -> Vector:
-    return v[:, 0].copy(), v[:, 1].copy(), v[:, 2].copy()
-
-
-def _constant(v: Direction | Point | Sequence[Fraction]) -> Vector:
-    x, y, z = np.array([float(x) for x in v])
-    return x, y, z
-
-
-def _dot(u: Vector, v: Vector) -> Floats:
-    return (u[0] * v[0] + u[1] * v[1]) + u[2] * v[2]
-
-
-def _size(v: Vector) -> Floats:
-    return np.asarray((np.abs(v[0]) + np.abs(v[1])) + np.abs(v[2]))
-
-
-def _cross(u: Vector, v: Vector) -> Vector:
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-def _plus(u: Vector, v: Vector) -> Vector:
-    return u[0] + v[0], u[1] + v[1], u[2] + v[2]
-
-
-def _minus(u: Vector, v: Vector) -> Vector:
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-def _times(k: Floats | NDArray[np.int_] | float, v: Vector) -> Vector:
-    return k * v[0], k * v[1], k * v[2]
-
-
-def _where(mask: Bools, u: Vector, v: Vector) -> Vector:
-    return np.where(mask, u[0], v[0]), np.where(mask, u[1], v[1]), np.where(mask, u[2], v[2])
-
-
-def _product(rows: Matrix, v: Vector) -> Vector:
-    return _dot(_constant(rows.x), v), _dot(_constant(rows.y), v), _dot(_constant(rows.z), v)
+def lift(d: Vector, n: Vector, side: NDArray[np.int_], spread: float) -> Vector:
+    leaves, least = side * dot(n, d), 2.0**-48 * magnitude(d) * spread
+    return pick(leaves > least, d, plus(d, times(side * (2 * least - leaves), n)))

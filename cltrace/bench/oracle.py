@@ -596,6 +596,24 @@ def closest_from(
     return index, t
 
 
+def sign_beyond(
+    start: ArrayLike | OnSphere,
+    direction_row: Sequence[float | Fraction],
+    center: ArrayLike,
+    radius: float,
+    to_object: ArrayLike | None,
+    t: Fraction,
+) -> int:
+    """The sign of how far a ray's hit of a sphere, or an ellipsoid, is beyond t; ValueError if there is no hit."""
+    world = _Start(start, np.array([center], float), np.array([radius], float), [to_object])
+    d, k = _integers(_exact("direction_row", direction_row))
+    unit = Fraction(world.scale) * Fraction(2) ** (world.k - k)
+    for end in world.ends(0, (d, (0, 0, 0))):
+        if end.sign_less(0, 1, world.s) > 0:
+            return end.sign_less(*(t * unit).as_integer_ratio(), world.s)
+    raise ValueError("the ray does not hit the sphere")
+
+
 def _within(end: _End, t_min: float, t_max: float, unit: Fraction, s: int) -> bool:
     above = t_min == -np.inf or end.sign_less(*(Fraction(t_min) * unit).as_integer_ratio(), s) > 0
     return above and (t_max == np.inf or end.sign_less(*(Fraction(t_max) * unit).as_integer_ratio(), s) < 0)

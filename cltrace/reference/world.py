@@ -32,9 +32,7 @@ class World:
 
 def world_of(scene: Scene) -> World:
     """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once."""
-    right, up, back = scene.camera.basis()
-    frame = Frame((rational(right), rational(up), rational(back)))
-    eye = scene.camera.position
+    frame, eye = frame_of(scene.camera), scene.camera.position
     names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
     textures = [*map(Texture, scene.textures), None]  # the last one is that of the index -1
     materials = [
@@ -51,6 +49,11 @@ def world_of(scene: Scene) -> World:
     lights = [_light(light, eye, frame) for light in scene.lights[scene.lights["kind"] != AMBIENT]]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
+
+
+def frame_of(camera: Camera) -> Frame:
+    right, up, back = camera.basis()
+    return Frame((rational(right), rational(up), rational(back)))
 
 
 def _sphere(

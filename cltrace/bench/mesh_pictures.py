@@ -1,0 +1,200 @@
+"""Pictures of meshes against the exact oracle: what a pixel shows, whether light reaches it, what is seen in it.
+
+What a picture shows first is judged by its ids and primitives. Where its rays go on from is computed here in numpy,
+operation by operation as the kernel and the reference do, so that what they meet, and which lights reach them, can be
+asked of the oracle ray by ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.reference import Point, world_of
+from cltrace.reference.world import frame_of
+from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
+
+from . import bounced, mesh_oracle
+from .bounced_pictures import DIGITS, Starts, names, onward
+from .columns import Bools, Vector, columns_of, constant, cross, dot, minus, product, times
+from .mesh_oracle import Ids, Points, Rays, Triangles, along, at_point, on_triangles, to_light
+from .oracle import sign_beyond, to_world
+from .pairs import Floats
+from .regimes import rays as camera_rays
+
+
+class Seen(NamedTuple):
+    """Of each pixel, (n,): the number of the surface, and that of the triangle in it; -1 for none."""
+
+    id: Ids
+    primitive: Ids
+
+
+class Verdict(NamedTuple):
+    """rays: how many were judged; wrong: (k,), the pixels of those that met something else than they must; leaks: how
+    many of these met nothing, and must meet something; phantoms: how many met something, and must not."""
+
+    rays: int
+    wrong: NDArray[np.intp]
+    leaks: int
+    phantoms: int
+
+
+def primary(scene: Scene) -> Rays:
+    """The rays of a picture's pixels, row by row from the top."""
+    d = camera_rays(scene.camera)
+    return along(at_point(scene.camera.position, len(d)), d, scene.camera.basis())
+
+
+def expected(scene: Scene) -> Seen:
+    """What the oracle says of all pixels."""
+    triangles, rays = Triangles.of(scene), primary(scene)
+    row, _ = mesh_oracle.closest(rays, triangles)
+    seen = Seen(np.append(triangles.surface, -1)[row], np.append(triangles.primitive, -1)[row])
+    return _with_spheres(scene, triangles, rays, row, seen) if len(scene.spheres) else seen
+
+
+def _with_spheres(scene: Scene, triangles: Triangles, rays: Rays, row: Ids, seen: Seen) -> Seen:
+    """What is seen with the scene's spheres, too. row: what the rays meet of the triangles."""
+    d, shapes, camera = camera_rays(scene.camera), bounced.Shapes.of(scene), scene.camera
+    from_eye = bounced.Rays(np.full(len(d), -1, np.int32), d, d, camera.basis(), camera.position)
+    index, near = bounced.closest_of(from_eye, shapes)
+    number = np.append(scene.sphere_numbers, -1)[index]
+    first = (index >= 0) & (row < 0)
+    both = np.flatnonzero((index >= 0) & (row >= 0))
+    for i, t in zip(both.tolist(), mesh_oracle.exact_t(rays, triangles, both, row[both]), strict=True):
+        if abs(near[i] - float(t)) > 2.0**-36 * near[i]:
+            first[i] = near[i] < t
+            continue
+        k, way = index[i], to_world(camera.basis(), d[i].tolist())
+        sign = sign_beyond(camera.position, way, shapes.centers[k], float(shapes.radii[k]), shapes.to_object[k], t)
+        first[i] = sign < 0 or (sign == 0 and number[i] < seen.id[i])
+    return Seen(np.where(first, number, seen.id), np.where(first, -1, seen.primitive))
+
+
+def judge(scene: Scene, got: Seen) -> Verdict:
+    """What is wrong with what a picture shows."""
+    want = expected(scene)
+    wrong = (got.id != want.id) | (got.primitive != want.primitive)
+    leaks, phantoms = (got.id < 0) & (want.id >= 0), (got.id >= 0) & (want.id < 0)
+    return Verdict(len(wrong), np.flatnonzero(wrong), int(leaks.sum()), int(phantoms.sum()))
+
+
+# -------------------------------------------------------------------------------------------- rays that leave triangles
+
+
+class Left(NamedTuple):
+    """Triangles that pixels show, and by which rays leave them.
+
+    pixels: (n,); row: (n,), of Triangles; corner, uv: (n,) and (n, 2), see mesh_oracle.on_triangles(); normal: unit,
+    in camera space, facing the ray; side: (n,), 1 where the ray came from outside, -1 from inside.
+    """
+
+    pixels: NDArray[np.intp]
+    row: Ids
+    corner: Ids
+    uv: Floats
+    normal: Vector
+    side: NDArray[np.int_]
+
+    def points(self, triangles: Triangles) -> Points:
+        return on_triangles(triangles, self.row, self.corner, self.uv)
+
+
+def left_from(scene: Scene, triangles: Triangles, seen: Seen) -> Left:
+    """Where rays go on from what pixels show, of meshes without normals: as Crossing and Triangle of the reference."""
+    pixels = np.flatnonzero(seen.primitive >= 0)
+    row = np.searchsorted(triangles.surface, seen.id[pixels]) + seen.primitive[pixels]
+    frame, d = frame_of(scene.camera), columns_of(camera_rays(scene.camera)[pixels])
+    w = product(frame.B.T, d)
+    A, B, C = (columns_of(triangles.vertices[triangles.faces[row, i]]) for i in range(3))
+    to_a, e1, e2 = minus(A, constant(Point(*scene.camera.position))), minus(B, A), minus(C, A)
+    R, N = cross(to_a, w), cross(e1, e2)
+    den = dot(N, w)
+    with np.errstate(all="ignore"):
+        b, c = _positive(dot(e2, R) / den), _positive(-dot(e1, R) / den)
+        weights = np.array([_positive((1 - b) - c), b, c])
+    corner = weights.argmax(axis=0)
+    uv = [np.minimum(weights[(corner + i) % 3, np.arange(len(row))], 0.5) for i in (1, 2)]
+    n = product(frame.B, times(1 / np.sqrt(dot(N, N)), N))
+    front = np.concatenate([np.empty(0, np.int8), *(mesh.front for mesh in scene.meshes)])[row]
+    side = np.where(front * den < 0, 1, -1)
+    return Left(pixels, row, corner, np.stack(uv, axis=1), times(np.where(dot(n, d) > 0, -1.0, 1.0), n), side)
+
+
+def _positive(x: Floats) -> Floats:
+    return np.where(x > 0, x, 0.0)
+
+
+# --------------------------------------------------------------------------------------------------------------- lights
+
+
+def in_light(scene: Scene, light: ArrayLike) -> Scene:
+    """The scene without spheres, all white and matt, in one light: a pixel is black if that does not reach it."""
+    white = np.zeros(1, MATERIAL)
+    white["color"], white["kd"], white["texture"] = 1, 1, -1
+    meshes = [PlacedMesh(mesh.geometry, mesh.to_world, 0, i) for i, mesh in enumerate(scene.meshes)]
+    return Scene(scene.camera, np.ravel(light), scene.spheres[:0], white, meshes=meshes)
+
+
+def judge_light(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
+    """What is wrong with what light pixels get, (n, 3), in a scene of in_light(). Leaks are in light, and must not be.
+
+    Where the light is all but in the plane of what a pixel shows, it is not judged.
+    """
+    (light,), triangles = scene.lights[scene.lights["kind"] != AMBIENT], Triangles.of(scene)
+    left, parallel = left_from(scene, triangles, got), bool(light["kind"] == PARALLEL)
+    place = light["direction" if parallel else "position"]
+    rays = to_light(left.points(triangles), place, parallel)
+    n = np.transpose(left.normal) @ np.array(scene.camera.basis())
+    way = rays.way if parallel else -rays.way
+    cosine = (n * way).sum(axis=1) / np.linalg.norm(way, axis=1)
+    dark = mesh_oracle.stopped(rays, triangles) | (cosine < 0)
+    black = ~np.asarray(color).reshape(-1, 3)[left.pixels].any(axis=1)
+    judged = np.abs(cosine) > 2.0**-20
+    wrong = judged & (dark != black)
+    return Verdict(int(judged.sum()), left.pixels[wrong], int((wrong & dark).sum()), int((wrong & ~dark).sum()))
+
+
+# -------------------------------------------------------------------------------------------------------------- mirrors
+
+
+def each_named(scene: Scene, glass: Bools, index: float) -> Scene:
+    """The scene without spheres; each triangle is a mesh, and has a colour that names it, which ambient light shows.
+
+    glass: (m,), which triangles let all light through; the others mirror all of it. See bounced_pictures.names().
+    """
+    triangles = Triangles.of(scene)
+    m = len(triangles.faces)
+    materials = np.zeros(m, MATERIAL)
+    materials["texture"], materials["ka"], materials["index"] = -1, 1, index
+    materials["color"] = np.arange(m)[:, None] // DIGITS ** np.arange(3) % DIGITS / (DIGITS + 1)
+    materials["transmittance"], materials["reflectance"] = glass, ~glass
+    meshes = [
+        PlacedMesh(Geometry(triangles.vertices[face], [(0, 1, 2)]), material=i, number=i)
+        for i, face in enumerate(triangles.faces)
+    ]
+    camera, light = replace(scene.camera, max_bounces=0), ambient_light((1, 1, 1))
+    return Scene(camera, light, scene.spheres[:0], materials, background=(1.0, 1.0, 1.0), meshes=meshes)
+
+
+def judge_onward(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
+    """What is wrong with what rays meet that go on from what pixels show, in a scene of each_named()."""
+    triangles = Triangles.of(scene)
+    left, surfaces = left_from(scene, triangles, got), world_of(scene).surfaces
+    direction = np.empty((len(left.row), 3))
+    for i in np.unique(left.row).tolist():
+        rows = np.flatnonzero(left.row == i)
+        n, side = columns_of(np.transpose(left.normal)[rows]), left.side[rows]
+        starts = Starts(n, times(side, n), side, np.ones(len(rows), bool))
+        d = columns_of(camera_rays(scene.camera)[left.pixels[rows]])
+        direction[rows] = np.transpose(onward(surfaces[i], d, starts))
+    rays = along(left.points(triangles), direction, scene.camera.basis())
+    want, _ = mesh_oracle.closest(rays, triangles)
+    met = names(np.asarray(color).reshape(-1, 3)[left.pixels])
+    wrong = met != want
+    leaks, phantoms = wrong & (met == -1), wrong & (want == -1)
+    return Verdict(len(met), left.pixels[wrong], int(leaks.sum()), int(phantoms.sum()))
