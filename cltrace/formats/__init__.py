@@ -1,1 +1,1 @@
-"""XML files of the course's format -> a Scene."""
+"""XML files of the course's format, with the OBJ, PNG and JPEG files that they name -> a Scene."""

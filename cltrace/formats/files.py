@@ -6,6 +6,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -15,37 +16,42 @@ class UnreadableError(Exception):
 
 def chunks(path: str, size: int, most: int) -> Iterator[bytes]:
     """The bytes of a regular file, `size` at once; raises UnreadableError, also beyond `most` bytes."""
-    try:
-        check_regular(path)
+    check_regular(path)
+    with _words_for_errors(), Path(path).open("rb") as file:
         read = 0
-        with Path(path).open("rb") as file:
-            while chunk := file.read(size):
-                read += len(chunk)
-                if read > most:
-                    raise UnreadableError(f"must not be larger than {most} bytes")
-                yield chunk
-    except OSError as error:
-        raise UnreadableError(f"cannot be read: {error.strerror}") from None
+        while chunk := file.read(size):
+            read += len(chunk)
+            if read > most:
+                raise UnreadableError(f"must not be larger than {most} bytes")
+            yield chunk
 
 
 def check_regular(path: str) -> None:
     """Raises UnreadableError where a file is missing or none that has contents of its own."""
-    try:
+    with _words_for_errors():
         mode = Path(path).stat().st_mode
-    except OSError as error:
-        raise UnreadableError(f"cannot be read: {error.strerror}") from None
-    except UnicodeEncodeError:
-        raise UnreadableError(f"cannot be read: the name is not {sys.getfilesystemencoding()}") from None
-    except ValueError:
-        raise UnreadableError("cannot be read: the name contains a NUL") from None
     if not stat.S_ISREG(mode):
         raise UnreadableError("is a directory" if stat.S_ISDIR(mode) else "is not a regular file")
 
 
 def within(folder: str, name: str) -> str:
     """The real path of a file in a folder; raises UnreadableError where a symbolic link leads out of the folder."""
-    inside = os.path.realpath(folder)
-    path = os.path.realpath(Path(inside, name))
+    with _words_for_errors():
+        inside = os.path.realpath(folder)
+        path = os.path.realpath(Path(inside, name))
     if not Path(path).is_relative_to(inside):
         raise UnreadableError("must stay within the scene's folder")
     return path
+
+
+@contextmanager
+def _words_for_errors() -> Iterator[None]:
+    """Raises UnreadableError in place of what the system raises."""
+    try:
+        yield
+    except OSError as error:
+        raise UnreadableError(f"cannot be read: {error.strerror}") from None
+    except UnicodeEncodeError:
+        raise UnreadableError(f"cannot be read: the name is not {sys.getfilesystemencoding()}") from None
+    except ValueError:
+        raise UnreadableError("cannot be read: the name contains a NUL") from None

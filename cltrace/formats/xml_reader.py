@@ -45,7 +45,7 @@ from cltrace.scene import (
     Vector,
     extent_faults,
     inverse_faults,
-    inverses,
+    place_faults,
     reaches,
 )
 
@@ -437,8 +437,7 @@ class _Reader:
         if extreme:
             self.fault(element, f"mesh transform: a number of its matrix {ANY.fault(extreme[0])}")
             return
-        linear = place[None, :, :3]
-        for _, fault in inverse_faults(linear, inverses(linear)):
+        for fault in place_faults(place):
             self.fault(element, f"mesh transform: {fault}")
             return
         if whole and finish is not None:

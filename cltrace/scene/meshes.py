@@ -7,7 +7,7 @@ places it, they are rounded once, and the triangles between the rounded ones are
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -110,8 +110,7 @@ class PlacedMesh(_Frozen):
             if not is_whole(value) or not 0 <= value < 2**31:
                 raise ValueError(f"mesh.{name}: must be an integer within 0..{2**31 - 1}, got {described(value)}")
         place = checked("mesh.to_world", ANY, to_world, (3, 4))
-        linear = place[None, :, :3]
-        for _, fault in inverse_faults(linear, inverses(linear)):
+        for fault in place_faults(place):
             raise ValueError(f"mesh.to_world: {fault}")
         self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
         check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
@@ -233,6 +232,13 @@ class Mesh(_Frozen):
 
     def __repr__(self) -> str:
         return f"<cltrace.Mesh: {len(self.geometry.faces)} triangles, {len(self.geometry.vertices)} vertices>"
+
+
+def place_faults(to_world: NDArray[np.float64]) -> Iterator[str]:
+    """What is wrong with an affine map, (3, 4), of numbers that the rules allow, in words for behind its name."""
+    if (to_world[:, :3] != np.eye(3)).any():
+        linear = to_world[None, :, :3]
+        yield from (fault for _, fault in inverse_faults(linear, inverses(linear)))
 
 
 def check_meshes(meshes: object, materials: int) -> tuple[PlacedMesh, ...]:
