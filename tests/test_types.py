@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, render, spot_light
+from cltrace import (
+    Camera,
+    Image,
+    Material,
+    Mesh,
+    Scene,
+    ambient_light,
+    parallel_light,
+    point_light,
+    render,
+    spot_light,
+)
 from cltrace.picture.image import Output, Show
 
 RGB8 = np.zeros((1, 2, 3), np.uint8)
@@ -49,6 +60,17 @@ def test_vectors_may_be_tuples_lists_and_arrays() -> None:
     assert three.to_object.shape == (1, 3, 3)
 
 
+def test_meshes_may_be_lists_and_arrays() -> None:
+    mesh = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.arange(3).reshape(1, 3), transform=np.eye(4))
+    other = Mesh.of(mesh, Material((1, 0, 0), kd=0.5, texture=np.zeros((1, 2, 3), np.uint8)))
+    one: Scene = Scene.from_meshes(Camera(), ambient_light(), mesh)
+    two: Scene = Scene.from_spheres(Camera(), [], [(0, 0, -3)], 1, meshes=[mesh, other])
+    assert_type(two.sphere_numbers, NDArray[np.int32])
+    assert_type(one.meshes[0].vertices, NDArray[np.float64])
+    assert_type(one.meshes[0].geometry.faces, NDArray[np.int32])
+    assert len(two.textures) == len(two.meshes) - 1 == len(one.meshes)
+
+
 def test_outputs_are_arrays_and_not_optional() -> None:
     image = Image(rgb8=RGB8, depth=np.ones((1, 2)), id=np.zeros((1, 2), np.int32))
     assert_type(image.rgb8, NDArray[np.uint8])
@@ -65,6 +87,8 @@ REFUSED: list[Callable[[], Any]] = [
     lambda: Camera(horizontal_fov="30"),  # type: ignore[arg-type]
     lambda: Camera(resolution=512),  # type: ignore[arg-type]
     lambda: Scene.from_spheres([], Camera(), [(0, 0, 0)], 1),  # type: ignore[arg-type]
+    lambda: Scene.from_meshes(Camera(), [], [RGB8]),  # type: ignore[list-item]
+    lambda: Mesh([(0, 0, 0)], [(0, 0, 0)], material="red"),  # type: ignore[arg-type]
     lambda: render(SCENE, outputs=("rbg",)),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).as_rgb8("heat"),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).save("x.png", "rgb8"),  # type: ignore[arg-type]
