@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.reference import Point, world_of
+from cltrace.reference import OnTriangle, Point, world_of
 from cltrace.reference.world import frame_of
-from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
+from cltrace.scene import AMBIENT, MATERIAL, MAX_BOUNCES, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
 
 from . import bounced, mesh_oracle
 from .bounced_pictures import DIGITS, Starts, names, onward
@@ -118,7 +118,7 @@ def left_from(scene: Scene, triangles: Triangles, seen: Seen) -> Left:
         b, c = _positive(dot(e2, R) / den), _positive(-dot(e1, R) / den)
         weights = np.array([_positive((1 - b) - c), b, c])
     corner = weights.argmax(axis=0)
-    uv = [np.minimum(weights[(corner + i) % 3, np.arange(len(row))], 0.5) for i in (1, 2)]
+    uv = [np.clip(weights[(corner + i) % 3, np.arange(len(row))], OnTriangle.LEAST, OnTriangle.MOST) for i in (1, 2)]
     n = product(frame.B, times(1 / np.sqrt(dot(N, N)), N))
     front = np.concatenate([np.empty(0, np.int8), *(mesh.front for mesh in scene.meshes)])[row]
     side = np.where(front * den < 0, 1, -1)
@@ -198,3 +198,26 @@ def judge_onward(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
     wrong = met != want
     leaks, phantoms = wrong & (met == -1), wrong & (want == -1)
     return Verdict(len(met), left.pixels[wrong], int(leaks.sum()), int(phantoms.sum()))
+
+
+# --------------------------------------------------------------------------------------------------- through everything
+
+
+def seen_through(scene: Scene) -> Scene:
+    """The scene without spheres, of glass that bends nothing and halves what is behind it, up to 100 times."""
+    glass = np.zeros(1, MATERIAL)
+    glass["texture"], glass["transmittance"], glass["index"] = -1, 0.5, 1
+    meshes = [PlacedMesh(mesh.geometry, mesh.to_world, 0, i) for i, mesh in enumerate(scene.meshes)]
+    camera, white = replace(scene.camera, max_bounces=MAX_BOUNCES), (1.0, 1.0, 1.0)
+    return Scene(camera, (), scene.spheres[:0], glass, background=white, meshes=meshes)
+
+
+def passed(color: ArrayLike) -> Ids:
+    """(n,): through how many triangles the pixels see the background, by their colours (n, 3), -1 where none tells.
+
+    Each triangle is where a ray starts anew, from a point in it, so that this may be another number than the oracle's
+    where a ray passes an edge. But of a closed mesh, from outside, it is even; unless it covers itself or another one,
+    as of triangles in one plane a ray meets the first one only.
+    """
+    count = -np.log2(np.maximum(np.asarray(color, float).reshape(-1, 3)[:, 0], 2.0**-1000))
+    return np.where(count == np.rint(count), count, -1).astype(np.int64)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cltrace.reference.triangles import Triangle
 
 EYE = Point(0.0, 0.0, 0.0)
+Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
 
 
 class Start(ABC):
@@ -139,16 +140,33 @@ class OnSphere(Start):
 
 @dataclass(frozen=True)
 class OnTriangle(Start):
-    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V) with u, v >= 0, which is in its plane.
+    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V).
 
     corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
-    their weights, at most 1/2 each.
+    their weights, from 2^-64 to 1/2. So the point is in the triangle's plane, and strictly within its edges: a ray from
+    there meets the triangles beside it, or does not, as it must. On an edge it would be in their planes, too, and no
+    ray that starts in a plane meets it.
     """
+
+    LEAST, MOST = 2.0**-64, 0.5
 
     triangle: Triangle
     corner: int
     u: float
     v: float
+
+    @classmethod
+    def near(cls, triangle: Triangle, weights: Weights) -> OnTriangle:
+        """The point of these weights, but for rounding, from the corner that it is nearest to by them."""
+        k = weights.index(max(weights))
+        u, v = (max(cls.LEAST, min(cls.MOST, w)) for w in (weights[k - 2], weights[k - 1]))
+        return cls(triangle, k, u, v)
+
+    @property
+    def weights(self) -> Weights:
+        """Of the triangle's corners A, B and C."""
+        from_v = ((1 - self.u) - self.v, self.u, self.v)
+        return from_v[-self.corner], from_v[1 - self.corner], from_v[2 - self.corner]
 
     @property
     def surface(self) -> Triangle:

@@ -11,13 +11,11 @@ import numpy as np
 from cltrace.reference.crossing import Crossing, Way, shadow_way, size, way_of
 from cltrace.reference.exact import Across, Face, Frame, Rational, Root, rational
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import OnTriangle, Ray
+from cltrace.reference.rays import OnTriangle, Ray, Weights
 from cltrace.reference.surfaces import Intersection, Material, Surface, first_met
 from cltrace.reference.texture import UV
 from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import PlacedMesh
-
-Weights = tuple[float, float, float]  # of a triangle's corners A, B and C
 
 
 class Mesh(Surface):
@@ -151,17 +149,17 @@ class Triangle(Surface):
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         crossing = self._crossing(ray)
         sure: Crossing | Across = crossing if crossing and crossing.side else self._met_by(ray)
-        weights = _three(*(crossing or sure).weights())
-        normal, inside = self.normal(weights), sure.side == self.front
+        start = OnTriangle.near(self, _three(*(crossing or sure).weights()))
+        normal, inside = self.normal(start.weights), sure.side == self.front
         return Intersection(
             point=ray.at(t),
             t=t,
             distance=t * math.sqrt(ray.direction.dot(ray.direction)),
             normal=-normal if normal.dot(ray.direction) > 0 else normal,
             inside=inside,
-            start=self.start(weights),
+            start=start,
             material=self.material,
-            uv=self.uv(weights),
+            uv=self.uv(start.weights),
             index=self.number,
             primitive=self.primitive,
         )
@@ -186,11 +184,6 @@ class Triangle(Surface):
         return across
 
     # What is at a point.
-
-    def start(self, weights: Weights) -> OnTriangle:
-        """The point, from the corner that it is nearest to by the weights; so the other two are at most 1/2."""
-        k = weights.index(max(weights))
-        return OnTriangle(self, k, min(weights[k - 2], 0.5), min(weights[k - 1], 0.5))
 
     def normal(self, weights: Weights) -> Direction:
         """The unit normal for shading there, in camera space, to either side of the triangle.
