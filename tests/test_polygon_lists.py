@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from test_lists import cell_of, dot_float, walk
 
+from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel import cells
 from cltrace.plan.accel.cells import SLACK, CellGrid, build
 from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer, point_buffer
@@ -150,14 +151,21 @@ def on_triangles(triangles: Floats, count: int) -> tuple[Floats, NDArray[np.intp
     return (triangles[which] * weight[:, :, None]).sum(axis=1), which
 
 
-def check_light(triangles: Floats, light: Floats | None, axes: Floats | None, slack: float = FINE_SLACK) -> float:
+def check_light(
+    triangles: Floats,
+    light: Floats | None,
+    axes: Floats | None,
+    slack: float = FINE_SLACK,
+    receivers: int | None = None,
+) -> float:
     """Whatever is on the way from points of the triangles to a light is in its lists. light: (3,), or axes: (3, 3).
 
-    Returns how many triangles are offered to a point, on average, for each one that is on its way.
+    receivers: how many triangles, from the first one on, are seen and have such points; None for all. Returns how many
+    triangles are offered to a point, on average, for each one that is on its way.
     """
     every = np.ones(len(triangles), bool)
-    who = Shadows(every, every, slack)
-    points, own = on_triangles(triangles, 300)
+    who = Shadows(every, np.arange(len(triangles)) < (receivers or len(triangles)), slack)
+    points, own = on_triangles(triangles[:receivers], 300)
     if axes is None:
         seen, p = triangles - light, points - light
         lists = lists_of(point_buffer(NO_SPHERES, who, corners_of(seen)), slack)
@@ -305,3 +313,46 @@ def test_suns_shadow_rays_are_offered_all_that_is_on_their_way(
     make: Make, slack: float, direction: tuple[float, float, float]
 ) -> None:
     check_light(make(np.random.default_rng(5)), None, axes_towards(np.array(direction)), slack)
+
+
+@pytest.mark.parametrize("towards", [(0.0, 0, 1), (0.1, -0.2, 1)], ids=["ahead", "aslant"])
+@pytest.mark.parametrize("at_point", [True, False], ids=["lamp", "sun"])
+def test_what_is_just_in_front_of_the_furthest_receiver(towards: tuple[float, float, float], at_point: bool) -> None:
+    """A wall that leads away from the light, and shingles a hair nearer to the light than it, of which none is seen."""
+    rng, axes = np.random.default_rng(7), axes_towards(np.array(towards))
+    wall = np.array([[-0.1, -0.1, -0.25], [0.1, -0.1, -0.25], [0, 0.25, -1]]) @ axes
+    middle = rng.dirichlet((1, 1, 1), 60) @ wall
+    shingles = middle[:, None] * (1 - 2.0**-12) + (wall - wall.mean(axis=0)) * rng.uniform(0.02, 0.2, (60, 1, 1))
+    triangles = np.concatenate([wall[None], shingles])
+    assert check_light(triangles, np.zeros(3) if at_point else None, None if at_point else axes, receivers=1) > 0
+
+
+# -------------------------------------------------------------------------------------------------------- little else
+
+
+def pairs(triangles: Floats, window: Window) -> tuple[int, int]:
+    """How many entries the tiles have, and how many pairs of a tile and a triangle that a ray of it meets."""
+    grid = picture_tiles(NO_SPHERES, np.ones(len(triangles), bool), window, corners_of(triangles))
+    columns, rows, d = rays(window)
+    ray, triangle = np.nonzero(np.isfinite(met(triangles, d)))
+    tile = (rows[ray] >> 2) * window.size[0] + (columns[ray] >> 2)
+    return len(build([grid], "accurate").entry) - CONSTANTS["AHEAD"], len(
+        set(zip(tile.tolist(), triangle.tolist(), strict=True))
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "most"), [(soup, 1.06), (around, 1.04), (needles, 6.73), (room, 1.03), (tiny, 1.5), (huge, 1.04)]
+)
+def test_tiles_have_few_entries_in_vain(make: Make, most: float) -> None:
+    """The bounds are what was measured and 3 % more."""
+    entries, met_in_tiles = pairs(make(np.random.default_rng(8)), window_of(0.6, (160, 120)))
+    assert entries <= most * met_in_tiles
+
+
+@pytest.mark.parametrize(("make", "lamp", "sun"), [(soup, 7.33, 3.48), (around, 2.24, 2.68), (room, 7.01, 2.75)])
+def test_little_else_is_offered_to_shadow_rays(make: Make, lamp: float, sun: float) -> None:
+    """For each triangle on a ray's way, so many are in its lists; the bounds are what was measured and 3 % more."""
+    triangles = make(np.random.default_rng(9))
+    assert check_light(triangles, np.array([0.1, 0.05, -0.6]), None) <= lamp
+    assert check_light(triangles, None, axes_towards(np.array([-0.3, 1, 0.7]))) <= sun
