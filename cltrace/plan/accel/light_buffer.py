@@ -26,15 +26,15 @@ from cltrace.plan.accel.cells import (
     outlines_of,
     sprawling,
 )
-from cltrace.plan.exact import Array, blockwise, concurrently, rotated, rounded_down
-from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, polygons
+from cltrace.plan.exact import Array, blockwise, concurrently, rounded_down
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
 # The same as SLACK, for arithmetic in double.
 FINE_SLACK = 2.0**-44
 # The cells of a window that is at least so wide are at least 2^-15 wide, 32 times SLACK: see _on_window().
 NARROW = 2.0**-4
-# So many entries, besides 2.25 for each triangle, the cells of a light's grid are made for.
+# The cells of a light's grid are made for so many entries, besides 1.6 for each triangle.
 FINER = 2**13
 # One in so many discs is looked at to know the size of most.
 SAMPLE = 16
@@ -62,8 +62,8 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
     seen: spheres from the light, along the camera's axes; corners: triangles from there, None for none.
     """
     sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
-    cube = _towards(seen.center if corners is None else np.concatenate([seen.center, corners.vertex]))
-    vertex = None if corners is None else rotated(cube, corners.vertex)
+    cube = _towards([seen.center] if corners is None else [seen.center, corners.vertex])
+    vertex = None if corners is None else _turned(cube, corners.vertex)
 
     def look(real: type[np.floating[Any]], sides: list[tuple[int, float]], block: slice) -> list[_Discs]:
         x, y, z = np.ascontiguousarray(seen.center[block].T)
@@ -93,8 +93,8 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
         ]
         if corners is not None and vertex is not None:
             for discs, (axis, sign) in zip(found, sides, strict=True):
-                across = [vertex[:, (axis + 1) % 3], vertex[:, (axis + 2) % 3], sign * vertex[:, axis]]
-                discs += _triangles(corners, across, who, real)
+                view = View((vertex[(axis + 1) % 3], vertex[(axis + 2) % 3], vertex[axis]), (1, 1, sign))
+                discs += _triangles(corners, view, who, real)
         return found
 
     grids = []
@@ -114,12 +114,12 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
     return grids
 
 
-def _triangles(corners: Corners, axes: list[Array], who: Shadows, real: type[np.floating[Any]]) -> list[_Discs]:
-    """The triangles that are seen through a side of the cube, along its axes."""
+def _triangles(corners: Corners, view: View, who: Shadows, real: type[np.floating[Any]]) -> list[_Discs]:
+    """The triangles that are seen through a side of the cube."""
     # A ray that looks at this side has slopes of at most 1, and a few roundings more.
     pane = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16), (1, 1), (0, 0))
     found = []
-    for part in polygons(axes, corners.face, who.occluder[corners.first :], pane, real):
+    for part in polygons(view, corners.face, who.occluder[corners.first :], pane, real):
         member = part.triangle + np.int32(corners.first)
         # A corner is off by this in double, and by what the caller allows for roundings to `real`.
         loose = part.loose + TURNED * (1 + pane.largest[0]) ** 2
@@ -128,12 +128,12 @@ def _triangles(corners: Corners, axes: list[Array], who: Shadows, real: type[np.
     return found
 
 
-def _towards(offset: Array) -> Array:
+def _towards(offsets: list[Array]) -> Array:
     """(3, 3): three axes at right angles. The last one points about at the middle of points (n, 3), or away from it.
 
     So the discs of a distant group of spheres are in the middle of one side of the cube, not on an edge.
     """
-    some = offset[:: len(offset) // 4096 + 1]
+    some = np.concatenate([offset[:: len(offset) // 4096 + 1] for offset in offsets])
     middle = some.min(axis=0) / 2 + some.max(axis=0) / 2
     if np.abs(middle).max() < 2.0**-20:
         return np.eye(3)
@@ -167,7 +167,7 @@ def parallel_buffer(axes: Array, seen: Seen, who: Shadows, corners: Corners | No
 
 def _triangles_along(corners: Corners, axes: Array, who: Shadows) -> list[_Discs]:
     """The triangles as a parallel light sees them."""
-    across = rotated(axes, corners.vertex).T
+    across = _turned(axes, corners.vertex)
 
     def look(block: slice) -> _Discs:
         member = np.flatnonzero(who.occluder[corners.first + block.start : corners.first + block.stop])
@@ -181,6 +181,19 @@ def _triangles_along(corners: Corners, axes: Array, who: Shadows) -> list[_Discs
         return _Discs.of(member, edges, near, 2.0**-10 - least, who.receiver[member], corner[:2])
 
     return blockwise(len(corners.face), look, BLOCK)
+
+
+def _turned(rows: Array, vertex: Array) -> Array:
+    """(3, v): the vertices (v, 3) in the coordinate system of `rows`, (3, 3)."""
+    out = np.empty((3, len(vertex)))
+
+    def turn(block: slice) -> None:
+        x, y, z = np.ascontiguousarray(vertex[block].T)
+        for axis, row in zip(out, rows, strict=True):
+            axis[block] = row[0] * x + row[1] * y + row[2] * z
+
+    blockwise(len(vertex), turn)
+    return out
 
 
 @dataclass(frozen=True)
@@ -266,13 +279,15 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     """The grid of a window, with cells that are about square. coarse: of CellGrid; None for a parallel light."""
     members = sum(len(part.member) for part in discs)
     low, sides = window.middle - window.half, 2 * window.half
-    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout; each is
-    # in (1 + 1 / 2)^2 cells then. There are about as many cells as discs, at most; but two a side at least, as the
-    # kernel looks up no window of one cell. Triangles are in longer lists, as neighbours share their edges, and few of
-    # them may have more entries.
-    each, some = np.concatenate([part.sizes() for part in discs]), any(part.corner is not None for part in discs)
-    wide = float(np.median(each)) / (np.sqrt(2.25 + (FINER / max(1, members) if some else 0)) - 1)
-    cell = max(wide, np.sqrt(sides[0] * sides[1] / max(2, members, 2 * FINER if some else 0)))
+    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each one
+    # has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a side at
+    # least, as the kernel looks up no window of one cell. Triangles take longer to enter than to try, and few of them
+    # may have many entries: what is best was counted for five meshes of 1,000 to a million.
+    some = any(part.corner is not None for part in discs)
+    entries = 1.6 + FINER / max(1, members) if some else 2.25
+    size = float(np.median(np.concatenate([part.sizes() for part in discs])))
+    most = max(members, 2 * FINER if some else 2)
+    cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
     cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
 
     def place(part: _Discs) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:

@@ -23,7 +23,7 @@ from cltrace.plan.accel.cells import (
 )
 from cltrace.plan.exact import blockwise, concurrently
 from cltrace.plan.request import Region
-from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, polygons
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
 from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
@@ -133,5 +133,5 @@ def _triangles(
         outline = outlines_of(at, corner, off[which[at]] if off.ndim else off)
         return (part.triangle[which] + np.int32(corners.first), covers, part.near[which]), outline
 
-    found = polygons([x, -y, -z], corners.face, among[corners.first :], pane, real)
+    found = polygons(View((x, y, z), (1, -1, -1)), corners.face, among[corners.first :], pane, real)
     return concurrently([partial(enter, part) for part in found])

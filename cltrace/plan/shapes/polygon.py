@@ -75,28 +75,44 @@ class Polygons(NamedTuple):
     far: Reals
 
 
+class View(NamedTuple):
+    """Vertices as seen along three axes. axes: their coordinates (v,) across, up and ahead, each times its sign."""
+
+    axes: tuple[Array, Array, Array]
+    signs: tuple[float, float, float]
+
+    def along(self, which: slice | NDArray[np.intp], real: type[np.floating[Any]] = np.float64) -> Reals:
+        """(3, n): the coordinates of some of the vertices."""
+        some = [axis[which] for axis in self.axes]
+        found = np.empty((3, len(some[0])), real)
+        for axis, sign, out in zip(some, self.signs, found, strict=True):
+            np.multiply(axis, sign, out=out, casting="same_kind")
+        return found
+
+
 def polygons(
-    axes: list[Array], face: NDArray[np.int32], among: Mask, pane: Pane, real: type[np.floating[Any]]
+    view: View, face: NDArray[np.int32], among: Mask, pane: Pane, real: type[np.floating[Any]]
 ) -> list[Polygons]:
     """The triangles that a window may show.
 
-    axes: the coordinates (v,) of the vertices across, up and ahead, from the point; face: (m, 3); among: (m,), which
-    triangles are asked for; real: what to compute in.
+    face: (m, 3); among: (m,), which triangles are asked for; real: what to compute in.
     """
-    points = _Points(*_joined(blockwise(len(axes[0]), lambda block: _on_plane([a[block] for a in axes], pane, real))))
-    if np.bitwise_and.reduce(points.code) & OUTSIDE:
+    box = np.array([[axis.min(initial=np.inf), axis.max(initial=-np.inf)] for axis in view.axes])
+    if not len(face) or _all_beyond(box * np.array(view.signs)[:, None], pane):
         return []
+    parts = blockwise(len(view.axes[0]), lambda block: _on_plane(view.along(block, real), pane))
+    points = _Points(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
     def see(block: slice) -> list[Polygons]:
-        a, b, c = np.ascontiguousarray(face[block].T)
-        codes = [points.code.take(corner) for corner in (a, b, c)]
+        corners = np.ascontiguousarray(face[block].T, np.intp)
+        codes = [points.code.take(corner) for corner in corners]
         wanted = among[block] & ((codes[0] & codes[1] & codes[2] & np.uint8(OUTSIDE)) == 0)
         inside = (codes[0] | codes[1] | codes[2]) < BEYOND
         near, far = (np.flatnonzero(which) for which in (wanted & inside, wanted & ~inside))
-        corners = [a, b, c] if len(near) == len(a) else [corner[near] for corner in (a, b, c)]
-        found = [_direct((block.start + near).astype(np.int32), points, corners, axes, pane)]
+        some = corners if len(near) == corners.shape[1] else corners.take(near, axis=1)
+        found = [_direct((block.start + near).astype(np.int32), points, some, view, pane)]
         if len(far):
-            found += _clipped((block.start + far).astype(np.int32), [corner[far] for corner in (a, b, c)], axes, pane)
+            found += _clipped((block.start + far).astype(np.int32), corners.take(far, axis=1), view, pane)
         return found
 
     return [part for parts in blockwise(len(face), see, BLOCK) for part in parts if len(part.triangle)]
@@ -112,15 +128,14 @@ class _Points(NamedTuple):
     code: NDArray[np.uint8]
 
 
-def _joined(parts: list[_Points]) -> list[NDArray[Any]]:
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
-
-
-def _on_plane(axes: list[Array], pane: Pane, real: type[np.floating[Any]]) -> _Points:
-    x, y, d = (axis.astype(real) for axis in axes)
-    beyond = _all_beyond(x, y, d, pane) if len(x) else 0
+def _on_plane(axes: Reals, pane: Pane) -> _Points:
+    """axes: (3, v), the coordinates of vertices."""
+    x, y, d = axes
+    real = axes.dtype.type
+    beyond = _all_beyond(axes, pane)
     if beyond:
-        return _Points(np.zeros_like(x), np.zeros_like(x), np.zeros_like(x), np.full(len(x), beyond, np.uint8))
+        nothing = np.zeros_like(x)
+        return _Points(nothing, nothing, nothing, np.full(len(x), beyond, np.uint8))
     # `size` is what the doubles may be off by; the other term of `loose`, what is rounded here. A vertex that is
     # beyond a side by more is beyond it. One that is not has |x| <= (|middle| + half) |d| for that side, to which the
     # roundings of x - middle d are relative; of one that is far beyond, they are relative to x itself.
@@ -145,10 +160,10 @@ def _on_plane(axes: list[Array], pane: Pane, real: type[np.floating[Any]]) -> _P
     return _Points(placed[0], placed[1], x * x + y * y + d * d, code)
 
 
-def _all_beyond(x: Reals, y: Reals, d: Reals, pane: Pane) -> int:
-    """The bits of those sides of the window that all vertices (v,) are beyond, as the box around them is; with BEYOND,
-    unless they are none."""
-    code, bounds = 0, [(float(c.min()), float(c.max())) for c in (x, y, d)]
+def _all_beyond(axes: Reals, pane: Pane) -> int:
+    """The bits of those sides of the window that all vertices, (3, v), are beyond, as the box around them is; with
+    BEYOND, unless they are none."""
+    code, bounds = 0, [(float(axis.min()), float(axis.max())) for axis in axes]
     size = max(abs(bound) for pair in bounds for bound in pair)
     for k, (least, most) in enumerate(bounds[:2]):
         middle, half = pane.middle[k], pane.half[k]
@@ -160,10 +175,13 @@ def _all_beyond(x: Reals, y: Reals, d: Reals, pane: Pane) -> int:
 
 
 def _direct(
-    triangle: NDArray[np.int32], points: _Points, corners: list[NDArray[np.int32]], axes: list[Array], pane: Pane
+    triangle: NDArray[np.int32], points: _Points, corners: NDArray[np.intp], view: View, pane: Pane
 ) -> Polygons:
-    """Triangles with all corners within the pyramid."""
-    corner = np.stack([[values.take(which) for which in corners] for values in (points.x, points.y)])
+    """Triangles with all corners within the pyramid. corners: (3, n), their vertices."""
+    corner = np.empty((2, 3, corners.shape[1]), points.x.dtype)
+    for values, out in zip((points.x, points.y), corner, strict=True):
+        for which, each in zip(corners, out, strict=True):
+            values.take(which, out=each, mode="clip")  # other modes need a copy for `out`
     squares = [points.square.take(which) for which in corners]
     least = np.minimum(np.minimum(squares[0], squares[1]), squares[2])
     most = np.maximum(np.maximum(squares[0], squares[1]), squares[2])
@@ -181,7 +199,7 @@ def _direct(
     large = np.flatnonzero(spread > least * real(1 / 16))
     near = near.astype(np.float32)
     if len(large):
-        a, b, c = (np.stack([axis[which[large]] for axis in axes]) for which in corners)
+        a, b, c = (view.along(which[large]) for which in corners)
         near[large] = _nearest(a, b, c, np.stack([a, b, c], axis=1))
     return Polygons(triangle, corner, edges, np.zeros(()), near, most * real(1 + 2.0**-10))
 
@@ -222,16 +240,14 @@ def _size(v: Array) -> Array:
     return np.asarray(np.sqrt((v * v).sum(axis=0)))
 
 
-def _clipped(
-    triangle: NDArray[np.int32], corners: list[NDArray[np.int32]], axes: list[Array], pane: Pane
-) -> list[Polygons]:
+def _clipped(triangle: NDArray[np.int32], corners: NDArray[np.intp], view: View, pane: Pane) -> list[Polygons]:
     """The parts of triangles within the pyramid, in double.
 
     What clipping loses to roundings is within `error` of the pyramid's sides, z away from the window's. So it is out of
     the window, unless z is less than about that. Then the point is almost in the triangle's plane: such triangles are
     entered everywhere.
     """
-    a, b, c = (np.stack([axis[which] for axis in axes]) for which in corners)
+    a, b, c = (view.along(which) for which in corners)
     reach = np.maximum(np.maximum(_size(a), _size(b)), _size(c))
     # Along the skew axes below, the pyramid is |x|, |y| <= z, and coordinates are larger by `grow` at most.
     middle, width = np.array(pane.middle)[:, None, None], GUARD * np.array(pane.half)[:, None, None]
