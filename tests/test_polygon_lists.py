@@ -265,7 +265,7 @@ Make = Callable[[np.random.Generator], Floats]
 
 
 @pytest.mark.parametrize("make", SCENES)
-@pytest.mark.parametrize("spare", [1, cells.SPARE], ids=["levels", "level 0"])
+@pytest.mark.parametrize("price", [0.0, cells.PRICE, 1000.0], ids=["level 0", "few levels", "levels"])
 @pytest.mark.parametrize(
     "window",
     [
@@ -278,9 +278,9 @@ Make = Callable[[np.random.Generator], Floats]
     ids=["usual", "wide angle", "narrow angle", "crop", "one tile"],
 )
 def test_pixels_are_offered_all_that_they_meet(
-    make: Make, spare: int, window: Window, monkeypatch: pytest.MonkeyPatch
+    make: Make, price: float, window: Window, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cells, "SPARE", spare)
+    monkeypatch.setattr(cells, "PRICE", price)
     check_pixels(make(np.random.default_rng(6)), window)
 
 
@@ -344,13 +344,14 @@ def pairs(triangles: Floats, window: Window) -> tuple[int, int]:
 @pytest.mark.parametrize(
     ("make", "most"), [(soup, 1.06), (around, 1.04), (needles, 6.73), (room, 1.03), (tiny, 1.5), (huge, 1.04)]
 )
-def test_tiles_have_few_entries_in_vain(make: Make, most: float) -> None:
-    """The bounds are what was measured and 3 % more."""
+def test_tiles_have_few_entries_in_vain(make: Make, most: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All on the finest level; the bounds are what was measured and 3 % more."""
+    monkeypatch.setattr(cells, "PRICE", 0.0)
     entries, met_in_tiles = pairs(make(np.random.default_rng(8)), window_of(0.6, (160, 120)))
     assert entries <= most * met_in_tiles
 
 
-@pytest.mark.parametrize(("make", "lamp", "sun"), [(soup, 7.33, 3.48), (around, 2.24, 2.68), (room, 7.01, 2.75)])
+@pytest.mark.parametrize(("make", "lamp", "sun"), [(soup, 8.2, 3.48), (around, 2.65, 3.1), (room, 9.06, 2.89)])
 def test_little_else_is_offered_to_shadow_rays(make: Make, lamp: float, sun: float) -> None:
     """For each triangle on a ray's way, so many are in its lists; the bounds are what was measured and 3 % more."""
     triangles = make(np.random.default_rng(9))

@@ -34,6 +34,9 @@ Mask = NDArray[np.bool_]
 SLACK = 2.0**-20
 # So many entries, besides 4 for each sphere, a grid may have. With few spheres even large discs are then on level 0.
 SPARE = 2**18
+# An entry of a triangle in the tiles takes as long to make as 30 looks at it, or more. At this price there are half as
+# many as on level 0, or fewer, and pictures take hardly longer.
+PRICE = 4.0
 # Spheres at a time, mostly in float32. With fewer, threads would wait for Python's lock more than they work.
 BLOCK = 2**17
 
@@ -318,7 +321,8 @@ def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
     A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells. So many are a
     polygon's entries; on level k they are looked at from 4^k times as many cells of level 0. One level down from k,
     there are more entries and fewer looks, and the less is won for each entry, the finer the levels are. So there is a
-    price, in looks, up to which all polygons pay for entries; it is as low as the number of entries allows.
+    price, in looks, up to which all polygons pay for an entry; it is as low as the number of entries allows, but
+    not less than PRICE for tiles, each of which is looked at once.
     """
     wide, high = grid.covers[2:].astype(np.float32)
     area, sides = wide * high, wide + high
@@ -334,7 +338,7 @@ def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
             level += looks <= price * (area[some] * np.float32(3 * 4.0**-k) + sides[some] * np.float32(2.0**-k))
         return level
 
-    some, price = slice(None, None, len(area) // BLOCK + 1), 0.0
+    some, price = slice(None, None, len(area) // BLOCK + 1), PRICE if grid.pixels else 0.0
     while True:
         by = np.ldexp(np.float32(1), -at(price, some))
         entries = (area[some] * by * by + sides[some] * by + 1).mean(dtype=np.float64) * len(area)

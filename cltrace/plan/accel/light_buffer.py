@@ -284,7 +284,7 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     # least, as the kernel looks up no window of one cell. Triangles take longer to enter than to try, and few of them
     # may have many entries: what is best was counted for five meshes of 1,000 to a million.
     some = any(part.corner is not None for part in discs)
-    entries = 1.6 + FINER / max(1, members) if some else 2.25
+    entries = 1.6 + min(FINER / max(1, members), 32) if some else 2.25
     size = float(np.median(np.concatenate([part.sizes() for part in discs])))
     most = max(members, 2 * FINER if some else 2)
     cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
