@@ -62,14 +62,14 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
 
 /* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how far each
  * ray has to look from now on. */
-static __attribute__((noinline)) void decide_all(const Scene scene, const Leaving ray, const REAL scale, Search *search,
+static __attribute__((noinline)) void decide_all(const Scene scene, const Leaving *ray, const REAL scale, Search *search,
                                                  Met *met, Work *work) {
     FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
     const INT left = LOAD_LANES(search->count);
     for (int k = 0; ANY(left > k); k++) {
         const MASK wanted = (left > k) & (LOAD_LANES(search->near[k]) <= reach);
         if (!ANY(wanted)) continue;
-        meet(scene, ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, work);
+        meet(scene, *ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, work);
         reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
     }
     const FLOAT before = LOAD_LANES(search->reach);
@@ -94,15 +94,6 @@ static Walker walker_of(const Search *search, const int lane) {
     return walker;
 }
 
-/* Of numbers none of which is a NaN. fmax() and fmin() are three instructions for what is one here. */
-static float8 larger(const float8 a, const float8 b) {
-    return a > b ? a : b;
-}
-
-static float8 smaller(const float8 a, const float8 b) {
-    return a < b ? a : b;
-}
-
 #ifdef WITH_TREE
 /* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of at least 0,
  * so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there are no more than 9:
@@ -124,7 +115,12 @@ static void fetch_child(const Scene scene, const int child) {
 #ifdef WITH_PATCHES
     if (child < -tree.blocks) {
         __global const uchar *leaf = (__global const uchar *)(scene.patch + (~child - tree.blocks));
-        for (int line = 0; line < (int)sizeof(Patch); line += 64) FETCH(leaf, line);
+        FETCH(leaf, 0);
+        FETCH(leaf, 64);
+        FETCH(leaf, 128);
+        FETCH(leaf, 192);
+        FETCH(leaf, 256);
+        FETCH(leaf, 320);
         return;
     }
 #endif
@@ -165,7 +161,7 @@ static void add_children(const Scene scene, const int number, const Walker *walk
 #endif
 
 /* Looks for what the ray of a lane may meet, in the part of the tree below a child. */
-static void walk_alone(const Scene scene, const Leaving ray, const REAL scale, const int lane, const int from,
+static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, const int lane, const int from,
                        Search *search, Met *met, Work *work) {
     Walker walker = walker_of(search, lane);
 #ifdef WITH_TREE
@@ -197,58 +193,8 @@ static void walk_alone(const Scene scene, const Leaving ray, const REAL scale, c
 #if W > 1 && defined(WITH_TREE)
 /* So few rays of a packet go on one at a time. */
 #define ALONE 5
-
-/* Rays whose directions have the same signs, and bounds of where they go.
- *
- * over, from, to: as in Walker. near, far: of each coordinate of their starts, with what these are off by, the extreme ones,
- * such that the planes of a box are entered later than from `near`, and left earlier than from `far`. least, most: 1 / w, by
- * size. */
-typedef struct {
-    MASK live;
-    Float3 over, from, to;
-    float near[3], far[3], least[3], most[3];
-    int back[3]; /* whether they go against an axis */
-} Bundle;
-
-static float largest_of(const FLOAT x) {
-#if W == 4
-    const float4 four = x;
-#else
-#if W == 16
-    const float8 eight = larger(x.lo, x.hi);
-#else
-    const float8 eight = x;
-#endif
-    const float4 four = eight.lo > eight.hi ? eight.lo : eight.hi;
-#endif
-    const float2 two = four.lo > four.hi ? four.lo : four.hi;
-    return two.x > two.y ? two.x : two.y;
-}
-
-static Bundle bundle_of(const Search *search, const MASK live) {
-    Bundle bundle;
-    bundle.live = live;
-    FLOAT over[3], from[3], to[3];
-    for (int j = 0; j < 3; j++) {
-        const FLOAT o = LOAD_LANES(search->o[j]), pad = FMA((FLOAT)0x1p-22f, fabs(o), (FLOAT)0x1p-50f);
-        over[j] = LOAD_LANES(search->over[j]);
-        const int back = bundle.back[j] = ANY(live & (over[j] < 0));
-        const FLOAT low = o - pad, high = o + pad, size = fabs(over[j]);
-        from[j] = -(back ? low : high) * over[j];
-        to[j] = -(back ? high : low) * over[j];
-        const float highest = largest_of(live ? high : (FLOAT)-INFINITY), lowest = -largest_of(live ? -low : (FLOAT)-INFINITY);
-        const float most = largest_of(live ? size : (FLOAT)0.0f), least = -largest_of(live ? -size : (FLOAT)-INFINITY);
-        bundle.near[j] = back ? lowest : highest;
-        bundle.far[j] = back ? highest : lowest;
-        bundle.least[j] = back ? -least : least;
-        bundle.most[j] = back ? -most : most;
-    }
-    const Float3 all_over = {over[0], over[1], over[2]}, all_from = {from[0], from[1], from[2]}, all_to = {to[0], to[1], to[2]};
-    bundle.over = all_over;
-    bundle.from = all_from;
-    bundle.to = all_to;
-    return bundle;
-}
+/* And so do all whose directions differ by more than this along an axis. */
+#define SPREAD 0.3f
 
 /* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8 times the
  * node plus the child's place. The nearest is on top. */
@@ -256,14 +202,10 @@ static void add_children_for_bundle(const Scene scene, const int number, const B
                                     Stack *stack) {
     __global const Node *node = scene.tree.node + number;
     __global const float8 *planes = &node->low_x;
-    float8 near = 0, far = INFINITY;
-    for (int j = 0; j < 3; j++) {
-        const int back = bundle->back[j];
-        const float8 in = planes[2 * j + back] - bundle->near[j], out = planes[2 * j + 1 - back] - bundle->far[j];
-        near = larger(near, smaller(in * bundle->least[j], in * bundle->most[j]));
-        far = smaller(far, larger(out * bundle->least[j], out * bundle->most[j]));
-    }
-    int bits = BITS_OF((near <= far * (1 + 0x1p-20f)) & (near <= furthest));
+    const int x = bundle->back[0], y = bundle->back[1], z = bundle->back[2];
+    float8 near;
+    int bits = boxes_met(bundle, planes[x], planes[1 - x], planes[2 + y], planes[3 - y], planes[4 + z], planes[5 - z], furthest,
+                         &near);
     if (!bits) return;
     int enter[8];
     vstore8(as_int8(near), 0, enter);
@@ -294,10 +236,14 @@ static MASK entering(const Scene scene, const Bundle *bundle, const int number, 
 }
 
 /* Looks for what these rays may meet. Their directions have the same signs. */
-static void walk_together(const Scene scene, const Leaving ray, const REAL scale, const MASK live, Search *search, Met *met,
+static void walk_together(const Scene scene, const Leaving *ray, const REAL scale, const MASK live, Search *search, Met *met,
                           Work *work) {
     Bundle bundle;
-    if (popcount(lane_bits(live)) > ALONE) bundle = bundle_of(search, live);
+    int alone = W;
+    if (popcount(lane_bits(live)) > ALONE) {
+        bundle = bundle_of(search, live);
+        if (bundle.spread < SPREAD) alone = ALONE;
+    }
     float furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
     Stack stack;
     stack.top = 0;
@@ -305,17 +251,17 @@ static void walk_together(const Scene scene, const Leaving ray, const REAL scale
     MASK here = live;
     for (;;) {
         int bits = lane_bits(here);
-        if (child >= 0 && popcount(bits) > ALONE) {
+        if (child >= 0 && popcount(bits) > alone) {
             add_children_for_bundle(scene, child, &bundle, furthest, &stack);
         } else {
-            if (popcount(bits) > ALONE) {
+            if (popcount(bits) > alone) {
                 int room = 1;
                 for (int left = bits; left; left &= left - 1) {
                     const int lane = lowest_of(left);
                     room &= make_room(search, lane, search->reach[lane]);
                 }
                 if (!room) decide_all(scene, ray, scale, search, met, work);
-                add_leaf_for_packet(scene, ~child, here, search);
+                add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search);
             } else {
                 for (; bits; bits &= bits - 1) walk_alone(scene, ray, scale, lowest_of(bits), child, search, met, work);
             }
@@ -368,7 +314,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
         const MASK like = (AS(int, wx) ^ as_int(search.w[0][lane])) | (AS(int, wy) ^ as_int(search.w[1][lane])) |
                           (AS(int, wz) ^ as_int(search.w[2][lane]));
         const MASK group = left & (like >= 0);
-        walk_together(scene, ray, scale, group, &search, &met, work);
+        walk_together(scene, &ray, scale, group, &search, &met, work);
         left &= ~group;
     }
 #else
@@ -382,9 +328,9 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     int wanted[W];
     STORE_LANES(live, wanted);
     for (int lane = 0; lane < W; lane++)
-        if (wanted[lane]) walk_alone(scene, ray, scale, lane, from, &search, &met, work);
+        if (wanted[lane]) walk_alone(scene, &ray, scale, lane, from, &search, &met, work);
 #endif
-    decide_all(scene, ray, scale, &search, &met, work);
+    decide_all(scene, &ray, scale, &search, &met, work);
     return met;
 }
 #endif
