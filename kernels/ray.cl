@@ -27,9 +27,11 @@ typedef struct {
     REAL r, reach; /* its radius, and how far it is from there at most */
     Real3 p, w;    /* from that centre to P; the direction */
     REAL w1;       /* |w.x| + |w.y| + |w.z| */
+#ifdef WITH_SHAPES
+    Real3 q; /* of an ellipsoid: see shapes/ellipsoid.cl; of a triangle: the point's u, v and corner, see leave_triangle() */
+#endif
 #ifdef WITH_ELLIPSOIDS
     INT map; /* of the own surface */
-    Real3 q; /* see the ellipsoid below */
 #endif
 } Leaving;
 
@@ -47,19 +49,22 @@ static REAL size_of(const Real3 v) {
 typedef struct {
     REAL a, over_a; /* d.d, 1 / d.d */
     Real3 d;
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     Leaving leaving; /* the same, as a ray that leaves a point */
 #endif
 } Ray;
 
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
 /* A ray from the eye, as one that leaves a point. */
 static Leaving leaving_eye(const Frame frame, const Spheres spheres, const Real3 d) {
     Leaving ray = {-1, 0, {1, 0, 0}, d, {spheres.eye.x, spheres.eye.y, spheres.eye.z}, 0, 0, {0, 0, 0}};
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
+    const Real3 none = {0, 0, 0};
+    ray.q = none;
+#ifdef WITH_ELLIPSOIDS
     ray.map = 0;
-    ray.q = ray.n;
+#endif
     return ray;
 }
 #endif

@@ -18,14 +18,6 @@ typedef struct {
 #define REACH_SLACK (1.0f + 0x1p-8f)
 #endif
 
-/* The place in the scene file of each lane's sphere; -1 for none. */
-static INT ids_of(const Scene scene, const INT index) {
-    int each[W];
-    STORE_LANES(index, each);
-    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.id_of[each[lane]];
-    return LOAD_LANES(each);
-}
-
 /* Where t is so close to the nearest one so far that they are to be compared exactly. */
 static REAL_MASK too_close(const REAL t, const REAL best) {
 #if REAL_BYTES == 8
@@ -37,6 +29,7 @@ static REAL_MASK too_close(const REAL t, const REAL best) {
 #endif
 }
 
+#ifndef ONLY_TRIANGLES
 /* Which lanes' rays meet a sphere, at `at`, before what they have hit so far. Of equally near ones, the sphere that comes
  * first in the scene file is hit. */
 static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, const int index, const Meeting at,
@@ -46,21 +39,57 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
     const REAL_MASK close = too_close(t, hit.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
     REAL_MASK first = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
+    const INT rival = SPHERE_OR_NONE(scene.spheres, hit.id);
 #if REAL_BYTES == 8
 #ifdef WITH_ELLIPSOIDS
-    const Ball ball = balls_of(scene.spheres, (INT)index), other = balls_of(scene.spheres, hit.id);
+    const Ball ball = balls_of(scene.spheres, (INT)index), other = balls_of(scene.spheres, rival);
     const REAL_MASK stretched = close & TO_REAL_MASK((ball.map != 0) | (other.map != 0));
-    const REAL_MASK mixed = comes_first_from(scene.spheres, ray.leaving, ball, index, other, hit.id, first);
-    const REAL_MASK round = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close & !stretched);
+    const REAL_MASK mixed = comes_first_from(scene.spheres, ray.leaving, ball, index, other, rival, first);
+    const REAL_MASK round = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, rival), first, close & !stretched);
     first = stretched ? mixed : round;
 #else
-    first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, hit.id), first, close);
+    first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, rival), first, close);
 #endif
+#endif
+#ifdef WITH_TRIANGLES
+    const REAL_MASK face = TO_REAL_MASK(hit.id >= scene.spheres.first);
+    if (ANY(TO_MASK(close & face))) first = face ? comes_first_of(scene, ray.leaving, (INT)index, hit.id) : first;
 #endif
     return close ? first : nearer;
 }
+#endif
 
-/* The nearest sphere along the ray; of equally near ones, that with the lowest id.
+#ifdef WITH_TRIANGLES
+/* Takes a triangle into account. x, y: where the rays cross the image plane, in float. */
+static void meet_triangle(const Scene scene, const Ray ray, const FLOAT x, const FLOAT y, const int index, Hit *hit,
+                          Work *work) {
+    const int number = index - scene.spheres.first;
+    REAL_MASK wanted = TO_REAL_MASK(ALL_LANES), inside = 0;
+#ifdef WITH_FILTER
+    const Sides sides = sides_of(x, y, (FLOAT)-1, scene.facet + 3 * (long)number);
+    const MASK open = sides.least >= -1.0f;
+    if (!ANY(open)) {
+        COUNT(FILTERED, ALL_LANES);
+        return;
+    }
+    wanted = TO_REAL_MASK(open);
+#if REAL_BYTES == 4
+    wanted = inside = sides.within;
+#else
+    inside = TO_REAL_MASK(sides.least > 1.0f);
+#endif
+#endif
+    COUNT(DECIDED, TO_MASK(wanted));
+    const REAL t = triangle_meet(scene.spheres, ray.leaving, triangle_at(scene.spheres, number), (INT)number, wanted, inside);
+    const REAL_MASK close = too_close(t, hit->t);
+    REAL_MASK nearer = t < hit->t;
+    if (RARELY(ANY(TO_MASK(close)))) nearer = close ? comes_first_of(scene, ray.leaving, (INT)index, hit->id) : nearer;
+    PUT_WHERE(nearer, hit->t, t);
+    PUT_WHERE(TO_MASK(nearer), hit->id, (INT)index);
+}
+#endif
+
+/* The nearest surface along the ray; of equally near ones, that which comes first in the scene file.
  * tile: the packet's place in the picture, in units of TILE x TILE pixels.
  */
 static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
@@ -81,6 +110,16 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const int2 entry = scene.lists.entry[k];
             if (as_float(entry.y) > reach) break;
             const int index = entry.x;
+#ifdef WITH_TRIANGLES
+            if (index >= scene.spheres.first) {
+                meet_triangle(scene, ray, dx, dy, index, &hit, work);
+                found = 1;
+                const FLOAT far = TO_FLOAT(hit.t * scene.unit);
+                reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+                continue;
+            }
+#endif
+#ifndef ONLY_TRIANGLES
 #ifdef WITH_FILTER
             const float4 s = scene.eye_filter[index];
             const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
@@ -118,6 +157,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 #endif
             const FLOAT far = TO_FLOAT(hit.t * scene.unit);
             reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+#endif
         }
     }
     return hit;

@@ -110,6 +110,7 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const Place place, con
  * of V, and the sum of squares is off by 3 e of itself: both together are less than what r' has more than r,
  * r' = r + 8 e (|U| + |V| + r) + 2^-60 [DISC_ROUNDINGS = 8]. See disc_filter in cltrace/plan/shapes/sphere.py.
  */
+#ifndef ONLY_TRIANGLES
 static int filter_leaves(const Scene scene, const ShadowRay ray, const Place place, const int index, const MASK may) {
 #ifdef WITH_FILTER
     const float4 s = scene.light_filter[(long)ray.number * scene.count + index];
@@ -120,6 +121,37 @@ static int filter_leaves(const Scene scene, const ShadowRay ray, const Place pla
     return 1;
 #endif
 }
+
+#endif
+
+#ifdef WITH_TRIANGLES
+/* The lanes of `may` in which a triangle stands between P and the light. */
+static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place place, const Start start, const int number,
+                           const MASK may, Work *work) {
+    MASK wanted = may;
+    REAL_MASK inside = 0;
+#ifdef WITH_FILTER
+    if (!place.touches) {
+        __global const float4 *facet = scene.light_facet + 3 * ((long)ray.number * scene.triangles + number);
+        const Sides sides = ray.at_point ? sides_of(ray.w32.x, ray.w32.y, ray.w32.z, facet)
+                                         : sides_of(place.u, place.v, (FLOAT)1, facet);
+        const FLOAT bound = ray.at_point ? sqrt(ray.a) : (FLOAT)1;
+        wanted = may & (sides.least >= -bound);
+#if REAL_BYTES == 4
+        wanted = may & sides.within;
+        inside = wanted;
+#else
+        inside = TO_REAL_MASK(sides.least > bound);
+#endif
+    }
+#endif
+    COUNT(FILTERED, may & !wanted);
+    if (!ANY(wanted)) return 0;
+    COUNT(DECIDED, wanted);
+    return TO_MASK(stands_before(scene.spheres, scene.lamp[ray.number], ray.at_point, start, triangle_at(scene.spheres, number),
+                                 number, TO_REAL_MASK(wanted), inside));
+}
+#endif
 
 /* The lanes of `lit` that stay lit after the list of one cell, which the rays of the lanes `in` go through. The list
  * is in depth order, by the spheres' points nearest to the light. A sphere no point of which is nearer to the light
@@ -133,6 +165,14 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
         const int index = entry.x;
         MASK may = in & lit & (place.depth > as_float(entry.y));
         if (!ANY(may)) break;
+#ifdef WITH_TRIANGLES
+        if (index >= scene.spheres.first) {
+            may = may & (own != index);
+            lit = lit & !triangle_stops(scene, ray, place, start, index - scene.spheres.first, may, work);
+            continue;
+        }
+#endif
+#ifndef ONLY_TRIANGLES
 #ifndef WITH_INSIDE
         may = may & (own != index);
 #endif
@@ -155,6 +195,7 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
         stops = (self & (start.side < 0) & ((REAL)side > 0)) | (!self & stops);
 #endif
         lit = lit & !(may & TO_MASK(stops));
+#endif
     }
     return lit;
 }

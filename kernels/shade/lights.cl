@@ -8,8 +8,8 @@ typedef struct {
 #endif
     Real3 normal;   /* outward unit normal of the sphere, in camera space */
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
-#ifdef WITH_ELLIPSOIDS
-    Real3 q;     /* see Spot */
+#ifdef WITH_SHAPES
+    Real3 q;     /* see Spot and leave_triangle() */
     REAL spread; /* see lift() */
 #endif
 #ifdef WITH_UV
@@ -53,7 +53,7 @@ static Direction direction_to(const Light light, const int kind, const Intersect
         direction.w = towards(at.start, to);
         /* n.(L - P) by way of the centre, as n.p = r exactly, or of an ellipsoid n.p = support. */
         const Real3 h = {to.x - C.x, to.y - C.y, to.z - C.z};
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
         direction.cosine = DOT(n, h) - at.start.support;
 #else
         direction.cosine = DOT(n, h) - at.start.own.r;

@@ -44,13 +44,13 @@ typedef struct {
     Real3 n, d;
     REAL weight;
     int depth;
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     Real3 q;
 #endif
 } Branch;
 
 /* What stands for the point where a ray leaves a surface, and how much lift() has to do there. */
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
 #define EXACT_POINT(at) (at).q
 #define SPREAD(at) (at).spread
 #else
@@ -183,14 +183,14 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
 #ifdef WITH_SPLITS
         if (ANY(sends & mirrors)) {
             Branch other = {sends & mirrors, own, !bounce.inside, at.normal, bounce.refracted, bounce.sends, rays.depth + 1};
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
             other.q = at.q;
 #endif
             stack[height++] = other;
         }
 #endif
 #endif
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
         next.q = at.q;
 #endif
         rays = next;

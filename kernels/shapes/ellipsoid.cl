@@ -56,13 +56,6 @@ static Pair3 mapped_pairs(const Matrix m, const Matrix rest, const Pair3 v) {
     const Pair3 w = {dot_matrix(m.x, rest.x, v), dot_matrix(m.y, rest.y, v), dot_matrix(m.z, rest.z, v)};
     return w;
 }
-
-static Pair3 choose_pairs(const REAL_MASK first, const Pair3 a, const Pair3 b) {
-    const Pair3 c = {{first ? a.x.hi : b.x.hi, first ? a.x.lo : b.x.lo},
-                     {first ? a.y.hi : b.y.hi, first ? a.y.lo : b.y.lo},
-                     {first ? a.z.hi : b.z.hi, first ? a.z.lo : b.z.lo}};
-    return c;
-}
 #endif
 
 /* What sphere_stops() tells of a sphere. The ellipsoid is decided in its own axes, where it is one. */

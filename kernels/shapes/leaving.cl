@@ -17,6 +17,13 @@ typedef struct {
 #endif
 } Ball;
 
+/* The own surface where it is a sphere, else -1. */
+#ifdef WITH_TRIANGLES
+#define SPHERE_OR_NONE(spheres, index) ((index) < (spheres).first ? (index) : (INT)-1)
+#else
+#define SPHERE_OR_NONE(spheres, index) (index)
+#endif
+
 /* Each lane's sphere. Lanes with a negative index get any one. */
 static Ball balls_of(const Spheres spheres, const INT index) {
     int each[W];
@@ -40,7 +47,7 @@ static Ball balls_of(const Spheres spheres, const INT index) {
 #ifdef WITH_BOUNCES
 static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, const REAL_MASK inner, const Real3 n,
                        const Real3 q, const Real3 d) {
-    const Ball ball = balls_of(spheres, own);
+    const Ball ball = balls_of(spheres, SPHERE_OR_NONE(spheres, own));
     const Real3 m = turned_to_world(frame, n);
     Leaving ray = {own, inner, n, d, ball.center, ball.r, ball.r};
     ray.p.x = m.x * ball.r;
@@ -48,11 +55,16 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
     ray.p.z = m.z * ball.r;
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
+#ifdef WITH_SHAPES
+    ray.q = q;
+#endif
 #ifdef WITH_ELLIPSOIDS
     ray.map = ball.map;
-    ray.q = q;
-    if (ANY(ball.map != 0)) {
-        const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
+#ifdef WITH_TRIANGLES
+    ray.map = own < spheres.first ? ray.map : (INT)0;
+#endif
+    if (ANY(ray.map != 0)) {
+        const REAL_MASK stretched = TO_REAL_MASK(ray.map != 0);
         const Matrix L = matrices_of(spheres, ball.map, 3);
         const Real3 step = mapped(L, q);
         PUT_WHERE(stretched, ray.p.x, step.x * ball.r);
@@ -60,6 +72,9 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
         PUT_WHERE(stretched, ray.p.z, step.z * ball.r);
         PUT_WHERE(stretched, ray.reach, ball.r * L.size);
     }
+#endif
+#ifdef WITH_TRIANGLES
+    if (ANY(own >= spheres.first)) leave_triangle(spheres, &ray);
 #endif
     return ray;
 }
@@ -116,14 +131,10 @@ typedef struct {
     REAL a_error, b_error, c_error, D_error;
 } Finer;
 
-/* With u = 2^-53, and s, f1 and w1 as in view_of(): m = B^T n is off by 18 u^2, and 1 / |m|, of one Newton step from
- * double, by 20 u^2, so P is off by 60 u^2 r and f by 2^-99 s, w by 18 u^2 w1. So b and each coordinate of X are off by
- * less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1, both
- * of them sizes of which s, f1 and w1 have as factors, add 30 u^2 to each of these shares, for which there is room; and
- * w.w is off by more than a share of itself, as in view_of(). */
-static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const Leaving ray, const Ball ball) {
-    const View view = view_of(spheres, ray, ball);
-    Pair3 m = pairs_in_world(spheres, ray.n), w = pairs_in_world(spheres, ray.d);
+/* From the ray's centre to P, in pairs. With u = 2^-53, m = B^T n is off by 18 u^2, and 1 / |m|, of one Newton step from
+ * double, by 20 u^2, so P is off by 60 u^2 r. */
+static Pair3 fine_start(const Spheres spheres, const Leaving ray) {
+    Pair3 m = pairs_in_world(spheres, ray.n);
     Pair mm = dot_pairs(m, m);
 #ifdef WITH_ELLIPSOIDS
     if (ANY(ray.map != 0)) {
@@ -138,9 +149,25 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
     const REAL guess = 1 / sqrt(mm.hi);
     const Pair rest = minus(pair(1, 0), times(mm, two_product(guess, guess)));
     const Pair r = times(pair(ray.r, 0), two_sum(guess, (REAL)0.5 * guess * (rest.hi + rest.lo)));
-    Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), times(m.x, r)),
-               minus(two_sum(ball.center.y, -ray.center.y), times(m.y, r)),
-               minus(two_sum(ball.center.z, -ray.center.z), times(m.z, r))};
+    Pair3 step = {times(m.x, r), times(m.y, r), times(m.z, r)};
+#ifdef WITH_TRIANGLES
+    if (ANY(ray.own >= spheres.first))
+        step = choose_pairs(TO_REAL_MASK(ray.own >= spheres.first), fine_step(spheres, ray.own - spheres.first, ray.q), step);
+#endif
+    return step;
+}
+
+/* With s, f1 and w1 as in view_of(), f is off by 2^-99 s and w by 18 u^2 w1. So b and each coordinate of X are off by less
+ * than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1, both of
+ * them sizes of which s, f1 and w1 have as factors, add 30 u^2 to each of these shares, for which there is room; and w.w
+ * is off by more than a share of itself, as in view_of(). */
+static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const Leaving ray, const Ball ball) {
+    const View view = view_of(spheres, ray, ball);
+    Pair3 w = pairs_in_world(spheres, ray.d);
+    const Pair3 step = fine_start(spheres, ray);
+    Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), step.x),
+               minus(two_sum(ball.center.y, -ray.center.y), step.y),
+               minus(two_sum(ball.center.z, -ray.center.z), step.z)};
 #ifdef WITH_ELLIPSOIDS
     if (ANY(ball.map != 0)) {
         const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
@@ -271,6 +298,9 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
     MASK touching = (index >= 0) & (ray.own >= 0) & TO_MASK(!own & (fabs(e.c.hi) <= e.c_error));
 #ifdef WITH_ELLIPSOIDS
     touching = touching & (ray.map == 0) & (ball.map == 0);
+#endif
+#ifdef WITH_TRIANGLES
+    touching = touching & (ray.own < spheres.first);
 #endif
     if (ANY(touching)) decide_power(spheres, ray, index, touching, &e);
     const REAL_MASK on = own | (fabs(e.c.hi) <= e.c_error), out = !on & (e.c.hi > 0);

@@ -94,6 +94,15 @@ static Pair3 cross_pairs(const Pair3 u, const Pair3 v) {
     return cross;
 }
 
+#ifdef WITH_SHAPES
+static Pair3 choose_pairs(const REAL_MASK first, const Pair3 a, const Pair3 b) {
+    const Pair3 c = {{first ? a.x.hi : b.x.hi, first ? a.x.lo : b.x.lo},
+                     {first ? a.y.hi : b.y.hi, first ? a.y.lo : b.y.lo},
+                     {first ? a.z.hi : b.z.hi, first ? a.z.lo : b.z.lo}};
+    return c;
+}
+#endif
+
 /* Of numbers of which two are no pairs. */
 static Pair dot_axis(const real4 axis, const Pair3 v) {
     const Pair x = pair(axis.x, 0), y = pair(axis.y, 0), z = pair(axis.z, 0);
@@ -510,9 +519,15 @@ typedef struct {
     Sphere own;
     Real3 p;   /* from the own sphere's centre to P */
     REAL side; /* 1, or -1 where the ray that found P came from inside */
-#ifdef WITH_ELLIPSOIDS
-    REAL_MASK stretched; /* whether it is an ellipsoid; then p is not r long */
-    REAL support;        /* how far the plane that touches it at P is from its centre */
+#ifdef WITH_SHAPES
+    REAL_MASK stretched; /* whether it is an ellipsoid or a triangle; then p is not r long */
+    REAL support;        /* n.p, with n the normal: how far the plane across n through P is from the centre */
+#endif
+#ifdef WITH_TRIANGLES
+    INT index;          /* of the own surface, and as in Leaving: */
+    Real3 q;            /* of a sphere the normal */
+    Real3 anchor, step; /* its centre or corner in the world, and from there to P */
+    REAL reach;
 #endif
 #if REAL_BYTES == 4
     Real3 from_eye;      /* P itself, in camera space */
@@ -523,7 +538,7 @@ typedef struct {
 /* side: as in Start; point: P itself, in camera space. */
 static Start start_of(const Sphere own, const Real3 normal, const REAL side, const Real3 point) {
     Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, side};
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     P.stretched = 0;
     P.support = own.r;
 #endif
@@ -566,7 +581,7 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
     const REAL ff = DOT(f, f), rr = B.r * B.r;
     const REAL shift = DOT(D, g), step = (P.own.r - B.r) * (P.own.r + B.r);
     const REAL size = (shift < 0 ? -shift : shift) + (step < 0 ? -step : step);
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     const REAL c = ((size < ff + rr) & !P.stretched) ? shift + step : ff - rr;
 #else
     const REAL c = size < ff + rr ? shift + step : ff - rr;

@@ -1,0 +1,213 @@
+/* dispatch.cl: rays that meet triangles, or surfaces of whatever kind.
+ */
+/* The number in the scene file of each lane's surface; -1 for none. */
+static INT ids_of(const Scene scene, const INT index) {
+    int each[W];
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.id_of[each[lane]];
+    return LOAD_LANES(each);
+}
+
+#ifdef WITH_TRIANGLES
+/* The number of each lane's triangle in its mesh; -1 for none. */
+static INT primitives_of(const Scene scene, const INT index) {
+    int each[W];
+    STORE_LANES(index, each);
+    for (int lane = 0; lane < W; lane++)
+        each[lane] = each[lane] < scene.spheres.first ? -1 : scene.number_of[each[lane] - scene.spheres.first];
+    return LOAD_LANES(each);
+}
+#endif
+
+#ifdef WITH_TRIANGLES
+#if REAL_BYTES == 8
+static FinePath fine_path(const Spheres spheres, const Leaving ray) {
+    const INT own = ray.own - (ray.own >= spheres.first ? (INT)spheres.first : (INT)0);
+    const FinePath path = {ray.center, fine_start(spheres, ray), pairs_in_world(spheres, ray.d), ray.reach, ray.w1,
+                           TO_REAL_MASK((ray.own < 0) | (ray.own >= spheres.first)), ray.d, ray.q, own};
+    return path;
+}
+
+/* Lanes whose t is not right to 2^-24 of itself by double, and such in which it is unsure whether they meet at all. */
+static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres spheres, const Leaving ray, const INT number,
+                                                              const REAL_MASK wanted) {
+    return fine_triangle(spheres, fine_path(spheres, ray), number, wanted);
+}
+#endif
+
+/* t at which each of the lanes of `wanted` meets its triangle, INFINITY if it does not. T: the triangles, of which `number`
+ * are the numbers; inside: lanes of which it is known that all three volumes have the sign of D. */
+static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triangle T, const INT number,
+                          const REAL_MASK wanted, const REAL_MASK inside) {
+    const Volumes v = volumes_of(path_of(ray), T);
+    const REAL D = v.D, t = D / v.den;
+    const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
+#if REAL_BYTES == 8
+    const REAL_MASK split = (least < -v.E_error) & (most > v.E_error);
+    const REAL_MASK before = (D > v.D_error) & (least < -v.E_error), behind = (D < -v.D_error) & (most > v.E_error);
+    const REAL_MASK misses = !inside & (split | before | behind);
+    const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error) & (fabs(v.den) > 0x1p26 * v.den_error);
+    const REAL_MASK meets = inside | ((D > 0) & (least > v.E_error)) | ((D < 0) & (most < -v.E_error));
+    const REAL_MASK unsure = wanted & !misses & !(meets & sure_t);
+    REAL at = (wanted & meets & sure_t) ? t : (REAL)INFINITY;
+    if (RARELY(ANY(TO_MASK(unsure)))) {
+        const FineTriangle fine = fine_meeting_of(spheres, ray, number, unsure);
+        at = (unsure & fine.hit) ? fine.t.hi : at;
+    }
+    return at;
+#else
+    const REAL_MASK hit = inside | ((D > 0) & (least > 0)) | ((D < 0) & (most < 0));
+    return (wanted & hit & (t > 0)) ? t : (REAL)INFINITY;
+#endif
+}
+
+/* Where the lanes of `wanted` meet the triangle that each of them names by its index. */
+static Encounter triangle_meet_from(const Scene scene, const Leaving ray, const INT index, const REAL_MASK wanted) {
+    const INT number = index - scene.spheres.first;
+    const REAL_MASK other = wanted & TO_REAL_MASK(index != ray.own);
+    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0), 0};
+    return at;
+}
+
+#if REAL_BYTES == 8
+/* t of rays that meet what they name, in pairs, and a bound of what it is off by. */
+static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Leaving ray, const INT index) {
+    const REAL_MASK face = TO_REAL_MASK(index >= spheres.first);
+    const FineTriangle a = fine_triangle(spheres, fine_path(spheres, ray), (INT)(index - spheres.first), face);
+    FineT t = {a.t, a.error};
+#ifndef ONLY_TRIANGLES
+    const INT sphere = SPHERE_OR_NONE(spheres, index);
+    if (ANY(sphere >= 0)) {
+        const FineEncounter b = fine_encounter(spheres, ray, balls_of(spheres, sphere), sphere);
+        t.t = choose_pair(face, a.t, b.t);
+        t.error = face ? a.error : b.error;
+    }
+#endif
+    return t;
+}
+#endif
+
+/* Which of the lanes' rays, which meet both surfaces, meet A before B; where they are met at once, the one that comes first
+ * in the scene file. */
+static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A, const INT B) {
+    const INT a = ids_of(scene, A), b = ids_of(scene, B);
+    const REAL_MASK tie = TO_REAL_MASK((a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B))));
+#if REAL_BYTES == 8
+    const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
+    const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
+    return (gap < -error) | (!(gap > error) & tie);
+#else
+    return tie;
+#endif
+}
+
+/* A point of each lane's triangle. */
+typedef struct {
+    REAL a, b, c;    /* the weights of the corners */
+    Real3 q;         /* u, v and the corner, as in leave_triangle() */
+    REAL facing;     /* the sign of N.w: > 0 where the ray comes from the side to which N does not point */
+    Triangle T;
+} FacePoint;
+
+/* The corner of the largest weight is the one that the point is counted from. So a point of an edge has the weight 0 exactly,
+ * and no weight falls below 0. */
+static FacePoint face_point(const Spheres spheres, const Leaving ray, const INT number) {
+    FacePoint at;
+    at.T = triangles_of(spheres, number);
+    const Volumes v = volumes_of(path_of(ray), at.T);
+    const REAL b = v.EB / v.den, c = v.EC / v.den;
+    at.b = b > 0 ? b : (REAL)0;
+    at.c = c > 0 ? c : (REAL)0;
+    const REAL a = (1 - at.b) - at.c;
+    at.a = a > 0 ? a : (REAL)0;
+    const REAL_MASK first = (at.a >= at.b) & (at.a >= at.c), second = !first & (at.b >= at.c);
+    at.q.x = first ? at.b : second ? at.c : at.a;
+    at.q.y = first ? at.c : second ? at.a : at.b;
+    at.q.z = first ? (REAL)0 : second ? (REAL)1 : (REAL)2;
+    const REAL rest = (1 - at.q.x) - at.q.y;
+    at.a = first ? rest : at.a;
+    at.b = second ? rest : at.b;
+    at.c = (first | second) ? at.c : rest;
+    at.facing = v.den;
+    return at;
+}
+
+#if REAL_BYTES == 8
+/* As stands_before(), in pairs. */
+static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
+                                                         const Start P, const INT number, const REAL_MASK wanted) {
+    const Real3 none = {0, 0, 0};
+    Leaving point = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0};
+    point.q = P.q;
+#ifdef WITH_ELLIPSOIDS
+    point.map = SPHERE_OR_NONE(spheres, P.index) < 0 ? (INT)0 : balls_of(spheres, SPHERE_OR_NONE(spheres, P.index)).map;
+#endif
+    const Pair3 step = fine_start(spheres, point);
+    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)}, along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
+    FinePath path = {P.anchor, step, along, P.reach, size_of(to), 0, none, none, P.index};
+    if (at_point) {
+        const Pair3 way = pairs_between(to, P.anchor);
+        path.anchor = to;
+        path.step = still;
+        path.w.x = plus(way.x, step.x);
+        path.w.y = plus(way.y, step.y);
+        path.w.z = plus(way.z, step.z);
+        path.reach = 0;
+        path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+    }
+    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
+    if (!at_point) return fine.hit;
+    const Real3 a = corners_of(spheres, number, 0);
+    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)), e2 = pairs_between(a, corners_of(spheres, number, 2));
+    const Pair3 near = pairs_between(a, P.anchor);
+    const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
+    const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
+    const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
+    const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    return fine.hit & (fine.side * sign_from(side.hi, 0x1p-97 * size * gh) > 0);
+}
+#endif
+
+/* Whether a triangle stands between a point P and a light, which is at a point, or in the direction `lamp`. inside: as in
+ * triangle_meet().
+ *
+ * Of a light at a point, the ray leads from there to P; it meets the triangle before P if P is beyond the triangle's plane,
+ * which is the sign of N.(P - A). What P - A is off by is below 2^-48 of the sum of the magnitudes that it is made from. */
+static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const int at_point, const Start P, const Triangle T,
+                               const int number, const REAL_MASK wanted, const REAL_MASK inside) {
+    const Real3 to = {lamp.x, lamp.y, lamp.z}, none = {0, 0, 0};
+    Path path = {P.anchor, P.step, to, P.reach, size_of(to)};
+    if (at_point) {
+        const Real3 way = difference(P.anchor, to);
+        path.anchor = to;
+        path.step = none;
+        path.w.x = way.x + P.step.x;
+        path.w.y = way.y + P.step.y;
+        path.w.z = way.z + P.step.z;
+        path.reach = 0;
+        path.w1 = size_of(way) + P.reach;
+    }
+    const Volumes v = volumes_of(path, T);
+    const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
+    const Real3 near = difference(P.anchor, T.a);
+    const Real3 beyond = {near.x + P.step.x, near.y + P.step.y, near.z + P.step.z};
+    const REAL side = at_point ? DOT(T.N, beyond) : v.D;
+#if REAL_BYTES == 8
+    const REAL side_error = 0x1p-46 * (size_of(near) + P.reach) * (T.g * T.h);
+    const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
+    const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
+    const REAL_MASK passes = !inside & ((front & (least < -v.E_error)) | (back & (most > v.E_error)));
+    const REAL_MASK ends = at_point & ((front & (side < -side_error)) | (back & (side > side_error)));
+    const REAL_MASK meets = (front & (inside | (least > v.E_error)) & (!at_point | (side > side_error))) |
+                            (back & (inside | (most < -v.E_error)) & (!at_point | (side < -side_error)));
+    const REAL_MASK unsure = wanted & !(split | passes | ends | meets);
+    REAL_MASK stops = wanted & meets;
+    if (RARELY(ANY(TO_MASK(unsure)))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
+    return stops;
+#else
+    const REAL_MASK front = v.D > 0, back = v.D < 0;
+    return wanted & ((front & (inside | (least > 0)) & (!at_point | (side > 0))) |
+                     (back & (inside | (most < 0)) & (!at_point | (side < 0))));
+#endif
+}
+#endif
