@@ -73,6 +73,13 @@ STRUCTS = {
         Field("camera_y", "real4", ""),
         Field("camera_z", "real4", ""),
     ),
+    "Mesh": (
+        Field("normal_x", "real4", "xyz of these three: the rows of what takes normals of the object to the world"),
+        Field("normal_y", "real4", ""),
+        Field("normal_z", "real4", ""),
+        Field("normals", "int4", "x: where its triangles begin in normal_face, -1: they have no normals"),
+        Field("uvs", "int4", "x: the same of uv_face"),
+    ),
     "Node": (
         Field(
             "low_x",
@@ -109,7 +116,7 @@ STRUCTS = {
     ),
 }
 # The flag without which the kernel has no such struct; none for the others.
-STRUCT_NEEDS = {"Patch": "WITH_PATCHES"}
+STRUCT_NEEDS = {"Mesh": "WITH_TRIANGLES", "Patch": "WITH_PATCHES"}
 
 
 @dataclass(frozen=True)
@@ -279,6 +286,21 @@ ARGUMENTS = (
     ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
+    *_buffers(
+        "Spheres",
+        ("face", "int4", "TEMP"),
+        needs="WITH_TRIANGLES",
+    ),
+    *_buffers(
+        "Scene",
+        ("number_of", "int", "TEMP"),
+        ("mesh", "Mesh", "what the triangles of a mesh have in common"),
+        ("normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
+        ("normal_face", "int4", "xyz: which normals a triangle's corners have, in the order of its mesh; -1: none"),
+        ("uv", "real2", "texture coordinates of corners"),
+        ("uv_face", "int4", "xyz: which of these a triangle's corners have, likewise"),
+        needs="WITH_TRIANGLES",
+    ),
     *_values(
         "Scene",
         ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),

@@ -36,6 +36,7 @@ SOURCES = (
     "shade/phong.cl",
     "shade/lights.cl",
     "shade/texture.cl",
+    "shapes/attributes.cl",
     "shade/bounce.cl",
     "output.cl",
     "shade/tree_of_rays.cl",
