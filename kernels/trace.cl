@@ -4,15 +4,33 @@
  * arguments: a struct around them all is copied by compilers where the parts are not.
  */
 
+#ifdef WITH_TRIANGLES
+/* The index of the material of each lane's surface, -1 for none. */
+static INT materials_of(const Scene scene, const INT id) {
+    int each[W];
+    STORE_LANES(id, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.material_of[each[lane]];
+    return LOAD_LANES(each);
+}
+#endif
+
 /* Material of each lane's hit. Lanes without a hit keep harmless values. */
 static Intersection material_at(const Scene scene, const INT id) {
     Intersection at;
     at.hit = id >= 0;
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;
 #ifdef WITH_SHADING
+#ifdef WITH_TRIANGLES
+    /* Neighbours are on different triangles, but mostly of one material. */
+    const INT which = materials_of(scene, id);
+    FOR_EACH_INDEX(one, which) {
+        const SHADE_MASK here = TO_SHADE_MASK(which == one);
+        const shade8 m = scene.material[one];
+#else
     FOR_EACH_INDEX(one, id) {
         const SHADE_MASK here = TO_SHADE_MASK(id == one);
         const shade8 m = scene.material[scene.material_of[one]];
+#endif
         PUT_WHERE(here, at.ambient.x, (SHADE)m.s0);
         PUT_WHERE(here, at.ambient.y, (SHADE)m.s1);
         PUT_WHERE(here, at.ambient.z, (SHADE)m.s2);
@@ -55,22 +73,109 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 }
 #endif
 
+#ifdef WITH_TRIANGLES
+/* Puts the points that are on triangles into an intersection. ray: what met them; id: what it met. */
+static void flatten(const Frame frame, const Scene scene, const Leaving ray, const INT id, Intersection *at) {
+    const REAL_MASK here = TO_REAL_MASK(id >= scene.spheres.first);
+    const INT number = id - scene.spheres.first;
+    const FacePoint point = face_point(scene.spheres, ray, number);
+    const Weights weights = {point.a, point.b, point.c};
+    const Real3 N = shading_normals(scene, number, point.T.N, weights);
+    const REAL over = 1 / sqrt(DOT(N, N));
+    const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
+    /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. */
+    const REAL side = point.facing < 0 ? point.front : -point.front;
+    const REAL turn = DOT(n, ray.d) > 0 ? -side : side;
+    Leaving from = ray;
+    from.own = TO_MASK(here) ? id : (INT)-1;
+    from.q = point.q;
+    leave_triangle(scene.spheres, &from);
+    const Real3 anchor = {from.center.x - scene.spheres.eye.x, from.center.y - scene.spheres.eye.y,
+                          from.center.z - scene.spheres.eye.z};
+    const Real3 center = turned_to_camera(frame, anchor), p = turned_to_camera(frame, from.p);
+    PUT_WHERE(here, at->normal.x, turn * n.x);
+    PUT_WHERE(here, at->normal.y, turn * n.y);
+    PUT_WHERE(here, at->normal.z, turn * n.z);
+    PUT_WHERE(here, at->q.x, point.q.x);
+    PUT_WHERE(here, at->q.y, point.q.y);
+    PUT_WHERE(here, at->q.z, point.q.z);
+    PUT_WHERE(here, at->spread, (REAL)1);
+    Start *start = &at->start;
+    PUT_WHERE(here, start->own.center.x, center.x);
+    PUT_WHERE(here, start->own.center.y, center.y);
+    PUT_WHERE(here, start->own.center.z, center.z);
+    PUT_WHERE(here, start->own.r, (REAL)0);
+    PUT_WHERE(here, start->p.x, p.x);
+    PUT_WHERE(here, start->p.y, p.y);
+    PUT_WHERE(here, start->p.z, p.z);
+    PUT_WHERE(here, start->support, DOT(at->normal, p));
+    PUT_WHERE(here, start->side, side);
+    start->stretched = start->stretched | here;
+    start->index = id;
+    start->q = at->q;
+    PUT_WHERE(here, start->anchor.x, from.center.x);
+    PUT_WHERE(here, start->anchor.y, from.center.y);
+    PUT_WHERE(here, start->anchor.z, from.center.z);
+    PUT_WHERE(here, start->step.x, from.p.x);
+    PUT_WHERE(here, start->step.y, from.p.y);
+    PUT_WHERE(here, start->step.z, from.p.z);
+    PUT_WHERE(here, start->reach, from.reach);
+#if REAL_BYTES == 4
+    PUT_WHERE(here, start->from_eye.x, center.x + p.x);
+    PUT_WHERE(here, start->from_eye.y, center.y + p.y);
+    PUT_WHERE(here, start->from_eye.z, center.z + p.z);
+    PUT_WHERE(here, start->near_eye, 0);
+#endif
+#ifdef WITH_UV
+    map_triangles(scene, TO_MASK(here) ? number : (INT)-1, weights, at);
+#endif
+}
+
+#ifndef ONLY_TRIANGLES
+/* The same start in the world, of points of spheres. */
+static void start_in_world(const Frame frame, const Scene scene, const INT id, Intersection *at) {
+    const Ball ball = balls_of(scene.spheres, SPHERE_OR_NONE(scene.spheres, id));
+    Start *start = &at->start;
+    start->anchor = ball.center;
+    start->step = turned_to_world(frame, start->p);
+    start->reach = size_of(start->p);
+    start->index = id;
+    start->q = at->q;
+}
+#endif
+#endif
+
 /* Normal and material of each lane's hit. */
 static Intersection intersection_at(const Frame frame, const Scene scene, const Ray ray, const Hit hit) {
     Intersection at = material_at(scene, hit.id);
 #ifdef WITH_NORMAL
-    const Sphere sphere = spheres_of(scene.spheres, hit.id);
+#ifdef ONLY_TRIANGLES
+    const Sphere none = {hit.id, {0, 0, 0}, 0, 0, 0};
+    const Real3 origin = {0, 0, 0};
+    at.normal = origin;
+    at.start = start_of(none, origin, 1, origin);
+    flatten(frame, scene, ray.leaving, hit.id, &at);
+#else
+    const INT round = SPHERE_OR_NONE(scene.spheres, hit.id);
+    const Sphere sphere = spheres_of(scene.spheres, round);
     at.normal = sphere_surface(sphere, hit.from_center);
     at.start = start_at(ray, sphere, at.normal, hit.t);
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     at.q = at.normal;
     at.spread = 1;
-    const Ball ball = balls_of(scene.spheres, hit.id);
-    if (ANY(at.hit & (ball.map != 0)))
+#endif
+#ifdef WITH_ELLIPSOIDS
+    const Ball ball = balls_of(scene.spheres, round);
+    if (ANY((round >= 0) & (ball.map != 0)))
         stretch(&at, spot_at(frame, scene.spheres, ray.leaving, ball, hit.t), hit.inside);
 #endif
 #ifdef WITH_UV
     map_spheres(frame, &at);
+#endif
+#ifdef WITH_TRIANGLES
+    start_in_world(frame, scene, hit.id, &at);
+    if (ANY(hit.id >= scene.spheres.first)) flatten(frame, scene, ray.leaving, hit.id, &at);
+#endif
 #endif
 #ifdef WITH_TEXTURES
     paint(scene, hit.id, &at);
@@ -97,19 +202,36 @@ static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Inters
 /* The same for rays that left a surface. */
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
     Intersection at = material_at(scene, met.id);
-    const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, met.id), met.t);
+#ifdef ONLY_TRIANGLES
+    const Sphere none = {met.id, {0, 0, 0}, 0, 0, 0};
+    const Real3 origin = {0, 0, 0};
+    at.normal = origin;
+    at.start = start_of(none, origin, 1, origin);
+    flatten(frame, scene, ray, met.id, &at);
+#else
+    const INT round = SPHERE_OR_NONE(scene.spheres, met.id);
+    const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, round), met.t);
     at.normal = spot.n;
-    const Sphere sphere = spheres_of(scene.spheres, met.id);
+    const Sphere sphere = spheres_of(scene.spheres, round);
     const Real3 C = sphere.center, n = at.normal;
     const Real3 point = {C.x + sphere.r * n.x, C.y + sphere.r * n.y, C.z + sphere.r * n.z};
     at.start = start_of(sphere, n, met.inside ? (REAL)-1 : (REAL)1, point);
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
     at.q = spot.q;
     at.spread = 1;
+#endif
+#ifdef WITH_ELLIPSOIDS
     stretch(&at, spot, met.inside);
 #endif
 #ifdef WITH_TEXTURES
     map_spheres(frame, &at);
+#endif
+#ifdef WITH_TRIANGLES
+    start_in_world(frame, scene, met.id, &at);
+    if (ANY(met.id >= scene.spheres.first)) flatten(frame, scene, ray, met.id, &at);
+#endif
+#endif
+#ifdef WITH_TEXTURES
     paint(scene, met.id, &at);
 #endif
     return at;
@@ -175,7 +297,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #endif
     if (tile_has_any(scene.lists, tile)) {
         Ray ray = primary_ray(frame, size, column, row);
-#ifdef WITH_ELLIPSOIDS
+#ifdef WITH_SHAPES
         ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
 #endif
         pixels = trace(frame, scene, ray, tile, pixels, work);
@@ -183,7 +305,11 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
         COUNT(BACKGROUND, ALL_LANES);
     }
 #ifdef OUT_PRIMITIVE
+#ifdef WITH_TRIANGLES
+    pixels.primitive = primitives_of(scene, pixels.hit.id);
+#else
     pixels.primitive = -1;
+#endif
 #endif
 #ifdef OUT_ID
     pixels.hit.id = ids_of(scene, pixels.hit.id);

@@ -36,9 +36,9 @@ BODY = """
         scene.spheres.face = face;
         scene.number_of = number_of;
         scene.mesh = mesh;
-        scene.normal = normal;
+        scene.corner_normal = normal;
         scene.normal_face = normal_face;
-        scene.uv = uv;
+        scene.corner_uv = uv;
         scene.uv_face = uv_face;
         #define GIVEN(k) LOAD_LANES(given + k * POINTS + first)
         const INT number = LOAD_LANES(which + first);
@@ -53,7 +53,6 @@ BODY = """
         STORE_LANES(m.z, out + 2 * POINTS + first);
         STORE_LANES(at.u, out + 3 * POINTS + first);
         STORE_LANES(at.v, out + 4 * POINTS + first);
-        STORE_LANES(TO_REAL(numbers_of(scene, number)), out + 5 * POINTS + first);
     }"""
 
 
@@ -77,12 +76,12 @@ def test_what_meshes_share_is_there_once() -> None:
     at = Attributes.of(placed(np.random.default_rng(0)), "accurate", True)
     assert at.mesh["normals"][:, 0].tolist() == [0, 7, 0, -1]
     assert at.mesh["uvs"][:, 0].tolist() == [0, -1, 0, 7]
-    assert (at.normal.shape, at.normal_face.shape) == ((11, 4), (18, 4))
-    assert (at.uv.shape, at.uv_face.shape) == ((10, 2), (12, 4))
-    assert 0.5 <= np.abs(at.normal[:5]).max() < 1
+    assert (at.corner_normal.shape, at.normal_face.shape) == ((11, 4), (18, 4))
+    assert (at.corner_uv.shape, at.uv_face.shape) == ((10, 2), (12, 4))
+    assert 0.5 <= np.abs(at.corner_normal[:5]).max() < 1
     bare = Attributes.of(placed(np.random.default_rng(0)), "accurate", False)
     assert (bare.mesh["uvs"][:, 0] == -1).all()
-    assert len(bare.uv) == len(bare.uv_face) == 0
+    assert len(bare.corner_uv) == len(bare.uv_face) == 0
 
 
 @pytest.mark.parametrize(("precision", "bound"), [("accurate", 2.0**-51), ("single", 2.0**-21)])
@@ -122,7 +121,7 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
             program_ = cl.Program(context, program.source(FILES) + BODY).build(options)
         read = flags.READ_ONLY | flags.COPY_HOST_PTR
         buffers = [cl.Buffer(context, read, hostbuf=np.ascontiguousarray(array)) for array in arrays]
-        out = np.empty((6, POINTS), real)
+        out = np.empty((5, POINTS), real)
         buffers.append(cl.Buffer(context, flags.WRITE_ONLY, out.nbytes))
         cl.Kernel(program_, "called")(queue, (POINTS // width,), (1,), *buffers)
         cl.enqueue_copy(queue, out, buffers[-1])
@@ -130,4 +129,3 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
         # Normals may nearly cancel: of these, up to five bits are lost.
         assert np.abs(m / np.linalg.norm(m, axis=1, keepdims=True) - want[:, :3]).max() <= 32 * bound
         assert np.abs(out[3:5].T - want[:, 3:]).max() <= bound
-        assert (out[5] == np.where(which >= 0, number_of[which], -1)).all()

@@ -198,8 +198,8 @@ ARGUMENTS = (
     ),
     *_buffers(
         "Scene",
-        ("id_of", "int", "a sphere's index in the scene"),
-        ("material_of", "int", "the index in material of a sphere's material"),
+        ("id_of", "int", "a surface's number in the scene; a triangle has its mesh's"),
+        ("material_of", "int", "the index in material of a surface's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
         ("light", "Light", "parallel lights, then point lights, then spot lights"),
         ("eye_filter", "float4", "a sphere's filter constant for rays from the eye, see sphere_may_meet()"),
@@ -219,7 +219,7 @@ ARGUMENTS = (
         ("normal", "float", 3, "unit vector in the world, facing the camera, 0 = nothing"),
         ("direction", "float", 3, "unit vector of the pixel's ray in the world"),
         ("depth", "real", 1, "distance from the eye, infinite = nothing"),
-        ("id", "int", 1, "the sphere's index in the scene, -1 = nothing"),
+        ("id", "int", 1, "the surface's number in the scene, -1 = nothing"),
     ),
     *_outputs(
         ("primitive", "int", 1, "a triangle's number within its mesh, -1 = a sphere or nothing"),
@@ -238,7 +238,7 @@ ARGUMENTS = (
     *_values(
         "Spheres",
         ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle"),
-        needs="WITH_ELLIPSOIDS",
+        needs="WITH_SHAPES",
     ),
     *_buffers(
         "Spheres",
@@ -286,18 +286,24 @@ ARGUMENTS = (
     ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
+    *_values("Spheres", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
     *_buffers(
         "Spheres",
-        ("face", "int4", "TEMP"),
+        ("vertex", "real4", "corners of triangles in the world, in single from the scene's middle"),
+        ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
         needs="WITH_TRIANGLES",
     ),
+    *_values("Scene", ("triangles", "int", "how many triangles there are"), needs="WITH_TRIANGLES"),
     *_buffers(
         "Scene",
-        ("number_of", "int", "TEMP"),
+        ("facet", "float4", "three for each triangle, as the eye sees it: see sides_of()"),
+        ("light_facet", "float4", "for each light in turn, the same for all triangles as the light sees them"),
+        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
+        ("number_of", "int", "a triangle's number within its mesh"),
         ("mesh", "Mesh", "what the triangles of a mesh have in common"),
-        ("normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
+        ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
         ("normal_face", "int4", "xyz: which normals a triangle's corners have, in the order of its mesh; -1: none"),
-        ("uv", "real2", "texture coordinates of corners"),
+        ("corner_uv", "real2", "texture coordinates of corners"),
         ("uv_face", "int4", "xyz: which of these a triangle's corners have, likewise"),
         needs="WITH_TRIANGLES",
     ),
@@ -334,6 +340,7 @@ CONSTANTS = {
     "WHOLE": 30,  # the level that a grid of one cell uses
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
+    "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
@@ -358,6 +365,7 @@ FLAGS = {
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
+    "WITH_SHAPES": "there are ellipsoids or triangles",
     "WITH_LEAVING": "some rays are decided that may start anywhere: those from surfaces, and all that meet ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",

@@ -16,15 +16,15 @@ from cltrace.scene import PlacedMesh
 class Attributes:
     """The normals and texture coordinates of k meshes. What several meshes share is there once.
 
-    mesh: (k,) records of abi's `Mesh`; normal: (n, 4) of real_dtype(), in the objects' spaces, each object's divided by
-    a power of two so that no number exceeds 1; normal_face: (f, 4) int32, which normals the corners of a triangle have,
-    -1 for none; uv: (j, 2) of real_dtype(); uv_face: (g, 4) int32, likewise.
+    mesh: (k,) records of abi's `Mesh`; corner_normal: (n, 4) of real_dtype(), in the objects' spaces, each object's
+    divided by a power of two so that no number exceeds 1; normal_face: (f, 4) int32, which normals the corners of a
+    triangle have, -1 for none; corner_uv: (j, 2) of real_dtype(); uv_face: (g, 4) int32, likewise.
     """
 
     mesh: NDArray[np.void]
-    normal: NDArray[Any]
+    corner_normal: NDArray[Any]
     normal_face: NDArray[np.int32]
-    uv: NDArray[Any]
+    corner_uv: NDArray[Any]
     uv_face: NDArray[np.int32]
 
     @classmethod

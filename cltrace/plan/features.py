@@ -19,13 +19,14 @@ FOREST = 32
 class Contents:
     """What of a scene the features depend on.
 
-    spheres: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is inside of
-    a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no light;
-    textures: whether some surface has one; bounces: what surfaces do with rays; ellipsoids: whether there are any;
-    max_bounces: of the camera.
+    spheres, triangles: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is
+    inside of a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no
+    light; textures: whether some surface has one; bounces: what surfaces do with rays; ellipsoids: whether there are
+    any; max_bounces: of the camera.
     """
 
     spheres: int
+    triangles: int
     lights: tuple[int, int, int]
     inside: bool
     shiny: bool
@@ -40,8 +41,10 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     """The names of the flags that are set."""
     shading = request.needs_colors
     full = "features" in request.keep
-    lit = shading and (full or (any(contents.lights) and contents.spheres > 0))
-    bounces = shading and contents.bounces.any and contents.spheres > 0
+    surfaces = contents.spheres + contents.triangles
+    meshes, shapes = contents.triangles > 0, contents.triangles > 0 or contents.ellipsoids
+    lit = shading and (full or (any(contents.lights) and surfaces > 0))
+    bounces = shading and contents.bounces.any and surfaces > 0
     splits = bounces and contents.bounces.splits
     pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
@@ -61,19 +64,23 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_PARALLEL": parallel,
         "WITH_POINT": point,
         "WITH_SPOT": spot,
-        "WITH_SHADOWS": lit and (contents.spheres > 1 or contents.inside or full),
+        "WITH_SHADOWS": lit and (surfaces > 1 or contents.inside or full),
         "WITH_SPECULAR": lit and (contents.shiny or full),
         "WITH_BLACK": lit and (contents.black or full),
-        "WITH_PREFETCH": contents.spheres >= PLENTY,
+        "WITH_PREFETCH": surfaces >= PLENTY,
         "WITH_ELLIPSOIDS": contents.ellipsoids,
-        "WITH_LEAVING": bounces or contents.ellipsoids,
+        "WITH_SHAPES": shapes,
+        "WITH_TRIANGLES": meshes,
+        "ONLY_TRIANGLES": meshes and contents.spheres == 0,
+        "WITH_PATCHES": meshes and bounces,
+        "WITH_LEAVING": bounces or shapes,
         "WITH_BOUNCES": bounces,
         "WITH_GLASS": bounces and contents.bounces.glass,
         "WITH_SPLITS": splits,
         "WITH_DROPPING": drops,
         "WITH_CEILING": splits and (contents.bounces.overgrows(contents.max_bounces) or full),
         "PROVE_COLOR": drops and "color" in request.outputs,
-        "WITH_TREE": bounces and contents.spheres > FOREST and "tree" not in request.keep,
+        "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +17,16 @@ from cltrace.plan.space import Space
 from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 
-def useful_lights(scene: Scene, materials: Materials, all_of_them: bool) -> NDArray[np.void]:
+def useful_lights(
+    scene: Scene, materials: Materials, material_of: NDArray[np.integer[Any]], all_of_them: bool
+) -> NDArray[np.void]:
     """The lights that can add to a colour, (m,) in the order parallel, point, spot.
 
-    Without all_of_them, black lights are left out, and all of them where no material that is used reflects any.
+    material_of: the indices of the materials that surfaces have. Without all_of_them, black lights are left out, and
+    all of them where no material that is used reflects any.
     """
     lights = scene.lights[scene.lights["kind"] != AMBIENT]
-    nothing_reflects = bool(materials.black[used(len(scene.materials), scene.spheres["material"])].all())
+    nothing_reflects = bool(materials.black[used(len(scene.materials), material_of)].all())
     useful = lights[lights["color"].any(axis=1) & (not nothing_reflects) | all_of_them]
     return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
 

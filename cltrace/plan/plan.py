@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,11 @@ from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, whole_grid
 from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer, point_buffer
 from cltrace.plan.accel.tiles import Window, picture_tiles
+from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
 from cltrace.plan.dropping import brightest, limits
-from cltrace.plan.exact import Array
+from cltrace.plan.exact import Array, rotated
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
@@ -31,7 +32,9 @@ from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
+from cltrace.plan.shapes.polygon import Corners
 from cltrace.plan.shapes.sphere import Seen, filter_constant
+from cltrace.plan.shapes.triangle import Facets, Triangles, along_light, from_eye, from_light
 from cltrace.plan.space import Space
 from cltrace.plan.textures import NO_TEXTURES, Textures
 from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
@@ -43,23 +46,26 @@ MANY = 4096
 
 @dataclass(frozen=True)
 class World:
-    """What no camera changes: n spheres, their materials and the lights, for one precision.
+    """What no camera changes: n spheres, meshes, their materials and the lights, for one precision.
 
     center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
     packed; maps: what makes ellipsoids of some, None if there are none; reach: (n,) float64, no less than how far a
-    surface is from its centre, which of a sphere is the radius; id: (n,), the index of each one in the scene;
-    material_of: (n,), the index of each one's material in materials; textures: those that surfaces have; again: (n,),
-    whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that can add to a colour, in
-    the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave surfaces,
-    None where there are neither ellipsoids nor such rays; background: linear (r, g, b); peak: (3,), brightest() where a
-    ray may become two, else 0; skipped: what the scene does not need, in words, and how often; seconds: what took how
-    long: "tree".
+    surface is from its centre, which of a sphere is the radius; triangles: those of the meshes, t of them, and
+    attributes: what their corners have for shading; id: (n + t,), the number of each sphere's or triangle's surface in
+    the scene; material_of: (n + t,), the index of each one's material in materials; textures: those that surfaces have;
+    again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that can add to a
+    colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave
+    surfaces, None where there are neither ellipsoids nor such rays; background: linear (r, g, b); peak: (3,),
+    brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how often;
+    seconds: what took how long: "tree".
     """
 
     center: Array
     radius: Array
     maps: Maps | None
     reach: Array
+    triangles: Triangles
+    attributes: Attributes
     id: NDArray[np.int32]
     material_of: NDArray[np.int32]
     again: Mask
@@ -76,7 +82,7 @@ class World:
     @property
     def opaque(self) -> Mask:
         """(n,): which spheres let no ray through."""
-        return np.asarray(self.materials.bounce[self.material_of, 1] == 0)
+        return np.asarray(self.materials.bounce[self.material_of[: len(self.radius)], 1] == 0)
 
     @classmethod
     def of(cls, scene: Scene, request: Request) -> World:
@@ -88,11 +94,14 @@ class World:
         if by_place:
             order = spatial_order(center)
             center, radius, of, shape = (column.take(order, axis=0) for column in (center, radius, of, shape))
+        many = scene.triangles >= MANY and "order" not in request.keep
+        triangles = Triangles.of(scene.meshes, many)
         materials = Materials.of(scene, request.precision)
-        lights = useful_lights(scene, materials, "lights" in request.keep)
+        of = np.concatenate([of, triangles.material])
+        lights = useful_lights(scene, materials, of, "lights" in request.keep)
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
         # Where most spheres have a material of their own, those are in the spheres' order, too.
-        if len(materials.packed) > n // 2:
+        if len(materials.packed) > n // 2 and not scene.meshes:
             materials, of = materials.in_order(of), np.arange(n)
         again = repeated(center, radius, shape, by_place)
         maps, reach, core = None, radius, radius
@@ -101,15 +110,18 @@ class World:
             reach, core = (radius * by[maps.of_sphere] for by in (maps.longest, maps.shortest))
         paths, seconds = None, dict[str, float]()
         bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep) if request.needs_colors else NO_BOUNCES
-        if n and (bounces.any or maps):
+        if len(of) and (bounces.any or maps or scene.triangles):
             with _timed(seconds, "tree"):
-                paths = Paths.of(center, reach, core, ~again if bounces.any else None)
+                member = ~again if bounces.any else None
+                paths = Paths.of(center, reach, core, member, triangles.vertex, triangles.face[:, :3])
         return cls(
             center,
             radius,
             maps,
             reach,
-            order.astype("i4"),
+            triangles,
+            Attributes.of(scene.meshes, request.precision, bool(scene.textures) or "uv" in request.outputs),
+            np.concatenate([scene.sphere_numbers.take(order), triangles.surface]).astype("i4"),
             of.astype("i4"),
             again,
             materials,
@@ -155,7 +167,8 @@ class View:
         # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
         # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
         # room for the fourth power of every float32 number, and keeps scene units.
-        k = space.exponent(world.lights)
+        vertex = _from_point(world, basis, np.array(camera.position))
+        k = space.exponent(world.lights, vertex)
         small = space.times_two_to(k)
         exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
 
@@ -164,6 +177,7 @@ class View:
         arrays = _spheres(world, exact, small, real, k) | _in_world(world, camera, space, real) | {"light": lights}
         arrays |= world.textures.arrays()
         arrays |= _paths(world, k if real.itemsize == 4 else None, basis, real)
+        arrays |= world.attributes.arrays() | _vertices(world, k if real.itemsize == 4 else None, real)
         skipped = dict(world.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
@@ -176,8 +190,11 @@ class View:
         x, y = camera.image_plane()
         width, height = camera.resolution
         with _timed(seconds, "lists"):
+            faces = _mesh_views(world, camera, lights, vertex, k)
+            arrays |= {"facet": faces[0].facets.packed}
+            arrays |= {"light_facet": np.concatenate([np.zeros((0, 4), "f4"), *(f.facets.packed for f in faces[1:])])}
             window = Window((x / width, y / height), camera.resolution, region)
-            arrays |= _lists(world, small.seen_from_eye(), views.views, window, request, skipped)
+            arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, skipped)
         return cls(
             camera,
             region,
@@ -186,6 +203,8 @@ class View:
             {
                 "lights": (*counts(world.lights), len(world.lights)),
                 "count": len(world.radius),
+                "first": len(world.radius),
+                "triangles": len(world.triangles.face),
                 "unit": math.ldexp(1.0, unit),
                 "bounces": camera.max_bounces,
                 **(world.paths.values(camera, k if real.itemsize == 4 else None) if world.paths else NO_PATHS),
@@ -221,6 +240,7 @@ class Plan:
         """The plan of a view. request: the one that world and view were made for, or the same with other outputs."""
         contents = Contents(
             len(world.radius),
+            len(world.triangles.face),
             counts(world.lights),
             view.inside or world.bounces.glass,
             world.materials.shiny,
@@ -320,8 +340,56 @@ def _paths(world: World, exponent: int | None, basis: Array, real: np.dtype[Any]
     return arrays
 
 
+def _vertices(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
+    """The buffers by which rays and triangles are decided. exponent: as in _paths()."""
+    triangles, lights = world.triangles, world.lights
+    parallel = lights["kind"] == PARALLEL
+    places = [triangles.vertex, lights["position"]]
+    towards = -lights["direction"]
+    if exponent is not None and world.paths:
+        places = [np.ldexp(place - world.paths.middle, exponent) for place in places]
+        towards = towards / np.maximum(np.abs(towards).max(axis=1, keepdims=True, initial=0), 2.0**-200)
+    lamp = np.where(parallel[:, None], towards, places[1])
+    vertex, lamp = (np.concatenate([v, np.zeros((len(v), 1))], axis=1).astype(real) for v in (places[0], lamp))
+    return {"vertex": vertex, "lamp": lamp, "face": triangles.face, "number_of": triangles.number}
+
+
+def _from_point(world: World, basis: Array, point: Array) -> Array:
+    """(v, 3): from a point of the world to the corners of triangles, along the camera's axes, in scene units."""
+    return rotated(basis, world.triangles.vertex - point)
+
+
+class MeshView(NamedTuple):
+    """The triangles as the eye or a light sees them; along a parallel light the corners count from the eye."""
+
+    corners: Corners
+    facets: Facets
+
+
+def _mesh_views(world: World, camera: Camera, lights: NDArray[np.void], vertex: Array, k: int) -> list[MeshView]:
+    """The views of the eye and of each light. lights: of pack_lights(); vertex: from the eye; k: see View.of()."""
+    triangles, basis = world.triangles, np.array(camera.basis())
+    near, face, first = np.ldexp(vertex, k), world.triangles.face[:, :3], len(world.radius)
+    eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane())
+    found = [MeshView(Corners(near, face, first), eye)]
+    for light, packed in zip(world.lights, lights, strict=True):
+        if light["kind"] == PARALLEL:
+            axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
+            found.append(MeshView(found[0].corners, along_light(near, triangles, axes, -light["direction"])))
+        else:
+            place = np.ldexp(_from_point(world, basis, light["position"]), k)
+            found.append(MeshView(Corners(place, face, first), from_light(place, triangles, light["position"])))
+    return found
+
+
 def _lists(
-    world: World, seen: Seen, lights: list[LightView], window: Window, request: Request, skipped: dict[str, int]
+    world: World,
+    seen: Seen,
+    lights: list[LightView],
+    faces: list[MeshView],
+    window: Window,
+    request: Request,
+    skipped: dict[str, int],
 ) -> dict[str, NDArray[Any]]:
     """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them."""
     n, keep = len(seen.radius), request.keep
@@ -333,43 +401,52 @@ def _lists(
             outside &= world.maps.of_sphere == 0
         visible = ~(world.again | hidden(seen.center, seen.radius, outside, slack))
         skipped["spheres inside others, or the same"] = n - int(visible.sum())
-    tiles = picture_tiles(seen, visible, window)
+    among = np.concatenate([visible, faces[0].facets.met])
+    total = len(among)
+    corners = faces[0].corners if total > n else None
+    tiles = picture_tiles(seen, among, window, corners)
     # What is not in the picture itself may be seen in a mirror.
-    receiver = np.full(n, "receivers" in keep or world.bounces.any)
+    receiver = np.full(total, "receivers" in keep or world.bounces.any)
     receiver[tiles.member] = True
     if "lists" in keep:
-        tiles = whole_grid(visible)
-    skipped["spheres out of the picture"] = n - len(tiles.member)
+        tiles = whole_grid(among)
+    what = "spheres" if corners is None else "surfaces"
+    skipped[f"{what} out of the picture"] = total - len(tiles.member)
 
     grids, buffers, idle = [tiles], np.zeros((len(lights), 4), np.int32), 0
-    for k, light in enumerate(lights):
+    for k, (light, face) in enumerate(zip(lights, faces[1:], strict=True)):
         inside = (seen.power <= 0) | world.bounces.glass
-        more, stops = _light_buffer(light, inside, Shadows(visible, receiver, slack), keep)
+        among = np.concatenate([visible, face.facets.met])
+        corners = face.corners if total > n else None
+        more, stops = _light_buffer(light, corners, inside, Shadows(among, receiver, slack), keep)
         if "lists" in keep:
-            more = [whole_grid(visible)]
-        entered = np.zeros(n, bool)
+            more = [whole_grid(among)]
+        entered = np.zeros(total, bool)
         for grid in more:
             entered[grid.member] = True
-        idle += n - int(entered.sum())
+        idle += total - int(entered.sum())
         buffers[k] = len(grids), len(more), stops, 0
         grids += more
-    skipped["spheres that shadow nothing seen, per light"] = idle
+    skipped[f"{what} that shadow nothing seen, per light"] = idle
     lists = build(grids, request.precision)
     return {"light_buffer": buffers, "grid": lists.grid, "start": lists.start, "entry": lists.entry}
 
 
-def _light_buffer(light: LightView, inside: Mask, who: Shadows, keep: tuple[str, ...]) -> tuple[list[CellGrid], int]:
+def _light_buffer(
+    light: LightView, corners: Corners | None, inside: Mask, who: Shadows, keep: tuple[str, ...]
+) -> tuple[list[CellGrid], int]:
     """The grids of one light, and a bit for each sphere on its way to which something may stop the light.
 
-    Where spheres are many, all bits are set. inside: (n,), whether it may be seen from its inside.
+    Where spheres are many, or there are triangles, all bits are set. corners: of triangles, None for none; inside:
+    (n,), whether it may be seen from its inside.
     """
     n = len(inside)
     # With FEW spheres at most, finding the right list for a shadow ray costs more than trying them all: a box of 16
     # takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
-    if n > CONSTANTS["FEW"]:
+    if n > CONSTANTS["FEW"] or corners:
         if light.axes is None:
-            return point_buffer(light.seen, who), -1
-        return parallel_buffer(light.axes, light.seen, who), -1
+            return point_buffer(light.seen, who, corners), -1
+        return parallel_buffer(light.axes, light.seen, who, corners), -1
     if light.axes is None:
         shadows = point_shadows(light.seen, who.slack)
     else:

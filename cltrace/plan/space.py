@@ -48,9 +48,12 @@ class Space:
         factor = {f.name: 2.0 ** (2 * k if f.name.startswith("power") else k) for f in fields(self)}
         return Space(**{name: getattr(self, name) * by for name, by in factor.items()})
 
-    def exponent(self, lights: NDArray[np.void]) -> int:
-        """The k for which 2^k times the largest coordinate or radius is in [1/2, 1)."""
-        parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL])
+    def exponent(self, lights: NDArray[np.void], vertex: Array) -> int:
+        """The k for which 2^k times the largest coordinate or radius is in [1/2, 1).
+
+        vertex: (v, 3), corners of triangles in camera space.
+        """
+        parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL], vertex)
         return -math.frexp(max(float(np.abs(part).max(initial=0)) for part in parts))[1]
 
     def seen_from_eye(self) -> Seen:

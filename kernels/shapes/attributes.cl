@@ -27,7 +27,7 @@ static Real3 shading_normals(const Scene scene, const INT number, const Real3 N,
     real x[3][W], y[3][W], z[3][W], row[9][W];
     for (int lane = 0; lane < W; lane++) {
         const int4 corner = max(corners[lane], 0);
-        const real4 n[3] = {scene.normal[corner.x], scene.normal[corner.y], scene.normal[corner.z]};
+        const real4 n[3] = {scene.corner_normal[corner.x], scene.corner_normal[corner.y], scene.corner_normal[corner.z]};
         __global const real4 *rows = &scene.mesh[scene.spheres.face[max(each[lane], 0)].w >> 1].normal_x;
         for (int k = 0; k < 3; k++) {
             x[k][lane] = n[k].x;
@@ -61,7 +61,7 @@ static void map_triangles(const Scene scene, const INT number, const Weights wei
         const int index = max(each[lane], 0), begin = scene.mesh[scene.spheres.face[index].w >> 1].uvs.x;
         const int4 corner = begin < 0 ? (int4)(-1) : scene.uv_face[begin + scene.number_of[index]];
         const int4 known = max(corner, 0);
-        const real2 uv[3] = {scene.uv[known.x], scene.uv[known.y], scene.uv[known.z]};
+        const real2 uv[3] = {scene.corner_uv[known.x], scene.corner_uv[known.y], scene.corner_uv[known.z]};
         for (int k = 0; k < 3; k++) {
             u[k][lane] = corner.x < 0 ? 0 : uv[k].x;
             v[k][lane] = corner.x < 0 ? 0 : uv[k].y;
@@ -70,16 +70,6 @@ static void map_triangles(const Scene scene, const INT number, const Weights wei
     const REAL_MASK here = TO_REAL_MASK(number >= 0);
     PUT_WHERE(here, at->u, weighted(weights, LOAD_LANES(u[0]), LOAD_LANES(u[1]), LOAD_LANES(u[2])));
     PUT_WHERE(here, at->v, weighted(weights, LOAD_LANES(v[0]), LOAD_LANES(v[1]), LOAD_LANES(v[2])));
-}
-#endif
-
-#ifdef OUT_PRIMITIVE
-/* The numbers of triangles within their meshes, -1 for none. */
-static INT numbers_of(const Scene scene, const INT number) {
-    int each[W];
-    STORE_LANES(number, each);
-    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.number_of[each[lane]];
-    return LOAD_LANES(each);
 }
 #endif
 #endif

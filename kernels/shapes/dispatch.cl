@@ -105,12 +105,20 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, con
 typedef struct {
     REAL a, b, c;    /* the weights of the corners */
     Real3 q;         /* u, v and the corner, as in leave_triangle() */
-    REAL facing;     /* the sign of N.w: > 0 where the ray comes from the side to which N does not point */
+    REAL facing;     /* N.w: > 0 where the ray comes from the side to which N does not point */
+    REAL front;      /* 1 where N points to the front, else -1 */
     Triangle T;
 } FacePoint;
 
-/* The corner of the largest weight is the one that the point is counted from. So a point of an edge has the weight 0 exactly,
- * and no weight falls below 0. */
+/* The corner of the largest weight is the one that the point is counted from, and the other two weights are at most 1/2. A
+ * point of an edge is moved inwards by INWARD of the triangle, far less than rounding does: a point on the edge itself would
+ * be in the plane of the neighbour as well, and a ray from there would leave a closed room through that. */
+#if REAL_BYTES == 8
+#define INWARD 0x1p-64
+#else
+#define INWARD 0x1p-30f
+#endif
+
 static FacePoint face_point(const Spheres spheres, const Leaving ray, const INT number) {
     FacePoint at;
     at.T = triangles_of(spheres, number);
@@ -124,11 +132,18 @@ static FacePoint face_point(const Spheres spheres, const Leaving ray, const INT 
     at.q.x = first ? at.b : second ? at.c : at.a;
     at.q.y = first ? at.c : second ? at.a : at.b;
     at.q.z = first ? (REAL)0 : second ? (REAL)1 : (REAL)2;
+    at.q.x = at.q.x > INWARD ? (at.q.x < (real)0.5f ? at.q.x : (REAL)0.5f) : (REAL)INWARD;
+    at.q.y = at.q.y > INWARD ? (at.q.y < (real)0.5f ? at.q.y : (REAL)0.5f) : (REAL)INWARD;
     const REAL rest = (1 - at.q.x) - at.q.y;
-    at.a = first ? rest : at.a;
-    at.b = second ? rest : at.b;
-    at.c = (first | second) ? at.c : rest;
+    at.a = first ? rest : second ? at.q.y : at.q.x;
+    at.b = first ? at.q.x : second ? rest : at.q.y;
+    at.c = first ? at.q.y : second ? at.q.x : rest;
     at.facing = v.den;
+    int each[W];
+    real front[W];
+    STORE_LANES(number, each);
+    for (int lane = 0; lane < W; lane++) front[lane] = spheres.face[max(each[lane], 0)].w & 1 ? -1 : 1;
+    at.front = LOAD_LANES(front);
     return at;
 }
 
@@ -175,6 +190,7 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
  * which is the sign of N.(P - A). What P - A is off by is below 2^-48 of the sum of the magnitudes that it is made from. */
 static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const int at_point, const Start P, const Triangle T,
                                const int number, const REAL_MASK wanted, const REAL_MASK inside) {
+    const REAL_MASK ends_there = at_point ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0, endless = at_point ? (REAL_MASK)0 : TO_REAL_MASK(ALL_LANES);
     const Real3 to = {lamp.x, lamp.y, lamp.z}, none = {0, 0, 0};
     Path path = {P.anchor, P.step, to, P.reach, size_of(to)};
     if (at_point) {
@@ -196,18 +212,22 @@ static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const in
     const REAL side_error = 0x1p-46 * (size_of(near) + P.reach) * (T.g * T.h);
     const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
     const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
-    const REAL_MASK passes = !inside & ((front & (least < -v.E_error)) | (back & (most > v.E_error)));
-    const REAL_MASK ends = at_point & ((front & (side < -side_error)) | (back & (side > side_error)));
-    const REAL_MASK meets = (front & (inside | (least > v.E_error)) & (!at_point | (side > side_error))) |
-                            (back & (inside | (most < -v.E_error)) & (!at_point | (side < -side_error)));
+    /* Along a parallel light it is known that the volumes have one sign, and so that of N.w, not which. */
+    const REAL_MASK up = inside & (ends_there | (v.den > v.den_error)), down = inside & (ends_there | (v.den < -v.den_error));
+    const REAL_MASK passes = (front & (inside ? down & endless : least < -v.E_error)) |
+                             (back & (inside ? up & endless : most > v.E_error));
+    const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
+    const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
+                            (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
     const REAL_MASK unsure = wanted & !(split | passes | ends | meets);
     REAL_MASK stops = wanted & meets;
     if (RARELY(ANY(TO_MASK(unsure)))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
     return stops;
 #else
     const REAL_MASK front = v.D > 0, back = v.D < 0;
-    return wanted & ((front & (inside | (least > 0)) & (!at_point | (side > 0))) |
-                     (back & (inside | (most < 0)) & (!at_point | (side < 0))));
+    const REAL_MASK up = inside & (ends_there | (v.den > 0)), down = inside & (ends_there | (v.den < 0));
+    return wanted & ((front & (up | (least > 0)) & (endless | (side > 0))) |
+                     (back & (down | (most < 0)) & (endless | (side < 0))));
 #endif
 }
 #endif

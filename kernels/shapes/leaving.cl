@@ -17,13 +17,6 @@ typedef struct {
 #endif
 } Ball;
 
-/* The own surface where it is a sphere, else -1. */
-#ifdef WITH_TRIANGLES
-#define SPHERE_OR_NONE(spheres, index) ((index) < (spheres).first ? (index) : (INT)-1)
-#else
-#define SPHERE_OR_NONE(spheres, index) (index)
-#endif
-
 /* Each lane's sphere. Lanes with a negative index get any one. */
 static Ball balls_of(const Spheres spheres, const INT index) {
     int each[W];

@@ -13,6 +13,13 @@ typedef struct {
     REAL c; /* |center|^2 - r^2, the power of the eye */
 } Sphere;
 
+/* Each lane's surface where it is a sphere, else -1. */
+#ifdef WITH_TRIANGLES
+#define SPHERE_OR_NONE(spheres, index) ((index) < (spheres).first ? (index) : (INT)-1)
+#else
+#define SPHERE_OR_NONE(spheres, index) (index)
+#endif
+
 static Sphere sphere_at(const Spheres spheres, const int index) {
     const real4 s = spheres.center_radius[index];
     const real2 power = spheres.power[index];

@@ -1,0 +1,215 @@
+"""Triangles: those of all meshes as one list, and their edges' planes as seen from the eye or a light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.exact import Array, blockwise
+from cltrace.plan.order import spatial_order
+from cltrace.plan.shapes.sphere import U
+from cltrace.scene import PlacedMesh
+
+Ints = NDArray[np.int32]
+# Three numbers for each of n triangles.
+Columns = tuple[Array, Array, Array]
+# Where the float filter's bounds begin, and what corners in camera space are off by, and the edges' planes with them:
+# see from_point().
+FLOAT, TURNED = CONSTANTS["FACET_ROUNDINGS"] * U, 2.0**-46
+# No bound is smaller, lest one of 0 be divided by. Lengths are about 1.
+LEAST = 2.0**-300
+# Points on surfaces are no further from the eye than this in the float buffers' unit: no coordinate of a centre, a
+# vertex or a radius exceeds 1.
+FAR = 4.0
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """The m triangles of all meshes of a scene, in the order in which they are packed.
+
+    vertex: (v, 3) float64, in the world, in scene units; face: (m, 4), three vertices each, and twice the mesh, plus 1
+    where the front is the side to which N = (B - A) x (C - A) does not point; number: (m,), each one's in its mesh;
+    surface, material: (m,), the mesh's number in the scene and its material.
+    """
+
+    vertex: Array
+    face: Ints
+    number: Ints
+    surface: Ints
+    material: Ints
+
+    @classmethod
+    def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool) -> Triangles:
+        """by_place: whether to sort them by place, so that neighbours are near each other in memory."""
+        vertices, faces, numbers, first = [np.zeros((0, 3))], [np.zeros((0, 4), np.int32)], [np.zeros(0, np.int32)], 0
+        for k, mesh in enumerate(meshes):
+            corners = mesh.geometry.faces
+            face = np.empty((len(corners), 4), np.int32)
+            face[:, :3] = corners + np.int32(first)
+            face[:, 3] = 2 * k + (mesh.front < 0)
+            faces.append(face)
+            vertices.append(mesh.vertices)
+            numbers.append(np.arange(len(corners), dtype=np.int32))
+            first += len(mesh.vertices)
+        vertex, face, number = np.concatenate(vertices), np.concatenate(faces), np.concatenate(numbers)
+        if by_place:
+            order = spatial_order(vertex.take(face[:, 0], axis=0))
+            face, number = face.take(order, axis=0), number.take(order)
+        of = face[:, 3] >> 1
+        surface, material = (
+            np.array([getattr(mesh, name) for mesh in meshes], np.int32).take(of) if meshes else of
+            for name in ("number", "material")
+        )
+        return cls(vertex, face, number, surface, material)
+
+
+@dataclass(frozen=True)
+class Facets:
+    """m triangles as seen from a point or along a direction.
+
+    packed: (3 m, 4) float32, abi's `facet` or `light_facet`; met: (m,), which of them a ray from there can meet.
+    """
+
+    packed: NDArray[np.float32]
+    met: NDArray[np.bool_]
+
+
+def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float]) -> Facets:
+    """As seen from the eye.
+
+    vertex: (v, 3), from there in camera space, in the float buffers' unit; eye: (3,), in the world; plane: the largest
+    |x| and |y| of a ray (x, y, -1).
+    """
+    x, y = plane
+    return _facets(
+        vertex,
+        triangles,
+        lambda n: FLOAT * ((x * np.abs(n[0]) + y * np.abs(n[1])) + np.abs(n[2])),
+        1 + x + y,
+        1.0,
+        lambda i: _exact_side(triangles, i, eye),
+    )
+
+
+def from_light(vertex: Array, triangles: Triangles, light: Array) -> Facets:
+    """As seen from a light at a point; the kernel's directions lead to it. vertex, light: as in from_eye()."""
+    return _facets(
+        vertex,
+        triangles,
+        lambda n: FLOAT * np.sqrt((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]),
+        1.0,
+        -1.0,
+        lambda i: _exact_side(triangles, i, light),
+    )
+
+
+def _facets(
+    vertex: Array,
+    triangles: Triangles,
+    rounding: Callable[[Columns], Array],
+    reach: float,
+    turn: float,
+    exact: Callable[[int], int],
+) -> Facets:
+    """The planes of the edges, A' x B', B' x C' and C' x A', times the sign of D = A'.N, each divided by its bound.
+
+    A corner is off by TURNED / 4 of its size at most: it was subtracted, turned by axes that are orthogonal to 14
+    roundings, and scaled. So a plane is off by less than TURNED of the product of both corners' sizes, and D by less
+    than 4 TURNED of that of all three. rounding: what float32 makes of the planes (3 arrays); reach: how much the
+    former may count, 1-norm of the directions; turn: 1 or -1, a factor; exact: the sign of D of one triangle.
+    """
+    m = len(triangles.face)
+    packed, met = np.zeros((m, 3, 4), np.float32), np.zeros(m, bool)
+    columns = np.ascontiguousarray(vertex.T)
+    size = np.abs(columns).sum(axis=0)
+
+    def fill(rows: slice) -> None:
+        face = np.ascontiguousarray(triangles.face[rows, :3].T)
+        corner = [tuple(column.take(which) for column in columns) for which in face]
+        sizes = [size.take(which) for which in face]
+        planes = [_cross(corner[i], corner[(i + 1) % 3]) for i in range(3)]
+        (x, y, z), (u, v, w) = corner[0], planes[1]
+        D = (x * u + y * v) + z * w
+        side = np.sign(D)
+        unsure = np.flatnonzero(~(np.abs(D) > 4 * TURNED * (sizes[0] * sizes[1] * sizes[2])))
+        side[unsure] = [exact(rows.start + i) for i in unsure.tolist()]
+        met[rows] = side != 0
+        side *= turn
+        for i, n in enumerate(planes):
+            bound = rounding(n) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST
+            factor = side / bound
+            for k in range(3):
+                packed[rows, i, k] = n[k] * factor
+
+    blockwise(m, fill)
+    return Facets(packed.reshape(-1, 4), met)
+
+
+def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array) -> Facets:
+    """As seen along a parallel light: lines in the plane across it.
+
+    vertex: (v, 3), from the eye in camera space, in the float buffers' unit; axes: (3, 3), the two across and the one
+    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly.
+
+    A line is a (u, v) -> (b - a) x (p - a) for a point p of the plane. The axes are orthogonal and unit to 2^-48, and a
+    point's coordinates are off by 2^-46 of FAR, beside what rounding them to float32 makes.
+    """
+    m = len(triangles.face)
+    packed, met = np.zeros((m, 3, 4), np.float32), np.zeros(m, bool)
+    u, v = (np.ascontiguousarray(vertex @ axis) for axis in axes[:2])
+
+    def fill(rows: slice) -> None:
+        face = np.ascontiguousarray(triangles.face[rows, :3].T)
+        x, y = ([column.take(which) for which in face] for column in (u, v))
+        lines = []
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            lines.append((-(y[j] - y[i]), x[j] - x[i], x[i] * y[j] - x[j] * y[i]))
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+        spread = (np.abs(lines[0][0]) + np.abs(lines[0][1])) + (np.abs(lines[2][0]) + np.abs(lines[2][1]))
+        side = np.sign(area)
+        unsure = np.flatnonzero(~(np.abs(area) > 4 * TURNED * FAR * (spread + FAR * TURNED)))
+        # N points to the light where the corners turn left, as the third axis does.
+        side[unsure] = [_exact_turn(triangles, rows.start + i, towards) for i in unsure.tolist()]
+        met[rows] = side != 0
+        for i, n in enumerate(lines):
+            length = np.abs(n[0]) + np.abs(n[1])
+            bound = FLOAT * (FAR * length + np.abs(n[2])) + 8 * TURNED * FAR * (length + FAR * TURNED) + LEAST
+            factor = side / bound
+            for k in range(3):
+                packed[rows, i, k] = n[k] * factor
+
+    blockwise(m, fill)
+    return Facets(packed.reshape(-1, 4), met)
+
+
+def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _corners(triangles: Triangles, i: int) -> list[list[Fraction]]:
+    return [[Fraction(x) for x in triangles.vertex[k].tolist()] for k in triangles.face[i, :3]]
+
+
+def _volume(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> int:
+    """The sign of a.(b x c)."""
+    value = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    return (value > 0) - (value < 0)
+
+
+def _exact_side(triangles: Triangles, i: int, point: Array) -> int:
+    """The sign of D = A'.(B' x C') of triangle i as seen from a point of the world."""
+    at = [Fraction(x) for x in point.tolist()]
+    a, b, c = ([x - o for x, o in zip(corner, at, strict=True)] for corner in _corners(triangles, i))
+    return _volume(a, b, c)
+
+
+def _exact_turn(triangles: Triangles, i: int, towards: Array) -> int:
+    """The sign of l.((B - A) x (C - A)) of triangle i, l being the direction to a parallel light."""
+    a, b, c = _corners(triangles, i)
+    e, f = ([x - o for x, o in zip(corner, a, strict=True)] for corner in (b, c))
+    return _volume([Fraction(x) for x in towards.tolist()], e, f)
