@@ -284,8 +284,10 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
         # Comparisons with nan are false.
         inside = np.flatnonzero(least <= most)
         which = which.take(inside)
-        begin = np.maximum(least.take(inside), left[block].take(which)).astype(np.int32)
-        stop = np.minimum(most.take(inside), right[block].take(which)).astype(np.int32)
+        first, last = left[block].take(which), right[block].take(which)
+        # Where a polygon is far beside the picture, these are beyond 32 bits before they are clipped.
+        begin = np.clip(least.take(inside), first, last + 1).astype(np.int32)
+        stop = np.clip(most.take(inside), first - 1, last).astype(np.int32)
         keep = np.flatnonzero(begin <= stop)
         begin = begin.take(keep)
         at = outlines.at[block].take(which.take(keep))
