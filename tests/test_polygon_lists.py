@@ -225,7 +225,7 @@ def room(rng: np.random.Generator) -> Floats:
     )  # type: ignore[arg-type]
 
 
-def through_the_eye(rng: np.random.Generator, n: int = 20) -> Floats:
+def through_the_eye(rng: np.random.Generator, n: int = 12) -> Floats:
     """In a plane with the origin, exactly or all but."""
     first, second = (np.round(rng.uniform(-64, 64, (n, 3))) / 64 for _ in range(2))
     weight = np.round(rng.uniform(-4, 4, (n, 3, 2)))
@@ -252,7 +252,7 @@ def on_pixels(rng: np.random.Generator, n: int = 200) -> Floats:
     return np.asarray(corner * (1 + rng.choice([0, 1], (n, 3, 3)) * 2.0 ** -rng.integers(25, 53, (n, 3, 3))))
 
 
-def flat(rng: np.random.Generator, n: int = 12) -> Floats:
+def flat(rng: np.random.Generator, n: int = 6) -> Floats:
     """Without area, or twice the same."""
     corner = soup(rng, n)
     corner[: n // 3, 2] = (corner[: n // 3, 0] + corner[: n // 3, 1]) / 2
@@ -325,6 +325,19 @@ def test_what_is_just_in_front_of_the_furthest_receiver(towards: tuple[float, fl
     shingles = middle[:, None] * (1 - 2.0**-12) + (wall - wall.mean(axis=0)) * rng.uniform(0.02, 0.2, (60, 1, 1))
     triangles = np.concatenate([wall[None], shingles])
     assert check_light(triangles, np.zeros(3) if at_point else None, None if at_point else axes, receivers=1) > 0
+
+
+@pytest.mark.parametrize("size", [2.0**-5, 2.0**-10, 2.0**-20, 2.0**-35])
+@pytest.mark.parametrize("light", [(0.0, 0.0, 0.0), (0.5, 0.6, 0.1)])
+@pytest.mark.parametrize("slack", [SLACK, FINE_SLACK], ids=["single", "accurate"])
+def test_few_receivers_make_a_small_window(size: float, light: tuple[float, float, float], slack: float) -> None:
+    """Small triangles that are seen, and large ones before and among them that are not."""
+    rng, middle = np.random.default_rng(10), np.array([0.1, 0.05, -0.7])
+    small = middle + size * rng.normal(size=(60, 1, 3)) + size / 8 * rng.normal(size=(60, 3, 3))
+    towards = rng.uniform(0, 1, (40, 1, 1)) ** 4 * (light - middle)
+    large = middle + towards + size * rng.normal(size=(40, 1, 3)) + rng.normal(size=(40, 3, 3)) / 4
+    offered = check_light(np.concatenate([small, large]), np.array(light), None, slack, receivers=60)
+    assert slack == SLACK or offered < 1.5
 
 
 # -------------------------------------------------------------------------------------------------------- little else

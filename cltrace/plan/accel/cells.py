@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,54 +138,16 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
     else:
         level, entries = _levels(grid)
-    used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
-    columns, rows = grid.cells
-    pitch, base = {}, {}
-    total = mask = 0
-    for k in reversed(used):
-        pitch[k], base[k], mask = ((columns - 1) >> k) + 1, total, mask | 1 << k
-        total += pitch[k] * (((rows - 1) >> k) + 1)
-    # An entry is one whole number. From the top it has the cell, the depth of the nearest point, rounded down to as
-    # many bits as are left, and the sphere. Sorting these numbers sorts the cells, and the list of each cell.
-    index_bits = int(grid.member.max()).bit_length()
-    near_bits = min(32, 63 - index_bits - total.bit_length())
-    cut, shift = np.uint32(32 - near_bits), index_bits + near_bits
+    keys = _Keys.of(grid, level)
     strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
     entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
     key, filled = np.empty(entries, np.int64), 0
-
-    def low_of(which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
-        return (_ascending(grid.near[which]) >> cut).astype(np.int64) << index_bits | grid.member[which]
-
-    for strip in strips:
-        origin = np.array([base.get(k, 0) for k in range(max(used) + 1)])
-        wide = np.array([pitch.get(k, 0) for k in range(max(used) + 1)])
-        at_level = level[strip.at]
-        cell = origin[at_level] + strip.row * wide[at_level] + strip.column
-        count = strip.more + 1
-        begin = cell - (np.cumsum(count, dtype=np.int64) - count)
-        run = np.repeat(begin, count)
-        run += np.arange(len(run))
-        run <<= shift
-        run |= np.repeat(low_of(strip.at), count)
-        key[filled : filled + len(run)] = run
-        filled += len(run)
-    for i in range(0, len(level), BLOCK):
-        block = slice(i, i + BLOCK)
-        low = low_of(block)
-        edges = _edges(grid.covers[:, block])
-        for k in used:
-            every = len(used) == 1 and not strips
-            which = slice(None) if every else np.flatnonzero((level[block] == k) & ~outlined[block])
-            left, top, right, bottom = edges[:, which] >> k
-            cell = top.astype(np.int64) * pitch[k] + left + base[k]
-            # First there is one number for each row of cells that a sphere covers, then one for each cell.
-            rows_of = joined(list(_spread(bottom - top, pitch[k] << shift, cell << shift | low[which], right - left)))
-            for (part,) in _spread(rows_of[1], 1 << shift, rows_of[0]):
-                key[filled : filled + len(part)] = part
-                filled += len(part)
+    for part in chain((keys.of_strip(grid, level, strip) for strip in strips), keys.of_boxes(grid, level, outlined)):
+        key[filled : filled + len(part)] = part
+        filled += len(part)
     key.sort()
-    counts = np.zeros(total, np.int32)
+    counts = np.zeros(keys.cells, np.int32)
+    shift = keys.index_bits + keys.near_bits
     for i in range(0, entries, BLOCK):
         block_of_keys = key[i : i + BLOCK]
         cell = block_of_keys >> shift
@@ -192,11 +155,77 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         here = np.bincount(cell - first)
         counts[first : first + len(here)] += here.astype(np.int32)
         # In place: the depth goes to the upper half, where it pushes out the cell, the sphere to the lower half.
-        near = block_of_keys >> index_bits << int(cut) + 32
-        block_of_keys &= (1 << index_bits) - 1
+        near = block_of_keys >> keys.index_bits << 64 - keys.near_bits
+        block_of_keys &= (1 << keys.index_bits) - 1
         block_of_keys |= _descended(near)
     start = np.cumsum(counts, dtype=np.int32) - counts
-    return start, key.astype("<i8", copy=False).view("<i4").reshape(-1, 2).astype(np.int32, copy=False), mask
+    return start, key.astype("<i8", copy=False).view("<i4").reshape(-1, 2).astype(np.int32, copy=False), keys.mask
+
+
+@dataclass(frozen=True)
+class _Keys:
+    """Entries as whole numbers.
+
+    From the top, a key has the cell, the depth of the nearest point, rounded down to as many bits as are left, and the
+    surface. Sorting keys sorts the cells, and the list of each cell.
+
+    used: levels that hold anything; pitch, base: of each level from 0 on, the cells in a row, and the first cell;
+    cells: of all levels; mask: a bit for each of `used`; index_bits, near_bits: for surface and depth.
+    """
+
+    used: list[int]
+    pitch: list[int]
+    base: list[int]
+    cells: int
+    mask: int
+    index_bits: int
+    near_bits: int
+
+    @staticmethod
+    def of(grid: CellGrid, level: NDArray[np.int8]) -> _Keys:
+        levels = range(int(level.max()) + 1)
+        used = [k for k in levels if (level == k).any()]
+        pitch = [((grid.cells[0] - 1) >> k) + 1 for k in levels]
+        base, total = [0 for _ in levels], 0
+        for k in reversed(used):
+            base[k] = total
+            total += pitch[k] * (((grid.cells[1] - 1) >> k) + 1)
+        index_bits = int(grid.member.max()).bit_length()
+        near_bits = min(32, 63 - index_bits - total.bit_length())
+        return _Keys(used, pitch, base, total, sum(1 << k for k in used), index_bits, near_bits)
+
+    def _low(self, grid: CellGrid, which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
+        """Depth and surface of some members."""
+        near = _ascending(grid.near[which]) >> np.uint32(32 - self.near_bits)
+        return near.astype(np.int64) << self.index_bits | grid.member[which]
+
+    def of_boxes(self, grid: CellGrid, level: NDArray[np.int8], outlined: Mask) -> Iterator[NDArray[np.int64]]:
+        """The keys of those that have no outline: one for each cell of the rectangles around them."""
+        shift = self.index_bits + self.near_bits
+        for i in range(0, len(level), BLOCK):
+            block = slice(i, i + BLOCK)
+            low = self._low(grid, block)
+            edges = _edges(grid.covers[:, block])
+            for k in self.used:
+                every = len(self.used) == 1 and not grid.outlines
+                which = slice(None) if every else np.flatnonzero((level[block] == k) & ~outlined[block])
+                left, top, right, bottom = edges[:, which] >> k
+                cell = top.astype(np.int64) * self.pitch[k] + left + self.base[k]
+                # First there is one number for each row of cells that a sphere covers, then one for each cell.
+                step, key = self.pitch[k] << shift, cell << shift | low[which]
+                rows_of = joined(list(_spread(bottom - top, step, key, right - left)))
+                for (part,) in _spread(rows_of[1], 1 << shift, rows_of[0]):
+                    yield part
+
+    def of_strip(self, grid: CellGrid, level: NDArray[np.int8], strip: _Strip) -> NDArray[np.int64]:
+        """The keys of polygons: one for each cell of some rows of cells."""
+        at_level, count = level[strip.at], strip.more + 1
+        cell = np.array(self.base)[at_level] + strip.row * np.array(self.pitch)[at_level] + strip.column
+        key = np.repeat(cell - (np.cumsum(count, dtype=np.int64) - count), count)
+        key += np.arange(len(key))
+        key <<= self.index_bits + self.near_bits
+        key |= np.repeat(self._low(grid, strip.at), count)
+        return key
 
 
 def _edges(covers: NDArray[np.int16]) -> NDArray[np.int16]:
@@ -241,8 +270,7 @@ class _Strip(NamedTuple):
 def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list[_Strip]:
     """The cells that polygons touch, each one on its level."""
     levels = level[outlines.at].astype(np.int32)
-    box = _edges(grid.covers[:, outlines.at]).astype(np.int32) >> levels
-    left, top, right, bottom = box
+    left, top, right, bottom = _edges(grid.covers[:, outlines.at]).astype(np.int32) >> levels
     count = bottom - top + 1
     # A strip is as high as a cell, or from its first row of pixels to the last one.
     sides = np.ldexp(np.float32(grid.pixels or 1), levels)
@@ -255,45 +283,52 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
         row -= (np.cumsum(many, dtype=np.int32) - many - top[block]).take(which)
         side, loose = sides[block].take(which), outlines.loose[block].take(which)
         low = row.astype(np.float32) * side - loose
-        up = low + (side + 2 * loose - gap)
-        least, most = np.full(len(which), np.nan, np.float32), np.full(len(which), np.nan, np.float32)
-        corner = outlines.corner[:, :, block]
-        for start, end in zip(corner.transpose(1, 0, 2), np.roll(corner, -1, axis=1).transpose(1, 0, 2), strict=True):
-            # The part of the polygon's side from start to end that is in the strip, and where it begins and ends.
-            down = start[1] > end[1]
-            (x, y), (other_x, end_y) = np.where(down, end, start), np.where(down, start, end)
-            rise = end_y - y
-            slope = np.divide(other_x - x, rise, out=np.zeros_like(rise), where=rise > 2.0**-60)
-            x, y, slope = x.take(which), y.take(which), slope.take(which)
-            begin, stop = np.maximum(low, y), np.minimum(up, end_y.take(which))
-            x += (begin - y) * slope
-            x[begin > stop] = np.nan
-            np.fmin(least, x, out=least)
-            np.fmax(most, x, out=most)
-            x += (stop - begin) * slope
-            np.fmin(least, x, out=least)
-            np.fmax(most, x, out=most)
+        least, most = _across(outlines.corner[:, :, block], which, low, low + (side + 2 * loose - gap))
         least -= loose
         most += loose
         if grid.pixels:
             # A strip may pass between the centres of pixels.
             np.ceil(least, out=least)
             least[least > most] = np.nan
-        least /= side
-        most /= side
         # Comparisons with nan are false.
         inside = np.flatnonzero(least <= most)
-        which = which.take(inside)
+        which, side = which.take(inside), side.take(inside)
         first, last = left[block].take(which), right[block].take(which)
-        # Where a polygon is far beside the picture, these are beyond 32 bits before they are clipped.
-        begin = np.clip(least.take(inside), first, last + 1).astype(np.int32)
-        stop = np.clip(most.take(inside), first - 1, last).astype(np.int32)
+        begin = np.clip(least.take(inside) / side, first, last + 1).astype(np.int32)
+        stop = np.clip(most.take(inside) / side, first - 1, last).astype(np.int32)
         keep = np.flatnonzero(begin <= stop)
-        begin = begin.take(keep)
-        at = outlines.at[block].take(which.take(keep))
+        begin, at = begin.take(keep), outlines.at[block].take(which.take(keep))
         return _Strip(at, row.take(inside.take(keep)), begin, stop.take(keep) - begin)
 
     return blockwise(len(count), of, max(1, BLOCK // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
+
+
+def _across(
+    corner: NDArray[np.float32], which: NDArray[np.intp], low: NDArray[np.float32], up: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where polygons begin and end in strips: (s,), nan if they do not meet them.
+
+    corner: (2, c, n), of polygons; which: (s,), the polygon of each strip; low, up: (s,), the strip's edges.
+    """
+    least, most = np.full(len(which), np.nan, np.float32), np.full(len(which), np.nan, np.float32)
+    for start, end in zip(corner.transpose(1, 0, 2), np.roll(corner, -1, axis=1).transpose(1, 0, 2), strict=True):
+        # The part of the side from start to end that is in the strip, and where it begins and ends.
+        falls = start[1] > end[1]
+        (x, y), (end_x, end_y) = np.where(falls, end, start), np.where(falls, start, end)
+        # Strips are made wider by 1/64 or more. So one that needs anything of a side as flat as this has both its
+        # ends, and one of them is the beginning of another side.
+        flat = end_y - y < 2.0**-10
+        slope = (end_x - x) * ~flat / np.where(flat, 1, end_y - y)
+        x, y, slope = x.take(which), y.take(which), slope.take(which)
+        begin, stop = np.maximum(low, y), np.minimum(up, end_y.take(which))
+        x += (begin - y) * slope
+        x[begin > stop] = np.nan
+        np.fmin(least, x, out=least)
+        np.fmax(most, x, out=most)
+        x += (stop - begin) * slope
+        np.fmin(least, x, out=least)
+        np.fmax(most, x, out=most)
+    return least, most
 
 
 def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:

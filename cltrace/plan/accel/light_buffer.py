@@ -41,6 +41,8 @@ SAMPLE = 16
 
 
 NOTHING = np.zeros(())
+# What is seen through a side of the cube: slopes of at most 1, and a few roundings more.
+SIDE = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16), (1, 1), (0, 0))
 
 
 class Shadows(NamedTuple):
@@ -87,14 +89,14 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
             found.append(_Discs.of(member, edges, near[i], far[i], who.receiver[block][i]))
         return found
 
-    def discs_of(real: type[np.floating[Any]], sides: list[tuple[int, float]]) -> list[list[_Discs]]:
+    def discs_of(real: type[np.floating[Any]], sides: list[tuple[int, float]], pane: Pane = SIDE) -> list[list[_Discs]]:
         found = [
             list(discs) for discs in zip(*blockwise(len(seen.radius), partial(look, real, sides), BLOCK), strict=True)
         ]
         if corners is not None and vertex is not None:
             for discs, (axis, sign) in zip(found, sides, strict=True):
                 view = View((vertex[(axis + 1) % 3], vertex[(axis + 2) % 3], vertex[axis]), (1, 1, sign))
-                discs += _triangles(corners, view, who, real)
+                discs += _triangles(corners, view, who, pane, real)
         return found
 
     grids = []
@@ -106,7 +108,7 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
         # Where the discs fill little of the cube's side, float32 would be too coarse for its cells.
         coarse = bool((window.half > NARROW / 2).all())
         if not coarse and who.slack < SLACK:
-            (discs,) = discs_of(np.float64, [(axis, sign)])
+            (discs,) = discs_of(np.float64, [(axis, sign)], window.pane(who.slack))
             window = _window(discs, who.slack, True)
             if window is None:
                 continue
@@ -114,15 +116,13 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
     return grids
 
 
-def _triangles(corners: Corners, view: View, who: Shadows, real: type[np.floating[Any]]) -> list[_Discs]:
-    """The triangles that are seen through a side of the cube."""
-    # A ray that looks at this side has slopes of at most 1, and a few roundings more.
-    pane = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16), (1, 1), (0, 0))
+def _triangles(corners: Corners, view: View, who: Shadows, pane: Pane, real: type[np.floating[Any]]) -> list[_Discs]:
+    """The triangles that are seen through a side of the cube, or through a part of it."""
     found = []
     for part in polygons(view, corners.face, who.occluder[corners.first :], pane, real):
         member = part.triangle + np.int32(corners.first)
         # A corner is off by this in double, and by what the caller allows for roundings to `real`.
-        loose = part.loose + TURNED * (1 + pane.largest[0]) ** 2
+        loose = part.loose + TURNED * (1 + max(pane.largest)) ** 2
         edges = [edge - loose if k % 2 == 0 else edge + loose for k, edge in enumerate(part.edges)]
         found.append(_Discs.of(member, edges, part.near, part.far, who.receiver[member], part.corner, loose))
     return found
@@ -250,6 +250,11 @@ class _Window(NamedTuple):
     middle: Array
     half: Array
     furthest: float
+
+    def pane(self, slack: float) -> Pane:
+        """What is seen through it, also by rays whose slopes are off by a few `slack`."""
+        (x, y), (wide, high) = self.middle.tolist(), (self.half + 4 * slack).tolist()
+        return Pane((x, y), (wide, high), (1, 1), (0, 0))
 
 
 def _window(discs: list[_Discs], slack: float, perspective: bool) -> _Window | None:
