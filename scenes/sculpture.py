@@ -27,7 +27,7 @@ AROUND = np.array([8, 13, -21])  # how often each of three waves goes around the
 SQUARE = 2 / 3 * (AROUND @ AROUND)  # of the length of each wave's vector on the map
 UP = np.sqrt(SQUARE - AROUND**2) * (1, -1, -1)  # radians of each wave in a unit of the map's height
 HOLE, RIM = -0.6, 0.5  # a hole is where the sum of the waves is above HOLE + RIM; from HOLE on, its edge is rounded
-CAP = 0.3  # no holes closer to the axis; scene units
+CAP = 0.4  # no holes closer to the axis; scene units
 
 
 def inside(points: Floats) -> Floats:
@@ -129,7 +129,7 @@ XML = """\
     <lookat x="0.3" y="0.55" z="0"/>
     <up x="0" y="1" z="0"/>
     <horizontal_fov angle="22"/>
-    <resolution horizontal="1920" vertical="1080"/>
+    <resolution horizontal="1600" vertical="900"/>
     <max_bounces n="2"/>
   </camera>
   <lights>

@@ -88,7 +88,7 @@ def sky(height: int = 256, width: int = 512) -> Bytes:
 def scene(side: int, resolution: tuple[int, int]) -> cltrace.Scene:
     """The land, the lake as a square that mirrors, and the sky on a wall behind the land."""
     vertices, faces, normals, uv, texture = land(side)
-    ground = cltrace.Material(ka=0.3, kd=1.0, ks=0, texture=texture)
+    ground = cltrace.Material(ka=0.4, kd=1, ks=0, texture=texture)
     meshes = [cltrace.Mesh(vertices, faces, normals, uv, ground)]
 
     square, halves = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]), [(0, 1, 2), (0, 2, 3)]
@@ -111,7 +111,7 @@ def scene(side: int, resolution: tuple[int, int]) -> cltrace.Scene:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", default="terrain.png", help="the picture (default: %(default)s)")
-    parser.add_argument("--size", default="1920x1080", help="of the picture, in pixels (default: %(default)s)")
+    parser.add_argument("--size", default="1600x900", help="of the picture, in pixels (default: %(default)s)")
     parser.add_argument("--side", type=int, default=708, help="heights a side (default: %(default)s)")
     args = parser.parse_args()
     width, height = map(int, args.size.split("x"))

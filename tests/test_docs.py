@@ -68,8 +68,9 @@ def test_there_is_something_to_run_and_it_is_python() -> None:
     for file in FILES:
         compile("\n".join(blocks(file, "python")), file.name, "exec")
     script = "\n".join(map(commands, FILES))
-    assert ".venv/bin/cltrace scenes/dusk.xml\n" in script
+    assert ".venv/bin/cltrace scenes/room.xml\n" in script
     assert "cltrace.Scene.from_spheres(" in script
+    assert "cltrace.Scene.from_meshes(" in script
     # What CI runs comes from fenced blocks: one that is spelt otherwise would be left out in silence.
     for file in FILES:
         fences = re.findall(r"^```(\w*)$", file.read_text("utf-8"), re.MULTILINE)
