@@ -129,6 +129,7 @@ static void fetch_child(const Scene scene, const int child) {
     FETCH(lines, 0);
     FETCH(lines, 64);
     FETCH(lines, 128);
+    FETCH(lines, 192);
 #endif
 }
 
