@@ -93,6 +93,15 @@ def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
     assert all(re.search(rf"\b{name}\b", code + abi.header()) for name in abi.VALUES)
 
 
+def test_a_macro_has_one_file_only() -> None:
+    """All files are one text for the compiler, which warns where a second one takes a name, and then uses that one."""
+    homes: dict[str, set[str]] = {}
+    for file, text in KERNELS.items():
+        for name in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+)", text, re.MULTILINE):
+            homes.setdefault(name, set()).add(file)
+    assert {name: files for name, files in homes.items() if len(files) > 1} == {}
+
+
 def test_constants_and_counters_of_the_table_are_used() -> None:
     host = "\n".join(path.read_text("utf-8") for path in (ROOT / "cltrace").rglob("*.py") if path.name != "abi.py")
     kernel = "\n".join(KERNELS.values())

@@ -195,7 +195,7 @@ static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, 
 /* So few rays of a packet go on one at a time. */
 #define ALONE 5
 /* And so do all whose directions differ by more than this along an axis. */
-#define SPREAD 0.3f
+#define APART 0.3f
 
 /* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8 times the
  * node plus the child's place. The nearest is on top. */
@@ -243,7 +243,7 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
     int alone = W;
     if (popcount(lane_bits(live)) > ALONE) {
         bundle = bundle_of(search, live);
-        if (bundle.spread < SPREAD) alone = ALONE;
+        if (bundle.spread < APART) alone = ALONE;
     }
     float furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
     Stack stack;
