@@ -80,7 +80,7 @@ static void flatten(const Frame frame, const Scene scene, const Leaving ray, con
     const INT number = id - scene.spheres.first;
     const FacePoint point = face_point(scene.spheres, ray, number);
     const Weights weights = {point.a, point.b, point.c};
-    const Real3 N = shading_normals(scene, number, point.T.N, weights);
+    const Real3 N = shading_normals(scene, number, point.N, weights);
     const REAL over = 1 / sqrt(DOT(N, N));
     const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
     /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. */
@@ -89,7 +89,7 @@ static void flatten(const Frame frame, const Scene scene, const Leaving ray, con
     Leaving from = ray;
     from.own = TO_MASK(here) ? id : (INT)-1;
     from.q = point.q;
-    leave_triangle(scene.spheres, &from);
+    leave_triangle(scene.spheres, point.corners, &from);
     const Real3 anchor = {from.center.x - scene.spheres.eye.x, from.center.y - scene.spheres.eye.y,
                           from.center.z - scene.spheres.eye.z};
     const Real3 center = turned_to_camera(frame, anchor), p = turned_to_camera(frame, from.p);

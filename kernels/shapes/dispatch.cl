@@ -107,7 +107,8 @@ typedef struct {
     Real3 q;         /* u, v and the corner, as in leave_triangle() */
     REAL facing;     /* N.w: > 0 where the ray comes from the side to which N does not point */
     REAL front;      /* 1 where N points to the front, else -1 */
-    Triangle T;
+    Corners corners;
+    Real3 N; /* the triangle's normal, as its corners turn */
 } FacePoint;
 
 /* The corner of the largest weight is the one that the point is counted from, and the other two weights are at most 1/2. A
@@ -121,8 +122,10 @@ typedef struct {
 
 static FacePoint face_point(const Spheres spheres, const Leaving ray, const INT number) {
     FacePoint at;
-    at.T = triangles_of(spheres, number);
-    const Volumes v = volumes_of(path_of(ray), at.T);
+    at.corners = all_corners_of(spheres, number);
+    const Triangle T = triangle_between(at.corners);
+    const Volumes v = volumes_of(path_of(ray), T);
+    at.N = T.N;
     const REAL b = v.EB / v.den, c = v.EC / v.den;
     at.b = b > 0 ? b : (REAL)0;
     at.c = c > 0 ? c : (REAL)0;

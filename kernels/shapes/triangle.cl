@@ -58,11 +58,42 @@ static Real3 cross_of(const Real3 a, const Real3 b) {
     return c;
 }
 
-static Triangle triangles_of(const Spheres spheres, const INT number) {
-    const Real3 a = corners_of(spheres, number, 0), b = corners_of(spheres, number, 1);
-    const Real3 c = corners_of(spheres, number, 2), e1 = difference(b, a), e2 = difference(c, a);
-    const Triangle T = {a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
+/* All three of them. */
+typedef struct {
+    Real3 a, b, c;
+} Corners;
+
+static Corners all_corners_of(const Spheres spheres, const INT number) {
+    int each[W];
+    real x[9][W];
+    STORE_LANES(number, each);
+    for (int lane = 0; lane < W; lane++) {
+        const int4 face = spheres.face[max(each[lane], 0)];
+        const real4 a = spheres.vertex[face.x], b = spheres.vertex[face.y], c = spheres.vertex[face.z];
+        x[0][lane] = a.x;
+        x[1][lane] = a.y;
+        x[2][lane] = a.z;
+        x[3][lane] = b.x;
+        x[4][lane] = b.y;
+        x[5][lane] = b.z;
+        x[6][lane] = c.x;
+        x[7][lane] = c.y;
+        x[8][lane] = c.z;
+    }
+    const Corners corners = {{LOAD_LANES(x[0]), LOAD_LANES(x[1]), LOAD_LANES(x[2])},
+                             {LOAD_LANES(x[3]), LOAD_LANES(x[4]), LOAD_LANES(x[5])},
+                             {LOAD_LANES(x[6]), LOAD_LANES(x[7]), LOAD_LANES(x[8])}};
+    return corners;
+}
+
+static Triangle triangle_between(const Corners corners) {
+    const Real3 e1 = difference(corners.b, corners.a), e2 = difference(corners.c, corners.a);
+    const Triangle T = {corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
     return T;
+}
+
+static Triangle triangles_of(const Spheres spheres, const INT number) {
+    return triangle_between(all_corners_of(spheres, number));
 }
 
 /* The filter. A facet is the three planes of a triangle's edges as seen from a fixed point: A' x B' and so on, times the sign
@@ -403,13 +434,14 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
 #endif
 
 /* What a ray that leaves a triangle starts with: the corner k = q.z, and u = q.x times the way to the next corner and v = q.y
- * times that to the one after. */
-static void leave_triangle(const Spheres spheres, Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(ray->own >= spheres.first);
-    const INT number = ray->own - spheres.first, k = TO_INT(here ? ray->q.z : (REAL)0);
-    const Real3 anchor = corners_of(spheres, number, k);
-    const Real3 x = difference(corners_of(spheres, number, k == 2 ? (INT)0 : k + 1), anchor);
-    const Real3 y = difference(corners_of(spheres, number, k == 0 ? (INT)2 : k - 1), anchor);
+ * times that to the one after. corners: of the triangle. */
+static void leave_triangle(const Spheres spheres, const Corners corners, Leaving *ray) {
+    const REAL_MASK here = TO_REAL_MASK(ray->own >= spheres.first), first = ray->q.z == 0, second = ray->q.z == 1;
+    const Real3 a = corners.a, b = corners.b, c = corners.c;
+    const Real3 anchor = {first ? a.x : second ? b.x : c.x, first ? a.y : second ? b.y : c.y, first ? a.z : second ? b.z : c.z};
+    const Real3 next = {first ? b.x : second ? c.x : a.x, first ? b.y : second ? c.y : a.y, first ? b.z : second ? c.z : a.z};
+    const Real3 last = {first ? c.x : second ? a.x : b.x, first ? c.y : second ? a.y : b.y, first ? c.z : second ? a.z : b.z};
+    const Real3 x = difference(next, anchor), y = difference(last, anchor);
     PUT_WHERE(here, ray->center.x, anchor.x);
     PUT_WHERE(here, ray->center.y, anchor.y);
     PUT_WHERE(here, ray->center.z, anchor.z);
