@@ -7,6 +7,7 @@ image.save("scene.png")
 camera = cltrace.Camera(position=(0, 0, 9), lookat=(0, 0, 0), horizontal_fov=30, resolution=(800, 600))
 lights = [cltrace.ambient_light(), cltrace.point_light((5, 8, 9))]
 scene = cltrace.Scene.from_spheres(camera, lights, centers, radii, colors)  # arrays (n, 3), (n,), (n, 3)
+scene = cltrace.Scene.from_meshes(camera, lights, [cltrace.Mesh(vertices, faces)])  # arrays (v, 3), (f, 3)
 image = cltrace.render(scene, outputs=("rgb8", "depth", "id"))
 """
 
