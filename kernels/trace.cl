@@ -74,25 +74,19 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 #endif
 
 #ifdef WITH_TRIANGLES
-/* Puts the points that are on triangles into an intersection. ray: what met them; id: what it met. */
-static void flatten(const Frame frame, const Scene scene, const Leaving ray, const INT id, Intersection *at) {
+/* Puts the points that are on triangles into an intersection. id: what the rays met, along d; shares: where on it; P: the
+ * point, rounded, in camera space. */
+static void flatten(const Frame frame, const Scene scene, const INT id, const Shares shares, const Real3 d, const Real3 P,
+                    Intersection *at) {
     const REAL_MASK here = TO_REAL_MASK(id >= scene.spheres.first);
-    const INT number = id - scene.spheres.first;
-    const FacePoint point = face_point(scene.spheres, ray, number);
-    const Weights weights = {point.a, point.b, point.c};
-    const Real3 N = shading_normals(scene, number, point.N, weights);
+    const INT number = TO_MASK(here) ? id - scene.spheres.first : (INT)-1;
+    const FacePoint point = face_point(shares);
+    const Real3 N = shading_normals(scene, number, point.weights);
     const REAL over = 1 / sqrt(DOT(N, N));
     const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
     /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. */
-    const REAL side = point.facing < 0 ? point.front : -point.front;
-    const REAL turn = DOT(n, ray.d) > 0 ? -side : side;
-    Leaving from = ray;
-    from.own = TO_MASK(here) ? id : (INT)-1;
-    from.q = point.q;
-    leave_triangle(scene.spheres, point.corners, &from);
-    const Real3 anchor = {from.center.x - scene.spheres.eye.x, from.center.y - scene.spheres.eye.y,
-                          from.center.z - scene.spheres.eye.z};
-    const Real3 center = turned_to_camera(frame, anchor), p = turned_to_camera(frame, from.p);
+    const REAL side = (shares.all < 0) == is_back(scene.spheres, number) ? (REAL)-1 : (REAL)1;
+    const REAL turn = DOT(n, d) > 0 ? -side : side;
     PUT_WHERE(here, at->normal.x, turn * n.x);
     PUT_WHERE(here, at->normal.y, turn * n.y);
     PUT_WHERE(here, at->normal.z, turn * n.z);
@@ -101,33 +95,26 @@ static void flatten(const Frame frame, const Scene scene, const Leaving ray, con
     PUT_WHERE(here, at->q.z, point.q.z);
     PUT_WHERE(here, at->spread, (REAL)1);
     Start *start = &at->start;
-    PUT_WHERE(here, start->own.center.x, center.x);
-    PUT_WHERE(here, start->own.center.y, center.y);
-    PUT_WHERE(here, start->own.center.z, center.z);
+    PUT_WHERE(here, start->own.center.x, P.x);
+    PUT_WHERE(here, start->own.center.y, P.y);
+    PUT_WHERE(here, start->own.center.z, P.z);
     PUT_WHERE(here, start->own.r, (REAL)0);
-    PUT_WHERE(here, start->p.x, p.x);
-    PUT_WHERE(here, start->p.y, p.y);
-    PUT_WHERE(here, start->p.z, p.z);
-    PUT_WHERE(here, start->support, DOT(at->normal, p));
+    PUT_WHERE(here, start->p.x, (REAL)0);
+    PUT_WHERE(here, start->p.y, (REAL)0);
+    PUT_WHERE(here, start->p.z, (REAL)0);
+    PUT_WHERE(here, start->support, (REAL)0);
     PUT_WHERE(here, start->side, side);
     start->stretched = start->stretched | here;
     start->index = id;
     start->q = at->q;
-    PUT_WHERE(here, start->anchor.x, from.center.x);
-    PUT_WHERE(here, start->anchor.y, from.center.y);
-    PUT_WHERE(here, start->anchor.z, from.center.z);
-    PUT_WHERE(here, start->step.x, from.p.x);
-    PUT_WHERE(here, start->step.y, from.p.y);
-    PUT_WHERE(here, start->step.z, from.p.z);
-    PUT_WHERE(here, start->reach, from.reach);
 #if REAL_BYTES == 4
-    PUT_WHERE(here, start->from_eye.x, center.x + p.x);
-    PUT_WHERE(here, start->from_eye.y, center.y + p.y);
-    PUT_WHERE(here, start->from_eye.z, center.z + p.z);
+    PUT_WHERE(here, start->from_eye.x, P.x);
+    PUT_WHERE(here, start->from_eye.y, P.y);
+    PUT_WHERE(here, start->from_eye.z, P.z);
     PUT_WHERE(here, start->near_eye, 0);
 #endif
 #ifdef WITH_UV
-    map_triangles(scene, TO_MASK(here) ? number : (INT)-1, weights, at);
+    map_triangles(scene, number, point.weights, at);
 #endif
 }
 
@@ -154,7 +141,8 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
     const Real3 origin = {0, 0, 0};
     at.normal = origin;
     at.start = start_of(none, origin, 1, origin);
-    flatten(frame, scene, ray.leaving, hit.id, &at);
+    const Real3 P = {hit.t * ray.d.x, hit.t * ray.d.y, -hit.t};
+    flatten(frame, scene, hit.id, hit.shares, ray.d, P, &at);
 #else
     const INT round = SPHERE_OR_NONE(scene.spheres, hit.id);
     const Sphere sphere = spheres_of(scene.spheres, round);
@@ -174,7 +162,8 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
 #endif
 #ifdef WITH_TRIANGLES
     start_in_world(frame, scene, hit.id, &at);
-    if (ANY(hit.id >= scene.spheres.first)) flatten(frame, scene, ray.leaving, hit.id, &at);
+    const Real3 P = {hit.t * ray.d.x, hit.t * ray.d.y, -hit.t};
+    if (ANY(hit.id >= scene.spheres.first)) flatten(frame, scene, hit.id, hit.shares, ray.d, P, &at);
 #endif
 #endif
 #ifdef WITH_TEXTURES
@@ -199,6 +188,20 @@ static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Inters
 }
 
 #ifdef WITH_BOUNCES
+#ifdef WITH_TRIANGLES
+/* flatten() for rays that left a surface. */
+static void flatten_from(const Frame frame, const Scene scene, const Leaving ray, const Met met, Intersection *at) {
+    const INT number = met.id - scene.spheres.first;
+    const Volumes v = volumes_of(path_of(ray), triangles_of(scene.spheres, number));
+    const Shares shares = {v.EB, v.EC, v.den};
+    const Real3 C = ray.center, p = ray.p, w = ray.w;
+    const real4 eye = scene.spheres.eye;
+    const Real3 way = {(C.x - eye.x) + (p.x + met.t * w.x), (C.y - eye.y) + (p.y + met.t * w.y),
+                       (C.z - eye.z) + (p.z + met.t * w.z)};
+    flatten(frame, scene, met.id, shares, ray.d, turned_to_camera(frame, way), at);
+}
+#endif
+
 /* The same for rays that left a surface. */
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
     Intersection at = material_at(scene, met.id);
@@ -207,7 +210,7 @@ static Intersection intersection_from(const Frame frame, const Scene scene, cons
     const Real3 origin = {0, 0, 0};
     at.normal = origin;
     at.start = start_of(none, origin, 1, origin);
-    flatten(frame, scene, ray, met.id, &at);
+    flatten_from(frame, scene, ray, met, &at);
 #else
     const INT round = SPHERE_OR_NONE(scene.spheres, met.id);
     const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, round), met.t);
@@ -228,7 +231,7 @@ static Intersection intersection_from(const Frame frame, const Scene scene, cons
 #endif
 #ifdef WITH_TRIANGLES
     start_in_world(frame, scene, met.id, &at);
-    if (ANY(met.id >= scene.spheres.first)) flatten(frame, scene, ray, met.id, &at);
+    if (ANY(met.id >= scene.spheres.first)) flatten_from(frame, scene, ray, met, &at);
 #endif
 #endif
 #ifdef WITH_TEXTURES

@@ -9,6 +9,9 @@ typedef struct {
 #ifdef WITH_ELLIPSOIDS
     REAL_MASK inside; /* of an ellipsoid, whether the eye is */
 #endif
+#ifdef WITH_TRIANGLES
+    Shares shares; /* of a triangle */
+#endif
 } Hit;
 
 /* A list ends for a ray where it has found something nearer, squared. With doubles that is known to 2^-25. */
@@ -80,12 +83,16 @@ static void meet_triangle(const Scene scene, const Ray ray, const FLOAT x, const
 #endif
 #endif
     COUNT(DECIDED, TO_MASK(wanted));
-    const REAL t = triangle_meet(scene.spheres, ray.leaving, triangle_at(scene.spheres, number), (INT)number, wanted, inside);
+    Shares shares;
+    const REAL t = triangle_meet(scene.spheres, ray.leaving, triangle_at(scene.spheres, number), (INT)number, wanted, inside, &shares);
     const REAL_MASK close = too_close(t, hit->t);
     REAL_MASK nearer = t < hit->t;
     if (RARELY(ANY(TO_MASK(close)))) nearer = close ? comes_first_of(scene, ray.leaving, (INT)index, hit->id) : nearer;
     PUT_WHERE(nearer, hit->t, t);
     PUT_WHERE(TO_MASK(nearer), hit->id, (INT)index);
+    PUT_WHERE(nearer, hit->shares.EB, shares.EB);
+    PUT_WHERE(nearer, hit->shares.EC, shares.EC);
+    PUT_WHERE(nearer, hit->shares.all, shares.all);
 }
 #endif
 

@@ -125,9 +125,10 @@ static int filter_leaves(const Scene scene, const ShadowRay ray, const Place pla
 #endif
 
 #ifdef WITH_TRIANGLES
-/* The lanes of `may` in which a triangle stands between P and the light. */
-static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place place, const Start start, const int number,
-                           const MASK may, Work *work) {
+/* The lanes of `may` in which a triangle stands between P and the light. placed: whether place_starts() has been called, which
+ * few rays need. */
+static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place place, Start *start, int *placed,
+                           const int number, const MASK may, Work *work) {
     MASK wanted = may;
     REAL_MASK inside = 0;
 #ifdef WITH_FILTER
@@ -148,7 +149,9 @@ static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place p
     COUNT(FILTERED, may & !wanted);
     if (!ANY(wanted)) return 0;
     COUNT(DECIDED, wanted);
-    return TO_MASK(stands_before(scene.spheres, scene.lamp[ray.number], ray.at_point, start, triangle_at(scene.spheres, number),
+    if (!*placed) place_starts(scene.spheres, start);
+    *placed = 1;
+    return TO_MASK(stands_before(scene.spheres, scene.lamp[ray.number], ray.at_point, *start, triangle_at(scene.spheres, number),
                                  number, TO_REAL_MASK(wanted), inside));
 }
 #endif
@@ -156,8 +159,11 @@ static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place p
 /* The lanes of `lit` that stay lit after the list of one cell, which the rays of the lanes `in` go through. The list
  * is in depth order, by the spheres' points nearest to the light. A sphere no point of which is nearer to the light
  * than P stops nothing, so there the list ends for a lane. */
-static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place place, const Start start, const INT own,
+static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place place, Start start, const INT own,
                            const int cell, const MASK in, MASK lit, Work *work) {
+#ifdef WITH_TRIANGLES
+    int placed = 0;
+#endif
     const int first = scene.lists.start[cell], end = scene.lists.start[cell + 1];
     FETCH_AHEAD(scene, scene.light_filter + (long)ray.number * scene.count, first);
     for (int k = first; k < end; k++) {
@@ -168,7 +174,7 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
             may = may & (own != index);
-            lit = lit & !triangle_stops(scene, ray, place, start, index - scene.spheres.first, may, work);
+            lit = lit & !triangle_stops(scene, ray, place, &start, &placed, index - scene.spheres.first, may, work);
             continue;
         }
 #endif

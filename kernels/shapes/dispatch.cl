@@ -36,10 +36,13 @@ static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres sphe
 #endif
 
 /* t at which each of the lanes of `wanted` meets its triangle, INFINITY if it does not. T: the triangles, of which `number`
- * are the numbers; inside: lanes of which it is known that all three volumes have the sign of D. */
+ * are the numbers; shares: where on it; inside: lanes of which it is known that all three volumes have the sign of D. */
 static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triangle T, const INT number,
-                          const REAL_MASK wanted, const REAL_MASK inside) {
+                          const REAL_MASK wanted, const REAL_MASK inside, Shares *shares) {
     const Volumes v = volumes_of(path_of(ray), T);
+    shares->EB = v.EB;
+    shares->EC = v.EC;
+    shares->all = v.den;
     const REAL D = v.D, t = D / v.den;
     const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
 #if REAL_BYTES == 8
@@ -65,7 +68,8 @@ static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triang
 static Encounter triangle_meet_from(const Scene scene, const Leaving ray, const INT index, const REAL_MASK wanted) {
     const INT number = index - scene.spheres.first;
     const REAL_MASK other = wanted & TO_REAL_MASK(index != ray.own);
-    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0), 0};
+    Shares shares;
+    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0, &shares), 0};
     return at;
 }
 
@@ -101,14 +105,10 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, con
 #endif
 }
 
-/* A point of each lane's triangle. */
+/* A point of each lane's triangle: how much each corner counts, and the same as a start of rays, see place_on(). */
 typedef struct {
-    REAL a, b, c;    /* the weights of the corners */
-    Real3 q;         /* u, v and the corner, as in leave_triangle() */
-    REAL facing;     /* N.w: > 0 where the ray comes from the side to which N does not point */
-    REAL front;      /* 1 where N points to the front, else -1 */
-    Corners corners;
-    Real3 N; /* the triangle's normal, as its corners turn */
+    Weights weights;
+    Real3 q;
 } FacePoint;
 
 /* The corner of the largest weight is the one that the point is counted from, and the other two weights are at most 1/2. A
@@ -120,34 +120,40 @@ typedef struct {
 #define INWARD 0x1p-30f
 #endif
 
-static FacePoint face_point(const Spheres spheres, const Leaving ray, const INT number) {
+static REAL kept_inward(const REAL weight) {
+    return weight > INWARD ? (weight < (real)0.5f ? weight : (REAL)0.5f) : (REAL)INWARD;
+}
+
+static FacePoint face_point(const Shares shares) {
+    const REAL share_b = shares.EB / shares.all, share_c = shares.EC / shares.all;
+    const REAL b = share_b > 0 ? share_b : (REAL)0, c = share_c > 0 ? share_c : (REAL)0, rest = (1 - b) - c;
+    const REAL a = rest > 0 ? rest : (REAL)0;
+    const REAL_MASK first = (a >= b) & (a >= c), second = !first & (b >= c);
     FacePoint at;
-    at.corners = all_corners_of(spheres, number);
-    const Triangle T = triangle_between(at.corners);
-    const Volumes v = volumes_of(path_of(ray), T);
-    at.N = T.N;
-    const REAL b = v.EB / v.den, c = v.EC / v.den;
-    at.b = b > 0 ? b : (REAL)0;
-    at.c = c > 0 ? c : (REAL)0;
-    const REAL a = (1 - at.b) - at.c;
-    at.a = a > 0 ? a : (REAL)0;
-    const REAL_MASK first = (at.a >= at.b) & (at.a >= at.c), second = !first & (at.b >= at.c);
-    at.q.x = first ? at.b : second ? at.c : at.a;
-    at.q.y = first ? at.c : second ? at.a : at.b;
+    at.q.x = kept_inward(first ? b : second ? c : a);
+    at.q.y = kept_inward(first ? c : second ? a : b);
     at.q.z = first ? (REAL)0 : second ? (REAL)1 : (REAL)2;
-    at.q.x = at.q.x > INWARD ? (at.q.x < (real)0.5f ? at.q.x : (REAL)0.5f) : (REAL)INWARD;
-    at.q.y = at.q.y > INWARD ? (at.q.y < (real)0.5f ? at.q.y : (REAL)0.5f) : (REAL)INWARD;
-    const REAL rest = (1 - at.q.x) - at.q.y;
-    at.a = first ? rest : second ? at.q.y : at.q.x;
-    at.b = first ? at.q.x : second ? rest : at.q.y;
-    at.c = first ? at.q.y : second ? at.q.x : rest;
-    at.facing = v.den;
-    int each[W];
-    real front[W];
-    STORE_LANES(number, each);
-    for (int lane = 0; lane < W; lane++) front[lane] = spheres.face[max(each[lane], 0)].w & 1 ? -1 : 1;
-    at.front = LOAD_LANES(front);
+    const REAL most = (1 - at.q.x) - at.q.y;
+    at.weights.a = first ? most : second ? at.q.y : at.q.x;
+    at.weights.b = first ? at.q.x : second ? most : at.q.y;
+    at.weights.c = first ? at.q.y : second ? at.q.x : most;
     return at;
+}
+
+/* Puts the world's coordinates of the lanes that start on triangles into their starts. */
+static __attribute__((noinline)) void place_starts(const Spheres spheres, Start *P) {
+    const MASK face = P->index >= spheres.first;
+    const REAL_MASK here = TO_REAL_MASK(face);
+    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    put_corners(spheres.vertex, spheres.face, face ? P->index - spheres.first : (INT)-1, &corners);
+    const Place3 place = place_on(corners, P->q);
+    PUT_WHERE(here, P->anchor.x, place.anchor.x);
+    PUT_WHERE(here, P->anchor.y, place.anchor.y);
+    PUT_WHERE(here, P->anchor.z, place.anchor.z);
+    PUT_WHERE(here, P->step.x, place.step.x);
+    PUT_WHERE(here, P->step.y, place.step.y);
+    PUT_WHERE(here, P->step.z, place.step.z);
+    PUT_WHERE(here, P->reach, place.reach);
 }
 
 #if REAL_BYTES == 8

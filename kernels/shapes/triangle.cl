@@ -58,42 +58,76 @@ static Real3 cross_of(const Real3 a, const Real3 b) {
     return c;
 }
 
-/* All three of them. */
+/* The three corners of each lane's triangle; lanes with a negative number get (0, 0, 0).
+ *
+ * Neighbours are mostly on few triangles. The first few different ones are read once for all their lanes. */
 typedef struct {
     Real3 a, b, c;
 } Corners;
 
-static Corners all_corners_of(const Spheres spheres, const INT number) {
-    int each[W];
-    real x[9][W];
-    STORE_LANES(number, each);
-    for (int lane = 0; lane < W; lane++) {
-        const int4 face = spheres.face[max(each[lane], 0)];
-        const real4 a = spheres.vertex[face.x], b = spheres.vertex[face.y], c = spheres.vertex[face.z];
-        x[0][lane] = a.x;
-        x[1][lane] = a.y;
-        x[2][lane] = a.z;
-        x[3][lane] = b.x;
-        x[4][lane] = b.y;
-        x[5][lane] = b.z;
-        x[6][lane] = c.x;
-        x[7][lane] = c.y;
-        x[8][lane] = c.z;
-    }
-    const Corners corners = {{LOAD_LANES(x[0]), LOAD_LANES(x[1]), LOAD_LANES(x[2])},
-                             {LOAD_LANES(x[3]), LOAD_LANES(x[4]), LOAD_LANES(x[5])},
-                             {LOAD_LANES(x[6]), LOAD_LANES(x[7]), LOAD_LANES(x[8])}};
-    return corners;
+#define FEW_DIFFERENT 4
+
+static void put_row(const REAL_MASK here, Real3 *v, const real4 row) {
+    PUT_WHERE(here, v->x, (REAL)row.x);
+    PUT_WHERE(here, v->y, (REAL)row.y);
+    PUT_WHERE(here, v->z, (REAL)row.z);
 }
 
-static Triangle triangle_between(const Corners corners) {
+static void put_lanes(const REAL_MASK here, Real3 *v, const real *x, const real *y, const real *z) {
+    PUT_WHERE(here, v->x, LOAD_LANES(x));
+    PUT_WHERE(here, v->y, LOAD_LANES(y));
+    PUT_WHERE(here, v->z, LOAD_LANES(z));
+}
+
+/* Each lane's three rows of an array, of which `index` says which: for the lanes with index >= 0. The rows of one index are
+ * those that `face` names. */
+static void put_corners(__global const real4 *array, __global const int4 *face, const INT index, Corners *out) {
+    INT left = index;
+    for (int k = 0, one = LARGEST(left); k < FEW_DIFFERENT && one >= 0; k++, one = LARGEST(left)) {
+        const REAL_MASK here = TO_REAL_MASK(left == one);
+        const int4 rows = face[one];
+        put_row(here, &out->a, array[rows.x]);
+        put_row(here, &out->b, array[rows.y]);
+        put_row(here, &out->c, array[rows.z]);
+        left = left == one ? (INT)-1 : left;
+    }
+    if (!ANY(left >= 0)) return;
+    int each[W];
+    real x[3][W], y[3][W], z[3][W];
+    STORE_LANES(left, each);
+    for (int lane = 0; lane < W; lane++) {
+        const int4 rows = face[max(each[lane], 0)];
+        const real4 v[3] = {array[rows.x], array[rows.y], array[rows.z]};
+        for (int k = 0; k < 3; k++) {
+            x[k][lane] = v[k].x;
+            y[k][lane] = v[k].y;
+            z[k][lane] = v[k].z;
+        }
+    }
+    const REAL_MASK here = TO_REAL_MASK(left >= 0);
+    put_lanes(here, &out->a, x[0], y[0], z[0]);
+    put_lanes(here, &out->b, x[1], y[1], z[1]);
+    put_lanes(here, &out->c, x[2], y[2], z[2]);
+}
+
+/* Which lanes' triangles have their backs on the side to which N points. */
+static REAL_MASK is_back(const Spheres spheres, const INT number) {
+    int each[W];
+    STORE_LANES(number, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = spheres.face[max(each[lane], 0)].w & 1;
+    return TO_REAL_MASK(LOAD_LANES(each) != 0);
+}
+
+static Triangle triangle_of(const Corners corners) {
     const Real3 e1 = difference(corners.b, corners.a), e2 = difference(corners.c, corners.a);
     const Triangle T = {corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
     return T;
 }
 
 static Triangle triangles_of(const Spheres spheres, const INT number) {
-    return triangle_between(all_corners_of(spheres, number));
+    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    put_corners(spheres.vertex, spheres.face, number, &corners);
+    return triangle_of(corners);
 }
 
 /* The filter. A facet is the three planes of a triangle's edges as seen from a fixed point: A' x B' and so on, times the sign
@@ -180,6 +214,16 @@ static Volumes volumes_of(const Path path, const Triangle T) {
 #endif
     return v;
 }
+
+/* How much each corner counts at a point of a triangle; together they are 1. */
+typedef struct {
+    REAL a, b, c;
+} Weights;
+
+/* What tells where on a triangle a ray meets it: the volumes opposite B and C, and all three together. */
+typedef struct {
+    REAL EB, EC, all;
+} Shares;
 
 static REAL smaller_of(const REAL a, const REAL b) {
     return a < b ? a : b;
@@ -433,22 +477,45 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
 }
 #endif
 
-/* What a ray that leaves a triangle starts with: the corner k = q.z, and u = q.x times the way to the next corner and v = q.y
- * times that to the one after. corners: of the triangle. */
-static void leave_triangle(const Spheres spheres, const Corners corners, Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(ray->own >= spheres.first), first = ray->q.z == 0, second = ray->q.z == 1;
-    const Real3 a = corners.a, b = corners.b, c = corners.c;
-    const Real3 anchor = {first ? a.x : second ? b.x : c.x, first ? a.y : second ? b.y : c.y, first ? a.z : second ? b.z : c.z};
-    const Real3 next = {first ? b.x : second ? c.x : a.x, first ? b.y : second ? c.y : a.y, first ? b.z : second ? c.z : a.z};
-    const Real3 last = {first ? c.x : second ? a.x : b.x, first ? c.y : second ? a.y : b.y, first ? c.z : second ? a.z : b.z};
-    const Real3 x = difference(next, anchor), y = difference(last, anchor);
-    PUT_WHERE(here, ray->center.x, anchor.x);
-    PUT_WHERE(here, ray->center.y, anchor.y);
-    PUT_WHERE(here, ray->center.z, anchor.z);
-    PUT_WHERE(here, ray->p.x, ray->q.x * x.x + ray->q.y * y.x);
-    PUT_WHERE(here, ray->p.y, ray->q.x * x.y + ray->q.y * y.y);
-    PUT_WHERE(here, ray->p.z, ray->q.x * x.z + ray->q.y * y.z);
+/* Where a point q of each lane's triangle is: k = q.z is the corner that it is counted from, u = q.x counts the way from there
+ * to the next corner and v = q.y that to the one after. */
+typedef struct {
+    Real3 anchor, step; /* that corner, and from there to the point */
+    REAL reach;         /* no less than |step| */
+} Place3;
+
+static Real3 choose3(const REAL_MASK first, const REAL_MASK second, const Real3 a, const Real3 b, const Real3 c) {
+    const Real3 v = {first ? a.x : second ? b.x : c.x, first ? a.y : second ? b.y : c.y, first ? a.z : second ? b.z : c.z};
+    return v;
+}
+
+static Place3 place_on(const Corners corners, const Real3 q) {
+    const REAL_MASK first = q.z == 0, second = q.z == 1;
+    Place3 place;
+    place.anchor = choose3(first, second, corners.a, corners.b, corners.c);
+    const Real3 x = difference(choose3(first, second, corners.b, corners.c, corners.a), place.anchor);
+    const Real3 y = difference(choose3(first, second, corners.c, corners.a, corners.b), place.anchor);
+    place.step.x = q.x * x.x + q.y * y.x;
+    place.step.y = q.x * x.y + q.y * y.y;
+    place.step.z = q.x * x.z + q.y * y.z;
+    place.reach = size_of(x) + size_of(y);
+    return place;
+}
+
+/* What a ray that leaves a triangle starts with. */
+static void leave_triangle(const Spheres spheres, Leaving *ray) {
+    const MASK face = ray->own >= spheres.first;
+    const REAL_MASK here = TO_REAL_MASK(face);
+    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    put_corners(spheres.vertex, spheres.face, face ? ray->own - spheres.first : (INT)-1, &corners);
+    const Place3 place = place_on(corners, ray->q);
+    PUT_WHERE(here, ray->center.x, place.anchor.x);
+    PUT_WHERE(here, ray->center.y, place.anchor.y);
+    PUT_WHERE(here, ray->center.z, place.anchor.z);
+    PUT_WHERE(here, ray->p.x, place.step.x);
+    PUT_WHERE(here, ray->p.y, place.step.y);
+    PUT_WHERE(here, ray->p.z, place.step.z);
     PUT_WHERE(here, ray->r, (REAL)0);
-    PUT_WHERE(here, ray->reach, size_of(x) + size_of(y));
+    PUT_WHERE(here, ray->reach, place.reach);
 }
 #endif
