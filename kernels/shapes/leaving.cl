@@ -67,7 +67,7 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
     }
 #endif
 #ifdef WITH_TRIANGLES
-    if (ANY(own >= spheres.first)) leave_triangle(spheres, all_corners_of(spheres, own - spheres.first), &ray);
+    if (ANY(own >= spheres.first)) leave_triangle(spheres, &ray);
 #endif
     return ray;
 }
