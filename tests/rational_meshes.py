@@ -56,13 +56,20 @@ def corners_of(scene: Scene) -> Iterator[tuple[int, int, list[Vector]]]:
 
 
 def nearest(scene: Scene, origin: Vector, w: Vector, own: tuple[int, int] | None = None) -> Hit | None:
-    """What a ray meets first, but for the triangle `own`, by which it leaves."""
-    hits = [
-        (t, number, i)
-        for number, i, corners in corners_of(scene)
-        if (number, i) != own and (t := meets(origin, w, corners)) is not None
-    ]
-    return min(hits, default=None)
+    """What a ray meets first, but for the triangle `own`, by which it leaves; at one t, what w + (e, e^2, e^3) does."""
+    best: tuple[Hit, Vector] | None = None
+    for number, i, corners in corners_of(scene):
+        t = meets(origin, w, corners) if (number, i) != own else None
+        if t is None:
+            continue
+        # In the plane, n.(p - origin) = 1: so 1 / t = n.w, and the larger one is met first.
+        A, B, C = (minus(corner, origin) for corner in corners)
+        normal = cross(minus(B, A), minus(C, A))
+        n = exactly([x / times(normal, A) for x in normal])
+        further = (t,) if best is None else (best[0][0] - t, *minus(n, best[1]))
+        if next((x for x in further if x), Fraction(0)) > 0:
+            best = (t, number, i), n
+    return best[0] if best else None
 
 
 def triangle_point(corners: Sequence[Vector], corner: int, u: float, v: float) -> Vector:

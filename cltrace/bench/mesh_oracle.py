@@ -6,8 +6,8 @@ ray along w is on that side of an edge AB which is the sign of
     E = w . (A' x B') = det(w, A', B'),    and if that is 0, of the first of the coordinates of A' x B' that is not.
 
 It meets the triangle if all three E have the sign of D = det(A', B', C'), which is not 0, at t = D / (E + E + E) > 0.
-At equal t, the lower surface counts, then the lower triangle. Towards a light at a point, it is the ray from the light
-that counts, up to t < 1.
+At equal t, that counts which the ray w + (e, e^2, e^3) meets first, for small e; in one plane, the lower surface, then
+the lower triangle. Towards a light at a point, it is the ray from the light that counts, up to t < 1.
 
 Three steps decide. All triangles beside whose corners a ray passes are ruled out by their corners, as seen along the
 ray. Of the others, the determinants are computed in doubles, with bounds of their errors. Where these leave a doubt,
@@ -17,7 +17,7 @@ at C + r n / |n|, brings square roots, so all numbers are p + q sqrt(s) with who
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isqrt
@@ -447,15 +447,17 @@ FLOOR = 2.0**-1000
 
 
 class _Crossed(NamedTuple):
-    """Rays across triangles, exactly: meets (k,); where it does, t = unit D / den, den > 0."""
+    """Rays across triangles, exactly: meets (k,); where it does, t = unit D / den, den = N.w > 0."""
 
     meets: Bools
     D: Roots
     den: Roots
+    N: Exact
     unit: Whole
 
     def at(self, rows: Ids) -> _Crossed:
-        return _Crossed(self.meets[rows], self.D[rows], self.den[rows], self.unit[rows])
+        x, y, z = (part[rows] for part in self.N)
+        return _Crossed(self.meets[rows], self.D[rows], self.den[rows], (x, y, z), self.unit[rows])
 
     def sign_less(self, t_max: float) -> NDArray[np.int8]:
         """The sign of t - t_max, which is 1: their unit is 1, too."""
@@ -463,8 +465,9 @@ class _Crossed(NamedTuple):
         return (self.D - self.den).sign()
 
     def before(self, other: _Crossed) -> Bools:
-        """Whether t is strictly less than the other's, of the same ray; both in the same units."""
-        return np.asarray((self.D * other.den - other.D * self.den).sign() < 0)
+        """Whether it comes before the other one, of the same ray; both in the same units."""
+        pairs = zip((self.den, *self.N), (other.den, *other.N), strict=True)
+        return _first_sign(self.D * its - other.D * mine for mine, its in pairs) < 0
 
     def t(self) -> list[Fraction]:
         """Exactly; of square roots, to 2^-400 of their terms' size."""
@@ -499,19 +502,24 @@ def _crossed(rays: Rays, triangles: Triangles, ray: Ids, triangle: Ids) -> _Cros
     edges = [_cross(A, B), _cross(B, C), _cross(C, A)]
     D = _dot(A, edges[1])
     side = D.sign()
-    meets, den = side != 0, None
-    for edge in edges:
-        E = _dot(exact.way, edge)
-        den = E if den is None else den + E
-        sign = E.sign()
-        for x in edge:
-            if (sign != 0).all():
-                break
-            sign = np.where(sign == 0, x.sign(), sign)
-        meets &= sign == side
-    assert den is not None
+    volumes = [_dot(exact.way, edge) for edge in edges]
+    meets = side != 0
+    for E, edge in zip(volumes, edges, strict=True):
+        meets &= _first_sign((E, *edge)) == side
     turn = Roots(np.where(side < 0, -1, 1).astype(object))
-    return _Crossed(meets, D * turn, den * turn, exact.unit)
+    x, y, z = ((a + b + c) * turn for a, b, c in zip(*edges, strict=True))
+    return _Crossed(meets, D * turn, (volumes[0] + volumes[1] + volumes[2]) * turn, (x, y, z), exact.unit)
+
+
+def _first_sign(values: Iterable[Roots]) -> NDArray[np.int8]:
+    """The sign of the first of these that is not 0; later ones are only computed where some are."""
+    sign: NDArray[np.int8] | None = None
+    for value in values:
+        sign = value.sign() if sign is None else np.where(sign == 0, value.sign(), sign)
+        if (sign != 0).all():
+            break
+    assert sign is not None
+    return sign
 
 
 # ------------------------------------------------------------------------------------------------------------ questions
@@ -531,7 +539,7 @@ def exact_t(rays: Rays, triangles: Triangles, ray: Ids, triangle: Ids) -> list[F
 
 
 def _first(rays: Rays, triangles: Triangles, found: Hits) -> tuple[Ids, Floats]:
-    """Of each ray, the hit of the least t, and of equal ones that of the lowest triangle."""
+    """Of each ray, the hit that comes first, and of equal ones that of the lowest triangle."""
     index, t = np.full(len(rays), -1), np.full(len(rays), np.inf)
     far = np.full(len(rays), np.inf)
     # What t of each hit is at least and at most; and of each ray, what the least t is at most.

@@ -248,6 +248,9 @@ class Face:
 
     With N = (B - A) x (C - A), the three add up to N.w, and the ray is in the plane at t = A'.N / N.w. Where A'.N = 0,
     as the ray starts in the plane or the triangle has no area, it is not met. So not all coordinates of A' x B' are 0.
+
+    Where a ray meets two triangles at one t, that ray decides, too. At the edge of a box, which hides its other side,
+    it meets the face in front before that behind; they are at different t unless they are in one plane.
     """
 
     corners: tuple[Rational, Rational, Rational]
@@ -267,9 +270,9 @@ class Face:
         return x.p, y.p, z.p
 
 
-def _side_of(edge: Vector, w: Vector) -> int:
-    """The side on which a ray along w passes an edge from A to B; edge: A' x B'."""
-    return next((sign for x in (dot(edge, w), *edge) if (sign := x.sign())), 0)
+def sign_along(w: Vector, v: Vector) -> int:
+    """The sign of v.w, and where that is 0, of v.(w + (e, e^2, e^3)) for every small e > 0."""
+    return next((sign for x in (dot(v, w), *v) if (sign := x.sign())), 0)
 
 
 @dataclass(frozen=True)
@@ -290,47 +293,62 @@ class Line:
         N = vector(face.normal)
         D = dot(A, N)
         edges = cross(A, B), cross(B, C), cross(C, A)
-        sides = {_side_of(edge, self.direction) for edge in edges} if D.sign() else {1, -1}
+        sides = {sign_along(self.direction, edge) for edge in edges} if D.sign() else {1, -1}
         if len(sides) > 1:
             return None
         (side,) = sides
+        plane = Plane(self.direction, (N[0].times(side), N[1].times(side), N[2].times(side)), D.times(side))
         ab, _, ca = (dot(edge, self.direction) for edge in edges)
-        return Across(side, D.times(side), dot(N, self.direction).times(side), ca.times(side), ab.times(side))
+        return Across(side, plane, ca.times(side), ab.times(side))
 
 
 @dataclass(frozen=True)
 class Across:
     """A line across a triangle. side: the sign of N.w, 1 for a ray that goes the way of N.
 
-    depth: side A'.N; pace: side N.w > 0; by_b, by_c: side times E of the edges CA and AB, which are pace times the
-    weights of the corners B and C.
+    plane: the triangle's; by_b, by_c: side times E of the edges CA and AB, which are |N.w| times the weights of the
+    corners B and C.
     """
 
     side: int
-    depth: Surd
-    pace: Surd
+    plane: Plane
     by_b: Surd
     by_c: Surd
 
     @property
     def root(self) -> Root:
-        """The t at which the line meets the triangle, depth / pace."""
-        return Root(Linear(self.pace, self.depth), self.depth.sign())
+        """The t at which the line meets the triangle."""
+        return Root(self.plane, self.plane.b.sign())
 
     def weights(self) -> tuple[float, float]:
         """Of B and of C, rounded."""
-        b, c = (float(Root(Linear(self.pace, e), e.sign())) for e in (self.by_b, self.by_c))
+        w, n = self.plane.direction, self.plane.normal
+        b, c = (float(Root(Plane(w, n, e), e.sign())) for e in (self.by_b, self.by_c))
         return b, c
 
 
 @dataclass(frozen=True)
-class Linear:
-    """a t - b = 0 with a > 0: as a quadratic equation (a t - b)^2 / a = 0, of which both roots are one."""
+class Plane:
+    """The equation of the t at which a line meets a plane: a t - b = 0 with a = normal.direction > 0.
 
-    a: Surd
+    As a quadratic equation, (a t - b)^2 / a = 0, it has one root twice.
+    """
+
+    direction: Vector
+    normal: Vector
     b: Surd
     c: ClassVar[Surd] = Surd(ZERO)  # nobody asks for it
     discriminant: ClassVar[Surd] = Surd(ZERO)
+
+    @cached_property
+    def a(self) -> Surd:
+        return dot(self.normal, self.direction)
+
+    def is_before(self, other: Plane) -> bool:
+        """Whether the line meets this plane before another one, at a smaller t: b / a < b' / a'."""
+        mine, its = self.normal, other.normal
+        x, y, z = (self.b * q - other.b * p for p, q in zip(mine, its, strict=True))
+        return sign_along(self.direction, (x, y, z)) < 0
 
 
 @dataclass(frozen=True)
@@ -364,10 +382,10 @@ class Quadratic:
 class Root:
     """t = (b + side sqrt(D)) / a, where side is -1 for the near end and 1 for the far one.
 
-    Of a linear equation D is 0, and side the sign of b.
+    Of a plane D is 0, and side the sign of b.
     """
 
-    of: Quadratic | Linear
+    of: Quadratic | Plane
     side: int
 
     def sign_less(self, t: float) -> int:
@@ -388,6 +406,8 @@ class Root:
         2 side gap sqrt(D).
         """
         mine, its = self.of, other.of
+        if isinstance(mine, Plane) and isinstance(its, Plane):
+            return mine.is_before(its)
         gap = mine.b * its.a - its.b * mine.a
         D, E = mine.discriminant * (its.a * its.a), its.discriminant * (mine.a * mine.a)
         x, y = sign_with_root(gap, Surd(Fraction(self.side)), D), -other.side * E.sign()

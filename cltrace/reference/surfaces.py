@@ -130,7 +130,8 @@ def first_met(surfaces: Iterable[Surface], ray: Ray) -> tuple[float, Surface] | 
 def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: float) -> bool:
     """Whether the ray meets a surface, at t, strictly before another one, at `best`.
 
-    A t is off by 2^-24 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal.
+    A t is off by 2^-24 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal,
+    but for planes that cross there, see exact.Face.
     """
     if not abs(t - best) > best * 2.0**-22:
         return surface.exact_t(ray) < other.exact_t(ray)
