@@ -249,7 +249,9 @@ def on_spheres(scene: Scene, own: Ids, normal: Floats) -> Points:
     turned = normal @ basis
     if bent.any():
         turned[bent] = np.einsum("nij,nj->ni", L[spheres["to_object"][bent]], normal[bent])
-    reach = spheres["radius"] * np.where(bent, np.append(np.abs(L).sum(axis=(1, 2)), 1)[spheres["to_object"]], 1.0)
+    # As |q| is 1 to 2^-48, the step is off by that and what it rounds by, less than 2^-47 of its size.
+    sizes = np.append(np.abs(L).sum(axis=(1, 2)), 1)[spheres["to_object"]]
+    reach = 4 * spheres["radius"] * np.where(bent, sizes, 1.0)
 
     def exact(rows: Ids, grid: int) -> tuple[Whole, Exact]:
         fine = grid_of(normal[rows])

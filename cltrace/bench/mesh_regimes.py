@@ -273,10 +273,8 @@ def duplicates(pixels: Pixels) -> Made:
 def coplanar(pixels: Pixels) -> Made:
     """Triangles of a whole-numbered plane that cover each other, at whole places."""
     rng = pixels.rng
-    x, y = rng.integers(-8, 9, (2, 40, 3)) / 4
-    return Made(
-        [soup(np.stack([x, y, -4 + x + y / 2], axis=2)), soup(np.stack([x, y, np.full((40, 3), -5.0)], axis=2))]
-    )
+    x, y = rng.integers(-8, 9, (2, 16, 3)) / 4
+    return Made([soup(np.stack([x, y, z], axis=2)) for z in (-4 + x + y / 2, np.full((16, 3), -5.0))])
 
 
 def crossings(pixels: Pixels) -> Made:

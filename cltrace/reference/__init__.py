@@ -1,8 +1,8 @@
 """The reference: the same ray tracer in plain Python, to be read beside the course's tutorial.
 
-It favours plainness over speed: every ray tries every surface, in double precision, without shortcuts. kernels/trace.cl
-has the same functions under the same names, and formulas are written in the order in which the kernel evaluates them,
-so that both compute the same bits.
+It favours plainness over speed: every ray tries every surface, in double precision; of a mesh, every triangle that it
+does not surely pass by. kernels/trace.cl has the same functions under the same names, and formulas are written in the
+order in which the kernel evaluates them, so that both compute the same bits.
 
 Everything happens in camera space, as in the tutorial: the eye is the origin, x is right, y is up, -z is ahead. Read
 the files in this order:
