@@ -1,0 +1,190 @@
+"""The kernel's rays and triangles, one by one, against the exact oracle, in the hostile regimes; no excused band.
+
+What a pixel shows is told by its id and primitive, which light reaches it by its colour, and what its ray meets that
+goes on from there by the colour that names it. See cltrace/bench/mesh_pictures.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cltrace import Image, Material, Mesh, Renderer, Scene, ambient_light, parallel_light, point_light
+from cltrace.bench.mesh_pictures import (
+    Seen,
+    Verdict,
+    each_named,
+    in_light,
+    judge,
+    judge_light,
+    judge_onward,
+    passed,
+    seen_through,
+)
+from cltrace.bench.mesh_regimes import CLOSED, REGIMES, scene_of
+from cltrace.reference.check import check
+from cltrace.run.devices import Device
+
+NAMES = list(REGIMES)
+# Whose triangles cover each other in one plane: of these, a ray that goes on meets one only.
+PARITY = [name for name in CLOSED if name != "pillars"]
+
+
+def seen(image: Image) -> Seen:
+    return Seen(image.id.ravel(), image.primitive.ravel())
+
+
+def draw(scene: Scene, device: Device, outputs: tuple[str, ...], **how: object) -> Image:
+    return Renderer(scene, device, "accurate", outputs, **how).render()  # type: ignore[arg-type]
+
+
+def judged(make: Callable[[int], Verdict], count: int) -> int:
+    """How many rays are right, `count` at least, in pictures of seeds 0, 1, ...; an error where one is not."""
+    rays, seed = 0, 0
+    while rays < count and seed < count:
+        verdict = make(seed)
+        assert len(verdict.wrong) == 0, (seed, verdict.wrong[:5], verdict.leaks, verdict.phantoms)
+        rays += verdict.rays
+        seed += 1
+    return rays
+
+
+def first_hits(name: str, device: Device, side: int, **how: object) -> Callable[[int], Verdict]:
+    def make(seed: int) -> Verdict:
+        scene = scene_of(name, seed, (side, side))
+        return judge(scene, seen(draw(scene, device, ("id", "primitive"), **how)))
+
+    return make
+
+
+def lights(name: str, device: Device, side: int) -> Callable[[int], Verdict]:
+    """Of one light a picture: at a point near the scene, or of a corner of it, or parallel, along an axis or not."""
+
+    def make(seed: int) -> Verdict:
+        rng, scene = np.random.default_rng(seed), scene_of(name, seed, (side, side))
+        vertices = np.concatenate([mesh.vertices for mesh in scene.meshes])
+        size = np.abs(vertices - np.array(scene.camera.position)).max()
+        lamp = vertices[rng.integers(len(vertices))] + rng.choice([0, 1e-9, 0.1, 1]) * size * rng.normal(size=3)
+        sun = rng.choice([rng.normal(size=3), np.array([0, -1, 0]), np.array([1, 0, -1]), np.array([0.0, 0, -1])])
+        scene = in_light(scene, parallel_light(sun) if seed % 2 else point_light(lamp))
+        image = draw(scene, device, ("id", "primitive", "color"))
+        return judge_light(scene, seen(image), image.color)
+
+    return make
+
+
+def onward(name: str, device: Device, side: int) -> Callable[[int], Verdict]:
+    """Half of the triangles are mirrors, and half glass."""
+
+    def make(seed: int) -> Verdict:
+        rng, scene = np.random.default_rng(seed), scene_of(name, seed, (side, side))
+        glass = rng.random(sum(len(mesh.geometry.faces) for mesh in scene.meshes)) < 0.5
+        scene = each_named(scene, glass, float(rng.choice([1.0, 1.5, 0.75])))
+        image = draw(scene, device, ("id", "primitive", "color"))
+        return judge_onward(scene, seen(image), image.color)
+
+    return make
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_pixels_show(device: Device, name: str) -> None:
+    assert judged(first_hits(name, device, 32), 2000) >= 2000
+
+
+@pytest.mark.parametrize("name", ["corners on rays", "room", "crossings", "among spheres"])
+def test_one_by_one(device: Device, name: str) -> None:
+    """In packets of one pixel, as GPUs get them."""
+    assert judged(first_hits(name, device, 32, width=1), 2000) >= 2000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_which_lights_reach_them(device: Device, name: str) -> None:
+    judged(lights(name, device, 16), 500 if name != "grazing" else 5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_their_mirrors_and_glass_show(device: Device, name: str) -> None:
+    judged(onward(name, device, 16), 250)
+
+
+@pytest.mark.parametrize("name", PARITY)
+def test_what_goes_into_a_closed_mesh_comes_out_again(device: Device, name: str) -> None:
+    for seed in range(2):
+        scene = seen_through(scene_of(name, seed, (64, 64)))
+        count = passed(draw(scene, device, ("color",)).color)
+        assert count.max() >= 2
+        assert (count % 2 == 0).all(), (seed, np.flatnonzero(count % 2))
+
+
+def in_full(name: str, seed: int, side: int) -> Scene:
+    """The surfaces of a regime, shaded: mirrors and glass, smooth, textured, in three lights."""
+    rng, plain = np.random.default_rng(seed), scene_of(name, seed, (side, side))
+    place = np.concatenate([mesh.vertices for mesh in plain.meshes])
+    size = np.abs(place - np.array(plain.camera.position)).max()
+    meshes = []
+    for mesh in plain.meshes:
+        shape, corners = mesh.geometry, len(mesh.vertices)
+        texture = rng.integers(0, 256, (3, 5, 3)).astype(np.uint8) if rng.random() < 0.5 else None
+        passes = rng.choice([0, 0, 0.4], 2)
+        material = Material(rng.random(3), reflectance=passes[0], transmittance=passes[1], index=1.5, texture=texture)
+        normals = rng.normal(size=(corners, 3)) if rng.random() < 0.5 else None
+        meshes.append(Mesh(shape.vertices, shape.faces, normals, rng.normal(size=(corners, 2)), material))
+    lights = [point_light(place[0] + 0.3 * size * rng.normal(size=3), (0.5, 0.4, 0.3)) for _ in range(2)]
+    spheres, maps = (
+        plain.spheres,
+        [np.eye(3) if i < 0 else np.linalg.inv(plain.to_object[i]) for i in plain.spheres["to_object"]],
+    )
+    return Scene.from_spheres(
+        replace(plain.camera, max_bounces=3),
+        [*lights, parallel_light((1, -2, -3), (0.4, 0.4, 0.4)), ambient_light((0.2, 0.2, 0.2))],
+        spheres["center"],
+        spheres["radius"],
+        rng.random((len(spheres), 3)),
+        reflectance=0.3,
+        transmittance=0.3,
+        index=1.5,
+        transform=np.array(maps) if maps else None,
+        meshes=meshes,
+        background=(0.1, 0.2, 0.3),
+    )
+
+
+@pytest.mark.parametrize("name", ["among spheres", "room", "corners on rays", "soup", "pillars", "terrain"])
+def test_whole_pictures_are_the_reference_s(device: Device, name: str) -> None:
+    for seed in range(2):
+        scene = in_full(name, seed, 16)
+        report = check(scene, draw(scene, device, ("rgb8", "id")), "accurate", 256)
+        assert (report.wrong_ids, report.off_by_more) == (0, 0), report
+        assert report.differing <= 1, report
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", NAMES)
+def test_a_million_pixels(device: Device, name: str) -> None:
+    assert judged(first_hits(name, device, 128), 1_000_000) >= 1_000_000
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hundred_thousand_lights(device: Device, name: str) -> None:
+    judged(lights(name, device, 64), 100_000 if name != "grazing" else 1000)
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hundred_thousand_mirrors(device: Device, name: str) -> None:
+    judged(onward(name, device, 64), 100_000 if name != "grazing" else 1000)
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", PARITY)
+def test_ten_million_rays_through_closed_meshes(device: Device, name: str) -> None:
+    """As many as for all of them."""
+    rays, seed = 0, 0
+    while rays < 10_000_000 // len(PARITY):
+        count = passed(draw(seen_through(scene_of(name, seed, (512, 512))), device, ("color",)).color)
+        assert (count % 2 == 0).all(), (seed, np.flatnonzero(count % 2)[:5])
+        rays, seed = rays + len(count), seed + 1
