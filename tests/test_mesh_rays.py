@@ -55,7 +55,7 @@ def judged(make: Callable[[int], Verdict], count: int) -> int:
 def first_hits(name: str, device: Device, side: int, **how: object) -> Callable[[int], Verdict]:
     def make(seed: int) -> Verdict:
         scene = scene_of(name, seed, (side, side))
-        return judge(scene, seen(draw(scene, device, ("id", "primitive"), **how)))
+        return judge(scene, seen(draw(scene, device, ("id", "primitive", "normal"), **how)))
 
     return make
 

@@ -92,14 +92,22 @@ static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Le
 #endif
 
 /* Which of the lanes' rays, which meet both surfaces, meet A before B; where they are met at once, the one that comes first
- * in the scene file. */
+ * in the scene file, but for triangles in two planes, see plane_comes_first(). */
 static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A, const INT B) {
     const INT a = ids_of(scene, A), b = ids_of(scene, B);
     const REAL_MASK tie = TO_REAL_MASK((a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B))));
 #if REAL_BYTES == 8
     const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
-    return (gap < -error) | (!(gap > error) & tie);
+    const REAL_MASK close = (gap >= -error) & (gap <= error);
+    REAL_MASK first = tie;
+    const INT one = A - scene.spheres.first, two = B - scene.spheres.first;
+    const REAL_MASK flat = close & TO_REAL_MASK((one >= 0) & (two >= 0));
+    if (ANY(TO_MASK(flat))) {
+        const REAL_MASK before = plane_comes_first(scene.spheres, fine_path(scene.spheres, ray), one, two, tie);
+        first = flat ? before : tie;
+    }
+    return (gap < -error) | (!(gap > error) & first);
 #else
     return tie;
 #endif

@@ -442,6 +442,44 @@ static __attribute__((noinline)) REAL edge_sign(const Spheres spheres, const Fin
     return flip ? -sign : sign;
 }
 
+/* The plane of each lane's triangle as seen from O. With u = 2^-53, the N of pairs is off by less than 2^-99 gh, and D by less
+ * than 2^-97 s gh. */
+typedef struct {
+    Pair3 N;
+    Pair D;
+    REAL s, gh; /* |A'| + reach and |e1| |e2|, as sums of the coordinates' magnitudes */
+} FinePlane;
+
+static FinePlane fine_plane(const Spheres spheres, const FinePath path, const INT number) {
+    const Real3 a = corners_of(spheres, number, 0);
+    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)), e2 = pairs_between(a, corners_of(spheres, number, 2));
+    const Pair3 A = minus3(pairs_between(path.anchor, a), path.step);
+    FinePlane plane;
+    plane.N = cross_pairs(e1, e2);
+    plane.D = dot_pairs(A, plane.N);
+    plane.s = (fabs(A.x.hi) + fabs(A.y.hi)) + fabs(A.z.hi) + path.reach;
+    plane.gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    return plane;
+}
+
+/* Which of two triangles that a ray meets at one t comes first: the one that the ray w + (e, e^2, e^3) meets first; in one
+ * plane, that of the lanes of `tie`.
+ *
+ * As t = D / (N.w), with the signs s of the D, A comes first where Q.w < 0 for Q = s_A s_B (D_A N_B - D_B N_A). Here Q.w = 0,
+ * so the first number of Q that is not 0 decides. By the bounds above, and 2^-100 for each product, each is off by less than
+ * 2^-96 (s_A + s_B) gh_A gh_B. */
+static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spheres, const FinePath path, const INT A,
+                                                             const INT B, const REAL_MASK tie) {
+    const FinePlane a = fine_plane(spheres, path, A), b = fine_plane(spheres, path, B);
+    const REAL sides = (a.D.hi < 0) ^ (b.D.hi < 0) ? (REAL)-1 : (REAL)1;
+    const REAL error = 0x1p-95 * (a.s + b.s) * (a.gh * b.gh);
+    const REAL x = sign_from(minus(times(a.D, b.N.x), times(b.D, a.N.x)).hi, error);
+    const REAL y = sign_from(minus(times(a.D, b.N.y), times(b.D, a.N.y)).hi, error);
+    const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
+    const REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
+    return (first < 0) | ((first == 0) & tie);
+}
+
 /* Whether each lane's ray meets its triangle, and t in pairs with a bound of what it is off by. */
 typedef struct {
     REAL_MASK hit;
@@ -453,13 +491,9 @@ typedef struct {
 static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres spheres,
                                                             const FinePath path, const INT number,
                                                             const REAL_MASK wanted) {
-    const Real3 a = corners_of(spheres, number, 0);
-    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)), e2 = pairs_between(a, corners_of(spheres, number, 2));
-    const Pair3 A = minus3(pairs_between(path.anchor, a), path.step), N = cross_pairs(e1, e2);
-    const Pair D = dot_pairs(A, N), den = dot_pairs(N, path.w);
-    const REAL s = (fabs(A.x.hi) + fabs(A.y.hi)) + fabs(A.z.hi) + path.reach;
-    const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
-    const REAL D_error = 0x1p-97 * s * gh, den_error = 0x1p-97 * path.w1 * gh;
+    const FinePlane plane = fine_plane(spheres, path, number);
+    const Pair D = plane.D, den = dot_pairs(plane.N, path.w);
+    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
     FineTriangle fine;
     fine.side = sign_from(D.hi, D_error);
     const MASK unsure = TO_MASK(wanted & path.whole & (fine.side == 0));
