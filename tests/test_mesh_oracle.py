@@ -59,7 +59,7 @@ def some_points(scene: Scene, rng: np.random.Generator, count: int) -> tuple[Poi
     return on_triangles(triangles, own, corner, uv), places
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_what_rays_meet(seed: int) -> None:
     """From the eye and from triangles: the right triangle, how many, and where."""
     rng, count = np.random.default_rng(seed + 100), 60
@@ -82,7 +82,7 @@ def test_what_rays_meet(seed: int) -> None:
                 assert counts[i] == len(met) - met.count(None)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(5))
 def test_which_lights_are_stopped(seed: int) -> None:
     rng, count = np.random.default_rng(seed + 200), 40
     scene = some_scene(seed)
@@ -108,7 +108,7 @@ def test_which_lights_are_stopped(seed: int) -> None:
 PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
 
 
-@pytest.mark.parametrize("seed", range(0, 8, 2))
+@pytest.mark.parametrize("seed", range(0, 4, 2))
 def test_rays_from_spheres(seed: int) -> None:
     """From points that are rational, and that square roots must find to be so."""
     rng = np.random.default_rng(seed + 300)
@@ -135,7 +135,7 @@ def test_rays_from_spheres(seed: int) -> None:
             assert dark[k][i] == any(t is not None and t < 1 for t in met)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 5])
+@pytest.mark.parametrize("seed", [1, 3])
 def test_doubles_from_spheres_and_ellipsoids_are_right(seed: int) -> None:
     """Where they are sure: the same as by whole numbers alone."""
     rng = np.random.default_rng(seed + 400)
@@ -190,9 +190,9 @@ def test_there_are_twenty_regimes_at_least() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_reference_in_a_regime(name: str) -> None:
-    scene = scene_of(name, 0, (16, 8))
+    scene = scene_of(name, 0, (8, 8))
     verdict = judge(scene, drawn(scene)[0])
-    assert verdict.rays == 128
+    assert verdict.rays == 64
     assert len(verdict.wrong) == verdict.leaks == verdict.phantoms == 0
 
 

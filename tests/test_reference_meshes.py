@@ -81,7 +81,7 @@ def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int
 WAYS = [Direction(*map(float, d)) for d in itertools.product((-2, -1, 0, 1, 2), repeat=3) if any(d)]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_rays_among_whole_numbers(seed: int) -> None:
     """At corners, at edges, along edges, in planes, from the eye and from triangles."""
     rng = np.random.default_rng(seed)
@@ -97,7 +97,7 @@ def test_rays_among_whole_numbers(seed: int) -> None:
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e7])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_rays_among_doubles(seed: int, offset: float) -> None:
     """From the eye and from triangles, at points of edges and at corners but for rounding, before any camera."""
     rng = np.random.default_rng(seed)
@@ -142,7 +142,7 @@ def test_a_ray_may_start_anywhere_and_count_anywhere() -> None:
 PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_rays_from_spheres(seed: int) -> None:
     """Whose points are rational: triangles through them, and through what the ray aims at."""
     rng = np.random.default_rng(seed)
@@ -169,7 +169,7 @@ def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
     """Of rays from the eye, from spheres, ellipsoids and triangles: and in most cases they are."""
     rng = np.random.default_rng(int(offset) + 1)
     sure = unsure = 0
-    for _ in range(6):
+    for _ in range(3):
         mesh = doubles_mesh(rng, offset)
         vertices = mesh.geometry.vertices
         eye = vertices[8] + rng.normal(size=3)
@@ -230,7 +230,7 @@ def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
 def test_every_value_is_within_its_bound() -> None:
     """Of what crossing.py derives bounds for; with a half of each bound to spare."""
     rng = np.random.default_rng(7)
-    for k in range(60):
+    for k in range(24):
         mesh = doubles_mesh(rng, [0.0, 1e7][k % 2])
         eye = mesh.geometry.vertices[8] + rng.normal(size=3) * 10.0 ** rng.uniform(-9, 3)
         camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
@@ -463,7 +463,7 @@ def test_what_is_behind_a_light_or_touches_the_point_does_not_stop_it() -> None:
     assert lit(scene_of(*again, camera=ABOVE, lights=LAMP)) == ["#" * 9] * 9
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_shadows_among_whole_numbers(seed: int) -> None:
     """At corners, along edges, in planes: from points of triangles and of spheres."""
     rng = np.random.default_rng(seed)
