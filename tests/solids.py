@@ -196,6 +196,10 @@ class Triangles:
     def t(self, f: int, w: Sequence[Fraction]) -> Fraction:
         return self.exact_D[f] / _dot(self.normal(f), w)
 
+    def order(self, f: int, w: Sequence[Fraction]) -> tuple:
+        """Increases with t, and for the same t with that of w + (e, e^2, e^3): 1 / t = n.w with n = N / D."""
+        return self.t(f, w), *(-x / self.exact_D[f] for x in self.normal(f))
+
 
 def exact_directions(camera: Camera) -> list[list[Fraction]]:
     """Of all pixels' rays in the world: the camera's axes are doubles, and so is what each pixel says of them."""
@@ -235,9 +239,9 @@ def seen(scene: Scene) -> Seen:
     n = len(exact)
     best, t = np.full(n, -1), np.full(n, np.inf)
     for i in range(n):
-        hits = [(triangles.t(f, exact[i]), f) for f in np.flatnonzero(met[i]).tolist()]
+        hits = [(*triangles.order(f, exact[i]), f) for f in np.flatnonzero(met[i]).tolist()]
         if hits:
-            nearest, best[i] = min(hits)  # equal: the lower surface, then the lower triangle
+            nearest, *_, best[i] = min(hits)  # in one plane: the lower surface, then the lower triangle
             t[i] = float(nearest)
     surface, triangle = (np.where(best < 0, -1, which[best]) for which in (surfaces, numbers))
     return Seen(surface, triangle, t * np.linalg.norm(rays(scene.camera), axis=1), met)
