@@ -74,6 +74,13 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 #endif
 
 #ifdef WITH_TRIANGLES
+/* Where there are no spheres, all that was hit are triangles. */
+#ifdef ONLY_TRIANGLES
+#define PUT_ON_FACES(mask, variable, value) variable = (value)
+#else
+#define PUT_ON_FACES(mask, variable, value) PUT_WHERE(mask, variable, value)
+#endif
+
 /* Puts the points that are on triangles into an intersection. id: what the rays met, along d; shares: where on it; P: the
  * point, rounded, in camera space. */
 static void flatten(const Frame frame, const Scene scene, const INT id, const Shares shares, const Real3 d, const Real3 P,
@@ -81,37 +88,38 @@ static void flatten(const Frame frame, const Scene scene, const INT id, const Sh
     const REAL_MASK here = TO_REAL_MASK(id >= scene.spheres.first);
     const INT number = TO_MASK(here) ? id - scene.spheres.first : (INT)-1;
     const FacePoint point = face_point(shares);
-    const Real3 N = shading_normals(scene, number, point.weights);
+    REAL_MASK back;
+    const Real3 N = shading_normals(scene, number, point.weights, &back);
     const REAL over = 1 / sqrt(DOT(N, N));
     const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
     /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. */
-    const REAL side = (shares.all < 0) == is_back(scene.spheres, number) ? (REAL)-1 : (REAL)1;
+    const REAL side = (shares.all < 0) == back ? (REAL)-1 : (REAL)1;
     const REAL turn = DOT(n, d) > 0 ? -side : side;
-    PUT_WHERE(here, at->normal.x, turn * n.x);
-    PUT_WHERE(here, at->normal.y, turn * n.y);
-    PUT_WHERE(here, at->normal.z, turn * n.z);
-    PUT_WHERE(here, at->q.x, point.q.x);
-    PUT_WHERE(here, at->q.y, point.q.y);
-    PUT_WHERE(here, at->q.z, point.q.z);
-    PUT_WHERE(here, at->spread, (REAL)1);
+    PUT_ON_FACES(here, at->normal.x, turn * n.x);
+    PUT_ON_FACES(here, at->normal.y, turn * n.y);
+    PUT_ON_FACES(here, at->normal.z, turn * n.z);
+    PUT_ON_FACES(here, at->q.x, point.q.x);
+    PUT_ON_FACES(here, at->q.y, point.q.y);
+    PUT_ON_FACES(here, at->q.z, point.q.z);
+    PUT_ON_FACES(here, at->spread, (REAL)1);
     Start *start = &at->start;
-    PUT_WHERE(here, start->own.center.x, P.x);
-    PUT_WHERE(here, start->own.center.y, P.y);
-    PUT_WHERE(here, start->own.center.z, P.z);
-    PUT_WHERE(here, start->own.r, (REAL)0);
-    PUT_WHERE(here, start->p.x, (REAL)0);
-    PUT_WHERE(here, start->p.y, (REAL)0);
-    PUT_WHERE(here, start->p.z, (REAL)0);
-    PUT_WHERE(here, start->support, (REAL)0);
-    PUT_WHERE(here, start->side, side);
+    PUT_ON_FACES(here, start->own.center.x, P.x);
+    PUT_ON_FACES(here, start->own.center.y, P.y);
+    PUT_ON_FACES(here, start->own.center.z, P.z);
+    PUT_ON_FACES(here, start->own.r, (REAL)0);
+    PUT_ON_FACES(here, start->p.x, (REAL)0);
+    PUT_ON_FACES(here, start->p.y, (REAL)0);
+    PUT_ON_FACES(here, start->p.z, (REAL)0);
+    PUT_ON_FACES(here, start->support, (REAL)0);
+    PUT_ON_FACES(here, start->side, side);
     start->stretched = start->stretched | here;
     start->index = id;
     start->q = at->q;
 #if REAL_BYTES == 4
-    PUT_WHERE(here, start->from_eye.x, P.x);
-    PUT_WHERE(here, start->from_eye.y, P.y);
-    PUT_WHERE(here, start->from_eye.z, P.z);
-    PUT_WHERE(here, start->near_eye, 0);
+    PUT_ON_FACES(here, start->from_eye.x, P.x);
+    PUT_ON_FACES(here, start->from_eye.y, P.y);
+    PUT_ON_FACES(here, start->from_eye.z, P.z);
+    PUT_ON_FACES(here, start->near_eye, 0);
 #endif
 #ifdef WITH_UV
     map_triangles(scene, number, point.weights, at);

@@ -46,7 +46,8 @@ BODY = """
         #define GIVEN(k) LOAD_LANES(given + k * POINTS + first)
         const INT number = LOAD_LANES(which + first);
         const Weights weights = {GIVEN(0), GIVEN(1), GIVEN(2)};
-        const Real3 m = shading_normals(scene, number, weights);
+        REAL_MASK back;
+        const Real3 m = shading_normals(scene, number, weights, &back);
         Intersection at;
         at.u = at.v = -7;
         map_triangles(scene, number, weights, &at);

@@ -6,23 +6,37 @@ static REAL weighted(const Weights w, const REAL a, const REAL b, const REAL c) 
 }
 
 #ifdef WITH_NORMAL
+/* What shading needs to know of a triangle: which row of normal_face has the normals of its corners, -1 for none; its mesh;
+ * and whether its back is on the side to which N points. */
+typedef struct {
+    int row, mesh, back;
+} Shading;
+
+static Shading shading_of(const Scene scene, const int number) {
+    const int part = scene.spheres.face[number].w, begin = scene.mesh[part >> 1].normals.x;
+    Shading of = {begin < 0 ? -1 : begin + scene.number_of[number], part >> 1, part & 1};
+    if (of.row >= 0 && scene.normal_face[of.row].x < 0) of.row = -1;
+    return of;
+}
+
 /* The normals for shading at points of triangles, in the world, to any side and of any length. number: each lane's triangle,
- * negative for none. Where the corners have none, or where theirs add up to 0, it is the triangle's own. */
-static Real3 shading_normals(const Scene scene, const INT number, const Weights weights) {
-    int each[W], row[W], mesh[W];
+ * negative for none. Where the corners have none, or where theirs add up to 0, it is the triangle's own. back: see Shading. */
+static Real3 shading_normals(const Scene scene, const INT number, const Weights weights, REAL_MASK *back) {
+    int row[W], mesh[W], behind[W], each[W];
     STORE_LANES(number, each);
-    for (int lane = 0; lane < W; lane++) {
-        const int index = max(each[lane], 0);
-        mesh[lane] = scene.spheres.face[index].w >> 1;
-        const int begin = scene.mesh[mesh[lane]].normals.x;
-        row[lane] = each[lane] < 0 || begin < 0 ? -1 : begin + scene.number_of[index];
-        if (row[lane] >= 0 && scene.normal_face[row[lane]].x < 0) row[lane] = -1;
+    Shading of = {-1, -1, 0};
+    for (int lane = 0, last = -1; lane < W; lane++) {
+        if (each[lane] >= 0 && each[lane] != last) of = shading_of(scene, last = each[lane]);
+        row[lane] = each[lane] < 0 ? -1 : of.row;
+        mesh[lane] = row[lane] < 0 ? -1 : of.mesh;
+        behind[lane] = of.back;
     }
-    const INT corners = LOAD_LANES(row);
-    const MASK smooth = corners >= 0;
-    Corners of = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, matrix = of;
-    put_corners(scene.corner_normal, scene.normal_face, corners, &of);
-    INT left = smooth ? LOAD_LANES(mesh) : (INT)-1;
+    *back = TO_REAL_MASK(LOAD_LANES(behind) != 0);
+    const INT rows = LOAD_LANES(row);
+    const MASK smooth = rows >= 0;
+    Corners normals = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, matrix = normals;
+    put_corners(scene.corner_normal, scene.normal_face, rows, &normals);
+    INT left = LOAD_LANES(mesh);
     for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
         const REAL_MASK here = TO_REAL_MASK(left == one);
         put_row(here, &matrix.a, scene.mesh[one].normal_x);
@@ -30,8 +44,9 @@ static Real3 shading_normals(const Scene scene, const INT number, const Weights 
         put_row(here, &matrix.c, scene.mesh[one].normal_z);
         left = left == one ? (INT)-1 : left;
     }
-    const Real3 n = {weighted(weights, of.a.x, of.b.x, of.c.x), weighted(weights, of.a.y, of.b.y, of.c.y),
-                     weighted(weights, of.a.z, of.b.z, of.c.z)};
+    const Corners c = normals;
+    const Real3 n = {weighted(weights, c.a.x, c.b.x, c.c.x), weighted(weights, c.a.y, c.b.y, c.c.y),
+                     weighted(weights, c.a.z, c.b.z, c.c.z)};
     const Real3 m = {DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)};
     const REAL_MASK here = TO_REAL_MASK(smooth) & (DOT(m, m) > 0);
     if (!ANY((number >= 0) & !TO_MASK(here))) return m;

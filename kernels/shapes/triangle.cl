@@ -110,14 +110,6 @@ static void put_corners(__global const real4 *array, __global const int4 *face, 
     put_lanes(here, &out->c, x[2], y[2], z[2]);
 }
 
-/* Which lanes' triangles have their backs on the side to which N points. */
-static REAL_MASK is_back(const Spheres spheres, const INT number) {
-    int each[W];
-    STORE_LANES(number, each);
-    for (int lane = 0; lane < W; lane++) each[lane] = spheres.face[max(each[lane], 0)].w & 1;
-    return TO_REAL_MASK(LOAD_LANES(each) != 0);
-}
-
 static Triangle triangle_of(const Corners corners) {
     const Real3 e1 = difference(corners.b, corners.a), e2 = difference(corners.c, corners.a);
     const Triangle T = {corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
