@@ -73,7 +73,7 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 }
 #endif
 
-#ifdef WITH_TRIANGLES
+#if defined(WITH_TRIANGLES) && defined(WITH_NORMAL)
 /* Where there are no spheres, all that was hit are triangles. */
 #ifdef ONLY_TRIANGLES
 #define PUT_ON_FACES(mask, variable, value) variable = (value)
