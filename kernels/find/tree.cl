@@ -285,20 +285,20 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
 #endif
 
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest id. */
-static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving ray, const MASK live, Work *work) {
+static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving *ray, const MASK live, Work *work) {
     Met met = {INFINITY, -1, 0};
     const Tree tree = scene.tree;
-    const REAL length = sqrt(DOT(ray.w, ray.w)), scale = length * tree.middle.w, over = 1 / length;
+    const REAL length = sqrt(DOT(ray->w, ray->w)), scale = length * tree.middle.w, over = 1 / length;
 #ifndef ONLY_TRIANGLES
     /* The far side of the own sphere is met for certain. */
-    const MASK inner = live & TO_MASK(ray.inner);
-    if (ANY(inner)) meet(scene, ray, inner ? ray.own : (INT)-1, &met, work);
+    const MASK inner = live & TO_MASK(ray->inner);
+    if (ANY(inner)) meet(scene, *ray, inner ? ray->own : (INT)-1, &met, work);
 #endif
-    const FLOAT wx = TO_FLOAT(ray.w.x * over), wy = TO_FLOAT(ray.w.y * over), wz = TO_FLOAT(ray.w.z * over);
+    const FLOAT wx = TO_FLOAT(ray->w.x * over), wy = TO_FLOAT(ray->w.y * over), wz = TO_FLOAT(ray->w.z * over);
     Search search;
-    STORE_LANES(TO_FLOAT(((ray.center.x - tree.middle.x) + ray.p.x) * tree.middle.w), search.o[0]);
-    STORE_LANES(TO_FLOAT(((ray.center.y - tree.middle.y) + ray.p.y) * tree.middle.w), search.o[1]);
-    STORE_LANES(TO_FLOAT(((ray.center.z - tree.middle.z) + ray.p.z) * tree.middle.w), search.o[2]);
+    STORE_LANES(TO_FLOAT(((ray->center.x - tree.middle.x) + ray->p.x) * tree.middle.w), search.o[0]);
+    STORE_LANES(TO_FLOAT(((ray->center.y - tree.middle.y) + ray->p.y) * tree.middle.w), search.o[1]);
+    STORE_LANES(TO_FLOAT(((ray->center.z - tree.middle.z) + ray->p.z) * tree.middle.w), search.o[2]);
     STORE_LANES(wx, search.w[0]);
     STORE_LANES(wy, search.w[1]);
     STORE_LANES(wz, search.w[2]);
@@ -306,7 +306,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search.over[1]);
     STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search.over[2]);
     STORE_LANES(TO_FLOAT(met.t * scale) * REACH_SLACK, search.reach);
-    STORE_LANES(ray.own, search.own);
+    STORE_LANES(ray->own, search.own);
     STORE_LANES((INT)0, search.count);
 #if W > 1 && defined(WITH_TREE)
     MASK left = live;
@@ -315,7 +315,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
         const MASK like = (AS(int, wx) ^ as_int(search.w[0][lane])) | (AS(int, wy) ^ as_int(search.w[1][lane])) |
                           (AS(int, wz) ^ as_int(search.w[2][lane]));
         const MASK group = left & (like >= 0);
-        walk_together(scene, &ray, scale, group, &search, &met, work);
+        walk_together(scene, ray, scale, group, &search, &met, work);
         left &= ~group;
     }
 #else
@@ -329,9 +329,9 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     int wanted[W];
     STORE_LANES(live, wanted);
     for (int lane = 0; lane < W; lane++)
-        if (wanted[lane]) walk_alone(scene, &ray, scale, lane, from, &search, &met, work);
+        if (wanted[lane]) walk_alone(scene, ray, scale, lane, from, &search, &met, work);
 #endif
-    decide_all(scene, &ray, scale, &search, &met, work);
+    decide_all(scene, ray, scale, &search, &met, work);
     return met;
 }
 #endif

@@ -208,7 +208,7 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
         if (ANY(all.rays > MOST_RAYS)) break;
 #endif
         const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
-        const Met met = closest_from(scene, path, rays.live, work);
+        const Met met = closest_from(scene, &path, rays.live, work);
         FETCH_SURFACES(scene, met.id);
         add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
         rays.live = rays.live & (met.id >= 0);
