@@ -104,7 +104,7 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, con
     const INT one = A - scene.spheres.first, two = B - scene.spheres.first;
     const REAL_MASK flat = close & TO_REAL_MASK((one >= 0) & (two >= 0));
     if (ANY(TO_MASK(flat))) {
-        const REAL_MASK before = plane_comes_first(scene.spheres, fine_path(scene.spheres, ray), one, two, tie);
+        const REAL_MASK before = plane_comes_first(scene.spheres, fine_path(scene.spheres, ray), one, two, tie, flat);
         first = flat ? before : tie;
     }
     return (gap < -error) | (!(gap > error) & first);

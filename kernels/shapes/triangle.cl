@@ -392,6 +392,101 @@ static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const Fi
     return LOAD_LANES(sign);
 }
 
+/* N and D of a triangle as seen from a start. */
+static __attribute__((noinline)) void whole_plane(Integer *N, Integer *D, const WholeStart start, const real4 *corner,
+                                                  const int n) {
+    Integer a[3], e1[3], e2[3], negative;
+    for (int i = 0; i < 3; i++) {
+        whole_offset(&a[i], start, corner[0], i, n);
+        whole_offset(&e1[i], start, corner[1], i, n);
+        whole_offset(&e2[i], start, corner[2], i, n);
+        negative = a[i];
+        negate(&negative, n);
+        add(&e1[i], &negative, n);
+        add(&e2[i], &negative, n);
+    }
+    set_to(D, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        negative = e1[k];
+        negate(&negative, n);
+        set_to(&N[i], 0, 0, n);
+        add_product(&N[i], &e1[j], &e2[k], n);
+        add_product(&N[i], &negative, &e2[j], n);
+        add_product(D, &a[i], &N[i], n);
+    }
+}
+
+/* The sign of w.Q, and of Q where that is 0, see plane_comes_first(). corner: the three of A, then those of B. */
+static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeStart start, const real4 *corner,
+                                                 const double dx, const double dy, const double dz) {
+    Span B = {INT_MAX, INT_MIN}, d = span_of_both(span_of(dx), span_of_both(span_of(dy), span_of(dz)));
+    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_vector(spheres.camera[k + 1]));
+    for (int k = 0; k < 6; k++) start.places = span_of_both(start.places, span_of_vector(corner[k]));
+    /* With places below 2^bits, edges are below 2^(bits + 1), N 2^(2 bits + 3), D 2^(3 bits + 5) and Q 2^(5 bits + 9). */
+    const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
+    const int n = (5 * bits + 9 + B.high - B.low + d.high - d.low + 6 + 31) / 32;
+    if (n > DIGITS) return 0;
+    Integer N[2][3], D[2], Q[3], w, volume;
+    for (int k = 0; k < 2; k++) whole_plane(N[k], &D[k], start, corner + 3 * k, n);
+    const int sides = sign_of(&D[0], n) * sign_of(&D[1], n);
+    negate(&D[1], n);
+    set_to(&volume, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        set_to(&Q[i], 0, 0, n);
+        add_product(&Q[i], &D[0], &N[1][i], n);
+        add_product(&Q[i], &D[1], &N[0][i], n);
+        whole_turned(&w, spheres, dx, dy, dz, i, B.low, d.low, n);
+        add_product(&volume, &Q[i], &w, n);
+    }
+    if (sign_of(&volume, n) != 0) return sides * sign_of(&volume, n);
+    for (int i = 0; i < 3; i++)
+        if (sign_of(&Q[i], n) != 0) return sides * sign_of(&Q[i], n);
+    return 0;
+}
+
+/* Whether two triangles are in one plane for a reason that needs no whole numbers: a plane across an axis, or one triangle
+ * twice. */
+static int share_a_plane(const real4 *a, const real4 *b) {
+    int level[3] = {1, 1, 1}, same = 0;
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < 3; i++) {
+            const double at = coordinate(a[0], i);
+            level[i] &= coordinate(a[k], i) == at && coordinate(b[k], i) == at;
+            same += a[k].x == b[i].x && a[k].y == b[i].y && a[k].z == b[i].z;
+        }
+    }
+    return level[0] || level[1] || level[2] || same == 3;
+}
+
+/* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
+static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const FinePath path, const INT A, const INT B,
+                                                  const MASK unsure) {
+    int one[W], two[W], left[W], own[W], sign[W];
+    double u[W], v[W], k[W], x[W], y[W], z[W];
+    STORE_LANES(A, one);
+    STORE_LANES(B, two);
+    STORE_LANES(unsure, left);
+    STORE_LANES(path.own, own);
+    STORE_LANES(path.q.x, u);
+    STORE_LANES(path.q.y, v);
+    STORE_LANES(path.q.z, k);
+    STORE_LANES(path.d.x, x);
+    STORE_LANES(path.d.y, y);
+    STORE_LANES(path.d.z, z);
+    for (int lane = 0; lane < W; lane++) {
+        sign[lane] = 0;
+        if (!left[lane]) continue;
+        const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
+        const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
+                                 spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
+        if (share_a_plane(corner, corner + 3)) continue;
+        const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
+        sign[lane] = whole_order(spheres, start, corner, x[lane], y[lane], z[lane]);
+    }
+    return LOAD_LANES(sign);
+}
+
 /* -1, 0 or 1 in each lane. */
 static REAL sign_from(const REAL value, const REAL error) {
     return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
@@ -454,21 +549,27 @@ static FinePlane fine_plane(const Spheres spheres, const FinePath path, const IN
     return plane;
 }
 
-/* Which of two triangles that a ray meets at one t comes first: the one that the ray w + (e, e^2, e^3) meets first; in one
- * plane, that of the lanes of `tie`.
+/* Which of two triangles that a ray meets at one t, as far as pairs can tell, comes first, for the lanes of `wanted`. At one
+ * t it is the one that the ray w + (e, e^2, e^3) meets first; in one plane, that of the lanes of `tie`.
  *
- * As t = D / (N.w), with the signs s of the D, A comes first where Q.w < 0 for Q = s_A s_B (D_A N_B - D_B N_A). Here Q.w = 0,
- * so the first number of Q that is not 0 decides. By the bounds above, and 2^-100 for each product, each is off by less than
- * 2^-96 (s_A + s_B) gh_A gh_B. */
+ * As t = D / (N.w), with the signs s of the D, A comes first where Q.w < 0 for Q = s_A s_B (D_A N_B - D_B N_A); and where Q.w
+ * is 0, the first number of Q that is not 0 decides. Whole numbers find out; of a ray from a sphere, there are none, and Q.w
+ * counts as 0. By the bounds above, and 2^-100 for each product, a number of Q is off by less than 2^-96 (s_A + s_B) gh_A gh_B.
+ */
 static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spheres, const FinePath path, const INT A,
-                                                             const INT B, const REAL_MASK tie) {
+                                                             const INT B, const REAL_MASK tie, const REAL_MASK wanted) {
     const FinePlane a = fine_plane(spheres, path, A), b = fine_plane(spheres, path, B);
     const REAL sides = (a.D.hi < 0) ^ (b.D.hi < 0) ? (REAL)-1 : (REAL)1;
     const REAL error = 0x1p-95 * (a.s + b.s) * (a.gh * b.gh);
     const REAL x = sign_from(minus(times(a.D, b.N.x), times(b.D, a.N.x)).hi, error);
     const REAL y = sign_from(minus(times(a.D, b.N.y), times(b.D, a.N.y)).hi, error);
     const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
-    const REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
+    REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
+    const MASK exact = TO_MASK(wanted & path.whole);
+    if (ANY(exact)) {
+        const REAL whole = TO_REAL(whole_orders(spheres, path, A, B, exact));
+        first = TO_REAL_MASK(exact) ? whole : first;
+    }
     return (first < 0) | ((first == 0) & tie);
 }
 
