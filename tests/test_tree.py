@@ -165,6 +165,64 @@ def test_the_tree_misses_nothing_of_much(device: Device) -> None:
     check_crowds(device, range(3), 30_000, ("accurate",))
 
 
+def shards(seed: int, count: int, spheres: int) -> Scene:
+    """Triangles of all sizes and shapes around the eye, mirrors, glass and opaque ones, and as many balls as wanted.
+
+    Some are slivers, some huge, some twice there, some in one plane.
+    """
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-2.5, 0, count)
+    size[: count // 50] = 8
+    middle = unit(rng, count) * (rng.uniform(1, 10, count) + size)[:, None]
+    corners = middle[:, None] + rng.normal(size=(count, 3, 3)) * size[:, None, None]
+    corners[count // 2 :: 5, 2] = (
+        corners[count // 2 :: 5, 1] + rng.normal(size=(len(corners[count // 2 :: 5]), 3)) * 1e-5
+    )
+    corners[1::11, :, 2] = -9
+    corners = np.concatenate([corners, corners[::13]])
+    meshes = []
+    for kind, material in enumerate(
+        (cltrace.Material(), cltrace.Material(reflectance=0.75), cltrace.Material(transmittance=0.75, index=1.5))
+    ):
+        part = corners[rng.permutation(len(corners))[kind::2]]
+        meshes.append(cltrace.Mesh(part.reshape(-1, 3), np.arange(3 * len(part)).reshape(-1, 3), material=material))
+    camera = replace(eye(5, tan=0.8, size=(48, 36)), up=(0.1, 1, 0))
+    lights = [ambient_light(), point_light((1, 2, 3)), parallel_light((1, -2, -1), (0.5, 0.5, 0.5))]
+    if not spheres:
+        return Scene.from_meshes(camera, lights, meshes, background=(0.2, 0.3, 0.4))
+    centers = unit(rng, spheres) * rng.uniform(2, 9, (spheres, 1))
+    return Scene.from_spheres(
+        camera,
+        lights,
+        centers,
+        rng.uniform(0.05, 0.7, spheres),
+        shades(spheres, seed),
+        reflectance=np.where(np.arange(spheres) % 2, 0.75, 0),
+        background=(0.2, 0.3, 0.4),
+        meshes=meshes,
+    )
+
+
+def check_shards(device: Device, seeds: Iterable[int], precisions: Iterable[str]) -> None:
+    """With the tree of boxes and without it, and whatever the packets' width, the same bits."""
+    for seed in seeds:
+        scene = shards(seed, 500, 60 * (seed % 2))
+        for precision in precisions:
+            one, two = (drawn(scene, device, precision, keep=keep) for keep in ((), ("tree",)))
+            assert_same(one, two, EVERY, (seed, precision))
+            if precision == "double":
+                assert_same(one, drawn(scene, device, precision, width=1), EVERY, (seed, precision))
+
+
+def test_the_tree_misses_no_triangle(device: Device) -> None:
+    check_shards(device, range(2), ("accurate",))
+
+
+@pytest.mark.stress
+def test_the_tree_misses_none_of_many_triangles(device: Device) -> None:
+    check_shards(device, range(40), ("accurate", "double"))
+
+
 def test_a_lean_program_draws_the_same(device: Device) -> None:
     """Without the code that a scene does not need, in the usual outputs: the same bytes."""
     scene = random_tree(0)
