@@ -63,7 +63,9 @@ class _Table:
                 wide = np.zeros((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
                 wide[:, : rows.shape[1]] = rows
                 indices = np.full((len(faces), 4), -1, np.int32)
-                indices[:, :3] = np.where(faces < 0, -1, faces + self._count)
+                indices[:, :3] = faces
+                if self._count:
+                    indices[:, :3][faces >= 0] += self._count
                 self._rows.append(wide)
                 self._faces.append(indices)
                 self._count += len(rows)

@@ -190,9 +190,9 @@ class View:
         x, y = camera.image_plane()
         width, height = camera.resolution
         with _timed(seconds, "lists"):
-            faces = _mesh_views(world, camera, lights, vertex, k)
-            arrays |= {"facet": faces[0].facets.packed}
-            arrays |= {"light_facet": np.concatenate([np.zeros((0, 4), "f4"), *(f.facets.packed for f in faces[1:])])}
+            facets = np.empty((1 + len(lights), 3 * len(world.triangles.face), 4), np.float32)
+            faces = _mesh_views(world, camera, lights, vertex, k, facets)
+            arrays |= {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
             window = Window((x / width, y / height), camera.resolution, region)
             arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, skipped)
         return cls(
@@ -366,19 +366,24 @@ class MeshView(NamedTuple):
     facets: Facets
 
 
-def _mesh_views(world: World, camera: Camera, lights: NDArray[np.void], vertex: Array, k: int) -> list[MeshView]:
-    """The views of the eye and of each light. lights: of pack_lights(); vertex: from the eye; k: see View.of()."""
+def _mesh_views(
+    world: World, camera: Camera, lights: NDArray[np.void], vertex: Array, k: int, facets: NDArray[np.float32]
+) -> list[MeshView]:
+    """The views of the eye and of each light.
+
+    lights: of pack_lights(); vertex: from the eye; k: see View.of(); facets: what to fill, the eye's and each light's.
+    """
     triangles, basis = world.triangles, np.array(camera.basis())
     near, face, first = np.ldexp(vertex, k), world.triangles.face[:, :3], len(world.radius)
-    eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane())
+    eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
     found = [MeshView(Corners(near, face, first), eye)]
-    for light, packed in zip(world.lights, lights, strict=True):
+    for light, packed, out in zip(world.lights, lights, facets[1:], strict=True):
         if light["kind"] == PARALLEL:
             axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
-            found.append(MeshView(found[0].corners, along_light(near, triangles, axes, -light["direction"])))
+            found.append(MeshView(found[0].corners, along_light(near, triangles, axes, -light["direction"], out)))
         else:
             place = np.ldexp(_from_point(world, basis, light["position"]), k)
-            found.append(MeshView(Corners(place, face, first), from_light(place, triangles, light["position"])))
+            found.append(MeshView(Corners(place, face, first), from_light(place, triangles, light["position"], out)))
     return found
 
 

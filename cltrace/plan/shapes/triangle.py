@@ -16,6 +16,7 @@ from cltrace.plan.shapes.sphere import U
 from cltrace.scene import PlacedMesh
 
 Ints = NDArray[np.int32]
+Floats = NDArray[np.float32]
 # Three numbers for each of n triangles.
 Columns = tuple[Array, Array, Array]
 # Where the float filter's bounds begin, and what corners in camera space are off by, and the edges' planes with them:
@@ -75,15 +76,15 @@ class Facets:
     packed: (3 m, 4) float32, abi's `facet` or `light_facet`; met: (m,), which of them a ray from there can meet.
     """
 
-    packed: NDArray[np.float32]
+    packed: Floats
     met: NDArray[np.bool_]
 
 
-def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float]) -> Facets:
+def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float], out: Floats) -> Facets:
     """As seen from the eye.
 
     vertex: (v, 3), from there in camera space, in the float buffers' unit; eye: (3,), in the world; plane: the largest
-    |x| and |y| of a ray (x, y, -1).
+    |x| and |y| of a ray (x, y, -1); out: (3 m, 4) float32, what to fill.
     """
     x, y = plane
     return _facets(
@@ -93,11 +94,12 @@ def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float
         1 + x + y,
         1.0,
         lambda i: _exact_side(triangles, i, eye),
+        out,
     )
 
 
-def from_light(vertex: Array, triangles: Triangles, light: Array) -> Facets:
-    """As seen from a light at a point; the kernel's directions lead to it. vertex, light: as in from_eye()."""
+def from_light(vertex: Array, triangles: Triangles, light: Array, out: Floats) -> Facets:
+    """As seen from a light at a point; the kernel's directions lead to it. vertex, light, out: as in from_eye()."""
     return _facets(
         vertex,
         triangles,
@@ -105,6 +107,7 @@ def from_light(vertex: Array, triangles: Triangles, light: Array) -> Facets:
         1.0,
         -1.0,
         lambda i: _exact_side(triangles, i, light),
+        out,
     )
 
 
@@ -115,6 +118,7 @@ def _facets(
     reach: float,
     turn: float,
     exact: Callable[[int], int],
+    out: Floats,
 ) -> Facets:
     """The planes of the edges, A' x B', B' x C' and C' x A', times the sign of D = A'.N, each divided by its bound.
 
@@ -124,7 +128,8 @@ def _facets(
     former may count, 1-norm of the directions; turn: 1 or -1, a factor; exact: the sign of D of one triangle.
     """
     m = len(triangles.face)
-    packed, met = np.zeros((m, 3, 4), np.float32), np.zeros(m, bool)
+    packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
+    packed[..., 3] = 0
     columns = np.ascontiguousarray(vertex.T)
     size = np.abs(columns).sum(axis=0)
 
@@ -147,20 +152,21 @@ def _facets(
                 packed[rows, i, k] = n[k] * factor
 
     blockwise(m, fill)
-    return Facets(packed.reshape(-1, 4), met)
+    return Facets(out, met)
 
 
-def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array) -> Facets:
+def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array, out: Floats) -> Facets:
     """As seen along a parallel light: lines in the plane across it.
 
     vertex: (v, 3), from the eye in camera space, in the float buffers' unit; axes: (3, 3), the two across and the one
-    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly.
+    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: as in from_eye().
 
     A line is a (u, v) -> (b - a) x (p - a) for a point p of the plane. The axes are orthogonal and unit to 2^-48, and a
     point's coordinates are off by 2^-46 of FAR, beside what rounding them to float32 makes.
     """
     m = len(triangles.face)
-    packed, met = np.zeros((m, 3, 4), np.float32), np.zeros(m, bool)
+    packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
+    packed[..., 3] = 0
     u, v = (np.ascontiguousarray(vertex @ axis) for axis in axes[:2])
 
     def fill(rows: slice) -> None:
@@ -184,7 +190,7 @@ def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array
                 packed[rows, i, k] = n[k] * factor
 
     blockwise(m, fill)
-    return Facets(packed.reshape(-1, 4), met)
+    return Facets(out, met)
 
 
 def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
