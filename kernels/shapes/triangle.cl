@@ -474,15 +474,17 @@ static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const F
     STORE_LANES(path.d.x, x);
     STORE_LANES(path.d.y, y);
     STORE_LANES(path.d.z, z);
+    int flat = -1; /* a lane whose triangles are in one plane, as those of other lanes then are */
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
-        if (!left[lane]) continue;
+        if (!left[lane] || (flat >= 0 && one[lane] == one[flat] && two[lane] == two[flat])) continue;
         const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
         const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
                                  spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
         if (share_a_plane(corner, corner + 3)) continue;
         const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
         sign[lane] = whole_order(spheres, start, corner, x[lane], y[lane], z[lane]);
+        if (sign[lane] == 0) flat = lane;
     }
     return LOAD_LANES(sign);
 }
