@@ -1,8 +1,9 @@
 /* leaves.cl: rays that leave surfaces against the shapes in the leaves of a tree, in float32.
  *
- * Either one ray is tested against 8 shapes at once, or all rays of a packet against one. That yields the few shapes that a
- * ray may meet first, with a proof that it is none of the others. Lengths are in the tree's unit, in which the scene's size S
- * is 1 at most: nothing is further than that from the scene's middle, from which places count. In proofs, u is 2^-24.
+ * Either one ray is tested against 8 shapes at once, or all rays of a packet against one. That yields the few shapes
+ * that a ray may meet first, with a proof that it is none of the others. Lengths are in the tree's unit, in which the
+ * scene's size S is 1 at most: nothing is further than that from the scene's middle, from which places count. In
+ * proofs, u is 2^-24.
  */
 #ifdef WITH_BOUNCES
 
@@ -36,8 +37,8 @@ static float8 smaller(const float8 a, const float8 b) {
     return a < b ? a : b;
 }
 
-/* What a packet's rays look for, and the shapes that they may meet first, with lower bounds of the distance. There is room
- * for two leaves' of each ray. */
+/* What a packet's rays look for, and the shapes that they may meet first, with lower bounds of the distance. There
+ * is room for two leaves' of each ray. */
 #define CANDIDATES 16
 typedef struct {
     float o[3][W], w[3][W]; /* the rays' starts and unit directions */
@@ -72,25 +73,25 @@ static int make_room(Search *search, const int lane, const float reach) {
     return search->count[lane] <= CANDIDATES - 8;
 }
 
-/* How a ray stands to a shape, for 8 shapes and for W rays. may: whether it may meet it; near, far: bounds of how far it is
- * then; far is INFINITY where it is not certain that the ray meets the shape at all. x, y, z: from P to the shape; wx, wy, wz:
- * the unit direction.
+/* How a ray stands to a shape, for 8 shapes and for W rays. may: whether it may meet it; near, far: bounds of how
+ * far it is then; far is INFINITY where it is not certain that the ray meets the shape at all. x, y, z: from P to
+ * the shape; wx, wy, wz: the unit direction.
  *
- * Spheres: the centres and P are off by u S each, so F = C - P is by 4.1 u S, w by 1.01 u, and X = F x w by 14.2 u S; b = F.w
- * is by 12.2 u S. outer is the radius and e = 24 u S more, inner as much less [WIDEN = 24]. So |X| > outer is a miss for
- * certain. And as (R + e)^2 - R^2 exceeds what X^2 is off by, the ray enters the sphere beyond b - sqrt(outer^2 - X^2) - e,
- * and, if it does so from outside, before b - sqrt(inner^2 - X^2) + e; if it starts inside, it leaves before
- * b + sqrt(outer^2 - X^2) + e. The second needs 2 R e - e^2 above 36 u S R, so R > 2 e.
+ * Spheres: the centres and P are off by u S each, so F = C - P is by 4.1 u S, w by 1.01 u, and X = F x w by 14.2 u S; b
+ * = F.w is by 12.2 u S. outer is the radius and e = 24 u S more, inner as much less [WIDEN = 24]. So |X| > outer is a
+ * miss for certain. And as (R + e)^2 - R^2 exceeds what X^2 is off by, the ray enters the sphere beyond b -
+ * sqrt(outer^2 - X^2) - e, and, if it does so from outside, before b - sqrt(inner^2 - X^2) + e; if it starts inside, it
+ * leaves before b + sqrt(outer^2 - X^2) + e. The second needs 2 R e - e^2 above 36 u S R, so R > 2 e.
  *
- * Triangles: with F = A - P, R = F x w and N = e x f, U = f.R, V = -e.R and L = N.w - U - V have the sign of N.w where the
- * ray's line passes inside; it does so at t = N.F / N.w. As for spheres, F is off by 4.1 u S and at most 2 S long, and R is
- * off by 14.2 u S. e and f are off by 1.01 u of themselves. So U is off by (14.2 + 2 * 1.01 + 2 * 3.03) u |f|, less than
- * 23 u |f|; V likewise; N by 4.9 u |e||f|; N.w by 9 u |e||f|, and N.F by (4.1 + 2 * 4.9 + 2 * 3.03) u |e||f|, less than
- * 20 u |e||f|; and |e||f| is at most |e| + |f|, as both are at most 2. So L is off by (23 + 9) u (|e| + |f|) and by two
- * roundings, which are 6 u (|e| + |f|) at most as U, V and N.w are below 2 |f|, 2 |e| and |e||f|. All that is less than
- * slack = 40 u (|e| + |f|) + 2^-100 [EDGE_ROUNDINGS = 40]; the last term is for what is below float's range.
- * The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u |e||f| at
- * most, and with the wrong sign none of them is below -slack either. */
+ * Triangles: with F = A - P, R = F x w and N = e x f, U = f.R, V = -e.R and L = N.w - U - V have the sign of N.w where
+ * the ray's line passes inside; it does so at t = N.F / N.w. As for spheres, F is off by 4.1 u S and at most 2 S long,
+ * and R is off by 14.2 u S. e and f are off by 1.01 u of themselves. So U is off by (14.2 + 2 * 1.01 + 2 * 3.03) u |f|,
+ * less than 23 u |f|; V likewise; N by 4.9 u |e||f|; N.w by 9 u |e||f|, and N.F by (4.1 + 2 * 4.9 + 2 * 3.03) u |e||f|,
+ * less than 20 u |e||f|; and |e||f| is at most |e| + |f|, as both are at most 2. So L is off by (23 + 9) u (|e| + |f|)
+ * and by two roundings, which are 6 u (|e| + |f|) at most as U, V and N.w are below 2 |f|, 2 |e| and |e||f|. All that
+ * is less than slack = 40 u (|e| + |f|) + 2^-100 [EDGE_ROUNDINGS = 40]; the last term is for what is below float's
+ * range. The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u
+ * |e||f| at most, and with the wrong sign none of them is below -slack either. */
 #define SHAPE_TESTS(FLOATS, INTS, Chord, chord_of, range_of_chord, Passage, passage_of, range_of_passage, Range)       \
     typedef struct {                                                                                                   \
         FLOATS near, far;                                                                                              \
@@ -233,9 +234,9 @@ static int lane_bits(const MASK mask) {
 
 /* Rays whose directions have the same signs, and bounds of where they go.
  *
- * over, from, to: as in Walker. near, far: of each coordinate of their starts, with what these are off by, the extreme ones,
- * such that the planes of a box are entered later than from `near`, and left earlier than from `far`. least, most: 1 / w, by
- * size. */
+ * over, from, to: as in Walker. near, far: of each coordinate of their starts, with what these are off by, the extreme
+ * ones, such that the planes of a box are entered later than from `near`, and left earlier than from `far`. least,
+ * most: 1 / w, by size. */
 typedef struct {
     MASK live;
     Float3 over, from, to;
@@ -287,8 +288,8 @@ static Bundle bundle_of(const Search *search, const MASK live) {
 }
 
 
-/* Which of 8 boxes any of the rays may meet within a distance; near: not before that. The planes by which the rays enter the
- * boxes, and those by which they leave. */
+/* Which of 8 boxes any of the rays may meet within a distance; near: not before that. The planes by which the rays
+ * enter the boxes, and those by which they leave. */
 static int boxes_met(const Bundle *bundle, const float8 in_x, const float8 out_x, const float8 in_y, const float8 out_y,
                      const float8 in_z, const float8 out_z, const float furthest, float8 *near) {
     const float8 in[3] = {in_x, in_y, in_z}, out[3] = {out_x, out_y, out_z};
@@ -322,8 +323,8 @@ static float one_of(__global const float8 *eight, const int i) {
 }
 
 #ifndef ONLY_TRIANGLES
-/* Which of a block's spheres any of the rays may meet within a distance, by their boxes: `outer` is 24 u S too large, and the
- * centres are off by u S, the sides by u S once more. */
+/* Which of a block's spheres any of the rays may meet within a distance, by their boxes: `outer` is 24 u S too
+ * large, and the centres are off by u S, the sides by u S once more. */
 static int spheres_met(__global const Block *block, const Bundle *bundle, const float furthest) {
     __global const float8 *center = &block->x;
     const float8 r = block->outer;
@@ -353,8 +354,8 @@ static void add_block_for_packet(const Scene scene, __global const Block *block,
 #endif
 
 #ifdef WITH_PATCHES
-/* Which of a patch's triangles any of the rays may meet within a distance, by their boxes. These are off by less than 2^-22: A
- * by u S, e and f by u of themselves, and A + e by u S. */
+/* Which of a patch's triangles any of the rays may meet within a distance, by their boxes. These are off by less
+ * than 2^-22: A by u S, e and f by u of themselves, and A + e by u S. */
 static int triangles_met(__global const Patch *patch, const Bundle *bundle, const float furthest) {
     __global const float8 *a = &patch->ax, *e = &patch->ex, *f = &patch->fx;
     float8 in[3], out[3], near;

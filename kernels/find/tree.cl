@@ -1,8 +1,9 @@
-/* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/bvh.py makes it.
+/* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/bvh.py makes
+ * it.
  *
- * The rays walk the tree in float32: those of a packet together as long as they go the same way, else one at a time against
- * all 8 children of a node at once. That yields the few shapes that each ray may meet first, with a proof that it is none of
- * the others (leaves.cl); then all lanes' rays are decided side by side.
+ * The rays walk the tree in float32: those of a packet together as long as they go the same way, else one at a time
+ * against all 8 children of a node at once. That yields the few shapes that each ray may meet first, with a proof that
+ * it is none of the others (leaves.cl); then all lanes' rays are decided side by side.
  */
 #ifdef WITH_BOUNCES
 
@@ -60,8 +61,8 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     PUT_WHERE(TO_MASK(nearer), met->id, index);
 }
 
-/* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how far each
- * ray has to look from now on. */
+/* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how
+ * far each ray has to look from now on. */
 static __attribute__((noinline)) void decide_all(const Scene scene, const Leaving *ray, const REAL scale, Search *search,
                                                  Met *met, Work *work) {
     FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
@@ -77,9 +78,9 @@ static __attribute__((noinline)) void decide_all(const Scene scene, const Leavin
     STORE_LANES((INT)0, search->count);
 }
 
-/* The ray of a lane. The starts of all rays are off by u |o| and by what double rounds, which pad makes good; 1 / w and the
- * products are by 3 u each, which is left to whoever compares distances. No direction is so nearly along a plane that its
- * reciprocal leaves float's range. */
+/* The ray of a lane. The starts of all rays are off by u |o| and by what double rounds, which pad makes good; 1 / w
+ * and the products are by 3 u each, which is left to whoever compares distances. No direction is so nearly along a
+ * plane that its reciprocal leaves float's range. */
 static Walker walker_of(const Search *search, const int lane) {
     Walker walker;
     walker.o = (float3)(search->o[0][lane], search->o[1][lane], search->o[2][lane]);
@@ -95,9 +96,9 @@ static Walker walker_of(const Search *search, const int lane) {
 }
 
 #ifdef WITH_TREE
-/* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of at least 0,
- * so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there are no more than 9:
- * see build_tree() in cltrace/plan/accel/bvh.py. */
+/* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of
+ * at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there
+ * are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
 #define STACK 64
 typedef struct {
     int top;
@@ -197,8 +198,8 @@ static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, 
 /* And so do all whose directions differ by more than this along an axis. */
 #define APART 0.3f
 
-/* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8 times the
- * node plus the child's place. The nearest is on top. */
+/* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8
+ * times the node plus the child's place. The nearest is on top. */
 static void add_children_for_bundle(const Scene scene, const int number, const Bundle *bundle, const float furthest,
                                     Stack *stack) {
     __global const Node *node = scene.tree.node + number;
@@ -284,7 +285,8 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
 }
 #endif
 
-/* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest id. */
+/* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
+ * id. */
 static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving *ray, const MASK live, Work *work) {
     Met met = {INFINITY, -1, 0};
     const Tree tree = scene.tree;
