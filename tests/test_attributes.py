@@ -14,6 +14,8 @@ from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.scene import Geometry, PlacedMesh
 
+pytestmark = pytest.mark.slow
+
 FILES = (
     "packet.cl",
     "abi",

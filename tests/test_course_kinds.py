@@ -18,6 +18,8 @@ from cltrace import Renderer, Scene
 from cltrace.reference.check import check
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 OUTPUTS = ("rgb8", "color", "normal", "depth", "id", "primitive", "uv", "shadow_rays")
 HEAD = """<?xml version="1.0" standalone="no" ?>
 <!DOCTYPE scene SYSTEM "scene.dtd">

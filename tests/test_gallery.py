@@ -14,6 +14,8 @@ import cltrace
 from cltrace.reference.check import check
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def scripts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,8 @@ from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light
 from cltrace.bench.cases import directions, looking, unit
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 # --- mirrors and glass
 
 

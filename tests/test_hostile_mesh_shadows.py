@@ -34,6 +34,8 @@ from cltrace import Material, Scene, parallel_light, point_light
 from cltrace.bench.cases import directions, looking
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 # --- shadows
 
 

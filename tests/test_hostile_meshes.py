@@ -46,6 +46,8 @@ from cltrace.bench.cases import AHEAD, BACK, LEFT, UP, directions, looking
 from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 # --- what the eye sees, pixel by pixel
 
 

@@ -17,6 +17,8 @@ from cltrace.bench.mesh_pictures import Seen, each_named, expected, in_light, ju
 from cltrace.bench.mesh_regimes import AROUND, CLOSED, REGIMES, TAN, scene_of
 from cltrace.reference import closest_hit, primary_ray, trace, world_of
 
+pytestmark = pytest.mark.slow
+
 NAMES = list(REGIMES)
 
 

@@ -28,6 +28,8 @@ from cltrace.bench.mesh_regimes import CLOSED, REGIMES, scene_of
 from cltrace.reference.check import check
 from cltrace.run.devices import Device
 
+pytestmark = pytest.mark.slow
+
 NAMES = list(REGIMES)
 SPARSE = ("grazing", "far and small", "slivers between rays")  # few pixels show anything
 # Whose triangles cover each other in one plane: of these, a ray that goes on meets one only.

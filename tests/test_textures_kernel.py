@@ -24,6 +24,8 @@ from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.scene import MATERIAL, SPHERE
 
+pytestmark = pytest.mark.slow
+
 
 def widths(device: Device) -> list[int]:
     """Those that the device has vectors for."""
