@@ -196,7 +196,16 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
     const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
     const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
     const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
-    return fine.hit & (fine.side * sign_from(side.hi, 0x1p-97 * size * gh) > 0);
+    REAL beyond_it = sign_from(side.hi, 0x1p-97 * size * gh);
+    /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
+    const MASK unsure = TO_MASK(fine.hit & (beyond_it == 0)) & (P.index >= spheres.first);
+    if (ANY(unsure)) {
+        path.q = P.q;
+        path.own = P.index - (INT)spheres.first;
+        const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
+        beyond_it = TO_REAL_MASK(unsure) ? -whole : beyond_it;
+    }
+    return fine.hit & (fine.side * beyond_it > 0);
 }
 #endif
 
