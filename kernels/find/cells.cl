@@ -52,17 +52,32 @@ static int tile_has_any(const Lists lists, const int2 tile) {
 /* Fetches what the first entries of a list will ask for: filter constants, and the spheres themselves. With many spheres
  * those are far apart in memory, and half of the time went into waiting for them. */
 #if defined(WITH_PREFETCH) && defined(FETCH)
-static void fetch_ahead(const Spheres spheres, const Lists lists, __global const float4 *filter, const int first) {
+static void fetch_ahead(const Spheres spheres, const Lists lists, __global const float4 *filter,
+                        __global const float4 *facets, const int first) {
     for (int k = first; k < first + AHEAD; k++) {
         const int index = lists.entry[k].x;
+#ifdef WITH_TRIANGLES
+        if (index >= spheres.first) {
+            FETCH(facets, 3 * (long)(index - spheres.first));
+            FETCH(facets, 3 * (long)(index - spheres.first) + 2);
+            FETCH(spheres.face, index - spheres.first);
+            continue;
+        }
+#endif
         FETCH(filter, index);
         FETCH(spheres.center_radius, index);
         FETCH(spheres.power, index);
     }
 }
-#define FETCH_AHEAD(scene, filter, first) fetch_ahead((scene).spheres, (scene).lists, filter, first)
+#ifdef WITH_TRIANGLES
+#define FETCH_AHEAD(scene, filter, light, first)                                                                    \
+    fetch_ahead((scene).spheres, (scene).lists, filter,                                                            \
+                (light) < 0 ? (scene).facet : (scene).light_facet + 3 * (long)(light) * (scene).triangles, first)
+#else
+#define FETCH_AHEAD(scene, filter, light, first) fetch_ahead((scene).spheres, (scene).lists, filter, filter, first)
+#endif
 
-#ifdef WITH_BOUNCES
+#if defined(WITH_BOUNCES) || defined(WITH_TRIANGLES)
 /* The same for the lists of all lanes' cells in a light's buffer. Rays from mirrors reach lists that are far apart, and
  * what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's filter. */
 static void fetch_lists(const Scene scene, const int light, const INT cell) {
@@ -72,18 +87,36 @@ static void fetch_lists(const Scene scene, const int light, const INT cell) {
         if (each[lane] >= 0) FETCH(scene.lists.start, each[lane]);
     for (int lane = 0; lane < W; lane++)
         if (each[lane] >= 0) FETCH(scene.lists.entry, scene.lists.start[each[lane]]);
-    for (int lane = 0; lane < W; lane++)
-        if (each[lane] >= 0)
-            FETCH(scene.light_filter, (long)light * scene.count + scene.lists.entry[scene.lists.start[each[lane]]].x);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] < 0) continue;
+        const int index = scene.lists.entry[scene.lists.start[each[lane]]].x;
+#ifdef WITH_TRIANGLES
+        if (index >= scene.spheres.first) {
+            FETCH(scene.light_facet, 3 * ((long)light * scene.triangles + (index - scene.spheres.first)));
+            continue;
+        }
+#endif
+        FETCH(scene.light_filter, (long)light * scene.count + index);
+    }
 }
 #define FETCH_LISTS(scene, light, cell) fetch_lists(scene, light, cell)
+#endif
 
+#ifdef WITH_BOUNCES
 /* The same for the surfaces that each of the lanes has met. */
 static void fetch_surfaces(const Scene scene, const INT index) {
     int each[W];
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++) {
         if (each[lane] < 0) continue;
+#ifdef WITH_TRIANGLES
+        if (each[lane] >= scene.spheres.first) {
+            FETCH(scene.spheres.face, each[lane] - scene.spheres.first);
+            FETCH(scene.number_of, each[lane] - scene.spheres.first);
+            FETCH(scene.material_of, each[lane]);
+            continue;
+        }
+#endif
         FETCH(scene.spheres.place, each[lane]);
         FETCH(scene.spheres.center_radius, each[lane]);
         FETCH(scene.spheres.power, each[lane]);
@@ -99,9 +132,11 @@ static void fetch_surfaces(const Scene scene, const INT index) {
 #endif
 #endif
 #ifndef FETCH_AHEAD
-#define FETCH_AHEAD(scene, filter, first)
+#define FETCH_AHEAD(scene, filter, light, first)
 #endif
 #ifndef FETCH_LISTS
 #define FETCH_LISTS(scene, light, cell)
+#endif
+#ifndef FETCH_SURFACES
 #define FETCH_SURFACES(scene, index)
 #endif

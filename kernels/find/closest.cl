@@ -112,7 +112,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
         const int cell = cell_of(level, tile);
         const int end = scene.lists.start[cell + 1];
         /* Of the next tile: its list is the next one. */
-        FETCH_AHEAD(scene, scene.eye_filter, end);
+        FETCH_AHEAD(scene, scene.eye_filter, -1, end);
         for (int k = scene.lists.start[cell]; k < end; k++) {
             const int2 entry = scene.lists.entry[k];
             if (as_float(entry.y) > reach) break;

@@ -165,7 +165,7 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
     int placed = 0;
 #endif
     const int first = scene.lists.start[cell], end = scene.lists.start[cell + 1];
-    FETCH_AHEAD(scene, scene.light_filter + (long)ray.number * scene.count, first);
+    FETCH_AHEAD(scene, scene.light_filter + (long)ray.number * scene.count, ray.number, first);
     for (int k = first; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
         const int index = entry.x;
