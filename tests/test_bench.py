@@ -85,6 +85,7 @@ def test_the_oracle_and_the_reference_agree_on_an_ordinary_scene(monkeypatch: py
     assert not exact.lit.all(axis=0).any()
 
 
+@pytest.mark.slow
 def test_lamps_are_the_lights_one_by_one(any_device: Device) -> None:
     scene = scenes.cloud(16, SMALL, *MORE)
     lights = scene.lights[scene.lights["kind"] != AMBIENT]

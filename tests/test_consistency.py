@@ -49,7 +49,9 @@ def expected(name: str) -> Expected:
     scene = load(name)
     width, height = scene.camera.resolution
     # Where ids change is most to be got wrong. Which pixels those are, any device may say.
-    at = sample(picture(scene).id, min(width * height, max(60, min(800, TESTS // len(scene.spheres)))))
+    at = sample(
+        picture(scene).id, min(width * height, max(60, min(800, TESTS // (len(scene.spheres) + scene.triangles))))
+    )
     rays = [primary_ray(scene.camera, int(i) % width, int(i) // width) for i in at]
     results = [trace(world(scene), ray) for ray in rays]
     basis = np.array(scene.camera.basis())
@@ -66,7 +68,8 @@ def expected(name: str) -> Expected:
 NAMES = [path.stem for path in SCENES] + [str(seed) for seed in RANDOM]
 # Scenes that need a program of their own, which is compiled for one width and one precision. tests/test_scenes.py has
 # them in the others, in the long run.
-OWN_PROGRAM = {"dusk", "four-mirrors"}
+MESHES = {path.stem for path in SCENES if "<mesh" in path.read_text("utf-8")}
+OWN_PROGRAM = {"dusk", "four-mirrors", *MESHES}
 # Spheres that float32 cannot hold relative to the camera: ordinary scenes are the others.
 HOSTILE = {"globe"}
 

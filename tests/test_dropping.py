@@ -126,7 +126,7 @@ def test_nothing_is_brighter_than_the_brightest() -> None:
     for seed in range(40):
         scene = random_scene(seed)
         materials = Materials.of(scene, "accurate")
-        lights = useful_lights(scene, materials, all_of_them=False)
+        lights = useful_lights(scene, materials, scene.spheres["material"], all_of_them=False)
         peak = brightest(materials, scene.spheres["material"], lights, scene.background)
         world, rng = world_of(scene), np.random.default_rng(seed)
         for u, v in rng.integers(0, scene.camera.resolution, (100, 2)).tolist():
@@ -152,7 +152,7 @@ def test_each_part_of_the_brightest_counts() -> None:
         )
         materials = Materials.of(scene, "accurate")
         of = scene.spheres["material"]
-        values = brightest(materials, of, useful_lights(scene, materials, False), scene.background)
+        values = brightest(materials, of, useful_lights(scene, materials, of, False), scene.background)
         return float(values.max()) / (1 + 2.0**-12)
 
     assert peak(background=0.5) == 0.5

@@ -261,6 +261,7 @@ def read_plainly(lines: list[str]) -> tuple[list[Any], ...]:
     return tuple(rows.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [50, 700, 2**20])
 def test_lines_of_all_kinds_in_any_order(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obj, "BLOCK", block)
@@ -285,6 +286,7 @@ def junk(rng: random.Random) -> str:
     return rng.choice([letters, str(rng.randrange(1, 4)), "-1", "1/1", "1//1", f"{rng.uniform(-2, 2):g}", "1e-3"])
 
 
+@pytest.mark.slow
 def test_lines_together_and_alone_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also of words that are almost numbers, of which neither may take one that the other refuses."""
     parts = obj._parts

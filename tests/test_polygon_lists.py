@@ -22,6 +22,8 @@ from cltrace.plan.accel.tiles import Window, picture_tiles
 from cltrace.plan.shapes.polygon import Corners
 from cltrace.plan.shapes.sphere import Seen
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 f32 = np.float32
 NO_SPHERES = Seen(np.zeros((0, 3)), np.zeros(0), np.zeros(0))

@@ -37,9 +37,13 @@ def test_answers_of_the_reference(path: Path) -> None:
         assert tuple(byte_of(c) for c in color) == rgb, (x, y)
 
 
-# Each scene and precision is a program of its own, a second to compile. In accurate all are drawn in an ordinary
-# run, in the other precisions some.
+# Each scene and precision is a program of its own, a second to compile, and several with meshes. An ordinary run draws
+# some in each precision.
+SOME_MESHES = ("step4-meshes", "step6-textures")
 FIRST = {
+    "accurate": tuple(
+        path.stem for path in SCENES if path.stem in SOME_MESHES or "<mesh" not in path.read_text("utf-8")
+    ),
     "double": ("bounces", "first", "globe", "inside"),
     "single": ("bounces", "first", "globe", "inside", "spot", "three-lights", "wide"),
 }
@@ -48,7 +52,11 @@ DRAWN = [
         precision,
         path,
         id=f"{precision}-{path.stem}",
-        marks=() if path.stem in FIRST.get(precision, [path.stem]) else pytest.mark.stress,
+        marks=()
+        if path.stem in FIRST[precision]
+        else pytest.mark.slow
+        if precision == "accurate"
+        else pytest.mark.stress,
     )
     for precision in ("accurate", "double", "single")
     for path in SCENES

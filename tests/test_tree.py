@@ -215,6 +215,7 @@ def check_shards(device: Device, seeds: Iterable[int], precisions: Iterable[str]
                 assert_same(one, drawn(scene, device, precision, width=1), EVERY, (seed, precision))
 
 
+@pytest.mark.slow
 def test_the_tree_misses_no_triangle(device: Device) -> None:
     check_shards(device, range(2), ("accurate",))
 
