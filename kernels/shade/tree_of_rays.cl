@@ -193,29 +193,34 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
 #ifdef WITH_SHAPES
         next.q = at.q;
 #endif
-        rays = next;
-        if (!ANY(rays.live)) {
+        /* On until some rays meet something: first those, then the ones that wait. */
+        Leaving path;
+        Met met;
+        for (rays = next;;) {
+            if (ANY(rays.live)) {
+                COUNT(BOUNCES, rays.live);
+#ifdef WITH_CEILING
+                all.rays += rays.live ? (INT)1 : (INT)0;
+                if (ANY(all.rays > MOST_RAYS)) return all;
+#endif
+                path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
+                met = closest_from(scene, &path, rays.live, work);
+                FETCH_SURFACES(scene, met.id);
+                add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
+                rays.live = rays.live & (met.id >= 0);
+                if (ANY(rays.live)) break;
+            }
 #ifdef WITH_SPLITS
             if (height) {
                 rays = stack[--height];
-            } else
+                continue;
+            }
 #endif
-                break;
+            return all;
         }
-        COUNT(BOUNCES, rays.live);
-#ifdef WITH_CEILING
-        all.rays += rays.live ? (INT)1 : (INT)0;
-        if (ANY(all.rays > MOST_RAYS)) break;
-#endif
-        const Leaving path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
-        const Met met = closest_from(scene, &path, rays.live, work);
-        FETCH_SURFACES(scene, met.id);
-        add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
-        rays.live = rays.live & (met.id >= 0);
         at = intersection_from(frame, scene, path, met);
         own = met.id;
     }
-    return all;
 }
 
 /* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. */
