@@ -59,7 +59,8 @@ static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triang
     }
     return at;
 #else
-    const REAL_MASK hit = inside | ((D > 0) & (least > 0)) | ((D < 0) & (most < 0));
+    /* Float tells no ties apart: both triangles at an edge are met, and none is missed. */
+    const REAL_MASK hit = inside | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));
     return (wanted & hit & (t > 0)) ? t : (REAL)INFINITY;
 #endif
 }
