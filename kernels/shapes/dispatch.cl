@@ -151,11 +151,8 @@ static FacePoint face_point(const Shares shares) {
 
 /* Puts the world's coordinates of the lanes that start on triangles into their starts. */
 static __attribute__((noinline)) void place_starts(const Spheres spheres, Start *P) {
-    const MASK face = P->index >= spheres.first;
-    const REAL_MASK here = TO_REAL_MASK(face);
-    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-    put_corners(spheres.vertex, spheres.face, face ? P->index - spheres.first : (INT)-1, &corners);
-    const Place3 place = place_on(corners, P->q);
+    const REAL_MASK here = TO_REAL_MASK(P->index >= spheres.first);
+    const Place3 place = places_of(spheres, P->index, P->q);
     PUT_WHERE(here, P->anchor.x, place.anchor.x);
     PUT_WHERE(here, P->anchor.y, place.anchor.y);
     PUT_WHERE(here, P->anchor.z, place.anchor.z);

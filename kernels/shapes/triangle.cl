@@ -631,13 +631,17 @@ static Place3 place_on(const Corners corners, const Real3 q) {
     return place;
 }
 
+/* The same of the lanes whose surface is a triangle. */
+static Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
+    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    put_corners(spheres.vertex, spheres.face, index >= spheres.first ? index - spheres.first : (INT)-1, &corners);
+    return place_on(corners, q);
+}
+
 /* What a ray that leaves a triangle starts with. */
 static void leave_triangle(const Spheres spheres, Leaving *ray) {
-    const MASK face = ray->own >= spheres.first;
-    const REAL_MASK here = TO_REAL_MASK(face);
-    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-    put_corners(spheres.vertex, spheres.face, face ? ray->own - spheres.first : (INT)-1, &corners);
-    const Place3 place = place_on(corners, ray->q);
+    const REAL_MASK here = TO_REAL_MASK(ray->own >= spheres.first);
+    const Place3 place = places_of(spheres, ray->own, ray->q);
     PUT_WHERE(here, ray->center.x, place.anchor.x);
     PUT_WHERE(here, ray->center.y, place.anchor.y);
     PUT_WHERE(here, ray->center.z, place.anchor.z);
