@@ -14,7 +14,7 @@ import numpy as np
 from cltrace import Image, Renderer, Scene
 from cltrace.bench import truth
 from cltrace.bench.catalogue import Case
-from cltrace.bench.oracle import normal_error, t_high
+from cltrace.oracle.spheres import normal_error, t_high
 from cltrace.reference import byte_of, primary_ray, trace, world_of
 from cltrace.reference.check import sample
 from cltrace.run.devices import Device

@@ -10,8 +10,8 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench.oracle import closest
 from cltrace.bench.regimes import EDGES, REGIMES, camera_space, rays
+from cltrace.oracle.spheres import closest
 from cltrace.plan import abi
 from cltrace.reference import primary_ray, trace, world_of
 from cltrace.run import program

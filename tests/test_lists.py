@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.cases import aimed, balls, directions, limbs, looking, unit
-from cltrace.bench.oracle import closest_exact
 from cltrace.bench.scenes import cloud, field
+from cltrace.oracle.spheres import closest_exact
 from cltrace.plan import abi, exact
 from cltrace.plan.accel import cells
 from cltrace.plan.plan import Plan

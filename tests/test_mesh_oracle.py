@@ -11,10 +11,11 @@ import pytest
 from rational_meshes import Vector, corners_of, doubles_mesh, exactly, grid_mesh, meets, minus, nearest, triangle_point
 
 from cltrace import Camera, Mesh, Scene, parallel_light, point_light
-from cltrace.bench import mesh_oracle, mesh_pictures
-from cltrace.bench.mesh_oracle import Points, Roots, Triangles, along, at_point, on_spheres, on_triangles, to_light
+from cltrace.bench import mesh_pictures
 from cltrace.bench.mesh_pictures import Seen, each_named, expected, in_light, judge, judge_light, judge_onward
 from cltrace.bench.mesh_regimes import AROUND, CLOSED, REGIMES, TAN, scene_of
+from cltrace.oracle import triangles as mesh_oracle
+from cltrace.oracle.triangles import Points, Roots, Triangles, along, at_point, on_spheres, on_triangles, to_light
 from cltrace.reference import closest_hit, primary_ray, trace, world_of
 
 pytestmark = pytest.mark.slow

@@ -13,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cltrace
-from cltrace.bench import bounced, bounced_regimes, oracle
-from cltrace.bench.pairs import Fine
+from cltrace.bench import bounced_regimes
 from cltrace.bench.regimes import REGIMES, camera_space, rays
+from cltrace.oracle import leaving
+from cltrace.oracle import spheres as oracle
+from cltrace.oracle.pairs import Fine
 
 UP, DOWN = np.inf, -np.inf
 O = (0.0, 0.0, 0.0)  # noqa: E741
@@ -905,7 +907,7 @@ def test_fine_numbers_are_within_their_errors():
 
 def bounced_rays(name, seed, count):
     scene = bounced_regimes.scene_of(name, seed)
-    return bounced.Shapes.of(scene), bounced_regimes.rays_of(scene, count, seed)
+    return leaving.Shapes.of(scene), bounced_regimes.rays_of(scene, count, seed)
 
 
 @each_bounced
@@ -913,13 +915,13 @@ def test_the_filter_of_bounced_rays_is_right_where_it_is_sure(name):
     seen = set()
     for seed in range(4):
         shapes, rays = bounced_rays(name, seed, 60)
-        index, t, doubt = bounced.filtered_of(rays, shapes)
-        exact, exact_t = bounced.closest_of_exact(rays, shapes)
+        index, t, doubt = leaving.filtered_of(rays, shapes)
+        exact, exact_t = leaving.closest_of_exact(rays, shapes)
         sure = ~doubt
         np.testing.assert_array_equal(index[sure], exact[sure])
         np.testing.assert_allclose(t[sure], exact_t[sure], rtol=2.0**-40, atol=0)
         assert doubt.mean() < 0.4
-        whole = bounced.closest_of(rays, shapes)
+        whole = leaving.closest_of(rays, shapes)
         np.testing.assert_array_equal(whole[0], exact)
         np.testing.assert_allclose(whole[1], exact_t, rtol=2.0**-40, atol=0)
         seen |= set(exact.tolist())
@@ -928,22 +930,22 @@ def test_the_filter_of_bounced_rays_is_right_where_it_is_sure(name):
 
 def test_bounced_rays_from_the_eye_are_those_of_closest():
     scene = bounced_regimes.scene_of("spheres", 2)  # a camera along the axes
-    shapes, d = bounced.Shapes.of(scene), np.random.default_rng(52).normal(size=(500, 3))
-    rays = bounced.Rays(np.full(500, -1, np.int32), np.zeros((500, 3)), d, eye=scene.camera.position)
+    shapes, d = leaving.Shapes.of(scene), np.random.default_rng(52).normal(size=(500, 3))
+    rays = leaving.Rays(np.full(500, -1, np.int32), np.zeros((500, 3)), d, eye=scene.camera.position)
     index, t = oracle.closest(scene.camera.position, d, shapes.centers, shapes.radii)
-    np.testing.assert_array_equal(bounced.closest_of(rays, shapes)[0], index)
-    np.testing.assert_allclose(bounced.closest_of(rays, shapes)[1], t, rtol=2.0**-40, atol=0)
+    np.testing.assert_array_equal(leaving.closest_of(rays, shapes)[0], index)
+    np.testing.assert_allclose(leaving.closest_of(rays, shapes)[1], t, rtol=2.0**-40, atol=0)
 
 
 def test_bounced_rays_beyond_the_range_of_the_filter():
-    shapes = bounced.Shapes(np.array([[0, 0, 0], [0, 0, -5]]), np.array([1.0, 1]), [None, None])
+    shapes = leaving.Shapes(np.array([[0, 0, 0], [0, 0, -5]]), np.array([1.0, 1]), [None, None])
     d = np.array([(0, 0, -1), (0, 0, -1e-60), (1e60, 0, 0), (0, 0, 0)])
-    rays = bounced.Rays(np.zeros(4, np.int32), np.array([(0, 0, -1.0)] * 4), d)
-    assert bounced.filtered_of(rays, shapes)[2].tolist() == [False, True, True, True]
-    assert bounced.closest_of(rays, shapes)[0].tolist() == [1, 1, -1, -1]
+    rays = leaving.Rays(np.zeros(4, np.int32), np.array([(0, 0, -1.0)] * 4), d)
+    assert leaving.filtered_of(rays, shapes)[2].tolist() == [False, True, True, True]
+    assert leaving.closest_of(rays, shapes)[0].tolist() == [1, 1, -1, -1]
     huge = shapes._replace(radii=np.array([1, 1e60]))
-    assert bounced.filtered_of(rays, huge)[2].all()
-    assert bounced.closest_of(rays, huge)[0].tolist() == [1, 1, 1, -1]
+    assert leaving.filtered_of(rays, huge)[2].all()
+    assert leaving.closest_of(rays, huge)[0].tolist() == [1, 1, 1, -1]
 
 
 @each_bounced

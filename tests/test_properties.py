@@ -20,8 +20,8 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench.oracle import closest
 from cltrace.bench.regimes import REGIMES, camera_space, rays
+from cltrace.oracle.spheres import closest
 from cltrace.plan.exact import dot_products, square_excess, two_product, two_sum
 from cltrace.reference import closest_hit as reference_hit
 from cltrace.reference import primary_ray, world_of

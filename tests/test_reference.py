@@ -12,7 +12,9 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench import bounced, bounced_regimes, oracle
+from cltrace.bench import bounced_regimes
+from cltrace.oracle import leaving
+from cltrace.oracle import spheres as oracle
 from cltrace.reference import (
     EYE,
     Direction,
@@ -1011,7 +1013,7 @@ def judged(name: str, seed: int, count: int) -> int:
     """How many rays of a regime the reference decides as the oracle does; an error where one is decided otherwise."""
     scene = bounced_regimes.scene_of(name, seed)
     rays, world = bounced_regimes.rays_of(scene, count, seed), world_of(scene)
-    index, t = bounced.closest_of(rays, bounced.Shapes.of(scene))
+    index, t = leaving.closest_of(rays, leaving.Shapes.of(scene))
     for row in range(count):
         start = OnSphere(world.surfaces[rays.own[row]], Direction(*rays.normal[row].tolist()))
         at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
@@ -1037,7 +1039,7 @@ def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
         scene = bounced_regimes.scene_of(
             ["ellipsoids", "ellipsoids, an ulp apart", "needles and discs, 1 : 1000"][seed % 3], seed
         )
-        shapes, rays = bounced.Shapes.of(scene), bounced_regimes.rays_of(scene, 12, seed)
+        shapes, rays = leaving.Shapes.of(scene), bounced_regimes.rays_of(scene, 12, seed)
         L = np.array([np.eye(3) if K is None else np.linalg.inv(K) for K in shapes.to_object])
         on = shapes.centers + shapes.radii[:, None] * np.einsum(
             "nij,nj->ni", L, [unit(v) for v in rng.normal(size=(len(L), 3))]

@@ -28,8 +28,8 @@ import cltrace
 from cltrace import Camera, Image, Renderer, Scene, ambient_light, parallel_light, point_light, spot_light
 from cltrace.bench.cases import Ball, balls, everything, looking, unit
 from cltrace.bench.catalogue import AT_THE_POINT, CATALOGUE, GREYS, NO_FOV, NO_RADIUS, Case, Refusal, cases
-from cltrace.bench.oracle import normal_error
 from cltrace.bench.regimes import TANGENT
+from cltrace.oracle.spheres import normal_error
 from cltrace.reference import EYE, Direction, Ray, world_of
 from cltrace.run.devices import Device
 

@@ -2,7 +2,7 @@
 
 Every surface is a perfect mirror or all glass, and has a colour of its own; light is ambient and white, max_bounces 0.
 So each ray goes on once, and its pixel shows the colour of what it meets then: `names` reads it. `second_rays` makes
-the same rays in numpy, operation by operation as the kernel and the reference do, and bounced.closest_of() says what
+the same rays in numpy, operation by operation as the kernel and the reference do, and leaving.closest_of() says what
 they meet. Which rays from the eye meet what is not judged here: that is read from the picture.
 """
 
@@ -16,16 +16,16 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle.leaving import Rays, Shapes, closest_of, rounded_t
+from cltrace.oracle.pairs import Floats
 from cltrace.picture.image import Image
 from cltrace.reference import OnSphere, World, primary_ray, world_of
 from cltrace.reference.surfaces import Ellipsoid, Sphere, Surface
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
 
 from . import bounced_regimes
-from .bounced import Rays, Shapes, closest_of, rounded_t
 from .bounced_regimes import ALONG, INWARDS, KINDS, REGIMES, TOUCHING, Made
 from .columns import Bools, Vector, columns_of, constant, cross, dot, magnitude, minus, pick, plus, product, times
-from .pairs import Floats
 from .regimes import rays as camera_rays
 
 Ids = NDArray[np.int32]
@@ -172,7 +172,7 @@ def judge(scene: Scene, image: Image) -> tuple[int, NDArray[np.intp]]:
 
 
 class Starts(NamedTuple):
-    """Where n rays from the eye meet a surface. q: see bounced.Rays; normal: outward, unit; side: (n,), 1 for rays from
+    """Where n rays from the eye meet a surface. q: see leaving.Rays; normal: outward, unit; side: (n,), 1 for rays from
     outside, -1 from inside; sure: (n,), whether doubles are sure of all that."""
 
     q: Vector

@@ -12,10 +12,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.oracle.leaving import Rays
+from cltrace.oracle.pairs import Floats
 from cltrace.scene import Camera, Scene
-
-from .bounced import Rays
-from .pairs import Floats
 
 Made = tuple[Floats, Floats, Floats]  # centers, radii, and what makes ellipsoids of them, (n, 3, 3)
 

@@ -8,9 +8,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.oracle.pairs import Floats
 from cltrace.reference.vectors import Direction, Matrix, Point
-
-from .pairs import Floats
 
 Bools = NDArray[np.bool_]
 Vector = tuple[Floats, Floats, Floats]

@@ -13,16 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle import leaving
+from cltrace.oracle import triangles as mesh_oracle
+from cltrace.oracle.pairs import Floats
+from cltrace.oracle.spheres import sign_beyond, to_world
+from cltrace.oracle.triangles import Ids, Points, Rays, Triangles, along, at_point, on_triangles, to_light
 from cltrace.reference import OnTriangle, Point, world_of
 from cltrace.reference.world import frame_of
 from cltrace.scene import AMBIENT, MATERIAL, MAX_BOUNCES, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
 
-from . import bounced, mesh_oracle
 from .bounced_pictures import DIGITS, Starts, names, onward
 from .columns import Bools, Vector, columns_of, constant, cross, dot, minus, product, times
-from .mesh_oracle import Ids, Points, Rays, Triangles, along, at_point, on_triangles, to_light
-from .oracle import sign_beyond, to_world
-from .pairs import Floats
 from .regimes import rays as camera_rays
 
 
@@ -59,9 +60,9 @@ def expected(scene: Scene) -> Seen:
 
 def _with_spheres(scene: Scene, triangles: Triangles, rays: Rays, row: Ids, seen: Seen) -> Seen:
     """What is seen with the scene's spheres, too. row: what the rays meet of the triangles."""
-    d, shapes, camera = camera_rays(scene.camera), bounced.Shapes.of(scene), scene.camera
-    from_eye = bounced.Rays(np.full(len(d), -1, np.int32), d, d, camera.basis(), camera.position)
-    index, near = bounced.closest_of(from_eye, shapes)
+    d, shapes, camera = camera_rays(scene.camera), leaving.Shapes.of(scene), scene.camera
+    from_eye = leaving.Rays(np.full(len(d), -1, np.int32), d, d, camera.basis(), camera.position)
+    index, near = leaving.closest_of(from_eye, shapes)
     number = np.append(scene.sphere_numbers, -1)[index]
     first = (index >= 0) & (row < 0)
     both = np.flatnonzero((index >= 0) & (row >= 0))

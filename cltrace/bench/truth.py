@@ -16,11 +16,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle.spheres import closest, normal_high, occluded
 from cltrace.reference import Material, byte_of, cast_shadow_ray, illuminate, primary_ray, trace, world_of
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Camera, Scene
 
 from .cases import directions
-from .oracle import closest, normal_high, occluded
 
 Floats = NDArray[np.float64]
 

@@ -30,10 +30,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle import pairs
+from cltrace.oracle.pairs import EPS, Pair
 from cltrace.scene.rules import is_whole, numbers
-
-from . import pairs
-from .pairs import EPS, Pair
 
 Floats = NDArray[np.float64]
 Ints = tuple[int, ...]

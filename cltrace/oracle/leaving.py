@@ -2,7 +2,7 @@
 
 What is decided about is what cltrace/reference/exact.py says: a ray starts at C + r B^T q / |B^T q|, on an ellipsoid at
 C + r K^-1 q / |q|, and leads along B^T d, all of them the doubles that they are. Double-double arithmetic, which keeps
-count of its errors, decides most rays, and oracle.py's integers the others.
+count of its errors, decides most rays, and spheres.py's integers the others.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle.pairs import Fine, Floats, select
+from cltrace.oracle.spheres import Maps, OnSphere, closest_from, to_world
 from cltrace.scene import Scene
-
-from .oracle import Maps, OnSphere, closest_from, to_world
-from .pairs import Fine, Floats, select
 
 # What the filter takes, or 0. Its numbers have at most 14 such factors, so that nothing leaves the range of double, and
 # what underflows, below 2^-1000, is nothing beside EPS times the terms that an error counts.
@@ -27,7 +26,7 @@ Vector = tuple[Fine, Fine, Fine]
 
 
 class Shapes(NamedTuple):
-    """Spheres, or ellipsoids where to_object is not None, see oracle.closest_from()."""
+    """Spheres, or ellipsoids where to_object is not None, see spheres.closest_from()."""
 
     centers: Floats
     radii: Floats
@@ -188,7 +187,7 @@ def _at(v: Vector, rows: NDArray[np.intp]) -> Vector:
 def _may_meet(f: Vector, w: Vector, r: float) -> NDArray[np.bool_]:
     """False only where a ray surely passes a surface by, in plain doubles: D = a r^2 - |f x w|^2 < 0.
 
-    oracle._may_hit() has the proof, with 32 u (|f|^2 + r^2) a for all that is off. Here w is rounded as f is, and both
+    spheres._may_hit() has the proof, with 32 u (|f|^2 + r^2) a for all that is off. Here w is rounded as f is, and both
     are off by a share of 2^-60 more, which is looked at: that is less than twice as much, and 2^-40 is 2^8 times.
     """
     (fx, fy, fz), (x, y, z) = (v.h for v in f), (v.h for v in w)
@@ -205,7 +204,7 @@ def _is_known(v: Vector) -> NDArray[np.bool_]:
 
 
 def _meeting(f: Vector, w: Vector, r: Fine) -> tuple[NDArray[np.bool_], Fine, NDArray[np.bool_]]:
-    """Which rays surely meet a surface, where, and which may or may not. The equation is that of oracle.py."""
+    """Which rays surely meet a surface, where, and which may or may not. The equation is that of spheres.py."""
     a, b, c = _dot(w, w), _dot(f, w), _dot(f, f) - r * r
     D = b * b - a * c
     outside, ahead, meets = c.sign(), b.sign(), D.sign()

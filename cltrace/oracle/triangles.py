@@ -26,9 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.oracle.pairs import Floats
 from cltrace.scene import Scene, whole_inverse
-
-from .pairs import Floats
 
 Ids = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -241,7 +240,7 @@ def on_triangles(triangles: Triangles, own: Ids, corner: Ids, uv: Floats) -> Poi
 
 
 def on_spheres(scene: Scene, own: Ids, normal: Floats) -> Points:
-    """Points of the spheres `own`, (n,), counted in scene.spheres; normal: (n, 3), q of bounced.Rays, unit to 2^-47."""
+    """Points of the spheres `own`, (n,), counted in scene.spheres; normal: (n, 3), q of leaving.Rays, unit to 2^-47."""
     spheres, basis = scene.spheres[own], np.array(scene.camera.basis())
     bent = spheres["to_object"] >= 0
     inverses = [_whole_inverse(K) for K in scene.to_object.tolist()]
