@@ -6,8 +6,10 @@ spheres here touch a ray by a hair, at the edge of a cell: a list that is too na
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from cltrace.plan import abi, exact
 from cltrace.plan.accel import cells
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
+from cltrace.plan.shapes.sphere import length, nearest
 
 Floats = NDArray[np.float64]
 f32 = np.float32
@@ -400,6 +403,23 @@ def test_a_hair_behind_the_nearest_point(light: str) -> None:
         ways = ways / np.linalg.norm(ways, axis=1)[:, None]
         points.append(centers + ways * (radii * (1 - 2.0**-k))[:, None])
     check_light(scene, np.concatenate(points))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_nearest_points_from_inside(scale: float) -> None:
+    """The depth of a sphere around the eye is where it ends, not 0: just before its nearest point, not beyond."""
+    rng = np.random.default_rng(12)
+    gap = 2.0 ** -rng.uniform(0, 24, 400)
+    offset = unit(rng, 400) * (1 - gap)[:, None] * scale
+    exact = [Fraction(scale) ** 2 - sum(Fraction(x) ** 2 for x in row) for row in offset.tolist()]
+    power = np.array([-float(p) for p in exact])
+    distance = np.array([math.sqrt(sum(Fraction(x) ** 2 for x in row)) for row in offset.tolist()])
+    near = nearest(length(*offset.astype(f32).T), np.full(400, scale, f32), power)
+    true = np.array([float(p) for p in exact]) / (distance + scale)
+    seen = near > 0
+    assert (seen == (true > 2.0**-50)).all()
+    assert (near[seen] <= true[seen] ** 2).all()
+    assert (near[seen] > true[seen] ** 2 * (1 - 2.0**-17)).all()
 
 
 @pytest.mark.parametrize("light", LIGHTS)

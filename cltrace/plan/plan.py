@@ -163,7 +163,8 @@ class View:
         """
         region = request.region_of(camera.resolution)
         real, basis = real_dtype(request.precision), np.array(camera.basis())
-        space = Space.of(camera, world.center, world.reach, world.lights)
+        stretched = world.maps.of_sphere > 0 if world.maps else None
+        space = Space.of(camera, world.center, world.reach, stretched, world.lights)
         # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
         # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
         # room for the fourth power of every float32 number, and keeps scene units.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from cltrace.plan.exact import Array, differences, dot_products, rotated, square
 from cltrace.plan.shapes.sphere import Seen
 from cltrace.scene import PARALLEL, Camera
 
+Mask = NDArray[np.bool_]
+
 
 @dataclass(frozen=True)
 class Space:
@@ -19,14 +21,16 @@ class Space:
 
     center (n, 3) and position (m, 3): along the camera's axes, each coordinate rounded once; power (n,): |C|^2 - r^2
     for the exact offset C of the centre from the eye, rounded once, so that no rounding of centres enters it;
-    power_rest (n,): what that rounding cut off; center_hi + center_lo (n, 3) and position_hi + position_lo (m, 3): the
-    exact offsets from the eye, along the world's axes.
+    power_rest (n,): what that rounding cut off; loose (n,): which surfaces only lie within their spheres, None for
+    none; center_hi + center_lo (n, 3) and position_hi + position_lo (m, 3): the exact offsets from the eye, along the
+    world's axes.
     """
 
     center: Array
     radius: Array
     power: Array
     power_rest: Array
+    loose: Mask | None
     center_hi: Array
     center_lo: Array
     position: Array
@@ -34,19 +38,20 @@ class Space:
     position_lo: Array
 
     @classmethod
-    def of(cls, camera: Camera, center: Array, radius: Array, lights: NDArray[np.void]) -> Space:
-        """center (n, 3), radius (n,) and lights (m,) are in the world, in scene units."""
+    def of(cls, camera: Camera, center: Array, radius: Array, loose: Mask | None, lights: NDArray[np.void]) -> Space:
+        """center (n, 3), radius (n,), loose (n,) and lights (m,) are in the world, in scene units."""
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, None, eye, None)
         at_hi, at_lo = two_sum(lights["position"], -eye)
         place, _ = dot_products(basis, at_hi, at_lo)
         turned, _ = dot_products(basis, hi, lo)
-        return cls(turned, radius, *square_excess(hi, lo, radius), hi, lo, place, at_hi, at_lo)
+        return cls(turned, radius, *square_excess(hi, lo, radius), loose, hi, lo, place, at_hi, at_lo)
 
     def times_two_to(self, k: int) -> Space:
         """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
-        factor = {f.name: 2.0 ** (2 * k if f.name.startswith("power") else k) for f in fields(self)}
-        return Space(**{name: getattr(self, name) * by for name, by in factor.items()})
+        lengths = [f.name for f in fields(self) if f.name != "loose"]
+        factor = {name: 2.0 ** (2 * k if name.startswith("power") else k) for name in lengths}
+        return replace(self, **{name: getattr(self, name) * by for name, by in factor.items()})
 
     def exponent(self, lights: NDArray[np.void], vertex: Array) -> int:
         """The k for which 2^k times the largest coordinate or radius is in [1/2, 1).
@@ -58,7 +63,7 @@ class Space:
 
     def seen_from_eye(self) -> Seen:
         """The spheres as the eye sees them."""
-        return Seen(self.center, self.radius, self.power)
+        return Seen(self.center, self.radius, self._known(self.power))
 
     def seen_from_light(self, k: int, basis: Array) -> tuple[Seen, Array]:
         """The spheres as light k, at a point, sees them along the camera's axes; and (n,) the exact sign of its power.
@@ -69,4 +74,8 @@ class Space:
         # From the light to the centre: the eye cancels, exactly.
         hi, lo = differences(self.center_hi, self.center_lo, self.position_hi[k], self.position_lo[k])
         power, _ = square_excess(hi, lo, self.radius)
-        return Seen(rotated(basis, hi), self.radius, power), np.sign(power)
+        return Seen(rotated(basis, hi), self.radius, self._known(power)), np.sign(power)
+
+    def _known(self, power: Array) -> Array:
+        """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""
+        return power if self.loose is None else np.where(self.loose, np.maximum(power, 0), power)

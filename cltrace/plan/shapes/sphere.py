@@ -22,7 +22,7 @@ class Seen:
     """n spheres as seen from a point.
 
     center: (n, 3), from that point to the centres; radius: (n,); power: (n,), |center|^2 - radius^2 of the exact
-    center, rounded once.
+    center, rounded once. Of surfaces that only lie within these spheres, it is 0 from inside.
     """
 
     center: Array
@@ -74,11 +74,11 @@ def length(x: Reals, y: Reals, z: Reals) -> Reals:
 
 
 def nearest(distance: Reals, r: Reals, power: Array) -> NDArray[np.float32]:
-    """(n,): a lower bound of the squared distance of each sphere's nearest point; -1 from inside, or all but.
+    """(n,): a lower bound of the squared distance of each sphere's nearest point; -1 on the sphere, or all but.
 
-    distance: (n,), of length(); r, power: (n,), of Seen.
+    distance: (n,), of length(); r, power: (n,), of Seen. From inside, too, that point is | |C| - r | away.
     """
     # Relative errors, in units of 2^-24: the gap is right to 6, its square to 14, and the kernel's squared lengths are
     # right to 5.
-    gap = power.astype(np.float32) / (distance + r)
+    gap = np.abs(power.astype(np.float32)) / (distance + r)
     return np.where(gap > 2.0**-50, gap * gap * (1 - 2.0**-19), -1).astype(np.float32)
