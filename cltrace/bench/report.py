@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cltrace.plan.exact import processors
+from cltrace.blocks import processors
 
 from .errors import Errors
 from .measure import Row, median

@@ -5,23 +5,16 @@ Error-free transformations: Dekker 1971, Knuth TAOCP 2, 4.2.2; the names are tho
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Pair = tuple[Array, Array]
-T = TypeVar("T")
-
-# Rows at a time: of doubles, their temporary arrays stay in a processor's cache.
-BLOCK = 2**15
 
 _SPLIT = 2.0**27 + 1
 
@@ -98,24 +91,6 @@ def rotated(rows: Array, v: Array) -> Array:
 
     blockwise(len(v), turn)
     return out
-
-
-def blockwise(n: int, work: Callable[[slice], T], rows: int = BLOCK) -> list[T]:
-    """work(slice) for blocks of n rows, one at least, on all processors."""
-    return concurrently([partial(work, slice(i, min(i + rows, n))) for i in range(0, max(n, 1), rows)])
-
-
-def processors() -> int:
-    """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def concurrently(jobs: Sequence[Callable[[], T]]) -> list[T]:
-    """What the jobs return, by as many threads as there are processors: numpy works outside of Python's lock."""
-    if len(jobs) < 2:
-        return [job() for job in jobs]
-    with ThreadPoolExecutor(processors()) as pool:
-        return [future.result() for future in [pool.submit(job) for job in jobs]]
 
 
 def square_excess(hi: Array, lo: Array, r: Array) -> Pair:

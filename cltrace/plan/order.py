@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.exact import Array, blockwise
+from cltrace.blocks import blockwise
+from cltrace.plan.exact import Array
 
 
 def spatial_order(center: Array) -> NDArray[np.int64]:

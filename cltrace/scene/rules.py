@@ -15,11 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.blocks import blockwise, empty
+
 Vector = tuple[float, float, float]
 
 # A number is 0, or its magnitude is within float32's range. Its square and the square of that then stay within
 # double's range, so that nothing that is computed from it overflows or vanishes.
 SMALLEST, LARGEST = 2.0**-149, (2.0 - 2.0**-23) * 2.0**127
+# So many numbers at a time are copied or checked: they stay in a processor's cache.
+NUMBERS = 2**16
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,18 @@ class Rule:
         high = value < self.high if self.open_high else value <= self.high
         ok: NDArray[np.bool_] = low & high & ((size == 0) | ((size >= SMALLEST) & (size <= LARGEST)))
         return ok
+
+    def admits_all(self, block: NDArray[Any]) -> bool:
+        """Whether all values are allowed."""
+        if not block.size:
+            return True
+        ends = np.array([block.min(), block.max()])
+        if not self.admits(ends).all():  # as of nan
+            return False
+        if ends[0] > 0 or block.dtype == np.float32:  # which holds nothing but 0 below SMALLEST
+            return True
+        size = np.abs(block)
+        return not ((size < SMALLEST) & (size > 0)).any()
 
     def fault(self, value: float) -> str | None:
         """What is wrong with one value, in words that belong behind its name; None if nothing is."""
@@ -91,13 +107,39 @@ def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> 
     return array
 
 
-def check_rule(name: str, rule: Rule, array: NDArray[np.float64]) -> None:
+def real_numbers(name: str, value: ArrayLike) -> NDArray[Any]:
+    """`value` as a new array of its own shape: float32 where that holds whatever the type of its values can hold, else
+    float64. Raises ValueError as numbers() does.
+    """
+    if not isinstance(value, np.ndarray) or not value.ndim:
+        return numbers(name, value)
+    _refuse_strangers(name, value)
+    array = np.asarray(value)
+    out = empty(array.shape, np.float32 if np.can_cast(array.dtype, np.float32) else np.float64)
+
+    def copy(rows: slice) -> None:
+        with np.errstate(over="ignore"):
+            out[rows] = array[rows]
+
+    blockwise(len(array), copy, _rows(array))
+    return out
+
+
+def check_rule(name: str, rule: Rule, array: NDArray[Any]) -> None:
     """Raises ValueError, which names the array and the index, at the first number that the rule does not allow."""
-    bad = ~rule.admits(array)
-    if bad.any():
-        where = np.argwhere(bad)[0]
+    if not array.ndim:
+        good = bool(rule.admits(array))
+    else:
+        good = all(blockwise(len(array), lambda rows: rule.admits_all(array[rows]), _rows(array)))
+    if not good:
+        where = np.argwhere(~rule.admits(array))[0]
         index = "".join(f"[{i}]" for i in where)
         raise ValueError(f"{name}{index}: {rule.fault(float(array[tuple(where)]))}")
+
+
+def _rows(array: NDArray[Any]) -> int:
+    """How many rows of an array are a block."""
+    return max(1, NUMBERS // max(1, array[:1].size))
 
 
 def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:

@@ -7,7 +7,7 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -15,17 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
+from cltrace.scene.columns import Columns, column, shades
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
     Texture,
-    check_index,
     check_materials,
     check_texels,
     checked_textures,
-    packed,
     records,
 )
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
@@ -33,12 +32,12 @@ from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
     POSITIVE,
-    Rule,
     Vector,
     check_not_bytes,
     check_rule,
     described,
     numbers,
+    real_numbers,
     vector,
 )
 from cltrace.scene.surfaces import (
@@ -102,28 +101,31 @@ class Scene:
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
         placed = check_meshes(meshes, len(shades))
-        self._fill(camera, joined(lights), balls, shades, background, output_file, maps, placed, images)
+        surfaces = {"spheres": balls, "materials": shades}
+        self._fill(camera, joined(lights), surfaces, background, output_file, maps, placed, images)
 
     def _fill(
         self,
         camera: Camera,
         lights: NDArray[np.void],
-        spheres: NDArray[np.void],
-        materials: NDArray[np.void],
+        surfaces: Mapping[str, Any],
         background: ArrayLike,
         output_file: str,
         to_object: NDArray[np.float64],
         meshes: tuple[PlacedMesh, ...],
         textures: tuple[Texture, ...],
     ) -> None:
-        """Takes these as they are, of which all but lights, background and output_file have been checked."""
+        """Takes these as they are, of which all but lights, background and output_file have been checked.
+
+        surfaces: `spheres` and `materials`, or `columns` alone.
+        """
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
         color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
-        values = (camera, lights, spheres, materials, color, output_file, to_object, meshes, textures)
-        self.__setstate__(dict(zip((f.name for f in fields(self)), values, strict=True)))
+        state = {"camera": camera, "lights": lights, **surfaces, "background": color, "output_file": output_file}
+        self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures})
 
     def seen_by(self, camera: Camera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -156,8 +158,20 @@ class Scene:
         numbers.flags.writeable = False
         return numbers
 
+    @functools.cached_property
+    def columns(self) -> Columns:
+        """What spheres and materials hold, as arrays."""
+        return Columns.of_records(self.spheres, self.materials)
+
+    def __getattr__(self, name: str) -> Any:
+        """The records, which a scene of plain arrays has only if it is asked for them."""
+        if name in ("spheres", "materials") and "columns" in self.__dict__:
+            return getattr(self.columns, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     def __getstate__(self) -> dict[str, Any]:
-        return {f.name: self.__dict__[f.name] for f in fields(self)}
+        names = {f.name for f in fields(self)} & set(self.__dict__)
+        return {name: self.__dict__[name] for name in (names if "spheres" in names else {*names, "columns"})}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
@@ -212,27 +226,23 @@ class Scene:
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
         lights = joined(lights)
-        points = _points(centers, radii)
-        n = len(points)
+        center = _points(centers, radii)
+        n = len(center)
         if n > MAX_SPHERES:
             raise ValueError(f"centers: must be at most {MAX_SPHERES}, got {n}")
-        check_rule("centers", ANY, points)
-        spheres = np.empty(n, SPHERE)
-        spheres["center"], spheres["radius"] = points, _values("radii", POSITIVE, radii, (n,))
-        shade = {"color": _values("colors", NOT_NEGATIVE, colors, (n, 3))}
-        check_not_bytes("colors", shade["color"], reflected=True)
-        coefficients = {"kd": kd, "ks": ks, "exponent": exponent}
-        coefficients |= {"reflectance": reflectance, "transmittance": transmittance}
-        for name, value in coefficients.items():
-            shade[name] = _values(name, NOT_NEGATIVE, value, (n,))
-        shade["index"] = _values("index", ANY, index, (n,))
-        check_index("index", shade["index"], shade["transmittance"])
-        shade["ka"] = shade["kd"] if ka is None else _values("ka", NOT_NEGATIVE, ka, (n,))
+        check_rule("centers", ANY, center)
+        radius = column("radii", POSITIVE, radii, (n,))
+        given = {"color": colors, "kd": kd, "ks": ks, "exponent": exponent}
+        given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
+        shade = shades(given if ka is None else {**given, "ka": ka}, n)
+        if ka is None:
+            shade["ka"] = shade["kd"]
         shapes = mesh_list(meshes)
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
-        spheres["material"] = 0 if one else np.arange(n)
-        maps = _shape(spheres, transform)
-        return cls._made(camera, lights, spheres, packed(1 if one else n, shade), background, output_file, maps, shapes)
+        radius, to_object, maps = _shaped(radius, n, transform)
+        material = np.zeros((), np.int32) if one else None
+        found = Columns(center, radius, material, to_object, shade, 1 if one else n)
+        return cls._made(camera, lights, found, background, output_file, maps, shapes)
 
     @classmethod
     def from_meshes(
@@ -252,16 +262,15 @@ class Scene:
         Raises ValueError and TypeError, which name the argument and the index.
         """
         _check_camera(camera, "camera, lights, meshes")
-        none = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
-        return cls._made(camera, joined(lights), *none, background, output_file, np.empty((0, 3, 3)), mesh_list(meshes))
+        none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
+        return cls._made(camera, joined(lights), none, background, output_file, np.empty((0, 3, 3)), mesh_list(meshes))
 
     @classmethod
     def _made(
         cls,
         camera: Camera,
         lights: NDArray[np.void],
-        spheres: NDArray[np.void],
-        materials: NDArray[np.void],
+        columns: Columns,
         background: ArrayLike,
         output_file: str,
         to_object: NDArray[np.float64],
@@ -269,15 +278,17 @@ class Scene:
     ) -> Scene:
         """A scene of spheres and their materials, and of meshes after them with theirs."""
         kinds = {id(mesh.material): mesh.material for mesh in meshes}
-        place = {key: len(materials) + i for i, key in enumerate(kinds)}
-        shades, textures = records(kinds.values())
+        place = {key: columns.materials_count + i for i, key in enumerate(kinds)}
+        more, textures = records(kinds.values())
         check_texels(textures)
-        placed = tuple(mesh.placed.of(place[id(mesh.material)], len(spheres) + i) for i, mesh in enumerate(meshes))
+        n = len(columns.center)
+        placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
+        surfaces: dict[str, Any] = {"columns": columns}
+        if len(more):
+            surfaces = {"spheres": columns.spheres, "materials": np.concatenate([columns.materials, more])}
         scene = cls.__new__(cls)
-        if len(shades):
-            materials = np.concatenate([materials, shades])
-        scene._fill(camera, lights, spheres, materials, background, output_file, to_object, placed, textures)
+        scene._fill(camera, lights, surfaces, background, output_file, to_object, placed, textures)
         return scene
 
 
@@ -288,9 +299,9 @@ def _check_camera(camera: object, order: str = "") -> None:
         raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
 
 
-def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[np.float64]:
+def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[Any]:
     """The centres as an (n, 3) array; ValueError if they are none, with advice where they and the radii are swapped."""
-    points = numbers("centers", centers)
+    points = real_numbers("centers", centers)
     if points.shape == (0,):  # an empty list
         return points.reshape(0, 3)
     if points.ndim == 2 and points.shape[1] == 3:
@@ -302,30 +313,18 @@ def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[np.float64]:
     )
 
 
-def _values(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """One value or as many as the spheres, as the array that was given; ValueError names the argument and the index."""
-    array = numbers(name, value)
-    if array.shape == shape[:1] == (0,):  # an empty list
-        return array.reshape(shape)
-    try:
-        np.broadcast_to(array, shape)
-    except ValueError:
-        raise ValueError(f"{name}: must have shape {shape} or be one value, got {array.shape}") from None
-    check_rule(name, rule, array)
-    return array
-
-
-def _shape(spheres: NDArray[np.void], transform: ArrayLike | None) -> NDArray[np.float64]:
-    """Gives the spheres what a linear map makes of them, their radii or to_object, and returns the scene's to_object.
+def _shaped(
+    radius: NDArray[Any], n: int, transform: ArrayLike | None
+) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+    """What a linear map makes of n spheres: their radii, which of the maps each of them has, and the scene's to_object.
 
     Raises ValueError, which names the argument and the index.
     """
-    spheres["to_object"] = -1
     if transform is None:
-        return np.empty((0, 3, 3))
+        return radius, np.array(-1, np.int32), np.empty((0, 3, 3))
     to_world = numbers("transform", transform)
-    if to_world.shape not in ((3, 3), (len(spheres), 3, 3)):
-        raise ValueError(f"transform: must have shape (3, 3) or {(len(spheres), 3, 3)}, got {to_world.shape}")
+    if to_world.shape not in ((3, 3), (n, 3, 3)):
+        raise ValueError(f"transform: must have shape (3, 3) or {(n, 3, 3)}, got {to_world.shape}")
     check_rule("transform", ANY, to_world)
     maps = to_world.reshape(-1, 3, 3)
     scales = uniform_scales(maps)
@@ -333,17 +332,17 @@ def _shape(spheres: NDArray[np.void], transform: ArrayLike | None) -> NDArray[np
     to_object = inverses(maps[bent])
     for i, fault in inverse_faults(maps[bent], to_object):
         raise ValueError(f"transform{f'[{bent[i]}]' if to_world.ndim == 3 else ''}: {fault}")
-    spheres["radius"] *= np.where(np.isnan(scales), 1.0, scales)
-    for i in np.flatnonzero(~POSITIVE.admits(spheres["radius"])).tolist():
-        raise ValueError(f"transform: of sphere {i}, the radius {POSITIVE.fault(float(spheres['radius'][i]))}")
-    index = np.full(len(maps), -1)
+    radii = np.broadcast_to(radius * np.where(np.isnan(scales), 1.0, scales), (n,))
+    for i in np.flatnonzero(~POSITIVE.admits(radii)).tolist():
+        raise ValueError(f"transform: of sphere {i}, the radius {POSITIVE.fault(float(radii[i]))}")
+    index = np.full(len(maps), -1, np.int32)
     index[bent] = np.arange(len(bent))
-    spheres["to_object"] = index
-    turned = np.flatnonzero(spheres["to_object"] >= 0)
-    reach = row_lengths(maps[bent])[spheres["to_object"][turned]]
-    for i, fault in extent_faults(spheres["radius"][turned], reach):
+    of_sphere = np.array(np.broadcast_to(index, (n,)))
+    turned = np.flatnonzero(of_sphere >= 0)
+    reach = row_lengths(maps[bent])[of_sphere[turned]]
+    for i, fault in extent_faults(radii[turned], reach):
         raise ValueError(f"transform: of sphere {turned[i]}, {fault}")
-    return to_object
+    return np.array(radii), of_sphere, to_object
 
 
 def _records(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:

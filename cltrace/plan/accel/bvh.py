@@ -24,8 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, dtype_of
-from cltrace.plan.exact import Array, blockwise, concurrently
+from cltrace.plan.exact import Array
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]

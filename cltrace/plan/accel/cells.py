@@ -25,8 +25,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.exact import Array, blockwise, concurrently, rounded_up
+from cltrace.plan.exact import Array, rounded_up
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, concurrently
 from cltrace.plan.accel.cells import (
     BLOCK,
     SLACK,
@@ -26,7 +27,7 @@ from cltrace.plan.accel.cells import (
     outlines_of,
     sprawling,
 )
-from cltrace.plan.exact import Array, blockwise, concurrently, rounded_down
+from cltrace.plan.exact import Array, rounded_down
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 

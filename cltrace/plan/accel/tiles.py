@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.cells import (
     BLOCK,
@@ -21,7 +22,6 @@ from cltrace.plan.accel.cells import (
     outlines_of,
     sprawling,
 )
-from cltrace.plan.exact import blockwise, concurrently
 from cltrace.plan.request import Region
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
 from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise
 from cltrace.plan.accel.cells import BLOCK, SLACK, Mask
-from cltrace.plan.exact import Array, blockwise, rounded_down
+from cltrace.plan.exact import Array, rounded_down
 from cltrace.plan.shapes.sphere import Reals
 
 # So many times as wide and high as the window is the pyramid in which corners are divided by their depth.

@@ -9,8 +9,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.exact import Array, blockwise
+from cltrace.plan.exact import Array
 from cltrace.plan.order import spatial_order
 from cltrace.plan.shapes.sphere import U
 from cltrace.scene import PlacedMesh

@@ -1,0 +1,50 @@
+"""Work on large arrays: in blocks, on all processors. Numpy works outside of Python's lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+T = TypeVar("T")
+
+# Rows at a time: of doubles, their temporary arrays stay in a processor's cache.
+BLOCK = 2**15
+# Arrays of at least so many bytes begin on a page.
+LARGE = 2**16
+PAGE = 4096
+
+
+def blockwise(n: int, work: Callable[[slice], T], rows: int = BLOCK) -> list[T]:
+    """work(slice) for blocks of n rows, one at least, on all processors."""
+    return concurrently([partial(work, slice(i, min(i + rows, n))) for i in range(0, max(n, 1), rows)])
+
+
+def concurrently(jobs: Sequence[Callable[[], T]]) -> list[T]:
+    """What the jobs return, by as many threads as there are processors."""
+    if len(jobs) < 2:
+        return [job() for job in jobs]
+    from concurrent.futures import ThreadPoolExecutor  # small scenes do without it
+
+    with ThreadPoolExecutor(processors()) as pool:
+        return [future.result() for future in [pool.submit(job) for job in jobs]]
+
+
+def processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """np.empty(shape, dtype), which begins on a page if it is large: a CPU's driver can then use it as it is."""
+    kind = np.dtype(dtype)
+    count = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
+    if count < LARGE:
+        return np.empty(shape, kind)
+    room = np.empty(count + PAGE, np.uint8)
+    start = -room.ctypes.data % PAGE
+    return room[start : start + count].view(kind).reshape(shape)
