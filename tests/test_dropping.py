@@ -17,6 +17,7 @@ from cltrace.plan.abi import COUNTERS
 from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import Materials
+from cltrace.plan.request import Request
 from cltrace.reference import primary_ray, trace, world_of
 from cltrace.run.devices import Device
 
@@ -125,8 +126,8 @@ def test_nothing_is_brighter_than_the_brightest() -> None:
     close = 0.0
     for seed in range(40):
         scene = random_scene(seed)
-        materials = Materials.of(scene, "accurate")
-        lights = useful_lights(scene, materials, scene.spheres["material"], all_of_them=False)
+        materials = Materials.of(scene, Request(), None)
+        lights = useful_lights(scene.lights, materials.reflect(scene.spheres["material"]), all_of_them=False)
         peak = brightest(materials, scene.spheres["material"], lights, scene.background)
         world, rng = world_of(scene), np.random.default_rng(seed)
         for u, v in rng.integers(0, scene.camera.resolution, (100, 2)).tolist():
@@ -150,9 +151,9 @@ def test_each_part_of_the_brightest_counts() -> None:
             background=(background,) * 3,
             **factors,  # type: ignore[arg-type]
         )
-        materials = Materials.of(scene, "accurate")
+        materials = Materials.of(scene, Request(), None)
         of = scene.spheres["material"]
-        values = brightest(materials, of, useful_lights(scene, materials, of, False), scene.background)
+        values = brightest(materials, of, useful_lights(scene.lights, materials.reflect(of), False), scene.background)
         return float(values.max()) / (1 + 2.0**-12)
 
     assert peak(background=0.5) == 0.5

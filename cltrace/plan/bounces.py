@@ -34,7 +34,7 @@ class Bounces:
     @classmethod
     def of(cls, bounce: NDArray[Any], material_of: NDArray[np.integer[Any]], full: bool) -> Bounces:
         """bounce: of Materials; material_of: (n,), of the spheres; full: whether to expect everything of them."""
-        r, t = bounce[used(len(bounce), material_of), :2].T
+        r, t = (bounce[used(len(bounce), material_of)] if len(bounce) else bounce)[:, :2].T
         most = float((r + t).max(initial=0))
         return cls(full or most > 0, full or bool(t.any()), full or bool(((r > 0) & (t > 0)).any()), most)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise
 from cltrace.plan.exact import Array, squared_length
 from cltrace.plan.shapes.sphere import Seen
 
@@ -45,16 +46,29 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     return out
 
 
-def repeated(center: Array, radius: Array, shape: NDArray[np.int32], by_place: bool) -> Mask:
-    """(n,): which spheres are equal to one before them, and so never seen: of equal ones, the first one counts.
+def repeated(center: Array, radius: Array, shape: NDArray[np.int32], number: NDArray[np.int32], by_place: bool) -> Mask:
+    """(n,): which spheres are equal to one with a lower number, and so never seen: of equal ones, the first one counts.
 
-    shape: (n,), another number by which they may differ; by_place: whether they are in the order of spatial_order().
-    Then only neighbours in that order are compared, which finds nearly all that are equal without sorting once more.
+    shape: (n,) or (), another number by which they may differ; number: (n,), those in the scene; by_place: whether
+    neighbours in space are neighbours here. Then only those are compared, which finds nearly all that are equal without
+    sorting.
     """
-    order = np.arange(len(radius)) if by_place else np.lexsort((shape, radius, *center.T))
-    c, r, s = center[order], radius[order], shape[order]
-    out = np.zeros(len(radius), bool)
-    out[order[1:]] = (r[1:] == r[:-1]) & (s[1:] == s[:-1]) & (c[1:] == c[:-1]).all(axis=1)
+    n = len(radius)
+    shape = np.broadcast_to(shape, (n,))
+    order = None if by_place else np.lexsort((number, shape, radius, *center.T))
+    out = np.zeros(n, bool)
+
+    def compare(block: slice) -> NDArray[np.intp]:
+        one = slice(block.start, min(block.stop, n - 1))
+        next_one = slice(one.start + 1, one.stop + 1)
+        a, b = (one, next_one) if order is None else (order[one], order[next_one])
+        which = np.flatnonzero((radius[a] == radius[b]) & (center[a, 0] == center[b, 0]) & (shape[a] == shape[b]))
+        i, j = (which + one.start, which + next_one.start) if order is None else (a[which], b[which])  # type: ignore[index]
+        same = (center[i] == center[j]).all(axis=1)
+        return np.asarray(np.where(number[i] < number[j], j, i)[same])
+
+    for which in blockwise(n, compare):
+        out[which] = True
     return out
 
 

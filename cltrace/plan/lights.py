@@ -4,30 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import Precision, dtype_of, shade_dtype
 from cltrace.plan.exact import Array
-from cltrace.plan.materials import Materials, finite32, used
+from cltrace.plan.materials import finite32
 from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
 from cltrace.plan.space import Space
-from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT
 
 
-def useful_lights(
-    scene: Scene, materials: Materials, material_of: NDArray[np.integer[Any]], all_of_them: bool
-) -> NDArray[np.void]:
-    """The lights that can add to a colour, (m,) in the order parallel, point, spot.
+def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) -> NDArray[np.void]:
+    """The lights of a scene that can add to a colour, (m,) in the order parallel, point, spot.
 
-    material_of: the indices of the materials that surfaces have. Without all_of_them, black lights are left out, and
-    all of them where no material that is used reflects any.
+    reflected: whether some surface reflects any. Without all_of_them, black lights are left out, and all of them where
+    no surface does.
     """
-    lights = scene.lights[scene.lights["kind"] != AMBIENT]
-    nothing_reflects = bool(materials.black[used(len(scene.materials), material_of)].all())
-    useful = lights[lights["color"].any(axis=1) & (not nothing_reflects) | all_of_them]
+    lights = lights[lights["kind"] != AMBIENT]
+    useful = lights[lights["color"].any(axis=1) & reflected | all_of_them]
     return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import Precision, real_dtype, shade_dtype
+from cltrace.blocks import BLOCK, blockwise, empty
+from cltrace.plan.abi import real_dtype, shade_dtype
 from cltrace.plan.exact import Array
+from cltrace.plan.request import Request
 from cltrace.scene import AMBIENT, Scene
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -18,49 +22,68 @@ class Materials:
     """m materials.
 
     packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
-    material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0;
-    texture: (m,), the index of each one's texture in the scene, -1 for none;
-    shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light that is not ambient;
-    brightest: the largest ks.
+    material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0; empty
+    where nothing mirrors or is transparent; texture: (m,), the index of each one's texture in the scene, -1 for none;
+    empty where there are none; shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light
+    that is not ambient, or None if all of them reflect; brightest: the largest ks.
     """
 
     packed: NDArray[Any]
     bounce: NDArray[Any]
     texture: NDArray[np.int32]
     shiny: bool
-    black: NDArray[np.bool_]
+    black: Mask | None
     brightest: float
 
     @classmethod
-    def of(cls, scene: Scene, precision: Precision) -> Materials:
-        """The materials of a scene in its ambient light."""
-        m = scene.materials
+    def of(cls, scene: Scene, request: Request, which: NDArray[np.int32] | None) -> Materials:
+        """Materials of a scene in its ambient light. which: (m,), their indices in the scene, None for all of them."""
+        columns, precision = scene.columns, request.precision
+        shade, m = columns.shade, columns.materials_count if which is None else len(which)
         ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
-        packed = np.empty((len(m), 8))
-        packed[:, 0:3] = m["ka"][:, None] * ambient * m["color"]
-        packed[:, 3:6] = m["kd"][:, None] * m["color"]
-        packed[:, 6], packed[:, 7] = m["ks"], m["exponent"]
-        black = np.asarray((m["ks"] == 0) & ((m["kd"] == 0) | ~m["color"].any(axis=1)))
-        shade = finite32(packed).astype(shade_dtype(precision))
-        bounce = np.stack([m["reflectance"], m["transmittance"], m["index"], np.zeros(len(m))], axis=1)
+
+        def some(name: str, rows: slice) -> Array:
+            column = shade[name]
+            if column.ndim == (name == "color"):
+                return np.asarray(column, np.float64)
+            return np.asarray(column[rows] if which is None else column.take(which[rows], axis=0), np.float64)
+
+        packed = empty((m, 8), shade_dtype(precision))
+
+        def pack(rows: slice) -> None:
+            ka, kd, ks, exponent, color = (some(name, rows) for name in ("ka", "kd", "ks", "exponent", "color"))
+            packed[rows, 0:3] = finite32(ka[..., None] * ambient * color)
+            packed[rows, 3:6] = finite32(kd[..., None] * color)
+            packed[rows, 6], packed[rows, 7] = finite32(ks), finite32(exponent)
+
+        blockwise(m, pack)
+        black = None
+        if not shade["ks"].all():
+            black = np.empty(m, bool)
+            for rows in (slice(i, i + BLOCK) for i in range(0, m, BLOCK)):
+                kd, ks, color = (some(name, rows) for name in ("kd", "ks", "color"))
+                black[rows] = (ks == 0) & ((kd == 0) | ~color.any(axis=-1))
+        names = ("reflectance", "transmittance", "index")
+        bounces = any(shade[name].any() for name in names[:2]) or "bounces" in request.keep
+        bounce = empty((m if bounces else 0, 4), real_dtype(precision))
+        for k, name in enumerate(names):
+            bounce[:, k] = some(name, slice(len(bounce)))
+        bounce[:, 3] = 0
+        texture = shade["texture"] if scene.textures else np.zeros(0, np.int32)
         return cls(
-            shade,
-            bounce.astype(real_dtype(precision)),
-            m["texture"],
-            bool(m["ks"].any()),
+            packed,
+            bounce,
+            texture if which is None or not len(texture) else texture.take(which),
+            bool(shade["ks"].any()),
             black,
-            float(m["ks"].max(initial=0)),
+            float(shade["ks"].max(initial=0)),
         )
 
-    def in_order(self, order: NDArray[np.int32]) -> Materials:
-        """These materials, one for each index of `order`."""
-        return replace(
-            self,
-            packed=self.packed.take(order, axis=0),
-            bounce=self.bounce.take(order, axis=0),
-            texture=self.texture[order],
-            black=self.black[order],
-        )
+    def reflect(self, material_of: NDArray[np.integer[Any]]) -> bool:
+        """Whether some surface reflects light that is not ambient. material_of: (n,), indices of their materials."""
+        if self.black is None:
+            return len(material_of) > 0
+        return not self.black[used(len(self.black), material_of)].all()
 
 
 def used(count: int, material_of: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from cltrace.blocks import blockwise
-from cltrace.plan.exact import Array
+from cltrace.blocks import blockwise, empty
 
 
-def spatial_order(center: Array) -> NDArray[np.int64]:
+def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
     """The indices (n,) of points (n, 3) in the order of a curve through space, of which neighbours are near each other.
 
     That is Morton's order (1966).
     """
-    n, axes = len(center), center.T
-    low = [float(x.min()) for x in axes]
+    n = len(center)
+    ends = blockwise(n, lambda block: [(x.min(), x.max()) for x in _axes(center[block])])
+    low, high = np.min(ends, axis=0)[:, 0].tolist(), np.max(ends, axis=0)[:, 1].tolist()
     # Halves, as the difference of two doubles may overflow.
-    size = max(1e-300, *(float(x.max()) / 2 - least / 2 for x, least in zip(axes, low, strict=True)))
+    size = max(1e-300, *(most / 2 - least / 2 for most, least in zip(high, low, strict=True)))
     # One whole number for each point is sorted. From the top it has the bits of the three coordinates in turn, then the
     # point's index.
     index_bits = (n - 1).bit_length()
@@ -28,11 +30,32 @@ def spatial_order(center: Array) -> NDArray[np.int64]:
     scale, key = (2**bits - 1) / size, np.arange(n)
 
     def interleave(block: slice) -> None:
-        for k in range(3):
-            place = (axes[k][block] / 2 - low[k] / 2) * scale
-            key[block] |= every_third[place.astype(np.int32)] << k
+        for k, x in enumerate(_axes(center[block])):
+            place = (x / 2 - low[k] / 2) * scale
+            key[block] |= every_third.take(place.astype(np.int32)) << k
 
     blockwise(n, interleave)
     key.sort()
-    key &= (1 << index_bits) - 1
-    return key
+    order = np.empty(n, np.int32)
+
+    def cut(block: slice) -> None:
+        order[block] = key[block] & (1 << index_bits) - 1
+
+    blockwise(n, cut)
+    return order
+
+
+def _axes(points: NDArray[Any]) -> NDArray[np.float64]:
+    """(3, n): the coordinates of (n, 3)."""
+    return np.ascontiguousarray(points.T, np.float64)
+
+
+def gathered(column: NDArray[Any], order: NDArray[np.int32], shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """A column in an order (n,), as an array of `shape`, (n, ...). One value for all is there n times."""
+    out = empty(shape, dtype)
+
+    def gather(block: slice) -> None:
+        out[block] = column if column.ndim < len(shape) else column.take(order[block], axis=0)
+
+    blockwise(len(out), gather)
+    return out

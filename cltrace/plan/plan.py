@@ -28,7 +28,7 @@ from cltrace.plan.exact import Array, rotated
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
-from cltrace.plan.order import spatial_order
+from cltrace.plan.order import gathered, spatial_order
 from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
@@ -82,34 +82,31 @@ class World:
     @property
     def opaque(self) -> Mask:
         """(n,): which spheres let no ray through."""
-        return np.asarray(self.materials.bounce[self.material_of[: len(self.radius)], 1] == 0)
+        n, bounce = len(self.radius), self.materials.bounce
+        return np.asarray(bounce[self.material_of[:n], 1] == 0) if len(bounce) else np.ones(n, bool)
 
     @classmethod
     def of(cls, scene: Scene, request: Request) -> World:
         """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory."""
-        n = len(scene.spheres)
-        columns = ("center", "radius", "material", "to_object")
-        center, radius, of, shape = (np.ascontiguousarray(scene.spheres[name]) for name in columns)
-        order, by_place = np.arange(n), n >= MANY and "order" not in request.keep
-        if by_place:
-            order = spatial_order(center)
-            center, radius, of, shape = (column.take(order, axis=0) for column in (center, radius, of, shape))
-        many = scene.triangles >= MANY and "order" not in request.keep
-        triangles = Triangles.of(scene.meshes, many)
-        materials = Materials.of(scene, request.precision)
-        of = np.concatenate([of, triangles.material])
-        lights = useful_lights(scene, materials, of, "lights" in request.keep)
+        columns, keep = scene.columns, request.keep
+        n = len(columns.center)
+        by_place = n >= MANY and "order" not in keep
+        order = spatial_order(columns.center) if by_place else np.arange(n, dtype=np.int32)
+        center = gathered(columns.center, order, (n, 3), np.float64)
+        radius = gathered(columns.radius, order, (n,), np.float64)
+        shape = columns.to_object.take(order) if columns.to_object.ndim else columns.to_object
+        triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep)
+        number = order if not scene.meshes else scene.sphere_numbers.take(order)
+        again = repeated(center, radius, shape, number, by_place)
+        materials, of = _materials(scene, request, order, triangles)
+        lights = useful_lights(scene.lights, materials.reflect(of), "lights" in keep)
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
-        # Where most spheres have a material of their own, those are in the spheres' order, too.
-        if len(materials.packed) > n // 2 and not scene.meshes:
-            materials, of = materials.in_order(of), np.arange(n)
-        again = repeated(center, radius, shape, by_place)
         maps, reach, core = None, radius, radius
         if (shape >= 0).any():
             maps = Maps.of(shape, scene.to_object)
             reach, core = (radius * by[maps.of_sphere] for by in (maps.longest, maps.shortest))
         paths, seconds = None, dict[str, float]()
-        bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep) if request.needs_colors else NO_BOUNCES
+        bounces = Bounces.of(materials.bounce, of, "bounces" in keep) if request.needs_colors else NO_BOUNCES
         if len(of) and (bounces.any or maps or scene.triangles):
             with _timed(seconds, "tree"):
                 member = ~again if bounces.any else None
@@ -121,8 +118,8 @@ class World:
             reach,
             triangles,
             Attributes.of(scene.meshes, request.precision, bool(scene.textures) or "uv" in request.outputs),
-            np.concatenate([scene.sphere_numbers.take(order), triangles.surface]).astype("i4"),
-            of.astype("i4"),
+            np.concatenate([number, triangles.surface]) if scene.meshes else number,
+            of,
             again,
             materials,
             Textures.of(scene.textures, materials.texture, of) if request.needs_colors else NO_TEXTURES,
@@ -134,6 +131,20 @@ class World:
             {"lights that add nothing": useless} if useless else {},
             seconds,
         )
+
+
+def _materials(
+    scene: Scene, request: Request, order: NDArray[np.int32], triangles: Triangles
+) -> tuple[Materials, NDArray[np.int32]]:
+    """The materials, and the index of that of each sphere, which are in this order (n,), and of each triangle.
+
+    Where most spheres have a material of their own, those are in the spheres' order, too.
+    """
+    columns, n = scene.columns, len(order)
+    of = order if columns.material is None else gathered(columns.material, order, (n,), np.int32)
+    if columns.materials_count > n // 2 and not scene.meshes:
+        return Materials.of(scene, request, of), np.arange(n, dtype=np.int32)
+    return Materials.of(scene, request, None), np.concatenate([of, triangles.material])
 
 
 @dataclass(frozen=True)
@@ -245,7 +256,7 @@ class Plan:
             counts(world.lights),
             view.inside or world.bounces.glass,
             world.materials.shiny,
-            bool(world.materials.black.any()),
+            world.materials.black is not None and bool(world.materials.black.any()),
             len(world.textures.place) > 0,
             world.bounces,
             world.maps is not None,
