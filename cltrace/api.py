@@ -14,6 +14,8 @@ from cltrace.errors import (
     TooManyRaysError,
     UsageError,
 )
+from cltrace.explanation.pixel import explain
+from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
 from cltrace.picture.image import Image
 from cltrace.renderer import Renderer, render
@@ -26,6 +28,7 @@ __all__ = [
     "CltraceError",
     "Device",
     "DeviceError",
+    "Explanation",
     "Image",
     "Material",
     "Mesh",
@@ -37,6 +40,7 @@ __all__ = [
     "UsageError",
     "ambient_light",
     "devices",
+    "explain",
     "load",
     "parallel_light",
     "point_light",

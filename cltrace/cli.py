@@ -18,6 +18,7 @@ from cltrace import __version__
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.doctor import doctor
 from cltrace.errors import UsageError
+from cltrace.explanation.pixel import explain
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import is_named_as_folder
 from cltrace.picture.image import SHOWS, Image, Output, Show
@@ -30,6 +31,7 @@ from cltrace.scene import Scene
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
   cltrace scene.xml -o n.png --show normal         its normals, as colours
+  cltrace scene.xml --explain 320,200              why a pixel has its colour
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
 
 STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
@@ -55,6 +57,10 @@ def parser() -> argparse.ArgumentParser:
     group("--show", choices=SHOWS, default="color", help="what the picture shows, encoded as colours")
     group("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
+
+    group = p.add_argument_group("a wrong picture").add_argument
+    group("--explain", type=_pixel, metavar="X,Y", help="print how the pixel in column X and row Y gets its colour")
+    group("--json", action="store_true", help="with --explain: one JSON object")
 
     group = p.add_argument_group("the device").add_argument
     group("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D or part of a name (default: fastest CPU)")
@@ -86,6 +92,13 @@ def _crop(text: str) -> Crop:
         raise argparse.ArgumentTypeError(f"must be X0,Y0,X1,Y1{sign}, such as 0,0,64,64, got {text!r}")
     x0, y0, x1, y1 = map(int, text.split(","))
     return (x0, y0, x1, y1)
+
+
+def _pixel(text: str) -> tuple[int, int]:
+    if not re.fullmatch(r"[0-9]{1,9},[0-9]{1,9}", text):
+        raise argparse.ArgumentTypeError(f"must be X,Y from the top left, such as 320,200, got {text!r}")
+    x, y = map(int, text.split(","))
+    return x, y
 
 
 def _keep(text: str) -> list[Keep]:
@@ -139,6 +152,10 @@ def _run(args: argparse.Namespace) -> int:
         raise UsageError("a scene is not read from stdin: say the name of its file")
 
     say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
+    if args.explain is not None:
+        return _explain(args, say)
+    if args.json:
+        raise UsageError("--json goes with --explain; times and counts are --stats=json")
     start = time.perf_counter()
     scene, warnings = read(args.scene)
     read_seconds = time.perf_counter() - start
@@ -183,6 +200,32 @@ def _run(args: argparse.Namespace) -> int:
         raise UsageError(f"--check: {error}") from None
     (say if report.ok else tell)(f"cltrace: {report}")
     return 0 if report.ok else 1
+
+
+def _explain(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Prints why a pixel has its colour."""
+    _refuse_others(args, "--explain", "size", "square_pixels", "truncate", "json")
+    scene, warnings = read(args.scene, lines=True)
+    for warning in warnings:
+        say(warning)
+    scene = _adapted(scene, args)
+    (x, y), (width, height) = args.explain, scene.camera.resolution
+    if not (x < width and y < height):
+        raise UsageError(f"--explain: must be within 0,0 and {width - 1},{height - 1}, got {x},{y}")
+    explanation = explain(scene, x, y, truncate=args.truncate)
+    if sys.stdout is None:
+        raise UsageError("stdout is closed")
+    print(explanation.to_json() if args.json else explanation, flush=True)
+    return 0
+
+
+def _refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:
+    """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
+    p, own = parser(), option.removeprefix("--")
+    for name, value in vars(args).items():
+        if name not in ("scene", "quiet", "verbose", own, *taken) and value != p.get_default(name):
+            other = "-d" if name == "device" else "-o" if name == "output" else f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} draws no picture and takes no {other}")
 
 
 def _adapted(scene: Scene, args: argparse.Namespace) -> Scene:

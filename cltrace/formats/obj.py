@@ -50,10 +50,12 @@ Result = TypeVar("Result")
 class Obj:
     """What an OBJ file holds.
 
-    warnings: in line order; unmapped: those about faces without texture coordinates, which matter to textures.
+    lines: (f,), of each triangle's face; warnings: in line order; unmapped: those about faces without texture
+    coordinates, which matter to textures.
     """
 
     geometry: Geometry
+    lines: NDArray[np.int32]
     warnings: list[Fault]
     unmapped: list[Fault]
 
@@ -248,7 +250,7 @@ class _Reader:
             lines[index[_VT, np.cumsum(sizes) - 1] < 0],
             "face: has no texture coordinates, but its material has a texture, which is that of u = v = 0 all over",
         )
-        return Obj(geometry, self.warnings.in_order(), self.unmapped.in_order())
+        return Obj(geometry, line_of, self.warnings.in_order(), self.unmapped.in_order())
 
 
 def _parts(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import os
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -40,8 +41,11 @@ from cltrace.scene import (
     MAX_VERTICES,
     POSITIVE,
     Camera,
+    MeshFile,
     PlacedMesh,
     Scene,
+    Source,
+    Texture,
     Vector,
     extent_faults,
     inverse_faults,
@@ -130,7 +134,9 @@ class _Reader:
         self._lights: list[NDArray[np.void]] = []
         self._rows: list[NDArray[np.float64]] = []
         self._maps: dict[bytes, int] = {}  # of the ellipsoids, each once -> its index
-        self._sphere_count = self._surface_count = 0
+        self._sphere_count = 0
+        self._camera_line = 0
+        self._light_lines, self._surface_lines = array("i"), array("i")  # of those that are read, in their order
         self._meshes: list[_Mesh] = []
         self._files = Files(path)
         self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
@@ -182,8 +188,20 @@ class _Reader:
             np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
             [mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
             textures.found,
-        )
+        ).read_from(self._source(shapes, textures))
         return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
+
+    def _source(self, shapes: Contents[Obj], textures: Contents[Texture]) -> Source:
+        files = [MeshFile(name, obj.lines) for name, obj in zip(shapes.names, shapes.found, strict=True)]
+        file_of = ((mesh.number, shapes.of[mesh.file]) for mesh in self._meshes)
+        return Source(
+            self.path,
+            self._camera_line,
+            np.array(self._light_lines),
+            np.array(self._surface_lines),
+            {number: files[k] for number, k in file_of if k is not None},
+            tuple(textures.names),
+        )
 
     def _view(self) -> Camera:
         view: dict[str, Any] = {name: _vector(self._camera[name]) for name in _VIEW}
@@ -294,7 +312,7 @@ class _Reader:
                 values, whole = self._element(child)
                 if child.tag == "camera":
                     self._check_view(child, values)
-                    self._camera = values
+                    self._camera, self._camera_line = values, self.document.line_if_known(child)
                 elif whole:
                     self._background = _vector(values)
                     self._doubt([child], np.array([self._background]))
@@ -308,6 +326,7 @@ class _Reader:
             values, whole = self._element(child)
             if whole:
                 vectors = {k: _vector(values[k]) for k in ("color", "position", "direction") if k in values}
+                self._light_lines.append(self.document.line_if_known(child))
                 self._lights.append(LIGHTS[child.tag](**vectors, **values.get("falloff", {})))
                 self._doubt([child], self._lights[-1]["color"])
 
@@ -320,7 +339,7 @@ class _Reader:
                 self._mesh(child)
             else:
                 continue
-            self._surface_count += 1
+            self._surface_lines.append(self.document.line_if_known(child))
         room = MAX_SPHERES - self._sphere_count
         if len(spheres) > room:
             raise FatalError(self.document.line_of(spheres[room]), f"surfaces: must be at most {MAX_SPHERES} spheres")
@@ -441,7 +460,7 @@ class _Reader:
             self.fault(element, f"mesh transform: {fault}")
             return
         if whole and finish is not None:
-            self._meshes.append(_Mesh(line, file, place, self._surface_count, np.array(finish)))
+            self._meshes.append(_Mesh(line, file, place, len(self._surface_lines), np.array(finish)))
             self._doubt([element], np.array([finish[:3]]))
 
     def _finish(self, element: etree._Element, values: Values) -> list[float] | None:
@@ -476,16 +495,21 @@ def _prune(element: etree._Element) -> None:
         element = element[-1]
 
 
-def read(path: str | os.PathLike[str]) -> tuple[Scene, list[str]]:
+def read(path: str | os.PathLike[str], lines: bool = False) -> tuple[Scene, list[str]]:
     """The scene of a file and the warnings, such as "scene.xml:12: sphere: unknown attribute 'foo' ignored".
 
-    Raises SceneError with every fault of the file.
+    lines: whether the scene's `source` is to know the lines beyond 65,534, too, which takes reading them twice. Raises
+    SceneError with every fault of the file.
     """
     name = os.fspath(path)
-    try:
-        reader = _Reader(name, exact=False)
-        reader.run()
-    except LinesNeededError:
-        reader = _Reader(name, exact=True)
-        reader.run()
+    with suppress(LinesNeededError):
+        scene, warnings = _read(name, exact=False)
+        if not lines or (scene.source and scene.source.knows_all_lines):
+            return scene, warnings
+    return _read(name, exact=True)
+
+
+def _read(path: str, exact: bool) -> tuple[Scene, list[str]]:
+    reader = _Reader(path, exact)
+    reader.run()
     return reader.result()

@@ -92,6 +92,13 @@ class Document:
             raise LinesNeededError
         return int(line)
 
+    def line_if_known(self, element: etree._Element) -> int:
+        """The same; 0 if it is not known."""
+        try:
+            return self.line_of(element)
+        except LinesNeededError:
+            return 0
+
     def forget_dropped(self) -> None:
         """Forgets the lines of the elements that have been dropped from the tree."""
         if self._exact and self.root is not None:

@@ -43,17 +43,22 @@ def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
     return any(surface.blocks(ray) for surface in world.surfaces)
 
 
-def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
-    """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
-    start, n, m = at.start, at.normal, at.material
+def faces(at: Intersection, light: Light) -> bool:
+    """Whether the side of the surface from which the ray came is turned to the light."""
     if light.towards is not None:
         cosine = at.outward.dot(light.towards)
     else:
         assert light.position is not None
-        cosine = start.height(light.position, at.outward)
-    if not (-cosine if at.inside else cosine) > 0:
+        cosine = at.start.height(light.position, at.outward)
+    return (-cosine if at.inside else cosine) > 0
+
+
+def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Color:
+    """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
+    n, m = at.normal, at.material
+    if not faces(at, light):
         return BLACK
-    w = light.direction_from(start)
+    w = light.direction_from(at.start)
     if not any(w):
         return BLACK  # a light that touches the point shines along the surface, if anywhere
     strength = light.strength(w)

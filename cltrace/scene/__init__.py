@@ -18,6 +18,7 @@ from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, tex
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene
+from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
 __all__ = [
@@ -44,9 +45,11 @@ __all__ = [
     "Geometry",
     "Material",
     "Mesh",
+    "MeshFile",
     "PlacedMesh",
     "Rule",
     "Scene",
+    "Source",
     "Texture",
     "Vector",
     "ambient_light",

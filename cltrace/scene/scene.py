@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,7 @@ from cltrace.scene.rules import (
     real_numbers,
     vector,
 )
+from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
     MAX_SPHERES,
     SPHERE,
@@ -69,6 +70,9 @@ class Scene:
     Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
     mesh knows its number, and the spheres have those that the meshes leave.
 
+    source: the lines of the file that it was read from, a cltrace.scene.Source; None of a scene that is made otherwise,
+    as dataclasses.replace() does.
+
     Raises ValueError, which names the field and the index, where a value is not allowed, and TypeError where an
     argument is something else altogether.
     """
@@ -82,6 +86,7 @@ class Scene:
     to_object: NDArray[np.float64]
     meshes: tuple[PlacedMesh, ...]
     textures: tuple[Texture, ...]
+    source: Source | None = field(default=None, init=False)
 
     def __init__(
         self,
@@ -125,7 +130,7 @@ class Scene:
         color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
         state = {"camera": camera, "lights": lights, **surfaces, "background": color, "output_file": output_file}
-        self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures})
+        self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures, "source": None})
 
     def seen_by(self, camera: Camera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -133,8 +138,15 @@ class Scene:
         dataclasses.replace() gives the same, but copies and checks everything anew.
         """
         _check_camera(camera)
+        return self._with(camera=camera)
+
+    def read_from(self, source: Source) -> Scene:
+        """The same scene, which knows the file that it was read from. It shares the arrays."""
+        return self._with(source=source)
+
+    def _with(self, **changes: object) -> Scene:
         other = object.__new__(type(self))
-        other.__setstate__({**self.__dict__, "camera": camera})
+        other.__setstate__({**self.__dict__, **changes})
         return other
 
     def __repr__(self) -> str:

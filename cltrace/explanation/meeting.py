@@ -1,0 +1,107 @@
+"""What a ray meets, and what it passes by narrowly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cltrace.explanation.formulas import mesh_gaps, sphere_gap, sphere_test, triangle_test
+from cltrace.explanation.names import Names
+from cltrace.explanation.record import SphereTest, SurfaceTest, TriangleTest
+from cltrace.explanation.space import Space
+from cltrace.explanation.words import number
+from cltrace.reference import Intersection, Mesh, Ray, Sphere, Start, Surface, Triangle, World
+from cltrace.reference.crossing import way_of
+
+MOST = 8  # surfaces that are listed of a ray
+
+
+def single(world: World, ray: Ray) -> Iterator[Surface]:
+    """The spheres and triangles that a ray may meet."""
+    for surface in world.surfaces:
+        if isinstance(surface, Mesh):
+            yield from surface.near(way_of(ray, surface.frame, surface.eye))
+        else:
+            yield surface
+
+
+class Meetings:
+    """A ray among the surfaces of a world.
+
+    found: those that it meets, closest first, at most MOST; count: how many these are in all.
+    """
+
+    def __init__(self, world: World, space: Space, names: Names, ray: Ray, at: Intersection | None) -> None:
+        """at: what the ray meets first."""
+        self.world, self.names, self.ray, self.at = world, names, ray, at
+        self.o, self.d, self.pixel = space.start(ray), space.turned(ray.direction), space.pixel
+        length = ray.direction.length()
+        met = [(t * length, surface) for surface in single(world, ray) if (t := surface.intersect(ray)) is not None]
+        first = at.surface if at else None
+        met.sort(key=lambda one: (one[1] is not first, one[0]))
+        self.count = len(met)
+        self.found = tuple(self._test(surface, distance) for distance, surface in met[:MOST])
+
+    def missed(self, behind: float) -> tuple[SurfaceTest, ...]:
+        """The surfaces that the ray passes by, before what it meets, by less than a pixel's width there.
+
+        behind: how far it is from the eye to the ray's start, along the rays before.
+        """
+        met = {test.surface.id for test in self.found}
+        close = []
+        for surface in self.world.surfaces:
+            if surface.number in met or self._starts_on(surface):
+                continue
+            gap, t, single = self._gap(surface)
+            pixels = gap / (self.pixel * (behind + t)) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
+            if 0 <= pixels < 1:
+                close.append((pixels, single))
+        close.sort(key=lambda one: one[0])
+        return tuple(self._test(surface, math.inf, pixels) for pixels, surface in close[:MOST])
+
+    def _gap(self, surface: Surface) -> tuple[float, float, Surface]:
+        """How far the ray passes by, at which distance, and of a mesh the triangle that is nearest to it."""
+        if isinstance(surface, Sphere):
+            return *sphere_gap(surface, self.o, self.d), surface
+        assert isinstance(surface, Mesh)
+        gaps, at = mesh_gaps(surface, self.o, self.d)
+        k = int(np.argmin(gaps)) if len(gaps) else -1
+        return (float(gaps[k]), float(at[k]), surface.triangle(k)) if k >= 0 else (math.inf, math.inf, surface)
+
+    def _starts_on(self, surface: Surface) -> bool:
+        return isinstance(self.ray.origin, Start) and self.ray.origin.surface is surface
+
+    def _test(self, surface: Surface, distance: float, gap: float = 0.0) -> SurfaceTest:
+        name, own = self.names.surface(surface), self._starts_on(surface)
+        if isinstance(surface, Sphere):
+            sphere = sphere_test(surface, self.o, self.d)
+            remark = _remark(_first(sphere, own), distance, own)
+            return SurfaceTest(name, sphere, None, distance, gap, remark)
+        assert isinstance(surface, Triangle)
+        triangle = triangle_test(surface, self.o, self.d)
+        return SurfaceTest(name, None, triangle, distance, gap, _remark(_within(triangle), distance, own))
+
+
+def _first(test: SphereTest, own: bool) -> float:
+    """Where the textbook has a ray meet a sphere first. On the sphere that it leaves, one of the two is its start."""
+    ahead = [t for t in test.t if t > 0]
+    if own and ahead and test.t:
+        ahead = [t for t in test.t if t != min(test.t, key=abs) and t > 0]
+    return min(ahead, default=math.inf)
+
+
+def _within(test: TriangleTest) -> float:
+    return test.t if test.t > 0 and all(weight >= 0 for weight in test.weights) else math.inf
+
+
+def _remark(textbook: float, exact: float, own: bool) -> str:
+    """What to say where exact arithmetic differs from a textbook's number in what is printed of it."""
+    if math.isinf(exact):
+        return "" if math.isinf(textbook) else "exactly, it passes by: these numbers are rounded"
+    if math.isinf(textbook):
+        return f"exactly, it is met, at t = {number(exact)}: these numbers are rounded"
+    if number(textbook) != number(exact):
+        return f"exactly, t = {number(exact)}: these numbers are rounded"
+    return "the one that is all but 0 is where the ray starts, and does not count: code takes an epsilon" if own else ""

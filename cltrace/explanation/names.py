@@ -1,0 +1,36 @@
+"""Surfaces and lights in the words of the scene's file: kind, number and line."""
+
+from __future__ import annotations
+
+from cltrace.explanation.record import LightName, SurfaceName
+from cltrace.reference import Ellipsoid, Mesh, Surface, Triangle
+from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+
+KINDS = {AMBIENT: "ambient_light", PARALLEL: "parallel_light", POINT: "point_light", SPOT: "spot_light"}
+
+
+class Names:
+    """What the surfaces, lights and textures of a scene are called."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.source = scene, scene.source
+
+    def surface(self, surface: Surface) -> SurfaceName:
+        number = surface.number
+        line = int(self.source.surfaces[number]) if self.source else 0
+        if not isinstance(surface, (Mesh, Triangle)):
+            return SurfaceName("ellipsoid" if isinstance(surface, Ellipsoid) else "sphere", number, line)
+        file = self.source.meshes.get(number) if self.source else None
+        name = file.name if file else ""
+        if not isinstance(surface, Triangle):
+            return SurfaceName("mesh", number, line, name)
+        face_line = int(file.lines[surface.primitive]) if file else 0
+        return SurfaceName("mesh", number, line, name, surface.primitive, face_line)
+
+    def light(self, number: int) -> LightName:
+        """number: among all lights of the scene."""
+        line = int(self.source.lights[number]) if self.source else 0
+        return LightName(KINDS[int(self.scene.lights[number]["kind"])], number, line)
+
+    def texture(self, index: int) -> str:
+        return self.source.textures[index] if self.source else ""

@@ -1,0 +1,256 @@
+"""Explains a pixel: the reference tracer decides, and all that it goes by is written down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cltrace.errors import TooManyRaysError
+from cltrace.explanation.lighting import ambient_terms, light_terms
+from cltrace.explanation.meeting import Meetings
+from cltrace.explanation.names import Names
+from cltrace.explanation.record import (
+    AmbientTerm,
+    Bounce,
+    CameraRay,
+    Explanation,
+    Hit,
+    LightTerm,
+    Term,
+    TextureLookup,
+    TracedRay,
+    Triple,
+)
+from cltrace.explanation.space import Space, triple
+from cltrace.explanation.words import number as written
+from cltrace.reference import Direction, Intersection, Ray, byte_of, closest_hit, primary_ray, trace, world_of
+from cltrace.reference.bounce import refracted
+from cltrace.reference.trace import Pixel, bounces, follow
+from cltrace.scene import Scene
+
+FAINT = 1 / 512  # weight of a ray below which even full white is less than half a level
+
+
+def explain(scene: Scene, x: int, y: int, *, truncate: bool = False, square_pixels: bool = False) -> Explanation:
+    """Why a pixel has its colour: every number on the way, in the order and words of the course's tutorial.
+
+    x, y: the pixel's column and row, from the top left, from 0; truncate: whether bytes are 255 c cut to a whole number
+    instead of rounded, as in render(); square_pixels: whether a pixel is as wide as it is high, even if the scene's
+    camera has it otherwise. `print()` of what comes back is the text of `cltrace SCENE.xml --explain X,Y`; its fields
+    are described in cltrace.explanation.record, and `to_json()` writes them.
+
+    It takes no device: the reference tracer finds what each ray meets, which tries all spheres, so that it takes some
+    10 microseconds for each sphere and ray. The bytes are the reference's.
+
+    Raises TypeError if scene is not a Scene, ValueError if the pixel is not in its picture, and TooManyRaysError as
+    Renderer.render() does.
+    """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
+    if square_pixels:
+        scene = scene.seen_by(replace(scene.camera, square_pixels=True))
+    return Explainer(scene).pixel(x, y, truncate)
+
+
+class Explainer:
+    """A scene, of which several pixels are explained."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.world, self.names, self.space = scene, world_of(scene), Names(scene), Space(scene.camera)
+
+    def pixel(self, x: int, y: int, truncate: bool = False) -> Explanation:
+        """See explain(), which raises the same."""
+        camera = self.scene.camera
+        for name, value, most in zip("xy", (x, y), camera.resolution, strict=True):
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not 0 <= value < most:
+                raise ValueError(f"{name}: must be a whole number within 0..{most - 1}, got {value!r}")
+        x, y = int(x), int(y)
+        try:
+            color, _ = trace(self.world, primary_ray(camera, x, y))
+        except ValueError:  # the only one: there is no end to the rays
+            raise TooManyRaysError((x, y), Pixel.RAYS, camera.max_bounces) from None
+        red, green, blue = (byte_of(c, truncate) for c in color)
+        return Explanation(
+            path=self.scene.source.path if self.scene.source else "",
+            x=x,
+            y=y,
+            width=camera.resolution[0],
+            height=camera.resolution[1],
+            max_bounces=camera.max_bounces,
+            surfaces=len(self.world.surfaces),
+            camera=self._camera_ray(x, y),
+            rays=tuple(self._primary(x, y)),
+            color=color,
+            rgb8=(red, green, blue),
+            truncate=truncate,
+        )
+
+    def _camera_ray(self, x: int, y: int) -> CameraRay:
+        """The tutorial's formulas, with v from the bottom, so that y_i is upwards as they have it."""
+        camera = self.scene.camera
+        (width, height), (half_width, half_height) = camera.resolution, camera.image_plane()
+        u, v = x, height - 1 - y
+        x_n, y_n = (u + 0.5) / width, (v + 0.5) / height
+        x_i, y_i = (2 * x_n - 1) * half_width, (2 * y_n - 1) * half_height
+        d = Direction(x_i, y_i, -1.0).normalized()
+        fov_x, fov_y = camera.half_angles()
+        return CameraRay(
+            u=u,
+            v=v,
+            x_n=x_n,
+            y_n=y_n,
+            fov_x=fov_x,
+            fov_y=fov_y,
+            square_pixels=camera.square_pixels,
+            x_i=x_i,
+            y_i=y_i,
+            direction_camera=(d.x, d.y, d.z),
+            direction=triple(self.space.turned(d)),
+            origin=camera.position,
+            line=self.scene.source.camera if self.scene.source else 0,
+        )
+
+    def _primary(self, x: int, y: int) -> list[TracedRay]:
+        """The pixel's ray, and all that go on from it."""
+        ray = primary_ray(self.scene.camera, x, y)
+        return self._rays(_Way("primary", ray, closest_hit(self.world, ray)), 0)
+
+    def _rays(self, way: _Way, place: int) -> list[TracedRay]:
+        """A ray, with its place among all, and those that go on from it."""
+        ray, at = way.ray, way.at
+        m = at.material if at else None
+        goes_on = m is not None and m.passes_on and way.depth <= self.scene.camera.max_bounces
+        share = max(0.0, (1 - m.reflectance) - m.transmittance) if m and goes_on else 1.0
+        shown = at if share > 0 else None
+        ambient = ambient_terms(self.scene, self.names, shown) if shown else ()
+        lights = light_terms(self.scene, self.world, self.space, self.names, ray, shown) if shown else ()
+        local_terms = _local_terms(ambient, lights)
+        on, further = self._bounces(way, at, place) if at and goes_on else ((), [])
+        if at is None:
+            terms: tuple[Term, ...] = (Term("background_color", self.world.background),)
+        else:
+            terms = _mixed(share, _sum(local_terms), on) if goes_on else local_terms
+        meetings = Meetings(self.world, self.space, self.names, ray, at)
+        record = TracedRay(
+            kind=way.kind,
+            depth=way.depth,
+            weight=way.weight,
+            origin=triple(self.space.start(ray)),
+            direction=triple(self.space.turned(ray.direction)),
+            tests=meetings.found,
+            meets=meetings.count,
+            missed=meetings.missed(way.behind),
+            hit=self._hit(ray, at) if at else None,
+            ambient=ambient,
+            lights=lights,
+            local_terms=local_terms,
+            local=_sum(local_terms),
+            share=share,
+            last=m is not None and m.passes_on and not goes_on,
+            bounces=on,
+            terms=terms,
+            color=_sum(terms),
+        )
+        return [record, *further]
+
+    def _bounces(self, way: _Way, at: Intersection, place: int) -> tuple[tuple[Bounce, ...], list[TracedRay]]:
+        """What goes on from a mirror or through glass, and all rays of that; place: of the ray that came."""
+        found: list[Bounce] = []
+        rays: list[TracedRay] = []
+        m, n = at.material, at.normal
+        total = m.transmittance > 0 and refracted(way.ray.direction, at.outward, at.side, m.index) is None
+        for direction, part in bounces(way.ray, at):
+            if not way.weight * part > 0:
+                continue
+            through = m.transmittance > 0 and not total and not found
+            further, weight = Ray(at.start, direction), way.weight * part
+            next_at = closest_hit(self.world, further)
+            kind = "refracted" if through else "mirrored"
+            if weight < FAINT:
+                pixel = Pixel()
+                follow(self.world, further, next_at, 1.0, way.depth + 1, pixel)
+                number, count, color = None, pixel.rays, pixel.color
+            else:
+                number, count = place + 1 + len(rays), 1
+                behind = way.behind + at.distance
+                more = self._rays(_Way(kind, further, next_at, weight, way.depth + 1, behind), number)
+                rays += more
+                color = more[0].color
+            angles = _angle(-way.ray.direction, n), _angle(direction, -n if through else n)
+            found.append(Bounce(kind, total, part, number, count, color, *angles))
+        return tuple(found), rays
+
+    def _hit(self, ray: Ray, at: Intersection) -> Hit:
+        m, start = at.material, at.start
+        point = triple(start.place + start.step)
+        texture = None
+        if m.texture is not None:
+            index = next(i for i, texels in enumerate(self.scene.textures) if texels is m.texture.texels)
+            height, width = m.texture.texels.shape[:2]
+            texture = TextureLookup(self.names.texture(index), (width, height), at.uv, m.texture.color(at.uv))
+        return Hit(
+            surface=self.names.surface(at.surface),
+            t=at.distance,
+            point=point,
+            normal=triple(self.space.turned(at.normal)),
+            inside=at.inside,
+            color=at.color,
+            texture=texture,
+            ka=m.ka,
+            kd=m.kd,
+            ks=m.ks,
+            exponent=m.exponent,
+            reflectance=m.reflectance,
+            transmittance=m.transmittance,
+            index=m.index,
+        )
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A ray on its way: what it meets, its share of the pixel, how many bounces and what distance lie behind it."""
+
+    kind: str
+    ray: Ray
+    at: Intersection | None
+    weight: float = 1.0
+    depth: int = 0
+    behind: float = 0.0
+
+
+def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm, ...]) -> tuple[Term, ...]:
+    terms = [Term(f"{term.light.kind} {term.light.number}", term.color) for term in ambient]
+    for light in lights:
+        if light.fate == "lit":
+            name = f"{light.light.kind} {light.light.number}"
+            terms += [Term(f"{name}, diffuse", light.diffuse), Term(f"{name}, specular", light.specular)]
+    return tuple(terms)
+
+
+def _mixed(share: float, local: Triple, bounces: tuple[Bounce, ...]) -> tuple[Term, ...]:
+    """The colour of a point that passes light on: shares of its own colour and of what the further rays see."""
+    terms = [Term(f"{written(share)} x local color", _times(share, local))] if share else []
+    for bounce in bounces:
+        what = f"the {bounce.kind} ray" if bounce.ray is None else f"ray {bounce.ray}, {bounce.kind}"
+        terms.append(Term(f"{written(bounce.share)} x {what}", _times(bounce.share, bounce.color)))
+    return tuple(terms)
+
+
+def _times(share: float, color: Triple) -> Triple:
+    red, green, blue = (share * c for c in color)
+    return (red, green, blue)
+
+
+def _sum(terms: Iterable[Term]) -> Triple:
+    red, green, blue = 0.0, 0.0, 0.0
+    for term in terms:
+        red, green, blue = red + term.color[0], green + term.color[1], blue + term.color[2]
+    return (red, green, blue)
+
+
+def _angle(a: Direction, b: Direction) -> float:
+    """Between two directions, in degrees."""
+    return math.degrees(math.atan2(a.cross(b).length(), a.dot(b)))

@@ -1,0 +1,305 @@
+"""Everything that is known of a pixel.
+
+Points and directions are in the world, in scene units, and directions have length 1, unless something else is said.
+Colours are linear, 1 = full, and not clamped.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from cltrace.explanation.words import line, text
+
+Triple = tuple[float, float, float]
+Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
+
+
+@dataclass(frozen=True)
+class SurfaceName:
+    """Which surface, in the words of the scene's file.
+
+    kind: sphere, ellipsoid or mesh; id: its number, as the output `id` has it; line: of the scene's file, 0 if it is
+    not known; file: of a mesh, "" if it is not known; primitive: the number of the triangle in the mesh, -1 for none;
+    face_line: the line of that triangle's face in the mesh's file, 0 if it is not known.
+    """
+
+    kind: str
+    id: int
+    line: int = 0
+    file: str = ""
+    primitive: int = -1
+    face_line: int = 0
+
+
+@dataclass(frozen=True)
+class LightName:
+    """Which light. kind: its element's name; number: among all lights, from 0; line: of the file, 0 if unknown."""
+
+    kind: str
+    number: int
+    line: int = 0
+
+
+@dataclass(frozen=True)
+class CameraRay:
+    """From the pixel to its ray.
+
+    u, v: the pixel's column and row, as the tutorial counts them: v from the bottom; x_n, y_n: the same from 0 to 1;
+    fov_x, fov_y: half of the opening angles, in degrees; x_i, y_i: on the image plane at z = -1; direction_camera,
+    direction: of length 1, in camera space and in the world; origin: the camera's position; line: of <camera>, 0 if it
+    is not known.
+    """
+
+    u: int
+    v: int
+    x_n: float
+    y_n: float
+    fov_x: float
+    fov_y: float
+    square_pixels: bool
+    x_i: float
+    y_i: float
+    direction_camera: Triple
+    direction: Triple
+    origin: Triple
+    line: int
+
+
+@dataclass(frozen=True)
+class SphereTest:
+    """a t^2 + b t + c = 0, as the tutorial has it, in doubles.
+
+    center: C; radius: R; own_axes: whether it is an ellipsoid, whose numbers are those of the ray in its own axes about
+    its centre, where it is a sphere; there the direction is not normalised again, so that t is the same; discriminant:
+    (b/2)^2 - a c; t: the two solutions, the smaller one first, or none.
+    """
+
+    center: Triple
+    radius: float
+    own_axes: bool
+    a: float
+    b: float
+    c: float
+    discriminant: float
+    t: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class TriangleTest:
+    """t = (A - o).N / d.N, in doubles.
+
+    corners: A, B and C; normal: N = (B - A) x (C - A), not normalised; d_n: d.N; t: where the ray is in the plane, NaN
+    if it is parallel to that; weights: of A, B and C at that point, all >= 0 within the triangle.
+    """
+
+    corners: tuple[Triple, Triple, Triple]
+    normal: Triple
+    d_n: float
+    t: float
+    weights: Triple
+
+
+@dataclass(frozen=True)
+class SurfaceTest:
+    """A ray and a surface: one of `sphere` and `triangle` has the textbook's numbers.
+
+    distance: where the ray meets it first, by exact arithmetic, inf if it does not; gap: of a ray that passes by, how
+    wide, in pixels; remark: where exact arithmetic says something else than the textbook's numbers, "" if it does not.
+    """
+
+    surface: SurfaceName
+    sphere: SphereTest | None
+    triangle: TriangleTest | None
+    distance: float
+    gap: float = 0.0
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class TextureLookup:
+    """name: of the file, "" if unknown; size: (width, height) in pixels; uv: not wrapped; color: what is there."""
+
+    name: str
+    size: tuple[int, int]
+    uv: tuple[float, float]
+    color: Triple
+
+
+@dataclass(frozen=True)
+class Hit:
+    """The closest surface, and the point there.
+
+    t: the distance; normal: facing the side from which the ray came; inside: whether that is the inside; color: C, the
+    material's times the texture's; the rest is the material's.
+    """
+
+    surface: SurfaceName
+    t: float
+    point: Triple
+    normal: Triple
+    inside: bool
+    color: Triple
+    texture: TextureLookup | None
+    ka: float
+    kd: float
+    ks: float
+    exponent: float
+    reflectance: float
+    transmittance: float
+    index: float
+
+
+@dataclass(frozen=True)
+class Met:
+    """A surface on the way of a shadow ray, and at which distance from the point."""
+
+    surface: SurfaceName
+    distance: float
+
+
+@dataclass(frozen=True)
+class LightTerm:
+    """What a light adds at a point.
+
+    L: its colour; fate: whether it reaches the point, or why not; l: towards the light; distance: to the light, inf of
+    a parallel one; n_l: n.l; strength: of a spot light in that direction, 1 of any other; between: what stands between,
+    nearest first, few of `blockers` in all; behind: what is on the way behind the light, and does not matter; r: the
+    mirrored direction; r_v: r.v, v being towards the eye; diffuse, specular: the two terms of Phong's formula. Of a
+    light that adds nothing, both are 0.
+    """
+
+    light: LightName
+    L: Triple
+    fate: Fate
+    l: Triple  # noqa: E741
+    distance: float
+    n_l: float
+    strength: float
+    between: tuple[Met, ...]
+    blockers: int
+    behind: Met | None
+    r: Triple
+    r_v: float
+    diffuse: Triple
+    specular: Triple
+
+
+@dataclass(frozen=True)
+class AmbientTerm:
+    """ka L C of an ambient light of the colour L."""
+
+    light: LightName
+    L: Triple
+    color: Triple
+
+
+@dataclass(frozen=True)
+class Bounce:
+    """A ray that goes on from a mirror or through glass.
+
+    kind: mirrored or refracted; total: whether it is total reflection, which gets the share of the refracted ray, too;
+    share: of its colour that is seen; ray: its place among the rays, None if it is too faint for any byte and only its
+    colour is known; rays: how many rays it stands for; color: what it sees; angle_in, angle_out: to the normal, in
+    degrees.
+    """
+
+    kind: str
+    total: bool
+    share: float
+    ray: int | None
+    rays: int
+    color: Triple
+    angle_in: float
+    angle_out: float
+
+
+@dataclass(frozen=True)
+class Term:
+    """One line of a sum."""
+
+    label: str
+    color: Triple
+
+
+@dataclass(frozen=True)
+class TracedRay:
+    """A ray, what it meets, and the colour that it sees.
+
+    kind: primary, mirrored or refracted; depth: how many bounces lie behind it; weight: its share of the pixel; tests:
+    the surfaces that it meets, closest first, few of `meets` in all; missed: those that it passes by narrowly, before
+    the closest hit; hit: None for the background; ambient, lights: what the point shows itself, none if that does not
+    count; local_terms, local: the terms of that, and their sum; share: of it in the ray's colour, 1 - reflectance -
+    transmittance where rays go on; last: whether max_bounces ends here what would go on; terms, color: what adds up to
+    the colour that the ray sees, and their sum.
+    """
+
+    kind: str
+    depth: int
+    weight: float
+    origin: Triple
+    direction: Triple
+    tests: tuple[SurfaceTest, ...]
+    meets: int
+    missed: tuple[SurfaceTest, ...]
+    hit: Hit | None
+    ambient: tuple[AmbientTerm, ...]
+    lights: tuple[LightTerm, ...]
+    local_terms: tuple[Term, ...]
+    local: Triple
+    share: float
+    last: bool
+    bounces: tuple[Bounce, ...]
+    terms: tuple[Term, ...]
+    color: Triple
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a pixel of a scene has its colour. `str()` is the text of `cltrace SCENE.xml --explain X,Y`.
+
+    path: of the scene's file, "" if it was made otherwise; x, y: the pixel's column and row, from the top left; width,
+    height: of the picture; surfaces: how many the scene has; rays: the pixel's ray and after it those of mirrors and
+    glass, each before those that go on from it; color: the pixel's, linear, not clamped; rgb8: its bytes, those of the
+    reference tracer; truncate: whether they are cut to a whole number instead of rounded.
+    """
+
+    path: str
+    x: int
+    y: int
+    width: int
+    height: int
+    max_bounces: int
+    surfaces: int
+    camera: CameraRay
+    rays: tuple[TracedRay, ...]
+    color: Triple
+    rgb8: tuple[int, int, int]
+    truncate: bool
+
+    def __str__(self) -> str:
+        return text(self)
+
+    @property
+    def line(self) -> str:
+        """In one line: what the pixel sees, which lights reach it, and its bytes."""
+        return line(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain dicts, lists, texts and numbers; None for what is infinite or undefined."""
+        plain: dict[str, Any] = _plain(asdict(self))
+        return plain
+
+    def to_json(self) -> str:
+        """The same as one JSON object."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

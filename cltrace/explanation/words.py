@@ -1,0 +1,308 @@
+"""Prints an Explanation: in the words and the order of the course's tutorial."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from cltrace.errors import printable
+from cltrace.reference import byte_of
+
+if TYPE_CHECKING:
+    from cltrace.explanation.record import (
+        Bounce,
+        CameraRay,
+        Explanation,
+        Hit,
+        LightTerm,
+        Met,
+        SphereTest,
+        SurfaceName,
+        SurfaceTest,
+        TracedRay,
+        TriangleTest,
+        Triple,
+    )
+
+DEEPEST = 12  # bounces, after which rays are not indented further
+LABEL = 44  # width of what is before the numbers of a sum
+
+
+def number(x: float) -> str:
+    """A number as it is printed, with six digits."""
+    return f"{x + 0.0:.6g}"  # makes -0 a 0
+
+
+def vector(v: Triple) -> str:
+    return f"({', '.join(map(number, v))})"
+
+
+def surface(name: SurfaceName) -> str:
+    """Such as "sphere 2 (line 45)"."""
+    place = f" (line {name.line})" if name.line else ""
+    if name.kind != "mesh":
+        return f"{name.kind} {name.id}{place}"
+    file = f" {printable(name.file)}" if name.file else ""
+    triangle = f", triangle {name.primitive}" if name.primitive >= 0 else ""
+    face = f" (line {name.face_line} of {printable(name.file)})" if name.face_line else ""
+    return f"mesh {name.id}{place or file}{triangle}{face}"
+
+
+def line(e: Explanation) -> str:
+    """What a pixel sees, which lights reach it, and its bytes."""
+    ray, start = e.rays[0], f"pixel ({e.x}, {e.y})"
+    if ray.hit is None:
+        return f"{start} meets nothing: background_color, bytes {e.rgb8}"
+    parts = [f"{start} meets {surface(ray.hit.surface)} at t = {number(ray.hit.t)}"]
+    for light in ray.lights:
+        name = f"{light.light.kind} {light.light.number}"
+        if light.between:
+            parts.append(f"{surface(light.between[0].surface)} hides {name}")
+        else:
+            parts.append(f"{name} reaches it" if light.fate == "lit" else f"{name} does not reach it")
+    parts += [f"{number(bounce.share)} of it is {bounce.kind}" for bounce in ray.bounces]
+    return f"{'; '.join(parts)}; bytes {e.rgb8}"
+
+
+def text(e: Explanation) -> str:
+    """All of it."""
+    places = _places(e)
+    lines = [f"pixel ({e.x}, {e.y}) of {e.width}x{e.height}" + (f", {printable(e.path)}" if e.path else ""), ""]
+    lines += [*_camera(e.camera, e), "", *_ray(e, 0, places)]
+    red, green, blue = (min(1.0, max(0.0, c)) for c in e.color)
+    lines.append(_row("clamped to 0..1", (red, green, blue), places))
+    rule = "byte = trunc(255 c)" if e.truncate else "byte = trunc(255 c + 0.5)"
+    lines.append(f"  {rule:<{LABEL}}" + "".join(f"{byte:>{places + 4}}" for byte in e.rgb8))
+    return "\n".join(lines)
+
+
+def _places(e: Explanation) -> int:
+    """How many decimal places of the terms it takes for their sum, as printed, to give the bytes."""
+    for places in (6, 9, 12):
+        sums = [math.fsum(float(f"{term.color[i]:.{places}f}") for term in e.rays[0].terms) for i in range(3)]
+        if tuple(byte_of(c, e.truncate) for c in sums) == e.rgb8:
+            return places
+    return 17
+
+
+def _camera(c: CameraRay, e: Explanation) -> Iterator[str]:
+    """From the pixel to the ray, by the tutorial's formulas."""
+    tan_x, tan_y = "tan(fov_x)", "tan(fov_y)"
+    wide = e.width >= e.height
+    given, other, share = ("fov_x", "fov_y", "height / width") if wide else ("fov_y", "fov_x", "width / height")
+    angles = {"fov_x": c.fov_x, "fov_y": c.fov_y}
+    rule = f"atan(tan({given}) * {share})" if c.square_pixels else f"{given} * {share}"
+    yield f"Camera{_at(c.line)}"
+    yield f"  u = {c.u}, the column from the left"
+    yield f"  v = height - 1 - {e.y} = {c.v}, the row from the bottom, as the tutorial's formulas have y upwards"
+    yield f"  x_n = (u + 0.5) / width = {number(c.x_n)}"
+    yield f"  y_n = (v + 0.5) / height = {number(c.y_n)}"
+    yield f"  {given} = {number(angles[given])} degrees, half of the opening angle"
+    yield f"  {other} = {rule} = {number(angles[other])} degrees"
+    yield f"  x_i = (2 x_n - 1) * {tan_x} = {number(c.x_i)}"
+    yield f"  y_i = (2 y_n - 1) * {tan_y} = {number(c.y_i)}"
+    yield f"  d = (x_i, y_i, -1), normalized = {vector(c.direction_camera)} in camera space"
+
+
+def _ray(e: Explanation, place: int, places: int) -> Iterator[str]:
+    """A ray, what it meets, and its colour, with the rays that go on from it before the sum."""
+    ray = e.rays[place]
+    yield "Ray" if place == 0 else f"Ray {place}, {ray.kind}: {number(ray.weight)} of the pixel"
+    yield f"  o = {vector(ray.origin)}"
+    yield f"  d = {vector(ray.direction)}, in the world, normalized"
+    yield ""
+    yield from _meetings(ray, e.surfaces)
+    yield ""
+    if ray.hit is None:
+        yield "Closest: nothing, so the ray sees background_color"
+        yield ""
+    else:
+        yield from _hit(ray.hit)
+        yield ""
+        yield from _lights(ray)
+    for bounce in ray.bounces:
+        yield from _bounce(ray.hit, bounce)
+        yield ""
+        if bounce.ray is not None:
+            indent = "    " if ray.depth < DEEPEST else ""
+            yield from (indent + one if one else one for one in _ray(e, bounce.ray, places))
+            yield ""
+    if ray.last:
+        yield f"max_bounces = {e.max_bounces} is reached: no ray goes on from here, and the local color counts in full"
+        yield ""
+    yield from _sum(ray, place, places)
+
+
+def _meetings(ray: TracedRay, surfaces: int) -> Iterator[str]:
+    more = f", of which these are the closest {len(ray.tests)}" if ray.meets > len(ray.tests) else ""
+    met = "none" if not ray.meets else f"{ray.meets}{more}"
+    yield f"Surfaces that it meets: {met}" + ("" if ray.meets else f" of {surfaces}")
+    for test in ray.tests:
+        yield from _test(test, ray)
+    if ray.missed:
+        yield "Surfaces that it misses by less than a pixel"
+    for test in ray.missed:
+        yield from _test(test, ray)
+
+
+def _test(test: SurfaceTest, ray: TracedRay) -> Iterator[str]:
+    by = f", by {test.gap:.2g} pixels" if math.isinf(test.distance) else ""
+    yield f"  {surface(test.surface)}{by}"
+    if test.sphere:
+        yield from _sphere(test.sphere)
+    if test.triangle:
+        yield from _triangle(test.triangle)
+    if test.remark:
+        yield f"    {test.remark}"
+
+
+def _sphere(s: SphereTest) -> Iterator[str]:
+    own = ", an ellipsoid: o and d in its own axes, about its center, where it is a sphere" if s.own_axes else ""
+    yield f"    C = {vector(s.center)}, R = {number(s.radius)}{own}"
+    from_center = "o" if s.own_axes else "(o - C)"
+    square = f"{from_center}.{from_center}"
+    yield f"    a = d.d = {number(s.a)}"
+    yield f"    b = 2 d.{from_center} = {number(s.b)}"
+    yield f"    c = {square} - R^2 = {number(s.c)}"
+    disc = f"    disc = (b/2)^2 - a c = {number(s.discriminant)}"
+    if not s.t:
+        yield f"{disc} < 0: no intersection"
+        return
+    yield f"{disc} {'> 0: two intersections' if s.discriminant > 0 else '= 0: one intersection'}"
+    yield f"    t1 = (-b/2 - sqrt(disc)) / a = {number(s.t[0])}, t2 = (-b/2 + sqrt(disc)) / a = {number(s.t[1])}"
+
+
+def _triangle(t: TriangleTest) -> Iterator[str]:
+    yield f"    {', '.join(f'{name} = {vector(corner)}' for name, corner in zip('ABC', t.corners, strict=True))}"
+    yield f"    N = (B - A) x (C - A) = {vector(t.normal)}, d.N = {number(t.d_n)}"
+    if math.isnan(t.t):
+        yield "    d.N = 0: the ray is parallel to the plane"
+        return
+    inside = "all >= 0: within" if all(weight >= 0 for weight in t.weights) else "one < 0: outside"
+    yield f"    t = (A - o).N / d.N = {number(t.t)}"
+    yield f"    weights of A, B and C there: {', '.join(map(number, t.weights))}; {inside}"
+
+
+def _hit(h: Hit) -> Iterator[str]:
+    yield f"Closest: {surface(h.surface)}, {'from inside' if h.inside else 'from outside'}"
+    yield f"  t = {number(h.t)}"
+    yield f"  P = o + t d = {vector(h.point)}"
+    yield f"  n = {vector(h.normal)}, normalized, on the side of the ray"
+    if h.texture:
+        t = h.texture
+        (u, v), (width, height) = t.uv, t.size
+        x, y = u * width, v * height
+        yield f"  texture {printable(t.name) or 'of the material'}, {width}x{height}: u = {number(u)}, v = {number(v)}"
+        yield f"    pixel (u width, v height) = ({number(x)}, {number(y)}), its color {vector(t.color)}"
+    yield f"  color C = {vector(h.color)}"
+    yield f"  phong ka = {number(h.ka)}, kd = {number(h.kd)}, ks = {number(h.ks)}, exponent = {number(h.exponent)}"
+    if h.reflectance or h.transmittance:
+        yield f"  reflectance r = {number(h.reflectance)}, transmittance t = {number(h.transmittance)}" + (
+            f", refraction iof = {number(h.index)}" if h.transmittance else ""
+        )
+
+
+def _lights(ray: TracedRay) -> Iterator[str]:
+    assert ray.hit is not None
+    if not ray.share:
+        yield "Light does not count here: 1 - r - t = 0"
+        yield ""
+        return
+    for ambient in ray.ambient:
+        yield f"{ambient.light.kind} {ambient.light.number}{_at(ambient.light.line)}, L = {vector(ambient.L)}"
+        yield f"  ka L C = {vector(ambient.color)}"
+        yield ""
+    for light in ray.lights:
+        yield from _light(light, ray.hit)
+        yield ""
+
+
+FATES = {
+    "lit": "reaches the point",
+    "behind": "is behind the surface",
+    "beside the cone": "does not shine this way",
+    "in shadow": "is hidden",
+    "at the point": "touches the point, and shines past it",
+}
+
+
+def _light(light: LightTerm, hit: Hit) -> Iterator[str]:
+    yield f"{light.light.kind} {light.light.number}{_at(light.light.line)}, L = {vector(light.L)}: {FATES[light.fate]}"
+    if light.fate == "at the point":
+        return
+    if math.isinf(light.distance):
+        yield f"  l = -direction, normalized = {vector(light.l)}"
+    else:
+        yield f"  l = position - P, normalized = {vector(light.l)}, distance {number(light.distance)}"
+    yield f"  n.l = {number(light.n_l)}" + (" <= 0: no light" if light.n_l <= 0 else "")
+    if light.fate == "behind":
+        if light.n_l > 0:
+            yield "  l is on the other side of the flat surface: no light, whatever the interpolated n says"
+        return
+    if light.light.kind == "spot_light":
+        yield f"  falloff = {number(light.strength)}" + ("" if light.strength else ": beyond alpha2")
+    yield from _way(light)
+    if light.fate == "lit":
+        F = f"{number(light.strength)} " if light.strength != 1 else ""
+        yield f"  r = 2 (n.l) n - l = {vector(light.r)}, v = -d, r.v = {number(light.r_v)}"
+        yield f"  diffuse  {F}kd L C (n.l) = {vector(light.diffuse)}"
+        yield f"  specular {F}ks L max(0, r.v)^{number(hit.exponent)} = {vector(light.specular)}"
+
+
+def _way(light: LightTerm) -> Iterator[str]:
+    """The shadow ray, if there is one."""
+    if light.fate == "lit":
+        yield "  shadow ray: nothing is between" + (
+            f"; {_met(light.behind)} is behind the light and does not matter" if light.behind else ""
+        )
+    elif light.fate == "in shadow":
+        limit = "" if math.isinf(light.distance) else f", and the light is at {number(light.distance)}"
+        more = f", and {light.blockers - len(light.between)} more" if light.blockers > len(light.between) else ""
+        yield f"  shadow ray: meets {', '.join(map(_met, light.between))}{more}{limit}"
+
+
+def _met(met: Met) -> str:
+    return surface(met.surface) + ("" if math.isinf(met.distance) else f" at distance {number(met.distance)}")
+
+
+def _bounce(hit: Hit | None, b: Bounce) -> Iterator[str]:
+    assert hit is not None
+    share = f"r = {number(b.share)}" if b.kind == "mirrored" else f"t = {number(b.share)}"
+    if b.total:
+        share = f"r + t = {number(b.share)}, as total reflection leaves no refracted ray"
+    to = f"ray {b.ray}" if b.ray is not None else "too faint for any byte to show"
+    yield f"{b.kind.capitalize()} ray, {share}: {to}"
+    if b.kind == "mirrored":
+        yield f"  d - 2 (d.n) n: {b.angle_in:.4g} degrees from n on both sides"
+        if b.total:
+            yield f"  sin(out) = {number(hit.index)} sin({b.angle_in:.4g}) = {_sine(hit.index, b.angle_in)} > 1"
+    else:
+        rule = f"sin(in) {'*' if hit.inside else '/'} {number(hit.index)}"
+        side = "leaves" if hit.inside else "enters"
+        yield f"  {side}, sin(out) = {rule}: {b.angle_in:.4g} degrees from n become {b.angle_out:.4g} from -n"
+    if b.ray is None:
+        rays = f", in {b.rays} rays" if b.rays > 1 else ""
+        yield f"  sees {vector(b.color)}{rays}"
+
+
+def _sine(index: float, degrees: float) -> str:
+    return number(index * math.sin(math.radians(degrees)))
+
+
+def _sum(ray: TracedRay, place: int, places: int) -> Iterator[str]:
+    name = "Sum" if place == 0 else f"Sum of ray {place}"
+    yield f"{name:<{LABEL + 2}}" + "".join(f"{channel:>{places + 4}}" for channel in ("red", "green", "blue"))
+    if ray.bounces and ray.share:
+        yield from (_row(term.label, term.color, places) for term in ray.local_terms)
+        yield _row("= local color", ray.local, places)
+    yield from (_row(term.label, term.color, places) for term in ray.terms)
+    yield _row("= color", ray.color, places)
+
+
+def _row(label: str, color: Triple, places: int) -> str:
+    return f"  {label:<{LABEL}}" + "".join(f"  {c:>{places + 2}.{places}f}" for c in color)
+
+
+def _at(line: int) -> str:
+    return f" (line {line})" if line else ""
