@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from cltrace.scene import Scene
 
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
-  cltrace scene.xml -o n.png --show normal         its normals, as colours
   cltrace scene.xml --explain 320,200              why a pixel has its colour
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
 
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         usage="cltrace SCENE.xml [options]",
         description="Render a scene file of spheres and meshes with OpenCL.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=26),
         allow_abbrev=False,
         add_help=False,
     )
@@ -54,17 +54,14 @@ def parser() -> argparse.ArgumentParser:
     group("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
     group("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
     group("--crop", type=_crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
-    group("--show", choices=SHOWS, default="color", help="what the picture shows, encoded as colours")
+    group("--show", choices=SHOWS, default="color", metavar="WHAT", help=f"{', '.join(SHOWS)}: as colours")
     group("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
-    group = p.add_argument_group("a wrong picture").add_argument
-    group("--explain", type=_pixel, metavar="X,Y", help="print how the pixel in column X and row Y gets its colour")
-    group("--json", action="store_true", help="with --explain: one JSON object")
-
     group = p.add_argument_group("the device").add_argument
     group("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D or part of a name (default: fastest CPU)")
-    group("--precision", choices=PRECISIONS, help="default: accurate; single on a device without doubles")
+    group("--precision", choices=PRECISIONS, metavar="NAME",
+          help=f"{', '.join(PRECISIONS)} (default: accurate, where there are doubles)")  # fmt: skip
     group("--list-devices", action="store_true", help="list the devices and stop")
     group("--doctor", action="store_true", help="check the installation and each device, and stop")
 
@@ -72,6 +69,8 @@ def parser() -> argparse.ArgumentParser:
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
           help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
                "exit 1 if they differ")  # fmt: skip
+    group("--explain", type=_pixel, metavar="X,Y", help="print how the pixel in column X, row Y gets its colour")
+    group("--json", action="store_true", help="with --explain: one JSON object")
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
           help="times and counts")  # fmt: skip
     group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
