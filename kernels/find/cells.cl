@@ -49,33 +49,40 @@ static int tile_has_any(const Lists lists, const int2 tile) {
 #endif
 #endif
 
-/* Fetches what the first entries of a list will ask for: filter constants, and the spheres themselves. With many spheres
- * those are far apart in memory, and half of the time went into waiting for them. */
+/* Fetches what an entry of a list will ask for: filter constants, and the sphere itself. With many spheres those are far
+ * apart in memory, and most of the time went into waiting for them. */
 #if defined(WITH_PREFETCH) && defined(FETCH)
+static void fetch_entry(const Spheres spheres, const Lists lists, __global const float4 *filter,
+                        __global const float4 *facets, const int k) {
+    const int index = lists.entry[k].x;
+#ifdef WITH_TRIANGLES
+    if (index >= spheres.first) {
+        FETCH(facets, 3 * (long)(index - spheres.first));
+        FETCH(facets, 3 * (long)(index - spheres.first) + 2);
+        FETCH(spheres.face, index - spheres.first);
+        return;
+    }
+#endif
+    FETCH(filter, index);
+    FETCH(spheres.center_radius, index);
+    FETCH(spheres.power, index);
+}
+
+/* The same for the first entries of a list. */
 static void fetch_ahead(const Spheres spheres, const Lists lists, __global const float4 *filter,
                         __global const float4 *facets, const int first) {
-    for (int k = first; k < first + AHEAD; k++) {
-        const int index = lists.entry[k].x;
-#ifdef WITH_TRIANGLES
-        if (index >= spheres.first) {
-            FETCH(facets, 3 * (long)(index - spheres.first));
-            FETCH(facets, 3 * (long)(index - spheres.first) + 2);
-            FETCH(spheres.face, index - spheres.first);
-            continue;
-        }
-#endif
-        FETCH(filter, index);
-        FETCH(spheres.center_radius, index);
-        FETCH(spheres.power, index);
-    }
+    for (int k = first; k < first + AHEAD; k++) fetch_entry(spheres, lists, filter, facets, k);
 }
 #ifdef WITH_TRIANGLES
-#define FETCH_AHEAD(scene, filter, light, first)                                                                    \
-    fetch_ahead((scene).spheres, (scene).lists, filter,                                                            \
-                (light) < 0 ? (scene).facet : (scene).light_facet + 3 * (long)(light) * (scene).triangles, first)
+#define FACETS(scene, filter, light)                                                                                  \
+    (light) < 0 ? (scene).facet : (scene).light_facet + 3 * (long)(light) * (scene).triangles
 #else
-#define FETCH_AHEAD(scene, filter, light, first) fetch_ahead((scene).spheres, (scene).lists, filter, filter, first)
+#define FACETS(scene, filter, light) filter
 #endif
+#define FETCH_AHEAD(scene, filter, light, first)                                                                      \
+    fetch_ahead((scene).spheres, (scene).lists, filter, FACETS(scene, filter, light), first)
+#define FETCH_ENTRY(scene, filter, light, k)                                                                          \
+    fetch_entry((scene).spheres, (scene).lists, filter, FACETS(scene, filter, light), k)
 
 #if defined(WITH_BOUNCES) || defined(WITH_TRIANGLES)
 /* The same for the lists of all lanes' cells in a light's buffer. Rays from mirrors reach lists that are far apart, and
@@ -133,6 +140,7 @@ static void fetch_surfaces(const Scene scene, const INT index) {
 #endif
 #ifndef FETCH_AHEAD
 #define FETCH_AHEAD(scene, filter, light, first)
+#define FETCH_ENTRY(scene, filter, light, k)
 #endif
 #ifndef FETCH_LISTS
 #define FETCH_LISTS(scene, light, cell)

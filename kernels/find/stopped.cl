@@ -171,6 +171,7 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place p
         const int index = entry.x;
         MASK may = in & lit & (place.depth > as_float(entry.y));
         if (!ANY(may)) break;
+        FETCH_ENTRY(scene, scene.light_filter + (long)ray.number * scene.count, ray.number, k + AHEAD);
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
             may = may & (own != index);
