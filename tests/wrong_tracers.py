@@ -2,12 +2,17 @@
 
 `Tracer` is the reference. A subclass overrides a step, and gets it wrong. MISTAKES has all of them by the name that
 `cltrace.compare` has to say; those that students make in different ways have several tracers.
+
+    python tests/wrong_tracers.py NAME SCENE.xml MINE.png [WxH]
+
+draws a scene with a mistake, to see what it looks like. It is slow: a second for some 5,000 pixels of a few spheres.
 """
 
 from __future__ import annotations
 
 import importlib
 import math
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -18,9 +23,11 @@ from unittest.mock import patch
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
+from PIL import Image as Picture
 
 import cltrace
 from cltrace import reference
+from cltrace.console import picture_size
 from cltrace.reference import (
     EYE,
     Color,
@@ -51,6 +58,7 @@ class Tracer:
     """The reference tracer. What a subclass has by the name of a step takes that step's place while it draws."""
 
     STEPS = ("cast_shadow_ray", "illuminate", "local_color")
+    size: tuple[int, int] | None = None  # width and height in pixels, instead of the scene's
 
     def draw(self, path: Path) -> Bytes:
         """The picture of a scene file, (h, w, 3) uint8."""
@@ -59,7 +67,7 @@ class Tracer:
     def colors(self, path: Path) -> NDArray[np.float64]:
         """The colours of its pixels, (h, w, 3), not clamped; the top row first."""
         scene = self.read(path)
-        scene = scene.seen_by(self.camera(scene.camera))
+        scene = scene.seen_by(self.camera(replace(scene.camera, resolution=self.size or scene.camera.resolution)))
         width, height = scene.camera.resolution
         colors = np.empty((height, width, 3))
         with ExitStack() as wrong:
@@ -642,3 +650,12 @@ MISTAKES: dict[str, list[Tracer]] = {
     "mirror-depth": [MirrorDepth(-1), MirrorDepth(1)],
     "refraction-inverted": [RefractionInverted()],
 }  # fmt: skip
+
+
+def main(name: str, scene: str, mine: str, size: str | None = None) -> None:
+    Tracer.size = picture_size(size) if size else None
+    Picture.fromarray(MISTAKES[name][0].draw(Path(scene))).save(mine)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
