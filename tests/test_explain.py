@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import functools
+import json
 import random
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import SCENES
 
 import cltrace
+from cltrace import cli
 from cltrace.explanation.pixel import Explainer
 from cltrace.reference import byte_of
 from cltrace.run.devices import Device
@@ -63,3 +69,232 @@ def test_the_printed_terms_add_up_to_the_pictures_bytes(path: Path, device: Devi
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_the_printed_terms_add_up_to_the_pictures_bytes_everywhere(path: Path, device: Device) -> None:
     check_scene(path, device, 200 if path.stem in SLOW_SCENES else 1000)
+
+
+def test_the_command_prints_what_python_has(capsys: pytest.CaptureFixture[str]) -> None:
+    found = cltrace.explain(cltrace.load(FIRST), 400, 250)
+    assert cli.main([str(FIRST), "--explain", "400,250"]) == 0
+    assert capsys.readouterr().out == f"{found}\n"
+    assert cli.main([str(FIRST), "--explain", "400,250", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == found.to_dict()
+
+
+def test_size_square_pixels_and_truncate_count(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--size", "99x55", "--square-pixels", "--truncate", "--json"]
+    assert cli.main([str(FIRST), "--explain", "70,30", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    scene = cltrace.load(FIRST)
+    scene = scene.seen_by(replace(scene.camera, resolution=(99, 55)))
+    assert found == cltrace.explain(scene, 70, 30, truncate=True, square_pixels=True).to_dict()
+    assert found["camera"]["square_pixels"]
+    assert found["rgb8"] == [int(255 * c) for c in found["color"]]
+    assert found != cltrace.explain(scene, 70, 30, truncate=True).to_dict()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["960,0"], "--explain: must be within 0,0 and 959,539, got 960,0"),
+        (["0,540"], "--explain: must be within 0,0 and 959,539, got 0,540"),
+        (["9,9", "--size", "9x10"], "--explain: must be within 0,0 and 8,9, got 9,9"),
+        (["-1,0"], "argument --explain: must be X,Y from the top left, such as 320,200, got '-1,0'"),
+        (["1"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1'"),
+        (["1,2,3"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1,2,3'"),
+        (["1.5,2"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1.5,2'"),
+        (["1,2", "-o", "a.png"], "--explain draws no picture and takes no -o"),
+        (["1,2", "-d", "cpu"], "--explain draws no picture and takes no -d"),
+        (["1,2", "--check"], "--explain draws no picture and takes no --check"),
+        (["1,2", "--show", "id"], "--explain draws no picture and takes no --show"),
+        (["1,2", "--stats=json"], "--explain draws no picture and takes no --stats"),
+    ],
+)
+def test_what_makes_no_sense_is_said(options: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([str(FIRST), "--explain", *options]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.startswith(f"cltrace: {message}")
+    assert said.err.count("\n") == 1
+
+
+def test_json_alone_makes_no_sense(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([str(FIRST), "--json"]) == 2
+    assert capsys.readouterr().err.startswith("cltrace: --json goes with --explain")
+
+
+@pytest.mark.parametrize("pixel", [(-1, 0), (0, 540), (960, 0), (1.5, 0), (True, 0), ("1", 0)])
+def test_a_pixel_that_is_none_is_refused(pixel: tuple[Any, Any]) -> None:
+    with pytest.raises(ValueError, match="must be a whole number within"):
+        cltrace.explain(cltrace.load(FIRST), *pixel)
+
+
+def test_what_is_no_scene_is_refused() -> None:
+    with pytest.raises(TypeError, match="scene: must be a"):
+        cltrace.explain(str(FIRST), 1, 2)  # type: ignore[arg-type]
+
+
+TWO = """<scene output_file="two.png">
+<background_color r="0.1" g="0.2" b="0.3"/>
+<camera><position x="0" y="0" z="6"/><lookat x="0" y="0" z="0"/><up x="0" y="1" z="0"/>
+<horizontal_fov angle="30"/><resolution horizontal="21" vertical="21"/><max_bounces n="{bounces}"/></camera>
+<lights>
+<ambient_light><color r="1" g="1" b="1"/></ambient_light>
+<point_light><color r="1" g="1" b="1"/><position x="0" y="0" z="5"/></point_light>
+<parallel_light><color r="0.5" g="0.5" b="0.5"/><direction x="0" y="0" z="-1"/></parallel_light>
+</lights>
+<surfaces>
+{surfaces}
+</surfaces></scene>
+"""
+BALL = """<sphere radius="{radius}"><position x="{x}" y="0" z="{z}"/>
+<material_solid><color r="0.5" g="1" b="0"/><phong ka="0.2" kd="0.5" ks="0" exponent="1"/><reflectance r="{r}"/>
+<transmittance t="{t}"/><refraction iof="1.5"/></material_solid>{transform}</sphere>"""
+
+
+def ball(z: float, radius: float = 1, x: float = 0, r: float = 0, t: float = 0, transform: str = "") -> str:
+    return BALL.format(z=z, radius=radius, x=x, r=r, t=t, transform=transform)
+
+
+def explained(folder: Path, *surfaces: str, x: int = 10, y: int = 10, bounces: int = 8) -> cltrace.Explanation:
+    """The pixel of a picture of 21x21 that these surfaces are in; the middle looks from (0, 0, 6) along -z."""
+    path = folder / "two.xml"
+    path.write_text(TWO.format(surfaces="\n".join(surfaces), bounces=bounces))
+    return cltrace.explain(cltrace.load(path), x, y)
+
+
+def test_the_numbers_of_a_small_scene(tmp_path: Path) -> None:
+    """Along -z from (0, 0, 6): a ball at the origin, and one behind it, from lines 11 and 14 on."""
+    found = explained(tmp_path, ball(0), ball(-4))
+    assert found.camera.line == 3
+    assert (found.camera.u, found.camera.v, found.camera.x_i, found.camera.y_i) == (10, 10, 0, 0)
+    ray = found.rays[0]
+    assert (ray.origin, ray.direction, ray.meets) == ((0, 0, 6), (0, 0, -1), 2)
+    near, far = ray.tests
+    assert (near.surface.kind, near.surface.id, near.surface.line, near.distance) == ("sphere", 0, 11, 5)
+    assert (far.surface.kind, far.surface.id, far.surface.line, far.distance) == ("sphere", 1, 14, 9)
+    sphere = near.sphere
+    assert sphere is not None
+    assert (sphere.a, sphere.b, sphere.c, sphere.discriminant, sphere.t) == (1, -12, 35, 1, (5, 7))
+    hit = ray.hit
+    assert hit is not None
+    assert (hit.point, hit.normal, hit.t, hit.inside) == ((0, 0, 1), (0, 0, 1), 5, False)
+    assert [(a.light.kind, a.light.number, a.light.line, a.color) for a in ray.ambient] == [
+        ("ambient_light", 0, 6, (0.1, 0.2, 0))
+    ]
+    point, parallel = ray.lights
+    assert (point.light.kind, point.light.number, point.light.line) == ("point_light", 1, 7)
+    assert (point.fate, point.l, point.distance, point.n_l, point.diffuse) == ("lit", (0, 0, 1), 4, 1, (0.25, 0.5, 0))
+    assert (parallel.fate, parallel.diffuse) == ("lit", (0.125, 0.25, 0))
+    assert found.rgb8 == (121, 242, 0)
+    assert found.line == (
+        "pixel (10, 10) meets sphere 0 (line 11) at t = 5; point_light 1 reaches it; parallel_light 2 reaches it; "
+        "bytes (121, 242, 0)"
+    )
+
+
+def test_what_hides_a_light_and_what_is_behind_it(tmp_path: Path) -> None:
+    """The point light at z = 5 is between the eye, at 6, and the ball; a second ball is above the eye, at 20 behind."""
+    lit = explained(tmp_path, ball(0), ball(20))
+    assert lit.rays[0].lights[0].fate == "lit"
+    behind = lit.rays[0].lights[0].behind
+    assert behind is not None
+    assert (behind.surface.id, behind.distance) == (1, 18)
+    parallel = lit.rays[0].lights[1]
+    assert (parallel.fate, parallel.blockers, parallel.between[0].distance) == ("in shadow", 1, 18)
+    assert "shadow ray: something is between\n    sphere 1 (line 14) at distance 18\n" in str(lit)
+    # From the light to a point beside the axis, past a small ball that the eye's ray passes by.
+    seen = explained(tmp_path, ball(-3, radius=3), ball(2.5, radius=0.05, x=0.48), x=13)
+    point, parallel = seen.rays[0].lights
+    assert (point.fate, point.between[0].surface.id, parallel.fate) == ("in shadow", 1, "lit")
+    assert 2 < point.between[0].distance < 3 < 5 < point.distance
+    assert f"between before the light at distance {point.distance:.6g}\n    sphere 1 (line 14) at" in str(seen)
+    assert "sphere 1 (line 14) hides point_light 1; parallel_light 2 reaches it;" in seen.line
+
+
+def test_a_mirror_and_its_end(tmp_path: Path) -> None:
+    """Between two mirrors that face each other, until max_bounces."""
+    mirrors = ball(0, r=0.5), ball(15, r=0.5)
+    found = explained(tmp_path, *mirrors, bounces=2)
+    assert [(ray.kind, ray.depth, ray.weight) for ray in found.rays] == [
+        ("primary", 0, 1),
+        ("mirrored", 1, 0.5),
+        ("mirrored", 2, 0.25),
+        ("mirrored", 3, 0.125),
+    ]
+    assert [ray.last for ray in found.rays] == [False, False, False, True]
+    assert [ray.share for ray in found.rays] == [0.5, 0.5, 0.5, 1]
+    assert "max_bounces = 2 is reached" in str(found)
+    # The light at 5 shines on the first one and the second one; the parallel one on the second one from behind.
+    near, far = np.array([0.35, 0.7, 0]), np.array([0.35, 0.7, 0])
+    color = 0.5 * near + 0.25 * far + 0.125 * near + 0.125 * far
+    assert np.allclose(found.color, color, rtol=1e-12)
+    assert printed_bytes(found) == (list(found.rgb8), list(found.rgb8))
+
+
+def test_glass_and_total_reflection(tmp_path: Path) -> None:
+    found = explained(tmp_path, ball(0, t=1), x=10)
+    assert [(ray.kind, ray.hit is None) for ray in found.rays] == [
+        ("primary", False),
+        ("refracted", False),
+        ("refracted", True),
+    ]
+    inside = found.rays[1].tests[0]
+    assert (inside.surface.id, inside.distance, inside.remark[:28]) == (0, 2, "the one that is all but 0 is")
+    assert found.rgb8 == (26, 51, 77)
+    # From within glass of 1.5, at an angle whose sine is 2.3 / 2.6 > 1 / 1.5: the eye is in the ball.
+    total = explained(tmp_path, ball(6, radius=2.6, x=2.3, t=0.6, r=0.2))
+    bounce = total.rays[0].bounces[0]
+    assert (bounce.kind, bounce.total, bounce.share) == ("mirrored", True, 0.8)
+    assert "r + t = 0.8, as total reflection leaves no refracted ray" in str(total)
+
+
+def test_what_is_narrowly_missed(tmp_path: Path) -> None:
+    """A pixel is 2 tan(30)/21 wide at distance 1, and 6 times that at the origin: 0.33."""
+    pixel = 6 * 2 * np.tan(np.pi / 6) / 21
+    found = explained(tmp_path, ball(0, x=1 + pixel / 2))
+    (missed,) = found.rays[0].missed
+    assert (missed.surface.id, missed.distance) == (0, np.inf)
+    assert missed.gap == pytest.approx(0.5, rel=1e-9)
+    assert missed.sphere is not None
+    assert missed.sphere.discriminant < 0
+    assert "sphere 0 (line 11), by 0.5 pixels\n" in str(found)
+    assert "Closest: nothing, so the ray sees background_color" in str(found)
+    assert not explained(tmp_path, ball(0, x=1 + 1.1 * pixel)).rays[0].missed
+    # An ellipsoid twice as wide, and one that is hidden.
+    wide = ball(0, x=0, transform='<transform><translate x="%s" y="0" z="0"/><scale x="2" y="1" z="1"/></transform>')
+    (missed,) = explained(tmp_path, wide % (2 + pixel / 4)).rays[0].missed
+    assert missed.gap == pytest.approx(0.25, rel=1e-9)
+    assert not explained(tmp_path, ball(0, x=1 + pixel / 2), ball(4, radius=0.5)).rays[0].missed
+
+
+def test_a_mesh_that_is_narrowly_missed() -> None:
+    camera = cltrace.Camera((0, 0, 2), (0, 0, 0), horizontal_fov=45, resolution=(20, 20))
+    triangle = cltrace.Mesh([(0, -9, 0), (0, 9, 0), (9, 0, 0)], [(0, 1, 2)])
+    scene = cltrace.Scene.from_meshes(camera, [], [triangle])
+    # Pixels are 0.2 wide at z = 0: the middles of two are half a pixel beside the triangle's edge, at x = 0.
+    assert cltrace.explain(scene, 10, 9).rays[0].missed == ()
+    (missed,) = cltrace.explain(scene, 9, 9).rays[0].missed
+    assert missed.gap == pytest.approx(0.5, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("center", "radius", "remark"),
+    [
+        (-0.1, lambda k: (k + 1) / 10, "exactly, it passes by: these numbers are rounded"),
+        (-100, lambda k: k / 10 + 100, "exactly, it is met, at t = "),
+    ],
+)
+def test_where_exact_arithmetic_differs_it_says_so(center: float, radius: Callable[[int], float], remark: str) -> None:
+    """Rays along -z at x = k / 10 that all but touch a ball, by rounding of the numbers given to it; 0 is a hit."""
+    said = 0
+    for k in range(1, 40):
+        x, r, z = k / 10, radius(k), 0.37 * k
+        camera = cltrace.Camera((x, 0, z), (x, 0, -1), horizontal_fov=30, resolution=(3, 3))
+        scene = cltrace.Scene.from_spheres(camera, [cltrace.ambient_light()], [(center, 0, 0)], r)
+        found = cltrace.explain(scene, 1, 1).rays[0]
+        hits = Fraction(x) - Fraction(center) <= Fraction(r)
+        assert (found.hit is not None) == hits
+        for test in found.tests + found.missed:
+            assert test.sphere is not None
+            assert bool(test.remark) or hits == (test.sphere.discriminant >= 0)
+            said += test.remark.startswith(remark)
+    assert said > 5

@@ -25,7 +25,7 @@ def sphere_test(sphere: Sphere, o: Point, d: Direction) -> SphereTest:
     disc = half * half - a * c
     root = math.sqrt(disc) if disc >= 0 else math.nan
     t = ((-half - root) / a, (-half + root) / a) if disc >= 0 and a > 0 else ()
-    return SphereTest(triple(C), R, sphere.ball.to_object is not None, a, b, c, disc, t)
+    return SphereTest(triple(C), R, sphere.ball.to_object is not None, triple(to_start), triple(way), a, b, c, disc, t)
 
 
 def triangle_test(triangle: Triangle, o: Point, d: Direction) -> TriangleTest:

@@ -64,6 +64,7 @@ class _Lamp:
             l=triple(self.space.turned(l)),
             distance=math.inf if light.parallel else w.length(),
             n_l=n_l,
+            cone=self._cone(light, l),
             strength=strength,
             between=tuple(blockers[:FEW]),
             blockers=len(blockers),
@@ -73,6 +74,12 @@ class _Lamp:
             diffuse=diffuse,
             specular=specular,
         )
+
+    def _cone(self, light: Light, l: Direction) -> tuple[float, float, float] | None:  # noqa: E741
+        if light.axis is None or light.alpha1 is None or light.alpha2 is None:
+            return None
+        off = math.atan2(light.axis.cross(l).length(), -light.axis.dot(l))
+        return math.degrees(off), math.degrees(light.alpha1), math.degrees(light.alpha2)
 
     def _phong(self, light: Light, share: float) -> tuple[Triple, Triple]:
         """The diffuse and the specular term of a light that reaches the point: they add up to what it adds."""

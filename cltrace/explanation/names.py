@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cltrace.explanation.record import LightName, SurfaceName
-from cltrace.reference import Ellipsoid, Mesh, Surface, Triangle
+from cltrace.reference import Mesh, Surface, Triangle
 from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
 
 KINDS = {AMBIENT: "ambient_light", PARALLEL: "parallel_light", POINT: "point_light", SPOT: "spot_light"}
@@ -19,7 +19,7 @@ class Names:
         number = surface.number
         line = int(self.source.surfaces[number]) if self.source else 0
         if not isinstance(surface, (Mesh, Triangle)):
-            return SurfaceName("ellipsoid" if isinstance(surface, Ellipsoid) else "sphere", number, line)
+            return SurfaceName("sphere", number, line)
         file = self.source.meshes.get(number) if self.source else None
         name = file.name if file else ""
         if not isinstance(surface, Triangle):

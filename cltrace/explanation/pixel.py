@@ -19,6 +19,7 @@ from cltrace.explanation.record import (
     Explanation,
     Hit,
     LightTerm,
+    Shape,
     Term,
     TextureLookup,
     TracedRay,
@@ -26,8 +27,23 @@ from cltrace.explanation.record import (
 )
 from cltrace.explanation.space import Space, triple
 from cltrace.explanation.words import number as written
-from cltrace.reference import Direction, Intersection, Ray, byte_of, closest_hit, primary_ray, trace, world_of
+from cltrace.reference import (
+    Direction,
+    Ellipsoid,
+    Intersection,
+    OnTriangle,
+    Ray,
+    Surface,
+    Texture,
+    Triangle,
+    byte_of,
+    closest_hit,
+    primary_ray,
+    trace,
+    world_of,
+)
 from cltrace.reference.bounce import refracted
+from cltrace.reference.texture import UV
 from cltrace.reference.trace import Pixel, bounces, follow
 from cltrace.scene import Scene
 
@@ -107,9 +123,8 @@ class Explainer:
             square_pixels=camera.square_pixels,
             x_i=x_i,
             y_i=y_i,
-            direction_camera=(d.x, d.y, d.z),
-            direction=triple(self.space.turned(d)),
-            origin=camera.position,
+            direction=triple(d),
+            axes=camera.basis(),
             line=self.scene.source.camera if self.scene.source else 0,
         )
 
@@ -186,19 +201,16 @@ class Explainer:
     def _hit(self, ray: Ray, at: Intersection) -> Hit:
         m, start = at.material, at.start
         point = triple(start.place + start.step)
-        texture = None
-        if m.texture is not None:
-            index = next(i for i, texels in enumerate(self.scene.textures) if texels is m.texture.texels)
-            height, width = m.texture.texels.shape[:2]
-            texture = TextureLookup(self.names.texture(index), (width, height), at.uv, m.texture.color(at.uv))
         return Hit(
             surface=self.names.surface(at.surface),
+            shape=_shape(at.surface),
             t=at.distance,
             point=point,
             normal=triple(self.space.turned(at.normal)),
+            turned=_is_turned(ray, at),
             inside=at.inside,
             color=at.color,
-            texture=texture,
+            texture=self._texture(m.texture, at.uv) if m.texture else None,
             ka=m.ka,
             kd=m.kd,
             ks=m.ks,
@@ -207,6 +219,14 @@ class Explainer:
             transmittance=m.transmittance,
             index=m.index,
         )
+
+    def _texture(self, texture: Texture, uv: UV) -> TextureLookup:
+        height, width = texture.texels.shape[:2]
+        place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
+        x, y = (uv[0] - math.floor(uv[0])) * width, (uv[1] - math.floor(uv[1])) * height
+        i, j = math.floor(x), math.floor(y)
+        name = self.names.texture(place)
+        return TextureLookup(name, (width, height), uv, i % width, j % height, x - i, y - j, texture.color(uv))
 
 
 @dataclass(frozen=True)
@@ -219,6 +239,19 @@ class _Way:
     weight: float = 1.0
     depth: int = 0
     behind: float = 0.0
+
+
+def _shape(surface: Surface) -> Shape:
+    if isinstance(surface, Triangle):
+        return "smooth" if surface.normals else "flat"
+    return "ellipsoid" if isinstance(surface, Ellipsoid) else "sphere"
+
+
+def _is_turned(ray: Ray, at: Intersection) -> bool:
+    """Whether the normal that the surface gives is on the other side than the ray."""
+    if isinstance(at.start, OnTriangle):
+        return at.start.triangle.normal(at.start.weights).dot(ray.direction) > 0
+    return at.inside
 
 
 def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm, ...]) -> tuple[Term, ...]:

@@ -15,15 +15,16 @@ from cltrace.explanation.words import line, text
 
 Triple = tuple[float, float, float]
 Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
+Shape = Literal["sphere", "ellipsoid", "flat", "smooth"]
 
 
 @dataclass(frozen=True)
 class SurfaceName:
     """Which surface, in the words of the scene's file.
 
-    kind: sphere, ellipsoid or mesh; id: its number, as the output `id` has it; line: of the scene's file, 0 if it is
-    not known; file: of a mesh, "" if it is not known; primitive: the number of the triangle in the mesh, -1 for none;
-    face_line: the line of that triangle's face in the mesh's file, 0 if it is not known.
+    kind: sphere, which an ellipsoid is in the file, too, or mesh; id: its number, as the output `id` has it; line: of
+    the scene's file, 0 if it is not known; file: of a mesh, "" if it is not known; primitive: of a triangle, its number
+    in the mesh, -1 for none; face_line: the line of its face in the mesh's file, 0 if it is not known.
     """
 
     kind: str
@@ -48,9 +49,8 @@ class CameraRay:
     """From the pixel to its ray.
 
     u, v: the pixel's column and row, as the tutorial counts them: v from the bottom; x_n, y_n: the same from 0 to 1;
-    fov_x, fov_y: half of the opening angles, in degrees; x_i, y_i: on the image plane at z = -1; direction_camera,
-    direction: of length 1, in camera space and in the world; origin: the camera's position; line: of <camera>, 0 if it
-    is not known.
+    fov_x, fov_y: half of the opening angles, in degrees; x_i, y_i: on the image plane at z = -1; direction: of the ray,
+    in camera space; axes: the camera's x, y and z in the world; line: of <camera>, 0 if it is not known.
     """
 
     u: int
@@ -62,9 +62,8 @@ class CameraRay:
     square_pixels: bool
     x_i: float
     y_i: float
-    direction_camera: Triple
     direction: Triple
-    origin: Triple
+    axes: tuple[Triple, Triple, Triple]
     line: int
 
 
@@ -72,14 +71,16 @@ class CameraRay:
 class SphereTest:
     """a t^2 + b t + c = 0, as the tutorial has it, in doubles.
 
-    center: C; radius: R; own_axes: whether it is an ellipsoid, whose numbers are those of the ray in its own axes about
-    its centre, where it is a sphere; there the direction is not normalised again, so that t is the same; discriminant:
-    (b/2)^2 - a c; t: the two solutions, the smaller one first, or none.
+    center: C; radius: R; own_axes: whether it is an ellipsoid, whose numbers are those in its own axes, as before its
+    transform, where it is a sphere; from_center, direction: o - C and d there, d not normalised again, so that t is the
+    same; discriminant: (b/2)^2 - a c; t: the two solutions, the smaller one first, or none.
     """
 
     center: Triple
     radius: float
     own_axes: bool
+    from_center: Triple
+    direction: Triple
     a: float
     b: float
     c: float
@@ -120,11 +121,17 @@ class SurfaceTest:
 
 @dataclass(frozen=True)
 class TextureLookup:
-    """name: of the file, "" if unknown; size: (width, height) in pixels; uv: not wrapped; color: what is there."""
+    """name: of the file, "" if unknown; size: (width, height) in pixels; uv: not wrapped; x, y: the pixel at the upper
+    left of the four that are mixed; right, down: the shares of those to the right of it and below; color: the mixture.
+    """
 
     name: str
     size: tuple[int, int]
     uv: tuple[float, float]
+    x: int
+    y: int
+    right: float
+    down: float
     color: Triple
 
 
@@ -132,14 +139,18 @@ class TextureLookup:
 class Hit:
     """The closest surface, and the point there.
 
-    t: the distance; normal: facing the side from which the ray came; inside: whether that is the inside; color: C, the
-    material's times the texture's; the rest is the material's.
+    shape: what the normal is made of, where `smooth` has corners' normals and `flat` none; t: the distance; normal:
+    facing the side from which the ray came; turned: whether it had to be turned there; inside: whether that is the
+    inside; color: C, the material's times the
+    texture's; the rest is the material's.
     """
 
     surface: SurfaceName
+    shape: Shape
     t: float
     point: Triple
     normal: Triple
+    turned: bool
     inside: bool
     color: Triple
     texture: TextureLookup | None
@@ -165,7 +176,8 @@ class LightTerm:
     """What a light adds at a point.
 
     L: its colour; fate: whether it reaches the point, or why not; l: towards the light; distance: to the light, inf of
-    a parallel one; n_l: n.l; strength: of a spot light in that direction, 1 of any other; between: what stands between,
+    a parallel one; n_l: n.l; cone: of a spot light, the angle between its axis and the way to the point, alpha1 and
+    alpha2, in degrees; strength: of a spot light in that direction, 1 of any other; between: what stands between,
     nearest first, few of `blockers` in all; behind: what is on the way behind the light, and does not matter; r: the
     mirrored direction; r_v: r.v, v being towards the eye; diffuse, specular: the two terms of Phong's formula. Of a
     light that adds nothing, both are 0.
@@ -177,6 +189,7 @@ class LightTerm:
     l: Triple  # noqa: E741
     distance: float
     n_l: float
+    cone: tuple[float, float, float] | None
     strength: float
     between: tuple[Met, ...]
     blockers: int

@@ -25,6 +25,19 @@ if TYPE_CHECKING:
         Triple,
     )
 
+NORMALS = {
+    "sphere": "(P - C) / |P - C|",
+    "ellipsoid": "that of the sphere before the transform, by the inverse transpose, normalized",
+    "flat": "N / |N|",
+    "smooth": "the corners' normals by the weights, normalized",
+}
+FATES = {
+    "lit": "reaches the point",
+    "behind": "is behind the surface",
+    "beside the cone": "does not shine this way",
+    "in shadow": "does not reach the point",
+    "at the point": "touches the point, and shines past it",
+}
 DEEPEST = 12  # bounces, after which rays are not indented further
 LABEL = 44  # width of what is before the numbers of a sum
 
@@ -38,15 +51,16 @@ def vector(v: Triple) -> str:
     return f"({', '.join(map(number, v))})"
 
 
-def surface(name: SurfaceName) -> str:
-    """Such as "sphere 2 (line 45)"."""
+def surface(name: SurfaceName, whole: bool = False) -> str:
+    """Such as "sphere 2 (line 45)". whole: of a mesh, not which of its triangles."""
     place = f" (line {name.line})" if name.line else ""
     if name.kind != "mesh":
         return f"{name.kind} {name.id}{place}"
     file = f" {printable(name.file)}" if name.file else ""
-    triangle = f", triangle {name.primitive}" if name.primitive >= 0 else ""
+    if whole or name.primitive < 0:
+        return f"mesh {name.id}{place or file}"
     face = f" (line {name.face_line} of {printable(name.file)})" if name.face_line else ""
-    return f"mesh {name.id}{place or file}{triangle}{face}"
+    return f"mesh {name.id}{place or file}, triangle {name.primitive}{face}"
 
 
 def line(e: Explanation) -> str:
@@ -58,7 +72,7 @@ def line(e: Explanation) -> str:
     for light in ray.lights:
         name = f"{light.light.kind} {light.light.number}"
         if light.between:
-            parts.append(f"{surface(light.between[0].surface)} hides {name}")
+            parts.append(f"{surface(light.between[0].surface, whole=True)} hides {name}")
         else:
             parts.append(f"{name} reaches it" if light.fate == "lit" else f"{name} does not reach it")
     parts += [f"{number(bounce.share)} of it is {bounce.kind}" for bounce in ray.bounces]
@@ -102,7 +116,10 @@ def _camera(c: CameraRay, e: Explanation) -> Iterator[str]:
     yield f"  {other} = {rule} = {number(angles[other])} degrees"
     yield f"  x_i = (2 x_n - 1) * {tan_x} = {number(c.x_i)}"
     yield f"  y_i = (2 y_n - 1) * {tan_y} = {number(c.y_i)}"
-    yield f"  d = (x_i, y_i, -1), normalized = {vector(c.direction_camera)} in camera space"
+    yield f"  d = (x_i, y_i, -1), normalized = {vector(c.direction)}, in camera space"
+    yield "  the camera's axes in the world, normalized"
+    for name, rule, axis in zip("xyz", ("up x z", "z x x", "position - lookat"), c.axes, strict=True):
+        yield f"    {name} = {rule} = {vector(axis)}"
 
 
 def _ray(e: Explanation, place: int, places: int) -> Iterator[str]:
@@ -110,7 +127,8 @@ def _ray(e: Explanation, place: int, places: int) -> Iterator[str]:
     ray = e.rays[place]
     yield "Ray" if place == 0 else f"Ray {place}, {ray.kind}: {number(ray.weight)} of the pixel"
     yield f"  o = {vector(ray.origin)}"
-    yield f"  d = {vector(ray.direction)}, in the world, normalized"
+    d = "x_i x + y_i y - z, normalized = " if place == 0 else ""
+    yield f"  d = {d}{vector(ray.direction)}, in the world"
     yield ""
     yield from _meetings(ray, e.surfaces)
     yield ""
@@ -158,13 +176,13 @@ def _test(test: SurfaceTest, ray: TracedRay) -> Iterator[str]:
 
 
 def _sphere(s: SphereTest) -> Iterator[str]:
-    own = ", an ellipsoid: o and d in its own axes, about its center, where it is a sphere" if s.own_axes else ""
-    yield f"    C = {vector(s.center)}, R = {number(s.radius)}{own}"
-    from_center = "o" if s.own_axes else "(o - C)"
-    square = f"{from_center}.{from_center}"
+    yield f"    C = {vector(s.center)}, R = {number(s.radius)}"
+    if s.own_axes:
+        yield "    in its own axes, as before its transform, where d is not normalized again, so that t is the same:"
+        yield f"    o - C = {vector(s.from_center)}, d = {vector(s.direction)}"
     yield f"    a = d.d = {number(s.a)}"
-    yield f"    b = 2 d.{from_center} = {number(s.b)}"
-    yield f"    c = {square} - R^2 = {number(s.c)}"
+    yield f"    b = 2 d.(o - C) = {number(s.b)}"
+    yield f"    c = (o - C).(o - C) - R^2 = {number(s.c)}"
     disc = f"    disc = (b/2)^2 - a c = {number(s.discriminant)}"
     if not s.t:
         yield f"{disc} < 0: no intersection"
@@ -188,19 +206,27 @@ def _hit(h: Hit) -> Iterator[str]:
     yield f"Closest: {surface(h.surface)}, {'from inside' if h.inside else 'from outside'}"
     yield f"  t = {number(h.t)}"
     yield f"  P = o + t d = {vector(h.point)}"
-    yield f"  n = {vector(h.normal)}, normalized, on the side of the ray"
+    turned = ", turned to the side of the ray," if h.turned else ""
+    yield f"  n = {NORMALS[h.shape]}{turned} = {vector(h.normal)}"
     if h.texture:
         t = h.texture
         (u, v), (width, height) = t.uv, t.size
-        x, y = u * width, v * height
         yield f"  texture {printable(t.name) or 'of the material'}, {width}x{height}: u = {number(u)}, v = {number(v)}"
-        yield f"    pixel (u width, v height) = ({number(x)}, {number(y)}), its color {vector(t.color)}"
+        yield f"    {_texels('u', 'width', 'column', t.x, t.right, width)}"
+        yield f"    {_texels('v', 'height', 'row', t.y, t.down, height)}; row 0 is at the top"
+        yield f"    texture color = {vector(t.color)}"
     yield f"  color C = {vector(h.color)}"
     yield f"  phong ka = {number(h.ka)}, kd = {number(h.kd)}, ks = {number(h.ks)}, exponent = {number(h.exponent)}"
     if h.reflectance or h.transmittance:
         yield f"  reflectance r = {number(h.reflectance)}, transmittance t = {number(h.transmittance)}" + (
             f", refraction iof = {number(h.index)}" if h.transmittance else ""
         )
+
+
+def _texels(name: str, side: str, line: str, first: int, share: float, count: int) -> str:
+    """Which two columns or rows of a texture are mixed, of so many that repeat."""
+    place, last = number(first + share), (first + 1) % count
+    return f"({name} mod 1) * {side} = {place}: {line}s {first} and {last}, {number(share)} of the latter"
 
 
 def _lights(ray: TracedRay) -> Iterator[str]:
@@ -218,15 +244,6 @@ def _lights(ray: TracedRay) -> Iterator[str]:
         yield ""
 
 
-FATES = {
-    "lit": "reaches the point",
-    "behind": "is behind the surface",
-    "beside the cone": "does not shine this way",
-    "in shadow": "is hidden",
-    "at the point": "touches the point, and shines past it",
-}
-
-
 def _light(light: LightTerm, hit: Hit) -> Iterator[str]:
     yield f"{light.light.kind} {light.light.number}{_at(light.light.line)}, L = {vector(light.L)}: {FATES[light.fate]}"
     if light.fate == "at the point":
@@ -240,11 +257,12 @@ def _light(light: LightTerm, hit: Hit) -> Iterator[str]:
         if light.n_l > 0:
             yield "  l is on the other side of the flat surface: no light, whatever the interpolated n says"
         return
-    if light.light.kind == "spot_light":
-        yield f"  falloff = {number(light.strength)}" + ("" if light.strength else ": beyond alpha2")
+    if light.cone:
+        off, alpha1, alpha2 = map(number, light.cone)
+        yield f"  {off} degrees off its direction, alpha1 = {alpha1}, alpha2 = {alpha2}: F = {number(light.strength)}"
     yield from _way(light)
     if light.fate == "lit":
-        F = f"{number(light.strength)} " if light.strength != 1 else ""
+        F = "F " if light.cone else ""
         yield f"  r = 2 (n.l) n - l = {vector(light.r)}, v = -d, r.v = {number(light.r_v)}"
         yield f"  diffuse  {F}kd L C (n.l) = {vector(light.diffuse)}"
         yield f"  specular {F}ks L max(0, r.v)^{number(hit.exponent)} = {vector(light.specular)}"
@@ -253,13 +271,15 @@ def _light(light: LightTerm, hit: Hit) -> Iterator[str]:
 def _way(light: LightTerm) -> Iterator[str]:
     """The shadow ray, if there is one."""
     if light.fate == "lit":
-        yield "  shadow ray: nothing is between" + (
-            f"; {_met(light.behind)} is behind the light and does not matter" if light.behind else ""
-        )
+        yield "  shadow ray: nothing is between"
+        if light.behind:
+            yield f"    behind the light, which does not count: {_met(light.behind)}"
     elif light.fate == "in shadow":
-        limit = "" if math.isinf(light.distance) else f", and the light is at {number(light.distance)}"
-        more = f", and {light.blockers - len(light.between)} more" if light.blockers > len(light.between) else ""
-        yield f"  shadow ray: meets {', '.join(map(_met, light.between))}{more}{limit}"
+        before = "" if math.isinf(light.distance) else f" before the light at distance {number(light.distance)}"
+        yield f"  shadow ray: something is between{before}"
+        yield from (f"    {_met(met)}" for met in light.between)
+        if light.blockers > len(light.between):
+            yield f"    and {light.blockers - len(light.between)} more"
 
 
 def _met(met: Met) -> str:
