@@ -82,9 +82,12 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 #endif
 
 /* Puts the points that are on triangles into an intersection. id: what the rays met, along d; shares: where on it; P: the
- * point, rounded, in camera space. */
-static void flatten(const Frame frame, const Scene scene, const INT id, const Shares shares, const Real3 d, const Real3 P,
-                    Intersection *at) {
+ * point, rounded, in camera space.
+ *
+ * As a function of its own it would keep all intersections in memory, with a copy for each one that calls: frames with
+ * mirrors take 0.85 of the time. */
+static __attribute__((always_inline)) void flatten(const Frame frame, const Scene scene, const INT id, const Shares shares,
+                                                   const Real3 d, const Real3 P, Intersection *at) {
     const REAL_MASK here = TO_REAL_MASK(id >= scene.spheres.first);
     const INT number = TO_MASK(here) ? id - scene.spheres.first : (INT)-1;
     const FacePoint point = face_point(shares);

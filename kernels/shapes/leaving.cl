@@ -40,6 +40,11 @@ static Ball balls_of(const Spheres spheres, const INT index) {
 #ifdef WITH_BOUNCES
 static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, const REAL_MASK inner, const Real3 n,
                        const Real3 q, const Real3 d) {
+#ifdef ONLY_TRIANGLES
+    const Place3 place = places_of(spheres, own, q);
+    const Real3 w = turned_to_world(frame, d);
+    const Leaving ray = {own, inner, n, d, place.anchor, 0, place.reach, place.step, w, size_of(w), q};
+#else
     const Ball ball = balls_of(spheres, SPHERE_OR_NONE(spheres, own));
     const Real3 m = turned_to_world(frame, n);
     Leaving ray = {own, inner, n, d, ball.center, ball.r, ball.r};
@@ -68,6 +73,7 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
 #endif
 #ifdef WITH_TRIANGLES
     if (ANY(own >= spheres.first)) leave_triangle(spheres, &ray);
+#endif
 #endif
     return ray;
 }
