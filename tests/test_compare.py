@@ -7,6 +7,7 @@ marked slow; the ordinary run has a part of it.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -110,38 +111,32 @@ def test_the_right_tracers_are_right(pictures: Pictures) -> None:
 
 
 @pytest.mark.slow
-def test_each_mistake_shows_somewhere(pictures: Pictures) -> None:
-    """The first tracer of each in four of the five scenes at least."""
-    for name in MISTAKES:
-        assert sum(names_for(scene, (name, 0), pictures) is not None for scene in NAMES) >= 4, name
-
-
-@pytest.mark.slow
 def test_mistakes_are_named_first(pictures: Pictures) -> None:
-    missed, count = [], 0
+    """Nine of ten at least, of mistakes that show: the usual way to make each does in four of the five scenes."""
+    missed, count, shown = [], 0, Counter[tuple[str, int]]()
     for scene in NAMES:
         for key, picture in pictures.mistakes(scene).items():
             names = names_for(scene, key, pictures)
             if names is None:
                 continue
-            count += 1
+            count, shown[key] = count + 1, shown[key] + 1
             found = pictures.causes(scene, picture, tolerance_for(key[0]))
             if not found or found[0] not in names:
                 missed.append((scene, key, found[:3]))
+    assert [name for name in MISTAKES if shown[name, 0] < 4] == []
     assert len(missed) <= 0.1 * count, f"{len(missed)} of {count}: {missed}"
 
 
 @pytest.mark.slow
 def test_mistakes_are_named_under_noise(pictures: Pictures) -> None:
     missed, count = [], 0
-    for scene in NAMES:
-        for (name, i), picture in pictures.mistakes(scene).items():
-            names = names_for(scene, (name, i), pictures)
-            if i == 0 and names and name != "truncated":
-                count += 1
-                found = pictures.causes(scene, noisy(picture), tolerance=2)
-                if not found or found[0] not in names:
-                    missed.append((scene, name, found[:3]))
+    for (name, i), picture in pictures.mistakes("bright").items():
+        names = names_for("bright", (name, i), pictures)
+        if i == 0 and names and name != "truncated":
+            count += 1
+            found = pictures.causes("bright", noisy(picture), tolerance=2)
+            if not found or found[0] not in names:
+                missed.append((name, found[:3]))
     assert len(missed) <= 0.1 * count, f"{len(missed)} of {count}: {missed}"
 
 
