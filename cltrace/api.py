@@ -17,6 +17,7 @@ from cltrace.errors import (
 from cltrace.explanation.pixel import explain
 from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
+from cltrace.lighting import lit
 from cltrace.picture.image import Image
 from cltrace.renderer import Renderer, render
 from cltrace.run.devices import Device, devices
@@ -41,6 +42,7 @@ __all__ = [
     "ambient_light",
     "devices",
     "explain",
+    "lit",
     "load",
     "parallel_light",
     "point_light",

@@ -15,25 +15,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from cltrace import __version__
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.doctor import doctor
 from cltrace.errors import UsageError
 from cltrace.explanation.pixel import explain
 from cltrace.formats.xml_reader import read
+from cltrace.lighting import lighting
 from cltrace.picture.files import is_named_as_folder
-from cltrace.picture.image import SHOWS, Image, Output, Show
+from cltrace.picture.image import DIRECTED, SHOWS, Image, Output, Show
+from cltrace.picture.palettes import FAR, MAX_LIGHTS, NEAR, depth_range
 from cltrace.plan.request import KEEPS, PRECISIONS, Crop, Keep
 from cltrace.reference.check import check
 from cltrace.renderer import Renderer
 from cltrace.run.devices import choose, devices, where_drivers_are
-from cltrace.scene import Scene
+from cltrace.scene import AMBIENT, Scene
 
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
   cltrace scene.xml --explain 320,200              why a pixel has its colour
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
 
+LIT, SETS = "lit", 12  # what --show has beside an image's outputs, and of how many sets of lights it says the colours
 STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
@@ -54,7 +59,10 @@ def parser() -> argparse.ArgumentParser:
     group("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
     group("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
     group("--crop", type=_crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
-    group("--show", choices=SHOWS, default="color", metavar="WHAT", help=f"{', '.join(SHOWS)}: as colours")
+    group("--show", choices=(*SHOWS, LIT), default="color", metavar="WHAT",
+          help=f"{', '.join(SHOWS)}, {LIT}: as colours")  # fmt: skip
+    group("--space", choices=("world", "camera"), metavar="NAME",
+          help="axes of normal and direction: world or camera (default: world)")  # fmt: skip
     group("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
@@ -153,6 +161,8 @@ def _run(args: argparse.Namespace) -> int:
     say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
     if args.explain is not None:
         return _explain(args, say)
+    if args.space and args.show not in DIRECTED:
+        raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
     if args.json:
         raise UsageError("--json goes with --explain; times and counts are --stats=json")
     start = time.perf_counter()
@@ -162,6 +172,8 @@ def _run(args: argparse.Namespace) -> int:
         say(warning)
     scene = _adapted(scene, args)
     target = _target(scene, args)
+    if args.show == LIT:
+        return _show_lit(scene, target, args, say)
 
     device = choose(args.device)
     outputs: list[Output] = ["rgb8"] if args.show == "color" else [args.show]
@@ -181,12 +193,14 @@ def _run(args: argparse.Namespace) -> int:
     image.seconds = {"read": read_seconds, **best.seconds}
 
     start = time.perf_counter()
-    _write(image, target, args.show)
+    _write(image, target, args.show, scene.camera.basis() if args.space == "camera" else None)
     image.seconds["write"] = time.perf_counter() - start
     image.seconds["total"] = time.perf_counter() - started
     if target != "-":
         width, height = renderer.region[2:]
         say(f"cltrace: wrote {target}, {width}x{height}, {renderer.precision} precision, on {device.name}")
+    if args.show == "depth":
+        say(f"cltrace: depth: {_depth_scale(image)}")
     if args.stats:
         _print_stats(_stats(scene, renderer, image), args.stats)
     if args.check is None:
@@ -224,7 +238,30 @@ def _refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:
     for name, value in vars(args).items():
         if name not in ("scene", "quiet", "verbose", own, *taken) and value != p.get_default(name):
             other = "-d" if name == "device" else "-o" if name == "output" else f"--{name.replace('_', '-')}"
-            raise UsageError(f"{option} draws no picture and takes no {other}")
+            raise UsageError(f"{option} takes no {other}")
+
+
+def _show_lit(scene: Scene, target: str, args: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Writes a picture of which lights reach which pixels, and says what its colours are."""
+    _refuse_others(args, "--show lit", "show", "output", "size", "crop", "square_pixels", "device", "precision")
+    count = int((scene.lights["kind"] != AMBIENT).sum())
+    if count > MAX_LIGHTS:
+        raise UsageError(f"--show lit tells {MAX_LIGHTS} lights apart, and the scene has {count}")
+    device = choose(args.device)
+    try:
+        found = lighting(scene, device, args.precision, args.crop)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    colors = found.as_rgb8()
+    _write(Image(rgb8=colors), target, "color")
+    if target != "-":
+        say(f"cltrace: wrote {target}, {colors.shape[1]}x{colors.shape[0]}, on {device.name}")
+    legend = list(found.legend())
+    for line in legend[:SETS]:
+        say(f"cltrace: lit: {line}")
+    if len(legend) > SETS:
+        say(f"cltrace: lit: and {len(legend) - SETS} more sets of lights")
+    return 0
 
 
 def _adapted(scene: Scene, args: argparse.Namespace) -> Scene:
@@ -276,13 +313,25 @@ def _check_target(target: str, origin: str, scene: str) -> None:
         raise UsageError(f"{origin}: {target!r} is the scene itself, which the picture would replace")
 
 
-def _write(image: Image, target: str, show: Show) -> None:
+def _depth_scale(image: Image) -> str:
+    """What the greys of a picture of depths stand for."""
+    ends = depth_range(image.depth)
+    if ends is None:
+        return "no surface is seen, and all is black"
+    near, far = (f"{depth:.6g}" for depth in ends)
+    return (
+        f"{near} is white ({NEAR}), {far} is dark ({FAR}), nothing is black; in between, a grey is "
+        f"{FAR} + {NEAR - FAR} (1/depth - 1/{far}) / (1/{near} - 1/{far})"
+    )
+
+
+def _write(image: Image, target: str, show: Show, axes: ArrayLike | None = None) -> None:
     try:
         if target == "-":
-            image.write_png(sys.stdout.buffer, show)
+            image.write_png(sys.stdout.buffer, show, axes)
             sys.stdout.buffer.flush()
         else:
-            image.save(target, show)
+            image.save(target, show, axes)
     except BrokenPipeError:
         raise
     except (OSError, UnicodeError) as error:

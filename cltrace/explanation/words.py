@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         CameraRay,
         Explanation,
         Hit,
+        LightName,
         LightTerm,
         Met,
         SphereTest,
@@ -63,18 +64,23 @@ def surface(name: SurfaceName, whole: bool = False) -> str:
     return f"mesh {name.id}{place or file}, triangle {name.primitive}{face}"
 
 
+def light(name: LightName) -> str:
+    """Such as "point_light 1 (line 12)"."""
+    return f"{name.kind} {name.number}{_at(name.line)}"
+
+
 def line(e: Explanation) -> str:
     """What a pixel sees, which lights reach it, and its bytes."""
     ray, start = e.rays[0], f"pixel ({e.x}, {e.y})"
     if ray.hit is None:
         return f"{start} meets nothing: background_color, bytes {e.rgb8}"
     parts = [f"{start} meets {surface(ray.hit.surface)} at t = {number(ray.hit.t)}"]
-    for light in ray.lights:
-        name = f"{light.light.kind} {light.light.number}"
-        if light.between:
-            parts.append(f"{surface(light.between[0].surface, whole=True)} hides {name}")
+    for term in ray.lights:
+        name = f"{term.light.kind} {term.light.number}"
+        if term.between:
+            parts.append(f"{surface(term.between[0].surface, whole=True)} hides {name}")
         else:
-            parts.append(f"{name} reaches it" if light.fate == "lit" else f"{name} does not reach it")
+            parts.append(f"{name} reaches it" if term.fate == "lit" else f"{name} does not reach it")
     parts += [f"{number(bounce.share)} of it is {bounce.kind}" for bounce in ray.bounces]
     return f"{'; '.join(parts)}; bytes {e.rgb8}"
 
@@ -236,50 +242,50 @@ def _lights(ray: TracedRay) -> Iterator[str]:
         yield ""
         return
     for ambient in ray.ambient:
-        yield f"{ambient.light.kind} {ambient.light.number}{_at(ambient.light.line)}, L = {vector(ambient.L)}"
+        yield f"{light(ambient.light)}, L = {vector(ambient.L)}"
         yield f"  ka L C = {vector(ambient.color)}"
         yield ""
-    for light in ray.lights:
-        yield from _light(light, ray.hit)
+    for term in ray.lights:
+        yield from _light(term, ray.hit)
         yield ""
 
 
-def _light(light: LightTerm, hit: Hit) -> Iterator[str]:
-    yield f"{light.light.kind} {light.light.number}{_at(light.light.line)}, L = {vector(light.L)}: {FATES[light.fate]}"
-    if light.fate == "at the point":
+def _light(term: LightTerm, hit: Hit) -> Iterator[str]:
+    yield f"{light(term.light)}, L = {vector(term.L)}: {FATES[term.fate]}"
+    if term.fate == "at the point":
         return
-    if math.isinf(light.distance):
-        yield f"  l = -direction, normalized = {vector(light.l)}"
+    if math.isinf(term.distance):
+        yield f"  l = -direction, normalized = {vector(term.l)}"
     else:
-        yield f"  l = position - P, normalized = {vector(light.l)}, distance {number(light.distance)}"
-    yield f"  n.l = {number(light.n_l)}" + (" <= 0: no light" if light.n_l <= 0 else "")
-    if light.fate == "behind":
-        if light.n_l > 0:
+        yield f"  l = position - P, normalized = {vector(term.l)}, distance {number(term.distance)}"
+    yield f"  n.l = {number(term.n_l)}" + (" <= 0: no light" if term.n_l <= 0 else "")
+    if term.fate == "behind":
+        if term.n_l > 0:
             yield "  l is on the other side of the flat surface: no light, whatever the interpolated n says"
         return
-    if light.cone:
-        off, alpha1, alpha2 = map(number, light.cone)
-        yield f"  {off} degrees off its direction, alpha1 = {alpha1}, alpha2 = {alpha2}: F = {number(light.strength)}"
-    yield from _way(light)
-    if light.fate == "lit":
-        F = "F " if light.cone else ""
-        yield f"  r = 2 (n.l) n - l = {vector(light.r)}, v = -d, r.v = {number(light.r_v)}"
-        yield f"  diffuse  {F}kd L C (n.l) = {vector(light.diffuse)}"
-        yield f"  specular {F}ks L max(0, r.v)^{number(hit.exponent)} = {vector(light.specular)}"
+    if term.cone:
+        off, alpha1, alpha2 = map(number, term.cone)
+        yield f"  {off} degrees off its direction, alpha1 = {alpha1}, alpha2 = {alpha2}: F = {number(term.strength)}"
+    yield from _way(term)
+    if term.fate == "lit":
+        F = "F " if term.cone else ""
+        yield f"  r = 2 (n.l) n - l = {vector(term.r)}, v = -d, r.v = {number(term.r_v)}"
+        yield f"  diffuse  {F}kd L C (n.l) = {vector(term.diffuse)}"
+        yield f"  specular {F}ks L max(0, r.v)^{number(hit.exponent)} = {vector(term.specular)}"
 
 
-def _way(light: LightTerm) -> Iterator[str]:
+def _way(term: LightTerm) -> Iterator[str]:
     """The shadow ray, if there is one."""
-    if light.fate == "lit":
+    if term.fate == "lit":
         yield "  shadow ray: nothing is between"
-        if light.behind:
-            yield f"    behind the light, which does not count: {_met(light.behind)}"
-    elif light.fate == "in shadow":
-        before = "" if math.isinf(light.distance) else f" before the light at distance {number(light.distance)}"
+        if term.behind:
+            yield f"    behind the light, which does not count: {_met(term.behind)}"
+    elif term.fate == "in shadow":
+        before = "" if math.isinf(term.distance) else f" before the light at distance {number(term.distance)}"
         yield f"  shadow ray: something is between{before}"
-        yield from (f"    {_met(met)}" for met in light.between)
-        if light.blockers > len(light.between):
-            yield f"    and {light.blockers - len(light.between)} more"
+        yield from (f"    {_met(met)}" for met in term.between)
+        if term.blockers > len(term.between):
+            yield f"    and {term.blockers - len(term.between)} more"
 
 
 def _met(met: Met) -> str:

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from PIL import Image as Picture
 
+from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
 
 Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work"]
 Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 SHOWS: tuple[Show, ...] = get_args(Show)
+DIRECTED: tuple[Show, ...] = ("normal", "direction")
 
 
 class Image:
@@ -120,13 +122,17 @@ class Image:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"frame": None}  # buffers stay with their process
 
-    def as_rgb8(self, show: Show = "color") -> NDArray[np.uint8]:
+    def as_rgb8(self, show: Show = "color", axes: ArrayLike | None = None) -> NDArray[np.uint8]:
         """(h, w, 3) uint8 that show one of the outputs: what the debugging hints of the course ask for.
 
         color: the picture, which is rgb8; normal, direction: (v + 1)/2 as red, green and blue; depth: the nearest is
         white, the farthest dark; id, primitive: a colour for each surface and for each triangle; uv: u as red and
-        v as green, without their whole parts. Where nothing was hit, all but color and direction are black. Raises
-        ValueError if there is no such show, or the image does not have that output.
+        v as green, without their whole parts. Where nothing was hit, all but color and direction are black. The
+        formulas are those of cltrace.picture.palettes.
+
+        axes: (3, 3), whose rows are the axes along which normal and direction are shown, such as a Camera's basis();
+        None for those of the world. Raises ValueError if there is no such show, the image does not have that output, or
+        axes are given to another.
         """
         if show not in SHOWS:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
@@ -134,25 +140,26 @@ class Image:
         if output not in self.outputs:
             advice = f"; show={self._shows[0]!r} shows what it has" if self._shows else ""
             raise ValueError(f"show: the image has no {output}, only {', '.join(self.outputs) or 'nothing'}{advice}")
+        if axes is not None and show not in DIRECTED:
+            raise ValueError(f"axes: must be None for {show}, only {' and '.join(DIRECTED)} have axes")
         value = getattr(self, output)
         if show == "color":
             return np.asarray(value, np.uint8)
-        if show in ("normal", "direction"):
-            bytes_ = np.rint((np.asarray(value, np.float64) + 1) * 127.5)
-            hit = np.any(value != 0, axis=-1, keepdims=True)
-            return np.where(hit, bytes_, 0).astype(np.uint8)
+        if show in DIRECTED:
+            return palettes.directions(value, None if axes is None else np.asarray(axes, np.float64))
         if show == "depth":
-            return _grey(np.asarray(value, np.float64))
+            return palettes.grey(np.asarray(value, np.float64))
         if show == "uv":
-            return _wrapped(np.asarray(value, np.float64))
-        return _distinct(np.asarray(value, np.int32))
+            return palettes.wrapped(np.asarray(value, np.float64))
+        return palettes.distinct(np.asarray(value, np.int32))
 
-    def save(self, path: str | os.PathLike[str], show: Show = "color") -> None:
+    def save(self, path: str | os.PathLike[str], show: Show = "color", axes: ArrayLike | None = None) -> None:
         """Writes a PNG, completely or not at all. A link is written through.
 
-        path: a name that ends in .png, in a folder that is there; show: which output, as as_rgb8() shows it. Raises
-        TypeError if the path is neither a str nor a Path, ValueError if the name does not end in .png or the image does
-        not have that output, and OSError if the file cannot be written. An old file of that name is then untouched.
+        path: a name that ends in .png, in a folder that is there; show, axes: which output, and how, see as_rgb8().
+        Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end in .png or the
+        image does not have that output, and OSError if the file cannot be written. An old file of that name is then
+        untouched.
         """
         if not isinstance(path, (str, os.PathLike)):
             raise TypeError(f"path: must be a str or a Path, got {path!r}")
@@ -164,43 +171,14 @@ class Image:
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no folder {str(target.parent)!r}; mkdir() of a Path makes one")
         with whole_file(target) as file:
-            self.write_png(file, show)
+            self.write_png(file, show, axes)
 
-    def write_png(self, file: BinaryIO, show: Show = "color") -> None:
-        """Writes a PNG to an open binary file. show: see save()."""
+    def write_png(self, file: BinaryIO, show: Show = "color", axes: ArrayLike | None = None) -> None:
+        """Writes a PNG to an open binary file. show, axes: see as_rgb8()."""
         # Level 1 takes a third of the default level's time. Its files are a few per cent larger.
-        Picture.fromarray(np.ascontiguousarray(self.as_rgb8(show))).save(file, "PNG", compress_level=1)
+        Picture.fromarray(np.ascontiguousarray(self.as_rgb8(show, axes))).save(file, "PNG", compress_level=1)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
         self.write_png(buffer, self._shows[0] if self._shows else "color")
         return buffer.getvalue()
-
-
-def _grey(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Depths (h, w) as grey (h, w, 3): the nearest is 255, the farthest 32, nothing 0. It is linear in 1/depth."""
-    hit = np.isfinite(depth)
-    if not hit.any():
-        return np.zeros((*depth.shape, 3), np.uint8)
-    # In the reciprocal, what is near keeps its contrast, however far the horizon is.
-    near, far = 1 / depth[hit].min(), 1 / depth[hit].max()
-    share = (1 / np.where(hit, depth, 1 / far) - far) / (near - far if near > far else 1.0)
-    grey = np.where(hit, np.rint(32 + 223 * share), 0).astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=-1)
-
-
-def _wrapped(uv: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """u and v (h, w, 2) as red and green (h, w, 3), without their whole parts."""
-    colors = np.zeros((*uv.shape[:2], 3), np.uint8)
-    colors[..., :2] = np.rint((uv - np.floor(uv)) * 255)
-    return colors
-
-
-def _distinct(index: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Indices (h, w) as colours (h, w, 3); -1 is black.
-
-    Neighbouring indices get very different colours, which are bits of the index times a large odd constant.
-    """
-    mixed = ((index.astype(np.uint64) + 1) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
-    colors = np.stack([(mixed >> np.uint64(s)) & np.uint64(255) for s in (16, 8, 0)], axis=-1)
-    return np.where(index[..., None] < 0, 0, 64 + colors * 3 // 4).astype(np.uint8)
