@@ -339,7 +339,7 @@ def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:
     # Where spheres are very many, all are on level 0, or each is on the level that has its size. Whatever is in between
     # takes longer to make and saves nothing.
     many = n >= SPARE
-    if entries <= 4.5 * n if many else entries <= 4 * n + SPARE:
+    if entries <= 6 * n if many else entries <= 4 * n + SPARE:
         return np.zeros(n, np.int8), entries
     # Cells of level `bits` are as large as the disc.
     bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)

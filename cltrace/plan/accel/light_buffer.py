@@ -37,6 +37,8 @@ FINE_SLACK = 2.0**-44
 NARROW = 2.0**-4
 # The cells of a light's grid are made for so many entries, besides 1.6 for each triangle.
 FINER = 2**14
+# Discs in more layers than this have finer cells.
+CROWDED = 32
 # One in so many discs is looked at to know the size of most.
 SAMPLE = 16
 
@@ -287,11 +289,14 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     low, sides = window.middle - window.half, 2 * window.half
     # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each one
     # has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a side at
-    # least, as the kernel looks up no window of one cell. Triangles take longer to enter than to try, and few of them
-    # may have many entries: for five meshes of 1,000 to 100,000, twice as many or half as many change little.
+    # least, as the kernel looks up no window of one cell. Where discs lie in many layers, lists are long, and cells as
+    # wide as one disc are faster: a million spheres in 7,000 layers take 0.5 of the time, and 0.34 with half of that
+    # width, but 9 entries for each. Triangles take longer to enter than to try, and few of them may have many entries:
+    # for five meshes of 1,000 to 100,000, twice as many or half as many change little.
     some = any(part.corner is not None for part in discs)
-    entries = 1.6 + min(FINER / max(1, members), 64) if some else 2.25
     size = float(np.median(np.concatenate([part.sizes() for part in discs])))
+    layers = members * size**2 / (sides[0] * sides[1])
+    entries = 1.6 + min(FINER / max(1, members), 64) if some else 4 if layers > CROWDED else 2.25
     most = max(members, FINER if some else 2)
     cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
     cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
