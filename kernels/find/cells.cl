@@ -84,9 +84,9 @@ static void fetch_ahead(const Spheres spheres, const Lists lists, __global const
 #define FETCH_ENTRY(scene, filter, light, k)                                                                          \
     fetch_entry((scene).spheres, (scene).lists, filter, FACETS(scene, filter, light), k)
 
-#if defined(WITH_BOUNCES) || defined(WITH_TRIANGLES)
-/* The same for the lists of all lanes' cells in a light's buffer. Rays from mirrors reach lists that are far apart, and
- * what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's filter. */
+/* The same for the lists of all lanes' cells in a light's buffer. Points of different surfaces have lists that are far
+ * apart, and what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's
+ * filter. */
 static void fetch_lists(const Scene scene, const int light, const INT cell) {
     int each[W];
     STORE_LANES(cell, each);
@@ -107,7 +107,6 @@ static void fetch_lists(const Scene scene, const int light, const INT cell) {
     }
 }
 #define FETCH_LISTS(scene, light, cell) fetch_lists(scene, light, cell)
-#endif
 
 #ifdef WITH_BOUNCES
 /* The same for the surfaces that each of the lanes has met. */
