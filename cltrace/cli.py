@@ -346,7 +346,7 @@ def _stats(scene: Scene, renderer: Renderer, image: Image) -> dict[str, Any]:
         "device": renderer.device.name,
         "precision": renderer.precision,
         "size": [width, height],
-        "spheres": len(scene.spheres),
+        "spheres": len(scene.columns),
         "triangles": scene.triangles,
         "features": sorted(renderer.plan.features),
         "seconds": {name: image.seconds[name] for name in names},

@@ -5,16 +5,19 @@ from __future__ import annotations
 import threading
 import time
 from copy import copy
+from dataclasses import replace
 from typing import NoReturn
+
+from numpy.typing import ArrayLike
 
 from cltrace.errors import DeviceError
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
-from cltrace.plan.plan import Plan, View, World
+from cltrace.plan.plan import Before, Plan, View, World
 from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
-from cltrace.scene import Camera, Scene
+from cltrace.scene import Camera, Scene, with_spheres
 
 
 def default_precision(device: Device) -> Precision:
@@ -66,8 +69,9 @@ class Renderer:
         if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
         start = time.perf_counter()
+        self._lock = threading.Lock()
         self._world = World.of(scene, self.request)
-        self._look(scene, start, None)
+        self._see(scene, start)
 
     def look(self, camera: Camera) -> Renderer:
         """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
@@ -78,20 +82,70 @@ class Renderer:
         BuildError as Renderer does.
         """
         check_process()
-        other = copy(self)
-        other._look(self.scene.seen_by(camera), time.perf_counter(), self._executor)
+        with self._lock:
+            other = copy(self)
+        other._lock = threading.Lock()
+        other._see(other.scene.seen_by(camera), time.perf_counter(), other._executor)
         return other
 
-    def _look(self, scene: Scene, start: float, before: Executor | None) -> None:
-        """Makes plan and executor for a scene. start: time.perf_counter() when the work began; before: see Executor."""
+    def update(
+        self,
+        centers: ArrayLike | None = None,
+        radii: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        *,
+        ka: ArrayLike | None = None,
+        kd: ArrayLike | None = None,
+        ks: ArrayLike | None = None,
+        exponent: ArrayLike | None = None,
+        reflectance: ArrayLike | None = None,
+        transmittance: ArrayLike | None = None,
+        index: ArrayLike | None = None,
+    ) -> Renderer:
+        """Gives the scene's spheres other places, sizes or materials, and returns this Renderer.
+
+        The arguments are those of Scene.from_spheres; what is None stays as it is, and so do camera, lights and meshes.
+        Where ka was not given at first, it follows kd. If `centers` are another number of spheres, all that is an array
+        of as many as there were must be given, too. Radii of ellipsoids are those before their linear map.
+
+        Only what the changes touch is made again: for materials alone no list, as long as light goes the same ways,
+        and the order of the spheres in memory is kept while it is good. Renderers that look() has made stay as they
+        are. Pictures are those of a new Renderer of the new `scene`, to the bit. An image of an earlier render() can
+        still be handed to render().
+
+        Raises ValueError as Scene.from_spheres does, and DeviceError and BuildError as Renderer does. Nothing is
+        changed then.
+        """
+        check_process()
+        places = {"centers": centers, "radii": radii, "colors": colors, "ka": ka, "kd": kd, "ks": ks}
+        others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
+        given = {name: value for name, value in (places | others).items() if value is not None}
+        with self._lock:
+            start = time.perf_counter()
+            other, scene = copy(self), with_spheres(self.scene, given)
+            other._world = World.of(scene, self.request, Before(self.scene, self._world))
+            view = self._view if other._world.differs_in_materials(self._world) else None
+            other._see(scene, start, self._executor, view)
+            other._executor.take_over(self._executor)
+            self.__dict__.update(other.__dict__)
+        return self
+
+    def _see(self, scene: Scene, start: float, before: Executor | None = None, view: View | None = None) -> None:
+        """Makes plan and executor for a scene.
+
+        start: time.perf_counter() when the work began; before: see Executor; view: of a world that differs in materials
+        alone from this one.
+        """
         self.scene = scene
-        view = View.of(self._world, scene.camera, self.request)
-        self.plan = Plan.of(self._world, view, self.request)
+        if view:
+            self._view = replace(view.recolored(self._world, self.request), seconds={})
+        else:
+            self._view = View.of(self._world, scene.camera, self.request)
+        self.plan = Plan.of(self._world, self._view, self.request)
         packed = time.perf_counter() - start
         self._executor = Executor(self.plan, self.device, self.width, before)
         seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
-        self._lock = threading.Lock()
 
     @property
     def precision(self) -> Precision:
@@ -109,7 +163,7 @@ class Renderer:
         return self.plan.skipped
 
     def __repr__(self) -> str:
-        size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.spheres)} spheres"
+        size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.columns)} spheres"
         if self.scene.meshes:
             counts += f", {len(self.scene.meshes)} meshes"
         return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
@@ -133,10 +187,11 @@ class Renderer:
         pixel, and DeviceError if the driver fails or in a forked process. What `out` holds after an error is undefined.
         """
         check_process()
-        executor = self._executor
-        if out is not None and (not isinstance(out, Image) or getattr(out.frame, "owner", None) is not executor):
-            raise ValueError("out: must be an image that this Renderer has rendered")
-        with self._lock, executor.driver_errors():
+        with self._lock, (executor := self._executor).driver_errors():
+            if out is not None and (
+                not isinstance(out, Image) or getattr(out.frame, "owner", None) is not executor.room
+            ):
+                raise ValueError("out: must be an image that this Renderer has rendered")
             frame = executor.frame() if out is None else out.frame
             start = time.perf_counter()
             executor.draw(frame)

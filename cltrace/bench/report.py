@@ -54,7 +54,7 @@ def _best_and_median(values: list[float]) -> tuple[float, float]:
 
 def title(row: Row) -> str:
     width, height = row.case.scene.camera.resolution
-    counts = {"sphere": len(row.case.scene.spheres), "triangle": row.case.scene.triangles}
+    counts = {"sphere": len(row.case.scene.columns), "triangle": row.case.scene.triangles}
     shapes = ", ".join(f"{n:,} {name}{'s' * (n != 1)}" for name, n in counts.items() if n or name == "sphere")
     return f"{row.case.group}: {row.case.name} ({shapes}, {width}x{height})"
 
@@ -179,7 +179,7 @@ def _plain(row: Row) -> dict[str, Any]:
     return {
         "scene": row.case.name,
         "class": row.case.group,
-        "spheres": len(row.case.scene.spheres),
+        "spheres": len(row.case.scene.columns),
         "triangles": row.case.scene.triangles,
         "size": list(row.case.scene.camera.resolution),
         "tracer": row.name,

@@ -42,12 +42,8 @@ def pack_lights(
     material.
     """
     out = np.zeros(len(lights), dtype_of("Light", precision))
-    color = finite32(lights["color"])
-    out["color"][:, :3], out["cone"][:, 2] = color, -np.inf
-    if shade_dtype(precision).itemsize == 4:
-        # The logarithm of the lobe that makes a highlight of 2^-20 of a byte's level: fainter ones are left out. Not so
-        # in double, which follows the reference's formula throughout.
-        out["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
+    out["color"][:, :3] = finite32(lights["color"])
+    dim_highlights(out, lights, precision, brightest)
     for k, light in enumerate(lights):
         direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
         if light["kind"] == PARALLEL:
@@ -66,6 +62,16 @@ def pack_lights(
             out["axis"][k] = (*direction, math.cos(alpha2))
             out["cone"][k, :2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
     return out
+
+
+def dim_highlights(packed: NDArray[np.void], lights: NDArray[np.void], precision: Precision, brightest: float) -> None:
+    """Sets which highlights of lights (m,) are too faint to be seen. packed, brightest: as of pack_lights()."""
+    packed["cone"][:, 2] = -np.inf
+    if shade_dtype(precision).itemsize == 4:
+        # The logarithm of the lobe that makes a highlight of 2^-20 of a byte's level: fainter ones are left out. Not so
+        # in double, which follows the reference's formula throughout.
+        color = finite32(lights["color"])
+        packed["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
 
 
 def _unit(v: Array) -> Array:

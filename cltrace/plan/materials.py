@@ -39,7 +39,7 @@ class Materials:
     def of(cls, scene: Scene, request: Request, which: NDArray[np.int32] | None) -> Materials:
         """Materials of a scene in its ambient light. which: (m,), their indices in the scene, None for all of them."""
         columns, precision = scene.columns, request.precision
-        shade, m = columns.shade, columns.materials_count if which is None else len(which)
+        shade, m = columns.every_shade(), columns.materials_count if which is None else len(which)
         ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
 
         def some(name: str, rows: slice) -> Array:

@@ -9,6 +9,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from cltrace.blocks import blockwise, empty
 
+# One in so many spheres is looked at to know how good an order is.
+SAMPLE = 16
+
 
 def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
     """The indices (n,) of points (n, 3) in the order of a curve through space, of which neighbours are near each other.
@@ -43,6 +46,13 @@ def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
 
     blockwise(n, cut)
     return order
+
+
+def step(center: NDArray[np.float64]) -> float:
+    """How far apart neighbours in an order are on average, of a sample: a share of the size of all of it."""
+    one, other = center[:-1:SAMPLE], center[1::SAMPLE]
+    size = max(1e-300, float(np.ptp(one / 2, axis=0).max()))
+    return float(np.abs(other / 2 - one / 2).mean()) / size
 
 
 def _axes(points: NDArray[Any]) -> NDArray[np.float64]:

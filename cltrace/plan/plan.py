@@ -26,9 +26,9 @@ from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeat
 from cltrace.plan.dropping import brightest, limits
 from cltrace.plan.exact import Array, rotated
 from cltrace.plan.features import Contents, features
-from cltrace.plan.lights import LightView, LightViews, counts, pack_lights, useful_lights
+from cltrace.plan.lights import LightView, LightViews, counts, dim_highlights, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
-from cltrace.plan.order import gathered, spatial_order
+from cltrace.plan.order import gathered, spatial_order, step
 from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
@@ -42,24 +42,29 @@ from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
 # From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
 # 10,000 takes 10 either way, as all that a picture needs stays in a cache.
 MANY = 4096
+# Up to so many times as far as at first may neighbours in an order be from each other before it is made anew.
+WORSE = 2.0
 
 
 @dataclass(frozen=True)
 class World:
     """What no camera changes: n spheres, meshes, their materials and the lights, for one precision.
 
-    center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units, in the order in which spheres are
-    packed; maps: what makes ellipsoids of some, None if there are none; reach: (n,) float64, no less than how far a
-    surface is from its centre, which of a sphere is the radius; triangles: those of the meshes, t of them, and
-    attributes: what their corners have for shading; id: (n + t,), the number of each sphere's or triangle's surface in
-    the scene; material_of: (n + t,), the index of each one's material in materials; textures: those that surfaces have;
-    again: (n,), whether it is equal to a sphere before it; lights: (m,) of the scene's records, those that can add to a
+    order: (n,), the index in the scene of each sphere, in the order in which they are packed; step: of that order when
+    it was made, see order.step(); center: (n, 3) float64, and radius: (n,) float64, in the world, in scene units; maps:
+    what makes ellipsoids of some, None if there are none; reach: (n,) float64, no less than how far a surface is from
+    its centre, which of a sphere is the radius; triangles: those of the meshes, t of them, and attributes: what their
+    corners have for shading; id: (n + t,), the number of each sphere's or triangle's surface in the scene; material_of:
+    (n + t,), the index of each one's material in materials; textures: those that surfaces have; again: (n,), whether it
+    is equal to a sphere with a lower number; lights: (m,) of the scene's records, those that can add to a
     colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave
     surfaces, None where there are neither ellipsoids nor such rays; background: linear (r, g, b); peak: (3,),
     brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how often;
     seconds: what took how long: "tree".
     """
 
+    order: NDArray[np.int32]
+    step: float
     center: Array
     radius: Array
     maps: Maps | None
@@ -86,39 +91,59 @@ class World:
         return np.asarray(bounce[self.material_of[:n], 1] == 0) if len(bounce) else np.ones(n, bool)
 
     @classmethod
-    def of(cls, scene: Scene, request: Request) -> World:
-        """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory."""
+    def of(cls, scene: Scene, request: Request, before: Before | None = None) -> World:
+        """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory.
+
+        before: a world of another scene with as many meshes, for the same request. What they have in common is taken
+        from it, and the spheres' order, if it is still good.
+        """
         columns, keep = scene.columns, request.keep
-        n = len(columns.center)
-        by_place = n >= MANY and "order" not in keep
-        order = spatial_order(columns.center) if by_place else np.arange(n, dtype=np.int32)
-        center = gathered(columns.center, order, (n, 3), np.float64)
-        radius = gathered(columns.radius, order, (n,), np.float64)
-        shape = columns.to_object.take(order) if columns.to_object.ndim else columns.to_object
-        triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep)
-        number = order if not scene.meshes else scene.sphere_numbers.take(order)
-        again = repeated(center, radius, shape, number, by_place)
-        materials, of = _materials(scene, request, order, triangles)
+        places = _places(scene, request, before)
+        center, radius, order = places.center, places.radius, places.order
+        known = before.world if before and before.world.center is center else None
+        if before and before.scene.meshes is scene.meshes:
+            triangles, attributes = before.world.triangles, before.world.attributes
+        else:
+            triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep)
+            textured = bool(scene.textures) or "uv" in request.outputs
+            attributes = Attributes.of(scene.meshes, request.precision, textured)
+        if known and known.radius is radius and known.triangles is triangles:
+            maps, reach, number, again = known.maps, known.reach, known.id, known.again
+            core = radius * maps.shortest[maps.of_sphere] if maps else radius
+        else:
+            known = None
+            number = order if not scene.meshes else scene.sphere_numbers.take(order)
+            shape = columns.to_object.take(order) if columns.to_object.ndim else columns.to_object
+            again = repeated(center, radius, shape, number, places.by_place)
+            number = np.concatenate([number, triangles.surface]) if scene.meshes else number
+            maps, reach, core = None, radius, radius
+            if (shape >= 0).any():
+                maps = Maps.of(shape, scene.to_object)
+                reach, core = (radius * by[maps.of_sphere] for by in (maps.longest, maps.shortest))
+        if before and before.scene.columns.shade is columns.shade and before.world.order is order:
+            materials, of = before.world.materials, before.world.material_of
+        else:
+            materials, of = _materials(scene, request, order, triangles)
         lights = useful_lights(scene.lights, materials.reflect(of), "lights" in keep)
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
-        maps, reach, core = None, radius, radius
-        if (shape >= 0).any():
-            maps = Maps.of(shape, scene.to_object)
-            reach, core = (radius * by[maps.of_sphere] for by in (maps.longest, maps.shortest))
-        paths, seconds = None, dict[str, float]()
         bounces = Bounces.of(materials.bounce, of, "bounces" in keep) if request.needs_colors else NO_BOUNCES
-        if len(of) and (bounces.any or maps or scene.triangles):
+        paths, seconds = None, dict[str, float]()
+        if known and known.bounces.any == bounces.any:
+            paths = known.paths
+        elif len(of) and (bounces.any or maps or scene.triangles):
             with _timed(seconds, "tree"):
                 member = ~again if bounces.any else None
                 paths = Paths.of(center, reach, core, member, triangles.vertex, triangles.face[:, :3])
         return cls(
+            order,
+            places.step,
             center,
             radius,
             maps,
             reach,
             triangles,
-            Attributes.of(scene.meshes, request.precision, bool(scene.textures) or "uv" in request.outputs),
-            np.concatenate([number, triangles.surface]) if scene.meshes else number,
+            attributes,
+            number,
             of,
             again,
             materials,
@@ -131,6 +156,54 @@ class World:
             {"lights that add nothing": useless} if useless else {},
             seconds,
         )
+
+    def differs_in_materials(self, other: World) -> bool:
+        """Whether all that a View shows of one is what it shows of the other, but for colours and coefficients."""
+        names = ("center", "radius", "triangles", "attributes", "id", "again", "paths")
+        return (
+            all(getattr(self, name) is getattr(other, name) for name in names)
+            and self.lights.tobytes() == other.lights.tobytes()
+            and (self.bounces.any, self.bounces.glass) == (other.bounces.any, other.bounces.glass)
+            and (not self.bounces.any or np.array_equal(self.opaque, other.opaque))
+        )
+
+
+class Before(NamedTuple):
+    """A scene and its world."""
+
+    scene: Scene
+    world: World
+
+
+class _Places(NamedTuple):
+    """Spheres in the order in which they are packed: see World. by_place: whether neighbours are near each other."""
+
+    order: NDArray[np.int32]
+    step: float
+    by_place: bool
+    center: Array
+    radius: Array
+
+
+def _places(scene: Scene, request: Request, before: Before | None) -> _Places:
+    """Where the spheres are. before: see World.of()."""
+    columns = scene.columns
+    n = len(columns)
+    by_place = n >= MANY and "order" not in request.keep
+    center, order, far = None, None, 0.0
+    old, world = (before.scene.columns, before.world) if before and len(before.scene.columns) == n else (None, None)
+    if old and world:
+        order, far = world.order, world.step
+        center = world.center if old.center is columns.center else gathered(columns.center, order, (n, 3), np.float64)
+        if by_place and center is not world.center and step(center) > WORSE * far:
+            order = None
+    if order is None or center is None:
+        order = spatial_order(columns.center) if by_place else np.arange(n, dtype=np.int32)
+        center = gathered(columns.center, order, (n, 3), np.float64)
+        far = step(center) if by_place else 0.0
+    if old and world and old.radius is columns.radius and order is world.order:
+        return _Places(order, far, by_place, center, world.radius)
+    return _Places(order, far, by_place, center, gathered(columns.radius, order, (n,), np.float64))
 
 
 def _materials(
@@ -187,7 +260,7 @@ class View:
         brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
         lights = pack_lights(world.lights, exact.position, basis, request.precision, brightest)
         arrays = _spheres(world, exact, small, real, k) | _in_world(world, camera, space, real) | {"light": lights}
-        arrays |= world.textures.arrays()
+        arrays |= _shades(world) | world.textures.arrays()
         arrays |= _paths(world, k if real.itemsize == 4 else None, basis, real)
         arrays |= world.attributes.arrays() | _vertices(world, k if real.itemsize == 4 else None, real)
         skipped = dict(world.skipped)
@@ -211,7 +284,7 @@ class View:
             camera,
             region,
             -k if real.itemsize == 4 else 0,
-            {name: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for name, a in arrays.items()},
+            _not_empty(arrays),
             {
                 "lights": (*counts(world.lights), len(world.lights)),
                 "count": len(world.radius),
@@ -225,6 +298,14 @@ class View:
             skipped,
             seconds,
         )
+
+    def recolored(self, world: World, request: Request) -> View:
+        """The same view of a world that differs_in_materials() from the one that was seen."""
+        brightest = world.materials.brightest * world.bounces.growth(self.camera.max_bounces)
+        lights = self.arrays["light"].copy()
+        dim_highlights(lights[: len(world.lights)], world.lights, request.precision, brightest)
+        arrays = _shades(world) | world.textures.arrays() | {"light": lights}
+        return replace(self, arrays=self.arrays | _not_empty(arrays))
 
 
 @dataclass(frozen=True)
@@ -305,7 +386,7 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
 
 
 def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any], k: int) -> dict[str, NDArray[Any]]:
-    """The buffers of spheres and materials.
+    """The buffers of spheres.
 
     exact: in the unit of `real`; small: in that of the float buffers, scene units times 2^k.
     """
@@ -319,11 +400,18 @@ def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any], k: i
         "center_radius": np.concatenate([exact.center, radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, np.minimum(1 / radius, largest)], axis=1).astype(real),
         "id_of": world.id,
-        "material_of": world.material_of,
-        "material": world.materials.packed,
-        "bounce": world.materials.bounce,
         "eye_filter": eye_filter,
     }
+
+
+def _shades(world: World) -> dict[str, NDArray[Any]]:
+    """The buffers of materials."""
+    return {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
+
+
+def _not_empty(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """These arrays, those that are empty with one element: no buffer is empty."""
+    return {name: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for name, a in arrays.items()}
 
 
 def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:

@@ -113,7 +113,7 @@ def check(
     """
     if not {"rgb8", "id"} <= set(image.outputs):
         raise ValueError("check: the image must have rgb8 and id")
-    affordable = max(1, DEFAULT_TESTS // max(1, len(scene.spheres) + scene.triangles // TRIANGLES))
+    affordable = max(1, DEFAULT_TESTS // max(1, len(scene.columns) + scene.triangles // TRIANGLES))
     shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
     if pixels is None:
         pixels = min(DEFAULT_PIXELS, affordable)
@@ -145,7 +145,7 @@ def check(
         largest=int(error.max(initial=0)),
         rms=float(np.sqrt(np.mean(levels.astype(np.float64) ** 2))) if len(chosen) else 0.0,
         where=[(origin[0] + int(chosen[i]) % width, origin[1] + int(chosen[i]) // width) for i in worst],
-        spheres=len(scene.spheres),
+        spheres=len(scene.columns),
         triangles=scene.triangles,
         seconds=seconds,
         shrunk=shrunk,

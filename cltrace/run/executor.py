@@ -49,11 +49,11 @@ NOTHING = np.iinfo(np.int32).max
 class Frame:
     """Room for the outputs of one frame, which are whole packets.
 
-    owner: the executor that made it; width, height: in pixels; arrays: on the host, by the outputs' names, (height,
-    width, channels) each; buffers: on the device. On a CPU a buffer is its array.
+    owner: the `room` of the executor that made it; width, height: in pixels; arrays: on the host, by the outputs'
+    names, (height, width, channels) each; buffers: on the device. On a CPU a buffer is its array.
     """
 
-    owner: Executor
+    owner: object
     width: int
     height: int
     arrays: dict[str, NDArray[Any]]
@@ -73,6 +73,7 @@ class Executor:
     def __init__(self, plan: Plan, device: Device, width: int, before: Executor | None = None) -> None:
         self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
+        self.room = object()
         self._rows = FIRST_ROWS // 4 if "WITH_SPLITS" in plan.features else FIRST_ROWS
         self._move_to(plan.region)
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
@@ -92,6 +93,10 @@ class Executor:
             # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
             self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait()
 
+    def take_over(self, before: Executor) -> None:
+        """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
+        self.room, self._rows = before.room, before._rows
+
     def frame(self) -> Frame:
         """Room for one frame. Its arrays hold nothing yet."""
         columns, rows = self.packet.columns, self.packet.rows
@@ -110,7 +115,7 @@ class Executor:
             else cl.Buffer(self._context, write, a.nbytes)
             for n, a in arrays.items()
         }
-        return Frame(self, width, height, arrays, buffers)
+        return Frame(self.room, width, height, arrays, buffers)
 
     def draw(self, frame: Frame) -> None:
         """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.

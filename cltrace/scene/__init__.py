@@ -1,6 +1,7 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
 from cltrace.scene.camera import MAX_BOUNCES, Camera, check_resolution
+from cltrace.scene.changes import with_spheres
 from cltrace.scene.lights import (
     AMBIENT,
     LIGHT,
@@ -65,4 +66,5 @@ __all__ = [
     "texels",
     "uniform_scales",
     "whole_inverse",
+    "with_spheres",
 ]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.materials import COEFFICIENTS, check_index, packed
-from cltrace.scene.rules import ANY, NOT_NEGATIVE, Rule, check_not_bytes, check_rule, real_numbers
-from cltrace.scene.surfaces import SPHERE
+from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, packed
+from cltrace.scene.rules import ANY, NOT_NEGATIVE, Rule, check_not_bytes, check_rule, numbers, real_numbers
+from cltrace.scene.surfaces import MAX_SPHERES, SPHERE
 
+Shade = Mapping[str, NDArray[Any]]
 # The arguments of a material, by the names of MATERIAL's fields.
 ARGUMENTS = {"color": "colors", **{name: name for name in (*COEFFICIENTS, "index")}}
 
@@ -24,22 +25,29 @@ class Columns:
 
     center: (n, 3), and radius: (n,) or (), in scene units; material: (n,) or (), index of a sphere's material, None
     where each sphere has its own, in the same order; to_object: (n,) or (), index of the map of an ellipsoid, -1 for
-    none; shade: color (m, 3) or (3,), and the other fields of MATERIAL, (m,) or (), by their names; materials_count: m.
-    Numbers are float32 or float64.
+    none; shade: color (m, 3) or (3,), and the other fields of MATERIAL, (m,) or (), by their names; count: m; rest:
+    MATERIAL, those of meshes alone, which come after these; follows: whether ka is kd, as it was not given. Numbers are
+    float32 or float64.
     """
 
     center: NDArray[Any]
     radius: NDArray[Any]
     material: NDArray[np.int32] | None
     to_object: NDArray[np.int32]
-    shade: Mapping[str, NDArray[Any]]
-    materials_count: int
+    shade: Shade
+    count: int
+    rest: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, MATERIAL))
+    follows: bool = False
 
     def __post_init__(self) -> None:
-        arrays = (self.center, self.radius, self.material, self.to_object, *self.shade.values())
+        arrays = (self.center, self.radius, self.material, self.to_object, self.rest, *self.shade.values())
         for array in arrays:
             if array is not None:
                 array.flags.writeable = False
+
+    def __len__(self) -> int:
+        """n."""
+        return len(self.center)
 
     @classmethod
     def of_records(cls, spheres: NDArray[np.void], materials: NDArray[np.void]) -> Columns:
@@ -48,10 +56,26 @@ class Columns:
         shade = {name: materials[name] for name in (*ARGUMENTS, "texture")}
         return cls(center, radius, material, to_object, shade, len(materials))
 
+    @property
+    def materials_count(self) -> int:
+        """How many materials there are in all."""
+        return self.count + len(self.rest)
+
+    def every_shade(self) -> Shade:
+        """As `shade`, of all materials: those of the spheres, then the rest."""
+        if not len(self.rest):
+            return self.shade
+        found = {}
+        for name in MATERIAL.names or ():
+            width = (3,) if name == "color" else ()
+            own = np.broadcast_to(self.shade.get(name, np.array(-1, np.int32)), (self.count, *width))
+            found[name] = np.concatenate([own, self.rest[name]])
+        return found
+
     @functools.cached_property
     def spheres(self) -> NDArray[np.void]:
         """(n,) SPHERE."""
-        out = np.empty(len(self.center), SPHERE)
+        out = np.empty(len(self), SPHERE)
         out["center"], out["radius"], out["to_object"] = self.center, self.radius, self.to_object
         out["material"] = np.arange(len(out)) if self.material is None else self.material
         out.flags.writeable = False
@@ -60,7 +84,7 @@ class Columns:
     @functools.cached_property
     def materials(self) -> NDArray[np.void]:
         """(m,) MATERIAL."""
-        out = packed(self.materials_count, self.shade)
+        out = packed(self.materials_count, self.every_shade())
         out.flags.writeable = False
         return out
 
@@ -70,6 +94,23 @@ class Columns:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self.__post_init__()
+
+
+def points(centers: ArrayLike, radii: ArrayLike) -> NDArray[Any]:
+    """The centres as an (n, 3) array; ValueError if they are none, with advice where they and the radii are swapped."""
+    found = real_numbers("centers", centers)
+    if found.shape == (0,):  # an empty list
+        return found.reshape(0, 3)
+    if found.ndim == 2 and found.shape[1] == 3:
+        if len(found) > MAX_SPHERES:
+            raise ValueError(f"centers: must be at most {MAX_SPHERES}, got {len(found)}")
+        check_rule("centers", ANY, found)
+        return found
+    swapped = found.ndim < 2 and np.shape(numbers("radii", radii))[1:] == (3,)
+    raise ValueError(
+        f"centers: must have shape (n, 3), got {found.shape}"
+        + (f"; radii has shape {np.shape(radii)}: are the two swapped?" if swapped else "")
+    )
 
 
 def shades(given: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[Any]]:

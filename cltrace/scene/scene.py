@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
-from cltrace.scene.columns import Columns, column, shades
+from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
 from cltrace.scene.materials import (
@@ -37,12 +37,10 @@ from cltrace.scene.rules import (
     check_rule,
     described,
     numbers,
-    real_numbers,
     vector,
 )
 from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
-    MAX_SPHERES,
     SPHERE,
     check_spheres,
     checked_maps,
@@ -149,9 +147,16 @@ class Scene:
         other.__setstate__({**self.__dict__, **changes})
         return other
 
+    def with_columns(self, columns: Columns, meshes: tuple[PlacedMesh, ...]) -> Scene:
+        """The same scene with other spheres, materials and meshes, which are taken as they are."""
+        other = object.__new__(type(self))
+        state = {**self.__getstate__(), "columns": columns, "meshes": meshes, "source": None}
+        other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
+        return other
+
     def __repr__(self) -> str:
         width, height = self.camera.resolution
-        parts = [f"{len(self.spheres)} spheres", f"{len(self.lights)} lights"]
+        parts = [f"{len(self.columns)} spheres", f"{len(self.lights)} lights"]
         if self.meshes:
             parts.insert(1, f"{len(self.meshes)} meshes of {self.triangles} triangles")
         return f"<cltrace.Scene {width}x{height}: {', '.join(parts)}>"
@@ -165,8 +170,8 @@ class Scene:
     def sphere_numbers(self) -> NDArray[np.int32]:
         """(n,): the number of each sphere among all surfaces, rising."""
         taken = np.array([mesh.number for mesh in self.meshes], np.int64)
-        free = np.setdiff1d(np.arange(len(self.spheres) + len(taken)), taken, assume_unique=True)
-        numbers = free[: len(self.spheres)].astype(np.int32)
+        free = np.setdiff1d(np.arange(len(self.columns) + len(taken)), taken, assume_unique=True)
+        numbers = free[: len(self.columns)].astype(np.int32)
         numbers.flags.writeable = False
         return numbers
 
@@ -238,11 +243,8 @@ class Scene:
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
         lights = joined(lights)
-        center = _points(centers, radii)
+        center = points(centers, radii)
         n = len(center)
-        if n > MAX_SPHERES:
-            raise ValueError(f"centers: must be at most {MAX_SPHERES}, got {n}")
-        check_rule("centers", ANY, center)
         radius = column("radii", POSITIVE, radii, (n,))
         given = {"color": colors, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
@@ -253,7 +255,7 @@ class Scene:
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
-        found = Columns(center, radius, material, to_object, shade, 1 if one else n)
+        found = Columns(center, radius, material, to_object, shade, 1 if one else n, follows=ka is None)
         return cls._made(camera, lights, found, background, output_file, maps, shapes)
 
     @classmethod
@@ -290,16 +292,14 @@ class Scene:
     ) -> Scene:
         """A scene of spheres and their materials, and of meshes after them with theirs."""
         kinds = {id(mesh.material): mesh.material for mesh in meshes}
-        place = {key: columns.materials_count + i for i, key in enumerate(kinds)}
+        place = {key: columns.count + i for i, key in enumerate(kinds)}
         more, textures = records(kinds.values())
         check_texels(textures)
-        n = len(columns.center)
+        n = len(columns)
         placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
-        surfaces: dict[str, Any] = {"columns": columns}
-        if len(more):
-            surfaces = {"spheres": columns.spheres, "materials": np.concatenate([columns.materials, more])}
         scene = cls.__new__(cls)
+        surfaces = {"columns": replace(columns, rest=more)}
         scene._fill(camera, lights, surfaces, background, output_file, to_object, placed, textures)
         return scene
 
@@ -309,20 +309,6 @@ def _check_camera(camera: object, order: str = "") -> None:
     if not isinstance(camera, Camera):
         advice = f"; the order is {order}" if order else ""
         raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
-
-
-def _points(centers: ArrayLike, radii: ArrayLike) -> NDArray[Any]:
-    """The centres as an (n, 3) array; ValueError if they are none, with advice where they and the radii are swapped."""
-    points = real_numbers("centers", centers)
-    if points.shape == (0,):  # an empty list
-        return points.reshape(0, 3)
-    if points.ndim == 2 and points.shape[1] == 3:
-        return points
-    swapped = points.ndim < 2 and np.shape(numbers("radii", radii))[1:] == (3,)
-    raise ValueError(
-        f"centers: must have shape (n, 3), got {points.shape}"
-        + (f"; radii has shape {np.shape(radii)}: are the two swapped?" if swapped else "")
-    )
 
 
 def _shaped(

@@ -1,0 +1,107 @@
+"""The same scene with other spheres: other places, sizes or materials, checked as Scene.from_spheres checks them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
+from cltrace.scene.materials import check_index, packed
+from cltrace.scene.meshes import PlacedMesh
+from cltrace.scene.rules import POSITIVE
+from cltrace.scene.scene import Scene
+from cltrace.scene.surfaces import extent_faults, reaches
+
+
+def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
+    """A scene with other spheres. What is not changed is the same arrays.
+
+    given: by the names of Scene.from_spheres, some of centers, radii, colors, ka, kd, ks, exponent, reflectance,
+    transmittance and index. Where ka was not given at first, it follows kd. The numbers of meshes that come after all
+    spheres stay those after all spheres.
+
+    Raises ValueError, which names the argument and the index, also where the number of spheres changes and an array of
+    as many as there were is not given, where there are ellipsoids, or meshes between the spheres.
+    """
+    columns, meshes = scene.columns, scene.meshes
+    n = len(columns)
+    if "centers" in given:
+        center = points(given["centers"], given.get("radii", 1.0))
+        if len(center) != n:
+            _check_number(scene, given, len(center))
+            meshes = tuple(mesh.of(mesh.material, mesh.number + len(center) - n) for mesh in meshes)
+            n = len(center)
+        columns = replace(columns, center=center)
+    if "radii" in given:
+        columns = replace(columns, radius=column("radii", POSITIVE, given["radii"], (n,)))
+    if columns.to_object.ndim and ("radii" in given):
+        _check_extents(columns, scene.to_object)
+    names = {ARGUMENTS[name]: name for name in ARGUMENTS}
+    shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
+    if len(columns) != len(scene.columns) or shade:
+        columns, meshes = _shaded(columns, meshes, shade)
+    return scene.with_columns(columns, meshes)
+
+
+def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:
+    """Raises ValueError if the number of spheres may not become n with what is given."""
+    columns = scene.columns
+    was = len(columns)
+    if (columns.to_object >= 0).any():
+        raise ValueError(f"centers: must be {was}, as ellipsoids keep their shapes, got {n}")
+    if any(mesh.number < was for mesh in scene.meshes):
+        raise ValueError(f"centers: must be {was}, as there are meshes between the spheres, got {n}")
+    lengths = {"radii": columns.radius.ndim > 0}
+    shared = columns.material is not None and columns.material.ndim == 0
+    for name, argument in ARGUMENTS.items():
+        follows = name == "ka" and "kd" in given and columns.follows
+        lengths[argument] = columns.shade[name].ndim > (name == "color") and not shared and not follows
+    for argument, per_sphere in lengths.items():
+        if per_sphere and argument not in given:
+            raise ValueError(f"{argument}: must be given, too, where there are {n} centers instead of {was}")
+
+
+def _check_extents(columns: Columns, to_object: NDArray[np.float64]) -> None:
+    """Raises ValueError if an ellipsoid reaches too far, or not far enough."""
+    bent = np.flatnonzero(columns.to_object >= 0)
+    radii = np.broadcast_to(columns.radius, (len(columns),))[bent].astype(np.float64)
+    for i, fault in extent_faults(radii, reaches(to_object)[columns.to_object[bent]]):
+        raise ValueError(f"radii[{bent[i]}]: {fault}")
+
+
+def _shaded(columns: Columns, meshes: tuple[PlacedMesh, ...], given: Shade) -> tuple[Columns, tuple[PlacedMesh, ...]]:
+    """The spheres with another shade, one value of which is for all or for each, and the meshes with theirs."""
+    n = len(columns)
+    follows = columns.follows and "ka" not in given
+    if follows and "kd" in given:
+        given = {**given, "ka": given["kd"]}
+    shade = {name: given[name] if name in given else _of_spheres(columns, name) for name in columns.shade}
+    if "index" in given or "transmittance" in given:
+        check_index("index", shade["index"], shade["transmittance"])
+    one = not any(values.ndim > (name == "color") for name, values in shade.items())
+    material: NDArray[np.int32] | None
+    count, material = (1, np.zeros((), np.int32)) if one else (n, None)
+    rest = columns.rest
+    of = np.array([mesh.material for mesh in meshes], np.int64)
+    if (of < columns.count).any():  # those of a file are in no order
+        kinds = np.unique(of)
+        rest = packed(columns.materials_count, columns.every_shade())[kinds]
+        of = count + np.searchsorted(kinds, of)
+    else:
+        of += count - columns.count
+    if of.tolist() != [mesh.material for mesh in meshes]:
+        meshes = tuple(mesh.of(place, mesh.number) for mesh, place in zip(meshes, of.tolist(), strict=True))
+    found = replace(columns, material=material, shade=shade, count=count, rest=rest, follows=follows)
+    return found, meshes
+
+
+def _of_spheres(columns: Columns, name: str) -> NDArray[Any]:
+    """A quantity of the spheres' materials: one value for all or for each."""
+    values, material = columns.shade[name], columns.material
+    if material is None or values.ndim == (name == "color"):
+        return values
+    return np.asarray(values[material])
