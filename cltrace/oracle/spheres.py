@@ -41,7 +41,7 @@ Ints = tuple[int, ...]
 # ------------------------------------------------------------------------------------------------- what is handed over
 
 
-def _array(name: str, value: ArrayLike, *shape: int) -> Floats:
+def array_of(name: str, value: ArrayLike, *shape: int) -> Floats:
     """`value` as finite doubles of this shape, where -1 is any length; [] is none of them."""
     array = numbers(name, value)
     if array.shape == (0,) and shape[:1] == (-1,):
@@ -56,9 +56,9 @@ def _array(name: str, value: ArrayLike, *shape: int) -> Floats:
 
 def _balls(centers: ArrayLike, radii: ArrayLike) -> tuple[Floats, Floats]:
     """(m, 3) and (m,)."""
-    places = _array("centers", centers, -1, 3)
+    places = array_of("centers", centers, -1, 3)
     sizes = numbers("radii", radii)
-    sizes = _array("radii", np.full(len(places), sizes) if sizes.ndim == 0 else sizes, -1)
+    sizes = array_of("radii", np.full(len(places), sizes) if sizes.ndim == 0 else sizes, -1)
     if len(sizes) != len(places):
         raise ValueError(f"radii: must be one number or as many as centers, {len(places)}, got {len(sizes)}")
     if not (sizes > 0).all():
@@ -67,10 +67,10 @@ def _balls(centers: ArrayLike, radii: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def _ball(center: ArrayLike, radius: float, names: tuple[str, str] = ("center", "radius")) -> tuple[Floats, float]:
-    size = float(_array(names[1], radius))
+    size = float(array_of(names[1], radius))
     if size <= 0:
         raise ValueError(f"{names[1]}: must be > 0, got {size:g}")
-    return _array(names[0], center, 3), size
+    return array_of(names[0], center, 3), size
 
 
 def _exact(name: str, values: Sequence[float | Fraction]) -> list[float | Fraction]:
@@ -78,7 +78,7 @@ def _exact(name: str, values: Sequence[float | Fraction]) -> list[float | Fracti
     rows = list(values) if np.ndim(np.asarray(values, object)) == 1 else []
     if len(rows) != 3:
         raise ValueError(f"{name}: must be 3 numbers, got {values!r}")
-    out = [v if isinstance(v, Fraction) else float(_array(name, v)) for v in rows]
+    out = [v if isinstance(v, Fraction) else float(array_of(name, v)) for v in rows]
     if any(isinstance(v, Fraction) and v.denominator & (v.denominator - 1) for v in out):
         raise ValueError(f"{name}: the denominator of a Fraction must be a power of two, got {values!r}")
     return out
@@ -87,7 +87,7 @@ def _exact(name: str, values: Sequence[float | Fraction]) -> list[float | Fracti
 def _light(light: ArrayLike, kind: str) -> Floats:
     if kind not in ("point", "parallel"):
         raise ValueError(f"kind: must be 'point' or 'parallel', got {kind!r}")
-    array = _array("light", light, 3)
+    array = array_of("light", light, 3)
     if kind == "parallel" and not array.any():
         raise ValueError("light: the direction of parallel light must not be 0")
     return array
@@ -219,16 +219,16 @@ def closest_exact(
     origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
 ) -> tuple[NDArray[np.int32], Floats]:
     """What `closest` returns, by integers alone: about 5 us per ray and sphere."""
-    world = _World(_array("origin", origin, 3), *_balls(centers, radii))
-    hits = [world.closest(row) for row in _array("direction", direction, -1, 3)]
+    world = _World(array_of("origin", origin, 3), *_balls(centers, radii))
+    hits = [world.closest(row) for row in array_of("direction", direction, -1, 3)]
     return np.array([i for i, _ in hits], np.int32), np.array([t for _, t in hits], np.float64)
 
 
 def _hit(origin: ArrayLike, row: ArrayLike, center: ArrayLike, radius: float) -> tuple[_Root, Ints, Ints, int, int]:
     """The root, d, f and r as integers, and the shift of t; ValueError if there is no hit."""
     center, radius = _ball(center, radius)
-    world = _World(_array("origin", origin, 3), center, [radius])
-    d, k = _integers(_array("direction_row", row, 3).tolist())
+    world = _World(array_of("origin", origin, 3), center, [radius])
+    d, k = _integers(array_of("direction_row", row, 3).tolist())
     root = _root(d, world.f[0], world.r[0])
     if root is None:
         raise ValueError("the ray does not hit the sphere")
@@ -261,7 +261,7 @@ def normal_high(
 
 def normal_error(normal: ArrayLike, exact: Sequence[Fraction]) -> float:
     """The angle between a normal of any length but 0 and one of normal_high(), radians."""
-    n = [Fraction(x) for x in _array("normal", normal, 3).tolist()]
+    n = [Fraction(x) for x in array_of("normal", normal, 3).tolist()]
     if not any(n):
         raise ValueError("normal: must not be 0")
     if len(exact) != 3:
@@ -299,10 +299,10 @@ def occluded(
     Exact: P is o + (b + s sqrt(D)) d / a, so everything below is a vector or number p + q sqrt(D) of integers.
     """
     light = _light(light, kind)
-    world = _World(_array("origin", origin, 3), *_balls(centers, radii), *([light] if kind == "point" else []))
+    world = _World(array_of("origin", origin, 3), *_balls(centers, radii), *([light] if kind == "point" else []))
     if not is_whole(hit_index) or not 0 <= hit_index < world.m:
         raise ValueError(f"hit_index: must be the index of one of the {world.m} spheres, got {hit_index!r}")
-    d, _ = _integers(_array("direction_row", direction_row, 3).tolist())
+    d, _ = _integers(array_of("direction_row", direction_row, 3).tolist())
     root = _root(d, world.f[hit_index], world.r[hit_index])
     if root is None:
         raise ValueError("the ray does not hit the sphere")
@@ -415,7 +415,7 @@ class _Map(NamedTuple):
 def _map(name: str, to_object: ArrayLike | None) -> _Map | None:
     if to_object is None:
         return None
-    n, k = _integers(_array(name, to_object, 3, 3).ravel().tolist())
+    n, k = _integers(array_of(name, to_object, 3, 3).ravel().tolist())
     made = _Map((n[0:3], n[3:6], n[6:9]), k)
     if not made.inverse((1, 0, 0))[1]:
         raise ValueError(f"{name}: must not be singular")
@@ -470,7 +470,7 @@ class _Start:
                 raise ValueError("start.normal: must not be 0")
             own_map = _map("start.to_object", start.to_object)
         else:
-            anchor, radius, own_map = _array("start", start, 3), 0.0, None
+            anchor, radius, own_map = array_of("start", start, 3), 0.0, None
         world = _World(anchor, *_balls(centers, radii), *more, [radius, 0.0, 0.0])
         self.s, self.k = _dot(n, n), world.k
         if own_map:
@@ -787,7 +787,7 @@ def closest(
     ValueError, which names the argument, where one is not of its shape or a value is not allowed.
     """
     index, t, doubt = filtered(origin, direction, centers, radii)
-    rows = _array("direction", direction, -1, 3)[doubt]
+    rows = array_of("direction", direction, -1, 3)[doubt]
     index[doubt], t[doubt] = closest_exact(origin, rows, centers, radii)
     return index, t
 
@@ -796,7 +796,7 @@ def filtered(
     origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.bool_]]:
     """What `closest` returns, but for the rows in the third array, which the filter leaves to the integers."""
-    origin, direction = _array("origin", origin, 3), _array("direction", direction, -1, 3)
+    origin, direction = array_of("origin", origin, 3), array_of("direction", direction, -1, 3)
     centers, radii = _balls(centers, radii)
     n, m = len(direction), len(radii)
     index, t = np.full(n, -1, np.int32), np.full(n, np.inf)

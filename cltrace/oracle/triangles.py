@@ -214,7 +214,7 @@ class Points(NamedTuple):
 
 
 def at_point(place: ArrayLike, count: int) -> Points:
-    """One point of the world, for so many rays: the eye."""
+    """Points of the world for so many rays, (n, 3), or one for all, (3,): the eye."""
     anchor = np.broadcast_to(np.asarray(place, float), (count, 3))
 
     def exact(rows: Ids, grid: int) -> tuple[Whole, Exact]:

@@ -75,7 +75,7 @@ class Paths:
             large = outer * unit
             small = large if inner is outer else inner * unit
             balls = Balls((center - middle) * unit, large, small, widen, index)
-            tree = build_tree(balls, Triangles((vertex - middle) * unit, face, len(center)))
+            tree = build_tree(balls, Triangles((vertex - middle) * unit, face, len(center), vertex))
         return cls(middle, exponent, widen, tree)
 
     def arrays(self) -> dict[str, NDArray[Any]]:

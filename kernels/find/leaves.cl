@@ -89,8 +89,9 @@ static int make_room(Search *search, const int lane, const float reach) {
  * less than 23 u |f|; V likewise; N by 4.9 u |e||f|; N.w by 9 u |e||f|, and N.F by (4.1 + 2 * 4.9 + 2 * 3.03) u |e||f|,
  * less than 20 u |e||f|; and |e||f| is at most |e| + |f|, as both are at most 2. So L is off by (23 + 9) u (|e| + |f|)
  * and by two roundings, which are 6 u (|e| + |f|) at most as U, V and N.w are below 2 |f|, 2 |e| and |e||f|. All that
- * is less than slack = 40 u (|e| + |f|) + 2^-100 [EDGE_ROUNDINGS = 40]; the last term is for what is below float's
- * range. The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u
+ * is less than slack = 40 u (|e| + |f|) + 2^-48 [EDGE_ROUNDINGS = 40]. The last term is for edges so short that their
+ * corners, which are rounded to double, may have become one: they are off by up to 2^-51, and all that is made of them by
+ * less than 2^-49. The signs are turned with that of N.w. Where that is not sure, and the ray passes inside, they sum up to 18 u
  * |e||f| at most, and with the wrong sign none of them is below -slack either. */
 #define SHAPE_TESTS(FLOATS, INTS, Chord, chord_of, range_of_chord, Passage, passage_of, range_of_passage, Range)       \
     typedef struct {                                                                                                   \

@@ -71,12 +71,14 @@ class Balls(NamedTuple):
 class Triangles(NamedTuple):
     """vertex: (v, 3) float64, of a size about 1; face: (m, 3), indices of three vertices each.
 
-    first: the index of the first triangle as a primitive; those of the others follow.
+    first: the index of the first triangle as a primitive; those of the others follow. exact: (v, 3), the vertices
+    before they were moved and rounded, which may have made two of them one; None if nothing was rounded.
     """
 
     vertex: Array
     face: Ints
     first: int
+    exact: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,10 @@ def _patches_of(triangles: Triangles | None, trees: int) -> _Leaves:
         keys[:3, rows], keys[3, rows] = (low + high) / 2, (high - low).max(axis=0)
 
     blockwise(n, enclose, CHUNK)
+    if triangles.exact is not None:
+        some = np.flatnonzero(flat)
+        a, b, c = (triangles.exact[triangles.face[some, k]] for k in range(3))
+        flat[some] = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
     member = np.flatnonzero(~flat).astype(np.int32) if flat.any() else None
     if member is not None:
         boxes, keys = boxes.take(member, axis=2), keys.take(member, axis=1)
@@ -368,7 +374,7 @@ def _patches(
             ee += e * e
             ff += f * f
             part[f"a{name}"], part[f"e{name}"], part[f"f{name}"] = start.T, e.T, f.T
-        slack = _above(SLACK * (np.sqrt(ee) + np.sqrt(ff)) + 2.0**-100)
+        slack = _above(SLACK * (np.sqrt(ee) + np.sqrt(ff)) + 2.0**-48)
         empty = slots < 0
         part["slack"] = np.where(empty, np.float32(-1), slack.T)
         part["index"] = np.where(empty, -1, triangle.T + triangles.first)

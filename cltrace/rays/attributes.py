@@ -1,0 +1,119 @@
+"""What is at the points that rays meet: where they are, normals, texture coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from cltrace.oracle.pairs import Fine, Floats, Pair
+from cltrace.rays.fine import Vector, cross, dot, seen, vector
+from cltrace.rays.lines import Ids, Lines, differences
+from cltrace.rays.surfaces import Surfaces
+from cltrace.rays.whole import Exact
+from cltrace.scene import PlacedMesh, Scene
+
+
+class Attributes:
+    """Of n rays, each of which meets the primitive `index`, -1 for none, at T, pairs in units of w."""
+
+    def __init__(self, scene: Scene, surfaces: Surfaces, lines: Lines, index: Ids, T: Pair) -> None:
+        self.scene, self.surfaces, self.lines, self.index, self.T = scene, surfaces, lines, index, T
+        self.met = np.flatnonzero(index >= 0)
+        self.balls = np.flatnonzero((index >= 0) & (index < surfaces.spheres))
+        self.flat = np.flatnonzero(index >= surfaces.spheres)
+
+    @cached_property
+    def point(self) -> Floats:
+        out, t = np.full((len(self.index), 3), np.nan), self._t(self.met)
+        o, w = vector(self.lines.origin[self.met]), vector(self.lines.w[self.met])
+        out[self.met] = np.stack([(x + t * y).h for x, y in zip(o, w, strict=True)], axis=1)
+        return out
+
+    @cached_property
+    def normal(self) -> Floats:
+        out, q = np.zeros((len(self.index), 3)), self._own_normals
+        bent = self.surfaces.bent[self.index[self.balls]]
+        maps = np.concatenate([self.surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
+        out[self.balls] = np.einsum("nji,nj->ni", maps, q)  # normals are turned by the transposed map
+        flat = self._flat_normals.copy()
+        for mesh, rows, faces in self._meshes():
+            corners = mesh.geometry.normal_of[faces]
+            given = corners[:, 0] >= 0
+            m = np.einsum("nk,nki->ni", self._weights[rows[given]], mesh.geometry.normals[corners[given]])
+            m = m @ mesh.normal_to_world.T
+            shown = (m * m).sum(axis=1) > 0
+            flat[rows[given][shown]] = m[shown]
+        out[self.flat] = flat
+        out[self.met] = _unit(out[self.met])
+        out[(out * self.lines.w).sum(axis=1) > 0] *= -1
+        return out + 0.0  # makes -0 a 0
+
+    @cached_property
+    def uv(self) -> Floats:
+        out, (x, y, z) = np.zeros((len(self.index), 2)), self._own_normals.T
+        # As _around() of cltrace/reference/surfaces.py.
+        around, down = np.arctan2(x + 0.0, z) / (2 * np.pi), np.arctan2(np.hypot(x, z), y) / np.pi
+        out[self.balls] = np.stack([0.5 + around, down], axis=1)
+        for mesh, rows, faces in self._meshes():
+            corners = mesh.geometry.uv_of[faces]
+            given = corners[:, 0] >= 0
+            places = mesh.geometry.uv[corners[given]]
+            out[self.flat[rows[given]]] = np.einsum("nk,nki->ni", self._weights[rows[given]], places)
+        return out
+
+    def _t(self, rows: Ids) -> Fine:
+        return Fine(self.T[0][rows], self.T[1][rows], np.zeros(len(rows)))
+
+    @cached_property
+    def _own_normals(self) -> Floats:
+        """(balls, 3): unit normals in the own axes of ellipsoids, and in the world of spheres."""
+        f, w = seen(self.lines, self.surfaces, self.balls, self.index[self.balls])
+        t = self._t(self.balls)
+        return _unit(np.stack([(t * x - y).h for x, y in zip(w, f, strict=True)], axis=1))
+
+    def _corners(self, rows: Ids) -> list[Vector]:
+        """Corners of triangles, from where the rays start."""
+        face, o = self.surfaces.face[self.index[rows] - self.surfaces.spheres], self.lines.origin[rows]
+        return [vector(*differences(self.surfaces.vertex[face[:, k]], o)) for k in range(3)]
+
+    @cached_property
+    def _weights(self) -> Floats:
+        """(flat, 3): how much each corner counts where rays meet triangles; together they are 1."""
+        w, (A, B, C) = vector(self.lines.w[self.flat]), self._corners(self.flat)
+        with np.errstate(all="ignore"):
+            volumes = [dot(w, cross(u, v)) for u, v in ((B, C), (C, A), (A, B))]
+            total = volumes[0] + volumes[1] + volumes[2]
+            shares = [x / total for x in volumes]
+            out = np.stack([share.h for share in shares], axis=1)
+            known = np.all([share.error < 2.0**-50 for share in shares], axis=0) & self.lines.plain[self.flat]
+        rows = np.flatnonzero(~known)
+        if len(rows):
+            which = self.flat[rows]
+            out[rows] = Exact(self.lines, self.surfaces, which, self.index[which]).weights().T
+        return np.clip(out, 0, 1)
+
+    @cached_property
+    def _flat_normals(self) -> Floats:
+        """(flat, 3): N of the triangles, of any length."""
+        A, B, C = (
+            self.surfaces.vertex[corner]
+            for corner in self.surfaces.face[self.index[self.flat] - self.surfaces.spheres].T
+        )
+        e, f = vector(*differences(B, A)), vector(*differences(C, A))
+        return np.stack([x.h for x in cross(e, f)], axis=1)
+
+    def _meshes(self) -> Iterator[tuple[PlacedMesh, Ids, Ids]]:
+        """Each mesh that is met, the rows of `flat` where it is, and which of its triangles."""
+        number = self.surfaces.number[self.index[self.flat]]
+        for mesh in self.scene.meshes:
+            rows = np.flatnonzero(number == mesh.number)
+            if len(rows):
+                yield mesh, rows, self.surfaces.primitive[self.index[self.flat[rows]]]
+
+
+def _unit(v: Floats) -> Floats:
+    """Vectors (n, 3) of length 1. The largest number goes to 1 first, for the range."""
+    v = v / np.abs(v).max(axis=1, keepdims=True)
+    return np.asarray(v / np.sqrt((v * v).sum(axis=1, keepdims=True)))

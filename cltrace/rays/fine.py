@@ -1,0 +1,108 @@
+"""What pairs of doubles know of rays and surfaces: the same questions as in doubles.py, to a hundred bits.
+
+The start is the ray's own, not a place near the surfaces, and t is in units of w. The arithmetic keeps count of its
+errors, see cltrace/oracle/pairs.py.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.oracle.pairs import Fine, Floats, select
+from cltrace.rays.lines import Ids, Lines, differences
+from cltrace.rays.surfaces import Surfaces
+
+Signs = NDArray[np.int8]
+Vector = tuple[Fine, Fine, Fine]
+# What is below may have lost digits that no error counts. Of the terms of an error, all factors are within 2^-200 or
+# what a scene's number may be.
+FLOOR = 2.0**-900
+
+
+class Ends(NamedTuple):
+    """k rays and surfaces. meets: (k,), 1 where the line surely meets the surface, -1 where not, 0 where it may or not;
+    near, far: where it does, of triangles twice the same."""
+
+    meets: Signs
+    near: Fine
+    far: Fine
+
+
+def _sign(x: Fine) -> Signs:
+    """1 or -1 where it is sure, 0 where it is not."""
+    bound = 2 * x.error + FLOOR
+    return (x.h > bound).astype(np.int8) - (x.h < -bound).astype(np.int8)
+
+
+def vector(h: Floats, low: Floats | None = None) -> Vector:
+    """Pairs, (k, 3) each, which have no error."""
+    zero = np.zeros(len(h))
+    x, y, z = (Fine(h[:, i].copy(), zero if low is None else low[:, i].copy(), zero) for i in range(3))
+    return x, y, z
+
+
+def dot(u: Vector, v: Vector) -> Fine:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    x, y, z = (u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3))
+    return x, y, z
+
+
+def ends(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
+    """Of pairs all of which are triangles, or none of which is."""
+    with np.errstate(all="ignore"):  # what is not finite is not sure
+        if len(primitive) and primitive[0] >= surfaces.spheres:
+            return _triangles(lines, surfaces, ray, primitive)
+        return _spheres(lines, surfaces, ray, primitive)
+
+
+def _triangles(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
+    face, o = surfaces.face[primitive - surfaces.spheres], lines.origin[ray]
+    A, B, C = (vector(*differences(surfaces.vertex[face[:, k]], o)) for k in range(3))
+    w = vector(lines.w[ray])
+    volumes = [dot(w, cross(u, v)) for u, v in ((A, B), (B, C), (C, A))]
+    D = dot(A, cross(B, C))
+    den = volumes[0] + volumes[1] + volumes[2]
+    signs = np.array([_sign(x) for x in volumes])
+    flat = _sign(D) == 0
+    miss = (signs > 0).any(axis=0) & (signs < 0).any(axis=0)
+    meets = np.where(miss, -1, ((signs != 0).all(axis=0) & ~flat & (_sign(den) != 0)).astype(np.int8))
+    t = D / den
+    return Ends(meets.astype(np.int8), t, t)
+
+
+def seen(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> tuple[Vector, Vector]:
+    """The way from the start to a sphere's centre, and w; both in an ellipsoid's own axes."""
+    f, w = vector(*differences(surfaces.center[primitive], lines.origin[ray])), vector(lines.w[ray])
+    bent = surfaces.bent[primitive]
+    if (bent < 0).all():
+        return f, w
+    maps = np.concatenate([surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
+    rows = [vector(maps[:, i]) for i in range(3)]
+    (fx, fy, fz), (wx, wy, wz) = ([dot(row, v) for row in rows] for v in (f, w))
+    return (fx, fy, fz), (wx, wy, wz)
+
+
+def _spheres(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
+    (f, w), r = seen(lines, surfaces, ray, primitive), Fine.of(surfaces.radius[primitive])
+    X, rr = cross(f, w), r * r
+    a, b, c, D = dot(w, w), dot(f, w), dot(f, f) - rr, dot(w, w) * rr - dot(X, X)
+    root = Fine(np.maximum(D.h, 0), np.where(D.h > 0, D.l, 0), D.error).root()
+    ahead = b.h > 0
+    q = select(ahead, b, -b) + root
+    outer, inner = select(ahead, q, -q) / a, select(ahead, c, -c) / q
+    meets = np.where((_sign(D) > 0) & (_sign(b) == 0), 0, _sign(D))
+    return Ends(meets.astype(np.int8), select(ahead, inner, outer), select(ahead, outer, inner))
+
+
+def compare(t: Fine, bound: Floats) -> Signs:
+    """The sign of t - bound where it is sure; bound may be infinite."""
+    finite = np.isfinite(bound)
+    with np.errstate(all="ignore"):
+        sign = _sign(t - Fine.of(np.where(finite, bound, 0)))
+    return np.where(finite, sign, np.where(bound > 0, -1, 1)).astype(np.int8)

@@ -1,0 +1,195 @@
+"""The last word on rays and surfaces: whole numbers of any size, for many pairs at once. Nothing is rounded.
+
+All numbers of some rays and surfaces are whole multiples of powers of two. With lengths times 2^grid, directions times
+2^fine and t times 2^(grid - fine), the questions are those of cltrace/reference/exact.py: a triangle is met at D / den,
+a sphere or an ellipsoid at (b -/+ sqrt(D)) / a, and signs and orders of these are found by squaring.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import isqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.oracle.pairs import Floats
+from cltrace.oracle.triangles import Whole, grid_of, whole
+from cltrace.rays.lines import Bools, Ids, Lines
+from cltrace.rays.surfaces import Surfaces
+
+Signs = NDArray[np.int8]
+
+
+def _sign(x: Whole | NDArray[np.int64]) -> Signs:
+    return (x > 0).astype(np.int8) - (x < 0).astype(np.int8)
+
+
+def _sign_root(p: Whole, q: Whole, D: Whole) -> Signs:
+    """The sign of p + q sqrt(D), D >= 0. Of two terms that differ in sign, the one with the larger square has it."""
+    first, second = _sign(p), _sign(q) * _sign(D)
+    doubt, out = np.flatnonzero(first * second < 0), np.sign(first + second)
+    if len(doubt):
+        p, q, D = p[doubt], q[doubt], D[doubt]
+        out[doubt] = first[doubt] * _sign(p * p - q * q * D)
+    return out
+
+
+def _dot(u: Whole, v: Whole) -> Whole:
+    return np.asarray(u[0] * v[0] + u[1] * v[1] + u[2] * v[2], object)
+
+
+def _cross(u: Whole, v: Whole) -> Whole:
+    return np.array([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)], object)
+
+
+class Roots(NamedTuple):
+    """k numbers t = (b + side sqrt(D)) / a, in the unit 2^(fine - grid), and whether they are there: exists, (k,).
+
+    a > 0 and D >= 0; side: (k,), 0 of triangles. w: (3, k), the direction; normal: (3, k), of triangles, with b the
+    planes' equation a t = b, a = normal.w; 0 of others.
+    """
+
+    exists: Bools
+    a: Whole
+    b: Whole
+    side: NDArray[np.int64]
+    D: Whole
+    w: Whole
+    normal: Whole
+
+    def at(self, rows: Ids) -> Roots:
+        part = [x[rows] for x in self[:5]]
+        return Roots(*part, self.w[:, rows], self.normal[:, rows])  # type: ignore[call-arg, arg-type]
+
+    def before(self, other: Roots) -> Bools:
+        """Whether it comes before another one of the same ray.
+
+        Of two planes, that is asked of the direction w + (e, e^2, e^3) for every small e > 0.
+        """
+        p = self.b * other.a - other.b * self.a
+        E, F = self.D * other.a * other.a, other.D * self.a * self.a
+        first, second = _sign_root(p, self.side, E), -other.side * _sign(F)
+        sign = np.sign(first + second)
+        doubt = np.flatnonzero(first * second < 0)
+        if len(doubt):
+            p, E, F, side = p[doubt], E[doubt], F[doubt], self.side[doubt]
+            sign[doubt] = first[doubt] * _sign_root(p * p + E - F, 2 * p * side, E)
+        planes = np.flatnonzero((sign == 0) & (self.side == 0) & (other.side == 0))
+        if len(planes):
+            mine, its = self.at(planes), other.at(planes)
+            for m, n in zip(mine.normal, its.normal, strict=True):
+                tie = sign[planes] == 0
+                sign[planes] = np.where(tie, _sign(mine.b * n - its.b * m), sign[planes])
+        return np.asarray(sign < 0)
+
+    def sign_less(self, bound: Floats, shift: int) -> Signs:
+        """The sign of t - bound, (k,), where bound may be infinite; it is to be multiplied by 2^shift."""
+        out = np.where(bound > 0, -1, 1).astype(np.int8)
+        rows = np.flatnonzero(np.isfinite(bound))
+        if len(rows):
+            ratios = [(Fraction(x) * Fraction(2) ** shift).as_integer_ratio() for x in bound[rows].tolist()]
+            p, q = np.array(ratios, object).T
+            a, b, side, D = self.a[rows], self.b[rows], self.side[rows], self.D[rows]
+            out[rows] = _sign_root(b * q - a * p, side * q, D)
+        return out
+
+    def pair(self, i: int, shift: int) -> tuple[float, float]:
+        """2^shift t correctly rounded, and what that leaves; infinite beyond the range of doubles."""
+        a, b, side, D, unit = self.a[i], self.b[i], int(self.side[i]), self.D[i], Fraction(2) ** shift
+        bits = 128
+        while True:
+            root = isqrt(D << 2 * bits)
+            more = int(root * root != D << 2 * bits)
+            low, high = sorted(Fraction((b << bits) + side * x, a << bits) * unit for x in (root, root + more))
+            h = _double(low)
+            # If sqrt(D) is rational both are t, and otherwise t is no double, nor half way between two.
+            if h == _double(high) and high - low <= abs(low) / 2**110:
+                return h, 0.0 if np.isinf(h) else float(low - Fraction(h))
+            bits *= 2
+
+
+def _double(x: Fraction) -> float:
+    try:
+        return float(x)
+    except OverflowError:
+        return np.inf if x > 0 else -np.inf
+
+
+class Exact:
+    """Rays and primitives, (k,) rows each, in whole numbers. roots: what each ray meets first of its primitive within
+    its range, if anything; their unit is 2^shift."""
+
+    def __init__(self, lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> None:
+        flat = primitive >= surfaces.spheres
+        balls, faces = primitive[~flat], surfaces.face[primitive[flat] - surfaces.spheres]
+        corners = surfaces.vertex[faces]
+        self.grid = grid_of(
+            *(x.ravel() for x in (lines.origin[ray], surfaces.center[balls], surfaces.radius[balls], corners))
+        )
+        fine = grid_of(lines.direction[ray].ravel())
+        self.shift = fine - self.grid
+        o, w = whole(lines.origin[ray], self.grid).T, whole(lines.direction[ray], fine).T
+        self.t_min, self.t_max = lines.t_min[ray], lines.t_max[ray]
+        self.volumes = np.empty((3, len(ray)), object)
+        parts: list[tuple[Ids, Roots]] = []
+        for rows, roots in (
+            (np.flatnonzero(flat), self._triangles),
+            (np.flatnonzero(~flat), self._spheres),
+        ):
+            if len(rows):
+                parts.append((rows, roots(surfaces, primitive[rows], rows, o[:, rows], w[:, rows])))
+        back = np.argsort(np.concatenate([rows for rows, _ in parts]))
+        self.roots = Roots(*(np.concatenate(x, axis=-1) for x in zip(*(r for _, r in parts), strict=True))).at(back)
+
+    def _triangles(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
+        face = surfaces.face[primitive - surfaces.spheres]
+        A, B, C = (whole(surfaces.vertex[face[:, k]], self.grid).T - o for k in range(3))
+        edges = _cross(A, B), _cross(B, C), _cross(C, A)
+        D = _dot(A, edges[1])
+        signs = np.array([_sign_along(w, edge) for edge in edges])
+        side = signs[0]
+        exists = (_sign(D) != 0) & (signs == side).all(axis=0)
+        # Where it is met, all three are on one side, so that side is that of their sum, N.w.
+        volumes = np.array([_dot(w, edge) * side for edge in edges], object).reshape(3, -1)
+        self.volumes[:, rows] = volumes
+        normal, zero = (edges[0] + edges[1] + edges[2]) * side, np.zeros(len(rows), np.int64)
+        roots = Roots(exists, volumes.sum(axis=0), D * side, zero, zero.astype(object), w, normal)
+        return roots._replace(exists=exists & self._within(roots, rows))
+
+    def _spheres(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
+        f, d = whole(surfaces.center[primitive], self.grid).T - o, w
+        r = whole(surfaces.radius[primitive], self.grid)
+        bent = surfaces.bent[primitive]
+        if (bent >= 0).any():
+            maps = np.concatenate([surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
+            k = grid_of(maps.ravel())
+            K = np.moveaxis(whole(maps, k), 0, -1)
+            f, d = (np.array([_dot(row, v) for row in K], object) for v in (f, d))
+            r = r << k
+        a, b, c = _dot(d, d), _dot(f, d), _dot(f, f) - r * r
+        D, side = b * b - a * c, np.ones(len(rows), np.int64)
+        passes = D < 0
+        roots = Roots(~passes, a, b, -side, np.where(passes, 0, D), w, np.zeros((3, len(rows)), object))
+        first, second = (self._within(roots._replace(side=end), rows) for end in (-side, side))
+        return roots._replace(exists=~passes & (first | second), side=np.where(first, -1, 1))
+
+    def _within(self, roots: Roots, rows: Ids) -> Bools:
+        low, high = (roots.sign_less(bound[rows], -self.shift) for bound in (self.t_min, self.t_max))
+        return np.asarray((low > 0) & (high < 0))
+
+    def weights(self) -> Floats:
+        """(3, k): of the corners of triangles that are met, rounded."""
+        order = self.volumes[[1, 2, 0]]
+        return np.array([[float(Fraction(x, sum(v))) for x in v] for v in order.T], float).reshape(-1, 3).T
+
+
+def _sign_along(w: Whole, v: Whole) -> Signs:
+    """The sign of v.w, and where that is 0, of v.(w + (e, e^2, e^3)) for every small e > 0."""
+    sign = _sign(_dot(v, w))
+    for x in v:
+        if sign.all():
+            break
+        sign = np.where(sign == 0, _sign(x), sign)
+    return sign
