@@ -19,6 +19,7 @@ from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
 from cltrace.lighting import lit
 from cltrace.picture.image import Image
+from cltrace.rays import Hits, trace_rays
 from cltrace.renderer import Renderer, render
 from cltrace.run.devices import Device, devices
 from cltrace.scene import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light, spot_light
@@ -30,6 +31,7 @@ __all__ = [
     "Device",
     "DeviceError",
     "Explanation",
+    "Hits",
     "Image",
     "Material",
     "Mesh",
@@ -48,6 +50,7 @@ __all__ = [
     "point_light",
     "render",
     "spot_light",
+    "trace_rays",
 ]
 
 

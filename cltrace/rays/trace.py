@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cltrace.blocks import concurrently
 from cltrace.oracle.pairs import Fine, Floats, Pair, select
-from cltrace.plan.exact import concurrently
 from cltrace.rays.attributes import Attributes
 from cltrace.rays.doubles import Met, meet
 from cltrace.rays.fine import compare, ends
