@@ -202,14 +202,11 @@ static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Inters
 #ifdef WITH_TRIANGLES
 /* flatten() for rays that left a surface. */
 static void flatten_from(const Frame frame, const Scene scene, const Leaving ray, const Met met, Intersection *at) {
-    const INT number = met.id - scene.spheres.first;
-    const Volumes v = volumes_of(path_of(ray), triangles_of(scene.spheres, number));
-    const Shares shares = {v.EB, v.EC, v.den};
     const Real3 C = ray.center, p = ray.p, w = ray.w;
     const real4 eye = scene.spheres.eye;
     const Real3 way = {(C.x - eye.x) + (p.x + met.t * w.x), (C.y - eye.y) + (p.y + met.t * w.y),
                        (C.z - eye.z) + (p.z + met.t * w.z)};
-    flatten(frame, scene, met.id, shares, ray.d, turned_to_camera(frame, way), at);
+    flatten(frame, scene, met.id, met.shares, ray.d, turned_to_camera(frame, way), at);
 }
 #endif
 

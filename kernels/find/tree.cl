@@ -12,6 +12,9 @@ typedef struct {
     REAL t;
     INT id;
     REAL_MASK inside; /* whether the ray comes from the inside of what it meets */
+#ifdef WITH_TRIANGLES
+    Shares shares; /* where on a triangle */
+#endif
 } Met;
 
 /* Which lanes' rays meet a shape, at t, before what they have met so far. As closer(). */
@@ -36,7 +39,8 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     const MASK wanted = index >= 0;
     COUNT(DECIDED, wanted);
 #ifdef ONLY_TRIANGLES
-    const Encounter at = triangle_meet_from(scene, ray, index, TO_REAL_MASK(wanted));
+    Shares shares;
+    const Encounter at = triangle_meet_from(scene, ray, index, TO_REAL_MASK(wanted), &shares);
 #else
 #ifdef WITH_TRIANGLES
     const MASK flat = index >= scene.spheres.first;
@@ -47,9 +51,10 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     const Ball ball = balls_of(scene.spheres, round);
     Encounter at = sphere_meet_from(scene.spheres, ray, ball, round, TO_REAL_MASK(round >= 0));
 #ifdef WITH_TRIANGLES
+    Shares shares = met->shares;
     if (ANY(flat)) {
         const REAL_MASK here = TO_REAL_MASK(flat);
-        const Encounter on = triangle_meet_from(scene, ray, flat ? index : (INT)-1, here);
+        const Encounter on = triangle_meet_from(scene, ray, flat ? index : (INT)-1, here, &shares);
         PUT_WHERE(here, at.t, on.t);
         PUT_WHERE(here, at.inside, on.inside);
     }
@@ -59,6 +64,11 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
     PUT_WHERE(nearer, met->t, at.t);
     PUT_WHERE(nearer, met->inside, at.inside);
     PUT_WHERE(TO_MASK(nearer), met->id, index);
+#ifdef WITH_TRIANGLES
+    PUT_WHERE(nearer, met->shares.EB, shares.EB);
+    PUT_WHERE(nearer, met->shares.EC, shares.EC);
+    PUT_WHERE(nearer, met->shares.all, shares.all);
+#endif
 }
 
 /* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how
@@ -288,7 +298,7 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
  * id. */
 static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving *ray, const MASK live, Work *work) {
-    Met met = {INFINITY, -1, 0};
+    Met met = {INFINITY, -1};
     const Tree tree = scene.tree;
     const REAL length = sqrt(DOT(ray->w, ray->w)), scale = length * tree.middle.w, over = 1 / length;
 #ifndef ONLY_TRIANGLES
@@ -333,7 +343,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     for (int lane = 0; lane < W; lane++)
         if (wanted[lane]) walk_alone(scene, ray, scale, lane, from, &search, &met, work);
 #endif
-    decide_all(scene, ray, scale, &search, &met, work);
+    if (ANY(LOAD_LANES(search.count) > 0)) decide_all(scene, ray, scale, &search, &met, work);
     return met;
 }
 #endif

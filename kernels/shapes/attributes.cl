@@ -34,7 +34,7 @@ static Real3 shading_normals(const Scene scene, const INT number, const Weights 
     *back = TO_REAL_MASK(LOAD_LANES(behind) != 0);
     const INT rows = LOAD_LANES(row);
     const MASK smooth = rows >= 0;
-    Corners normals = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, matrix = normals;
+    Corners normals, matrix = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
     put_corners(scene.corner_normal, scene.normal_face, rows, &normals);
     INT left = LOAD_LANES(mesh);
     for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {

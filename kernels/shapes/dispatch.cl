@@ -65,12 +65,12 @@ static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triang
 #endif
 }
 
-/* Where the lanes of `wanted` meet the triangle that each of them names by its index. */
-static Encounter triangle_meet_from(const Scene scene, const Leaving ray, const INT index, const REAL_MASK wanted) {
+/* Where the lanes of `wanted` meet the triangle that each of them names by its index; shares: where on it. */
+static Encounter triangle_meet_from(const Scene scene, const Leaving ray, const INT index, const REAL_MASK wanted,
+                                    Shares *shares) {
     const INT number = index - scene.spheres.first;
     const REAL_MASK other = wanted & TO_REAL_MASK(index != ray.own);
-    Shares shares;
-    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0, &shares), 0};
+    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0, shares), 0};
     return at;
 }
 

@@ -58,7 +58,7 @@ static Real3 cross_of(const Real3 a, const Real3 b) {
     return c;
 }
 
-/* The three corners of each lane's triangle; lanes with a negative number get (0, 0, 0).
+/* The three corners of each lane's triangle; lanes with a negative number get any ones.
  *
  * Neighbours are mostly on few triangles. The first few different ones are read once for all their lanes. */
 typedef struct {
@@ -79,13 +79,29 @@ static void put_lanes(const REAL_MASK here, Real3 *v, const real *x, const real 
     PUT_WHERE(here, v->z, LOAD_LANES(z));
 }
 
+static Real3 row_of(const real4 row) {
+    const Real3 v = {row.x, row.y, row.z};
+    return v;
+}
+
 /* Each lane's three rows of an array, of which `index` says which: for the lanes with index >= 0. The rows of one index are
  * those that `face` names. */
 static void put_corners(__global const real4 *array, __global const int4 *face, const INT index, Corners *out) {
-    INT left = index;
-    for (int k = 0, one = LARGEST(left); k < FEW_DIFFERENT && one >= 0; k++, one = LARGEST(left)) {
+    int one = LARGEST(index);
+    if (one < 0) {
+        const Corners none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+        *out = none;
+        return;
+    }
+    int4 rows = face[one];
+    out->a = row_of(array[rows.x]);
+    out->b = row_of(array[rows.y]);
+    out->c = row_of(array[rows.z]);
+    INT left = index == one ? (INT)-1 : index;
+    one = LARGEST(left);
+    for (int k = 1; k < FEW_DIFFERENT && one >= 0; k++, one = LARGEST(left)) {
         const REAL_MASK here = TO_REAL_MASK(left == one);
-        const int4 rows = face[one];
+        rows = face[one];
         put_row(here, &out->a, array[rows.x]);
         put_row(here, &out->b, array[rows.y]);
         put_row(here, &out->c, array[rows.z]);
@@ -117,7 +133,7 @@ static Triangle triangle_of(const Corners corners) {
 }
 
 static Triangle triangles_of(const Spheres spheres, const INT number) {
-    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    Corners corners;
     put_corners(spheres.vertex, spheres.face, number, &corners);
     return triangle_of(corners);
 }
@@ -633,7 +649,7 @@ static Place3 place_on(const Corners corners, const Real3 q) {
 
 /* The same of the lanes whose surface is a triangle. */
 static Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
-    Corners corners = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    Corners corners;
     put_corners(spheres.vertex, spheres.face, index >= spheres.first ? index - spheres.first : (INT)-1, &corners);
     return place_on(corners, q);
 }
