@@ -17,6 +17,7 @@ from cltrace.plan.plan import Before, Plan, View, World
 from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
+from cltrace.run.packing import Packing
 from cltrace.scene import Camera, Scene, with_spheres
 
 
@@ -71,6 +72,7 @@ class Renderer:
         start = time.perf_counter()
         self._lock = threading.Lock()
         self._world = World.of(scene, self.request)
+        self._packing: Packing | None = None
         self._see(scene, start)
 
     def look(self, camera: Camera) -> Renderer:
@@ -140,10 +142,15 @@ class Renderer:
         if view:
             self._view = replace(view.recolored(self._world, self.request), seconds={})
         else:
-            self._view = View.of(self._world, scene.camera, self.request)
+            if self._packing is None or self._packing.world is not self._world:
+                self._packing = Packing.of(self._world, self.request, self.device)
+            if self._packing:
+                self._view, self._made = self._packing.view(scene.camera)
+            else:
+                self._view, self._made = View.of(self._world, scene.camera, self.request), {}
         self.plan = Plan.of(self._world, self._view, self.request)
         packed = time.perf_counter() - start
-        self._executor = Executor(self.plan, self.device, self.width, before)
+        self._executor = Executor(self.plan, self.device, self.width, before, self._made)
         seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
 

@@ -158,7 +158,7 @@ def test_data_goes_up_one_floor_at_a_time(floor: str) -> None:
         "scene": {"scene"},
         "formats": {"formats", "scene", "errors"},
         "plan": {"plan", "scene"},
-        "run": {"run", "plan", "errors"},
+        "run": {"run", "plan", "scene", "errors"},
         "picture": {"picture"},
         "reference": {"reference", "scene", "picture"},
     }

@@ -28,6 +28,11 @@ def larger(radius: Array, slack: float) -> Array:
     return radius + 16 * slack * (1 + 1 / radius)
 
 
+def shells(radius: Array) -> NDArray[np.intp]:
+    """Which spheres are the SHELLS largest ones. A factor that all radii (n,) have changes nothing."""
+    return np.argpartition(-radius, SHELLS)[:SHELLS] if len(radius) > SHELLS else np.arange(len(radius))
+
+
 def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     """Which spheres lie inside a larger one, one of the SHELLS largest, that has the eye and all lights outside of it.
 
@@ -37,8 +42,7 @@ def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     out = np.zeros(len(radius), bool)
     roomy = larger(radius, slack)
     least = radius.min(initial=np.inf)
-    largest = np.argpartition(-radius, SHELLS)[:SHELLS] if len(radius) > SHELLS else np.arange(len(radius))
-    for shell in largest:
+    for shell in shells(radius):
         inner = 2 * radius[shell] - roomy[shell]
         if outside[shell] and inner > least:
             near = np.flatnonzero(np.abs(center[:, 0] - center[shell, 0]) < inner)

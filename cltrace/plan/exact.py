@@ -93,6 +93,12 @@ def rotated(rows: Array, v: Array) -> Array:
     return out
 
 
+def along(axes: Array, v: Array) -> list[Array]:
+    """The coordinates of vectors v, (n, 3), along m axes, (m, 3): m arrays (n,). All machines add in the same order."""
+    x, y, z = np.ascontiguousarray(v.T)
+    return [(x * a + y * b) + z * c for a, b, c in axes.tolist()]
+
+
 def square_excess(hi: Array, lo: Array, r: Array) -> Pair:
     """|hi + lo|^2 - r^2 for vectors (n, 3) and radii (n,): a pair of (n,), right to 2^-99 of itself, and so in sign.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import Precision, dtype_of, shade_dtype
-from cltrace.plan.exact import Array
+from cltrace.plan.exact import Array, along
 from cltrace.plan.materials import finite32
 from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
 from cltrace.plan.space import Space
@@ -116,7 +116,7 @@ class LightViews:
             if lights["kind"][k] == PARALLEL:
                 axes = np.array([packed[name][k, :3] for name in ("axis", "across", "position")], np.float64)
                 seen = space.seen_from_eye()
-                u, v = (seen.center @ axis for axis in axes[:2])
+                u, v = along(axes[:2], seen.center)
                 filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, space.radius)
             else:
                 seen, side[:] = space.seen_from_light(k, basis)

@@ -245,25 +245,14 @@ class View:
 
         request: the one that the world was made for. Raises ValueError if its crop is not within the picture.
         """
-        region = request.region_of(camera.resolution)
-        real, basis = real_dtype(request.precision), np.array(camera.basis())
+        basis = np.array(camera.basis())
         stretched = world.maps.of_sphere > 0 if world.maps else None
         space = Space.of(camera, world.center, world.reach, stretched, world.lights)
-        # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
-        # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
-        # room for the fourth power of every float32 number, and keeps scene units.
-        vertex = _from_point(world, basis, np.array(camera.position))
-        k = space.exponent(world.lights, vertex)
+        k = space.exponent(world.lights, from_point(world, basis, np.array(camera.position)))
         small = space.times_two_to(k)
-        exact, unit = (small, 0) if real.itemsize == 4 else (space, k)
-
-        brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
-        lights = pack_lights(world.lights, exact.position, basis, request.precision, brightest)
-        arrays = _spheres(world, exact, small, real, k) | _in_world(world, camera, space, real) | {"light": lights}
-        arrays |= _shades(world) | world.textures.arrays()
-        arrays |= _paths(world, k if real.itemsize == 4 else None, basis, real)
-        arrays |= world.attributes.arrays() | _vertices(world, k if real.itemsize == 4 else None, real)
-        skipped = dict(world.skipped)
+        lights = packed_lights(world, camera, request, k)
+        base = cls.without_spheres(world, camera, request, k)
+        arrays, skipped = _spheres(world, space, small, request, k), dict(base.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
         if world.maps:
@@ -272,31 +261,18 @@ class View:
                     sides = world.maps.sides(world.center, world.radius, light["position"])
                     side[:] = np.where(world.maps.of_sphere > 0, sides, side)
         arrays |= {"light_filter": views.filter.reshape(-1, 4), "light_side": views.side.reshape(-1)}
-        x, y = camera.image_plane()
-        width, height = camera.resolution
         with _timed(seconds, "lists"):
             facets = np.empty((1 + len(lights), 3 * len(world.triangles.face), 4), np.float32)
-            faces = _mesh_views(world, camera, lights, vertex, k, facets)
+            faces = _mesh_views(world, camera, lights, k, facets)
             arrays |= {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
-            window = Window((x / width, y / height), camera.resolution, region)
+            window = Window.of(camera, base.region)
             arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, skipped)
-        return cls(
-            camera,
-            region,
-            -k if real.itemsize == 4 else 0,
-            _not_empty(arrays),
-            {
-                "lights": (*counts(world.lights), len(world.lights)),
-                "count": len(world.radius),
-                "first": len(world.radius),
-                "triangles": len(world.triangles.face),
-                "unit": math.ldexp(1.0, unit),
-                "bounces": camera.max_bounces,
-                **(world.paths.values(camera, k if real.itemsize == 4 else None) if world.paths else NO_PATHS),
-            },
-            bool((space.power <= 0).any()),
-            skipped,
-            seconds,
+        return replace(
+            base,
+            arrays=base.arrays | _not_empty(arrays),
+            inside=bool((space.power <= 0).any()),
+            skipped=skipped,
+            seconds=seconds,
         )
 
     def recolored(self, world: World, request: Request) -> View:
@@ -306,6 +282,37 @@ class View:
         dim_highlights(lights[: len(world.lights)], world.lights, request.precision, brightest)
         arrays = _shades(world) | world.textures.arrays() | {"light": lights}
         return replace(self, arrays=self.arrays | _not_empty(arrays))
+
+    @classmethod
+    def without_spheres(cls, world: World, camera: Camera, request: Request, k: int) -> View:
+        """All of a view but how spheres and triangles are seen from the eye and the lights, and the lists of them.
+
+        k: lengths in scene units, times 2^k, are in the float buffers' unit. Raises ValueError as of() does.
+        """
+        real, basis = real_dtype(request.precision), np.array(camera.basis())
+        # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
+        # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
+        # room for the fourth power of every float32 number, and keeps scene units.
+        exponent, unit = (k, 0) if real.itemsize == 4 else (None, k)
+        arrays = {
+            "id_of": world.id,
+            "light": packed_lights(world, camera, request, k),
+        }
+        place = np.array([(*vector, 0.0) for vector in (camera.position, *camera.basis())], real)
+        arrays["camera"] = place[:0] if exponent is not None else place
+        arrays |= _shades(world) | world.textures.arrays() | _paths(world, exponent, basis, real)
+        arrays |= world.attributes.arrays() | _vertices(world, exponent, real)
+        values = {
+            "lights": (*counts(world.lights), len(world.lights)),
+            "count": len(world.radius),
+            "first": len(world.radius),
+            "triangles": len(world.triangles.face),
+            "unit": math.ldexp(1.0, unit),
+            "bounces": camera.max_bounces,
+            **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),
+        }
+        region, depths = request.region_of(camera.resolution), 0 if exponent is None else -k
+        return cls(camera, region, depths, _not_empty(arrays), values, False, dict(world.skipped), {})
 
 
 @dataclass(frozen=True)
@@ -385,21 +392,35 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = time.perf_counter() - start
 
 
-def _spheres(world: World, exact: Space, small: Space, real: np.dtype[Any], k: int) -> dict[str, NDArray[Any]]:
-    """The buffers of spheres.
+def packed_lights(world: World, camera: Camera, request: Request, k: int) -> NDArray[np.void]:
+    """The world's lights as pack_lights() makes them. k: see View.without_spheres()."""
+    space = Space.of(camera, world.center[:0], world.reach[:0], None, world.lights)
+    place = space.times_two_to(k).position if request.precision == "single" else space.position
+    brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
+    return pack_lights(world.lights, place, np.array(camera.basis()), request.precision, brightest)
 
-    exact: in the unit of `real`; small: in that of the float buffers, scene units times 2^k.
+
+def _spheres(world: World, space: Space, small: Space, request: Request, k: int) -> dict[str, NDArray[Any]]:
+    """The buffers of spheres as the eye sees them.
+
+    space: in scene units; small: in those of the float buffers, scene units times 2^k.
     """
-    # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a sphere is
-    # never hit.
-    largest = float(np.finfo(np.float32).max) if real.itemsize == 4 else np.inf
-    radius = np.ldexp(world.radius, k if real.itemsize == 4 else 0)
+    real = real_dtype(request.precision)
     eye_filter = np.empty((len(small.radius), 4), np.float32)
     eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
+    if real.itemsize == 4:
+        # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a sphere
+        # is never hit.
+        exact, radius, largest = small, np.ldexp(world.radius, k), float(np.finfo(np.float32).max)
+        in_world = np.zeros((0, 4), real)
+    else:
+        # By these a ray from the eye is decided exactly.
+        exact, radius, largest = space, world.radius, np.inf
+        in_world = np.concatenate([world.center, space.power_rest[:, None]], axis=1)
     return {
         "center_radius": np.concatenate([exact.center, radius[:, None]], axis=1).astype(real),
         "power": np.stack([exact.power, np.minimum(1 / radius, largest)], axis=1).astype(real),
-        "id_of": world.id,
+        "world": in_world,
         "eye_filter": eye_filter,
     }
 
@@ -454,7 +475,7 @@ def _vertices(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[s
     return {"vertex": vertex, "lamp": lamp, "face": triangles.face, "number_of": triangles.number}
 
 
-def _from_point(world: World, basis: Array, point: Array) -> Array:
+def from_point(world: World, basis: Array, point: Array) -> Array:
     """(v, 3): from a point of the world to the corners of triangles, along the camera's axes, in scene units."""
     return rotated(basis, world.triangles.vertex - point)
 
@@ -467,14 +488,15 @@ class MeshView(NamedTuple):
 
 
 def _mesh_views(
-    world: World, camera: Camera, lights: NDArray[np.void], vertex: Array, k: int, facets: NDArray[np.float32]
+    world: World, camera: Camera, lights: NDArray[np.void], k: int, facets: NDArray[np.float32]
 ) -> list[MeshView]:
     """The views of the eye and of each light.
 
-    lights: of pack_lights(); vertex: from the eye; k: see View.of(); facets: what to fill, the eye's and each light's.
+    lights: of pack_lights(); k: see View.without_spheres(); facets: what to fill, the eye's and each light's.
     """
     triangles, basis = world.triangles, np.array(camera.basis())
-    near, face, first = np.ldexp(vertex, k), world.triangles.face[:, :3], len(world.radius)
+    near = np.ldexp(from_point(world, basis, np.array(camera.position)), k)
+    face, first = world.triangles.face[:, :3], len(world.radius)
     eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
     found = [MeshView(Corners(near, face, first), eye)]
     for light, packed, out in zip(world.lights, lights, facets[1:], strict=True):
@@ -482,7 +504,7 @@ def _mesh_views(
             axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
             found.append(MeshView(found[0].corners, along_light(near, triangles, axes, -light["direction"], out)))
         else:
-            place = np.ldexp(_from_point(world, basis, light["position"]), k)
+            place = np.ldexp(from_point(world, basis, light["position"]), k)
             found.append(MeshView(Corners(place, face, first), from_light(place, triangles, light["position"], out)))
     return found
 

@@ -53,13 +53,13 @@ class Space:
         factor = {name: 2.0 ** (2 * k if name.startswith("power") else k) for name in lengths}
         return replace(self, **{name: getattr(self, name) * by for name, by in factor.items()})
 
-    def exponent(self, lights: NDArray[np.void], vertex: Array) -> int:
+    def exponent(self, lights: NDArray[np.void], vertex: Array, least: float = 0.0) -> int:
         """The k for which 2^k times the largest coordinate or radius is in [1/2, 1).
 
-        vertex: (v, 3), corners of triangles in camera space.
+        vertex: (v, 3), corners of triangles in camera space; least: the largest one of spheres that are not here.
         """
         parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL], vertex)
-        return -math.frexp(max(float(np.abs(part).max(initial=0)) for part in parts))[1]
+        return -math.frexp(max(least, *(float(np.abs(part).max(initial=0)) for part in parts)))[1]
 
     def seen_from_eye(self) -> Seen:
         """The spheres as the eye sees them."""

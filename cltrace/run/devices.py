@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -121,6 +123,17 @@ class Device:
         """One line for --list-devices."""
         double = "double" if self.has_double else "no double"
         return f"{self.spec:<5} {self.kind:<5} {double:<9}  {self.name}"
+
+
+@contextmanager
+def driver_errors(device: Device) -> Iterator[None]:
+    """Turns what pyopencl raises into a DeviceError that names the device."""
+    try:
+        yield
+    except cl.MemoryError as error:
+        raise DeviceError(f"{device.name} has not enough memory: {error}") from None
+    except cl.Error as error:
+        raise DeviceError(f"{device.name} failed: {error}") from None
 
 
 _process: list[int] = []  # the process that has started OpenCL

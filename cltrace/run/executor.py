@@ -13,11 +13,11 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.errors import DeviceError, TooManyRaysError
+from cltrace.errors import TooManyRaysError
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
-from cltrace.run.devices import Device
+from cltrace.run.devices import Device, driver_errors
 from cltrace.run.program import Announcement, build, context_of
 
 
@@ -64,13 +64,21 @@ class Executor:
     """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
     plan: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
-    device, whose buffers are used again for the arrays that its plan shares with this one. seconds: what "build" and
+    device, whose buffers are used again for the arrays that its plan shares with this one; made: buffers that are there
+    already, by the names of arrays that the plan lacks. seconds: what "build" and
     "upload" took. For one thread at a time.
 
     Raises BuildError if the kernel does not build, and DeviceError if the driver fails or has not enough memory.
     """
 
-    def __init__(self, plan: Plan, device: Device, width: int, before: Executor | None = None) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        device: Device,
+        width: int,
+        before: Executor | None = None,
+        made: dict[str, Any] | None = None,
+    ) -> None:
         self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
         self.room = object()
@@ -84,9 +92,9 @@ class Executor:
         with self._timed("upload"), self.driver_errors():
             kept = before.plan.arrays if before else {}
             self.buffers: dict[str, Any] = {
-                name: before.buffers[name] if before and array is kept[name] else self._buffer(array)
+                name: before.buffers[name] if before and array is kept.get(name) else self._buffer(array)
                 for name, array in plan.arrays.items()
-            }
+            } | (made or {})
             self.buffers["overgrown"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, self._overgrown.nbytes)
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
@@ -187,13 +195,9 @@ class Executor:
 
     @contextmanager
     def driver_errors(self) -> Iterator[None]:
-        """Turns what pyopencl raises into a DeviceError that names the device."""
-        try:
+        """See driver_errors() of a device."""
+        with driver_errors(self.device):
             yield
-        except cl.MemoryError as error:
-            raise DeviceError(f"{self.device.name} has not enough memory: {error}") from None
-        except cl.Error as error:
-            raise DeviceError(f"{self.device.name} failed: {error}") from None
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:

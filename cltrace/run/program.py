@@ -85,8 +85,13 @@ def build(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) 
     the driver's cache, so programs are kept for the next picture. A kernel holds its arguments, so each caller gets its
     own kernel.
     """
+    return cl.Kernel(program(device, options, files), "render")
+
+
+def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
+    """The program of some files, as build() makes it."""
     try:
-        return cl.Kernel(_program(device.cl, tuple(options), files), "render")
+        return _program(device.cl, tuple(options), files)
     except cl.Error as error:
         raise BuildError(f"the kernel does not build on {device.name}\noptions: {' '.join(options)}\n{error}") from None
 

@@ -16,7 +16,7 @@ docs/speed.md.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -103,23 +103,28 @@ def build(grids: list[CellGrid], precision: Precision) -> Lists:
     # Threads take a millisecond to start.
     entered = concurrently(jobs) if sum(len(grid.member) for grid in grids) > BLOCK else [job() for job in jobs]
     for g, grid, (start, entry, mask) in zip(records, grids, entered, strict=True):
-        # Coordinates count from the window's middle. The axes are changed for that before they are rounded to float32.
-        right, up, ahead = grid.axes
-        shear = grid.middle if grid.perspective else np.zeros(2)
-        g["right"][:3], g["up"][:3], g["ahead"][:3] = right - shear[0] * ahead, up - shear[1] * ahead, ahead
-        if not grid.perspective:
-            g["right"][3], g["up"][3] = -grid.middle
-        for name in ("right", "up", "ahead"):
-            g[f"near_{name}"] = g[name]
-        g["flags"][0] = grid.coarse
-        g["window"] = *grid.half, *(np.array(grid.cells) / (2 * grid.half))
-        g["cells"] = *grid.cells, cells, mask
+        fill_record(g, grid, cells, mask)
         starts.append(start + np.int32(filled))
         entries.append(entry)
         cells += len(start)
         filled += len(entry)
     entries.append(np.zeros((CONSTANTS["AHEAD"], 2), np.int32))
     return Lists(records, np.concatenate([*starts, np.array([filled], np.int32)]), np.concatenate(entries))
+
+
+def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
+    """Makes `g` abi's `Grid` of a grid. first: its first cell; mask: a bit for each level that holds anything."""
+    # Coordinates count from the window's middle. The axes are changed for that before they are rounded to float32.
+    right, up, ahead = grid.axes
+    shear = grid.middle if grid.perspective else np.zeros(2)
+    g["right"][:3], g["up"][:3], g["ahead"][:3] = right - shear[0] * ahead, up - shear[1] * ahead, ahead
+    if not grid.perspective:
+        g["right"][3], g["up"][3] = -grid.middle
+    for name in ("right", "up", "ahead"):
+        g[f"near_{name}"] = g[name]
+    g["flags"][0] = grid.coarse
+    g["window"] = *grid.half, *(np.array(grid.cells) / (2 * grid.half))
+    g["cells"] = *grid.cells, first, mask
 
 
 def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
@@ -139,7 +144,7 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
     else:
         level, entries = _levels(grid)
-    keys = _Keys.of(grid, level)
+    keys = Keys.of(grid, level)
     strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
     entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
     key, filled = np.empty(entries, np.int64), 0
@@ -164,7 +169,7 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
 
 
 @dataclass(frozen=True)
-class _Keys:
+class Keys:
     """Entries as whole numbers.
 
     From the top, a key has the cell, the depth of the nearest point, rounded down to as many bits as are left, and the
@@ -183,17 +188,22 @@ class _Keys:
     near_bits: int
 
     @staticmethod
-    def of(grid: CellGrid, level: NDArray[np.int8]) -> _Keys:
-        levels = range(int(level.max()) + 1)
-        used = [k for k in levels if (level == k).any()]
-        pitch = [((grid.cells[0] - 1) >> k) + 1 for k in levels]
+    def of(grid: CellGrid, level: NDArray[np.int8]) -> Keys:
+        used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
+        return Keys.on(used, grid.cells, int(grid.member.max()))
+
+    @staticmethod
+    def on(used: list[int], cells: tuple[int, int], last: int) -> Keys:
+        """used: levels, rising; cells: (columns, rows) of level 0; last: the largest index of a surface."""
+        levels = range(used[-1] + 1)
+        pitch = [((cells[0] - 1) >> k) + 1 for k in levels]
         base, total = [0 for _ in levels], 0
         for k in reversed(used):
             base[k] = total
-            total += pitch[k] * (((grid.cells[1] - 1) >> k) + 1)
-        index_bits = int(grid.member.max()).bit_length()
+            total += pitch[k] * (((cells[1] - 1) >> k) + 1)
+        index_bits = last.bit_length()
         near_bits = min(32, 63 - index_bits - total.bit_length())
-        return _Keys(used, pitch, base, total, sum(1 << k for k in used), index_bits, near_bits)
+        return Keys(used, pitch, base, total, sum(1 << k for k in used), index_bits, near_bits)
 
     def _low(self, grid: CellGrid, which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
         """Depth and surface of some members."""
@@ -335,22 +345,39 @@ def _across(
 def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:
     """The level of each member, and how many entries all of them take: the finest levels that take few enough."""
     wide, high = grid.covers[2:]
-    n, entries = len(wide), _entries(grid.covers[2:])
+    n, edges = len(wide), _edges(grid.covers)
+    # Cells of level `bits` are as large as the disc.
+    bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)
+
+    def lifted(lift: int) -> NDArray[np.int8]:
+        return np.asarray(np.maximum(bits - np.int8(lift), np.int8(0)))
+
+    def entries_of(lift: int) -> int:
+        level = lifted(lift)
+        return _entries((edges[2:] >> level) - (edges[:2] >> level))
+
+    lift, entries = chosen_lift(n, _entries(grid.covers[2:]), lambda: int(bits.max()), entries_of)
+    return np.zeros(n, np.int8) if lift is None else lifted(lift), entries
+
+
+def chosen_lift(
+    n: int, entries: int, most: Callable[[], int], entries_of: Callable[[int], int]
+) -> tuple[int | None, int]:
+    """By how much discs are on finer levels than that of their size, None for level 0, and how many entries they take.
+
+    n: how many there are; entries: how many these take on level 0; most: the level of the largest one's size;
+    entries_of: how many entries a lift makes.
+    """
     # Where spheres are very many, all are on level 0, or each is on the level that has its size. Whatever is in between
     # takes longer to make and saves nothing.
     many = n >= SPARE
     if entries <= 6 * n if many else entries <= 4 * n + SPARE:
-        return np.zeros(n, np.int8), entries
-    # Cells of level `bits` are as large as the disc.
-    bits = np.frexp(np.maximum(wide, high).astype(np.float32))[1].astype(np.int8)
-    edges = _edges(grid.covers)
-    for lift in (0,) if many else range(int(bits.max()) - 1, 0, -1):
-        level = np.maximum(bits - np.int8(lift), np.int8(0))
-        left_top, right_bottom = (edges[:2] >> level), (edges[2:] >> level)
-        entries = _entries(right_bottom - left_top)
+        return None, entries
+    for lift in (0,) if many else range(most() - 1, 0, -1):
+        entries = entries_of(lift)
         if many or lift == 1 or entries <= 4 * n + SPARE:
             break
-    return level, entries
+    return lift, entries
 
 
 def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:

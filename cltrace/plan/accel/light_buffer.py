@@ -27,7 +27,7 @@ from cltrace.plan.accel.cells import (
     outlines_of,
     sprawling,
 )
-from cltrace.plan.exact import Array, rounded_down
+from cltrace.plan.exact import Array, along, rounded_down
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
@@ -43,6 +43,8 @@ CROWDED = 32
 SAMPLE = 16
 
 
+# Each has an axis and a sign.
+SIDES = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
 NOTHING = np.zeros(())
 # What is seen through a side of the cube: slopes of at most 1, and a few roundings more.
 SIDE = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16), (1, 1), (0, 0))
@@ -66,8 +68,8 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
 
     seen: spheres from the light, along the camera's axes; corners: triangles from there, None for none.
     """
-    sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
-    cube = _towards([seen.center] if corners is None else [seen.center, corners.vertex])
+    offsets = [seen.center] if corners is None else [seen.center, corners.vertex]
+    cube = cube_of([offset[sampled(len(offset))] for offset in offsets])
     vertex = None if corners is None else _turned(cube, corners.vertex)
 
     def look(real: type[np.floating[Any]], sides: list[tuple[int, float]], block: slice) -> list[_Discs]:
@@ -103,19 +105,19 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
         return found
 
     grids = []
-    for (axis, sign), discs in zip(sides, discs_of(np.float32, sides), strict=True):
-        axes = cube[[(axis + 1) % 3, (axis + 2) % 3, axis]] * np.array([1, 1, sign])[:, None]
-        window = _window(discs, SLACK, True)
+    for (axis, sign), discs in zip(SIDES, discs_of(np.float32, SIDES), strict=True):
+        window = window_of([part.extent for part in discs], SLACK, True)
         if window is None:
             continue
-        # Where the discs fill little of the cube's side, float32 would be too coarse for its cells.
-        coarse = bool((window.half > NARROW / 2).all())
-        if not coarse and who.slack < SLACK:
+        if not window.coarse and who.slack < SLACK:
             (discs,) = discs_of(np.float64, [(axis, sign)], window.pane(who.slack))
-            window = _window(discs, who.slack, True)
+            window = window_of([part.extent for part in discs], who.slack, True)
             if window is None:
                 continue
-        grids.append(_on_window(axes, discs, window, SLACK if coarse else who.slack, coarse))
+            window = window._replace(coarse=False)
+        grids.append(
+            _on_window(side_axes(cube, axis, sign), discs, window, SLACK if window.coarse else who.slack, True)
+        )
     return grids
 
 
@@ -131,12 +133,22 @@ def _triangles(corners: Corners, view: View, who: Shadows, pane: Pane, real: typ
     return found
 
 
-def _towards(offsets: list[Array]) -> Array:
+def sampled(n: int) -> slice:
+    """Which of n points tell cube_of() where they are."""
+    return slice(None, None, n // 4096 + 1)
+
+
+def side_axes(cube: Array, axis: int, sign: float) -> Array:
+    """(3, 3): of a side of the cube, the two axes across and the one that leads there."""
+    return np.asarray(cube[[(axis + 1) % 3, (axis + 2) % 3, axis]] * np.array([1, 1, sign])[:, None])
+
+
+def cube_of(offsets: list[Array]) -> Array:
     """(3, 3): three axes at right angles. The last one points about at the middle of points (n, 3), or away from it.
 
     So the discs of a distant group of spheres are in the middle of one side of the cube, not on an edge.
     """
-    some = np.concatenate([offset[:: len(offset) // 4096 + 1] for offset in offsets])
+    some = np.concatenate(offsets)
     middle = some.min(axis=0) / 2 + some.max(axis=0) / 2
     if np.abs(middle).max() < 2.0**-20:
         return np.eye(3)
@@ -156,7 +168,7 @@ def parallel_buffer(axes: Array, seen: Seen, who: Shadows, corners: Corners | No
     def look(block: slice) -> _Discs:
         i = np.flatnonzero(who.occluder[block])
         c, r = seen.center[block][i], seen.radius[block][i]
-        u, v, s = (c @ axis for axis in axes)
+        u, v, s = along(axes, c)
         near = rounded_down(-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100)
         member = (block.start + i).astype(np.int32)
         return _Discs.of(member, [u - r, u + r, v - r, v + r], near, r - s + 2.0**-10, who.receiver[block][i])
@@ -164,8 +176,8 @@ def parallel_buffer(axes: Array, seen: Seen, who: Shadows, corners: Corners | No
     discs = blockwise(len(seen.radius), look, BLOCK)
     if corners is not None:
         discs += _triangles_along(corners, axes, who)
-    window = _window(discs, who.slack, False)
-    return [] if window is None else [_on_window(axes, discs, window, who.slack, None)]
+    window = window_of([part.extent for part in discs], who.slack, False)
+    return [] if window is None else [_on_window(axes, discs, window, who.slack, False)]
 
 
 def _triangles_along(corners: Corners, axes: Array, who: Shadows) -> list[_Discs]:
@@ -199,23 +211,31 @@ def _turned(rows: Array, vertex: Array) -> Array:
     return out
 
 
+class Extent(NamedTuple):
+    """Of discs and polygons.
+
+    spans: two lists of the outermost left, right, low and high edge, first of all of them, then of those where shadow
+    rays end; nearest, furthest: bounds of the depth of all points where shadow rays end.
+    """
+
+    spans: list[list[float]]
+    nearest: float
+    furthest: float
+
+
 @dataclass(frozen=True)
 class _Discs:
     """n spheres as discs, or triangles as polygons, in the plane of a grid.
 
     member: (n,), their indices; edges: four of (n,), their left, right, low and high coordinates; near: (n,), a lower
-    bound of the depth of their nearest points; spans: two lists of the outermost left, right, low and high edge, first
-    of all discs, then of those where shadow rays end; nearest, furthest: bounds of the depth of all points where shadow
-    rays end; corner: (2, c, n), of polygons; loose: (n,) or (), how far off those are, besides a few roundings. It is
-    in the edges already.
+    bound of the depth of their nearest points; corner: (2, c, n), of polygons; loose: (n,) or (), how far off those
+    are, besides a few roundings. It is in the edges already.
     """
 
     member: Ints
     edges: list[Reals]
     near: NDArray[np.float32]
-    spans: list[list[float]]
-    nearest: float
-    furthest: float
+    extent: Extent
     corner: Reals | None
     loose: Array
 
@@ -233,13 +253,17 @@ class _Discs:
         ends = np.flatnonzero(receiver)
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
         nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
-        return _Discs(member, edges, near, spans, nearest, furthest, corner, loose)
+        return _Discs(member, edges, near, Extent(spans, nearest, furthest), corner, loose)
 
-    def sizes(self) -> Reals:
-        """Of a sample: the width and the height of discs; of polygons, the side of a square of twice their area."""
+    def sizes(self, sample: int) -> Reals:
+        """The width and the height of discs whose indices `sample` divides.
+
+        Of one in so many polygons, it is the side of a square of twice the area.
+        """
         if self.corner is None:
-            return np.concatenate([self.edges[k + 1][::SAMPLE] - self.edges[k][::SAMPLE] for k in (0, 2)])
-        return np.asarray(np.sqrt(2 * areas(self.corner[:, :, ::SAMPLE])))
+            which = np.flatnonzero(self.member % sample == 0)
+            return np.concatenate([self.edges[k + 1][which] - self.edges[k][which] for k in (0, 2)])
+        return np.asarray(np.sqrt(2 * areas(self.corner[:, :, ::sample])))
 
 
 def _extreme(k: int, edge: Reals) -> float:
@@ -247,31 +271,70 @@ def _extreme(k: int, edge: Reals) -> float:
     return float(edge.max(initial=-np.inf) if k % 2 else edge.min(initial=np.inf))
 
 
-class _Window(NamedTuple):
-    """The rectangle of a grid. middle: (2,); half: (2,), half of its sides; furthest: depth where the last ray ends."""
+class Side(NamedTuple):
+    """One axis of a window: where it begins and ends, how many cells a unit of length has, and the last cell."""
+
+    first: float
+    stop: float
+    scale: float
+    last: int
+
+
+class Rectangle(NamedTuple):
+    """The rectangle of a grid.
+
+    middle: (2,); half: (2,), half of its sides; furthest: the depth where the last ray ends; coarse: whether float32
+    tells its cells apart.
+    """
 
     middle: Array
     half: Array
     furthest: float
+    coarse: bool
 
     def pane(self, slack: float) -> Pane:
         """What is seen through it, also by rays whose slopes are off by a few `slack`."""
         (x, y), (wide, high) = self.middle.tolist(), (self.half + 4 * slack).tolist()
         return Pane((x, y), (wide, high), (1, 1), (0, 0))
 
+    def cells(self, sizes: Reals, members: int, polygons: bool) -> tuple[int, int]:
+        """Columns and rows, of cells that are about square.
 
-def _window(discs: list[_Discs], slack: float, perspective: bool) -> _Window | None:
+        sizes: of some discs and polygons; members: how many there are; polygons: whether there are any of these.
+        """
+        # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each
+        # one has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a
+        # side at least, as the kernel looks up no window of one cell. Where discs lie in many layers, lists are long,
+        # and cells as wide as one disc are faster: a million spheres in 7,000 layers take 0.5 of the time, and 0.34
+        # with half of that width, but 9 entries for each. Triangles take longer to enter than to try, and few of them
+        # may have many entries: for five meshes of 1,000 to 100,000, twice as many or half as many change little.
+        sides, size = 2 * self.half, float(np.median(sizes))
+        layers = members * size**2 / (sides[0] * sides[1])
+        entries = 1.6 + min(FINER / max(1, members), 64) if polygons else 4 if layers > CROWDED else 2.25
+        most = max(members, FINER if polygons else 2)
+        cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
+        columns, rows = (int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides)
+        return columns, rows
+
+    def sides(self, cells: tuple[int, int]) -> tuple[Side, Side]:
+        """Both axes, if there are so many cells."""
+        low, wide = (self.middle - self.half).tolist(), (2 * self.half).tolist()
+        x, y = (Side(a, a + s, n / s, n - 1) for a, s, n in zip(low, wide, cells, strict=True))
+        return x, y
+
+
+def window_of(extents: list[Extent], slack: float, perspective: bool) -> Rectangle | None:
     """The window that holds what is common to the extent of all discs and to that of those where shadow rays end.
 
     On the side of a cube, it ends at +-1. None if there is nothing in common.
     """
-    spans = np.array([part.spans for part in discs])
+    spans = np.array([extent.spans for extent in extents])
     (least, first), (most, last) = spans[:, :, ::2].min(axis=0), spans[:, :, 1::2].max(axis=0)
     if (first > last).any():
         return None
     # The end of a ray that is 2^-8 or more from the light is seen from there where it is, but for 256 slack. Nearer to
     # the light it may be seen anywhere. Of a light at a point, `nearest` is a squared distance.
-    if not perspective or min(part.nearest for part in discs) > 2.0**-16:
+    if not perspective or min(extent.nearest for extent in extents) > 2.0**-16:
         room = 256 * slack * (1 + np.maximum(np.abs(first), np.abs(last)))
         least, most = np.maximum(least, first - room), np.minimum(most, last + room)
         if (least > most).any():
@@ -280,39 +343,33 @@ def _window(discs: list[_Discs], slack: float, perspective: bool) -> _Window | N
     loose = slack * (1 + 2 * np.maximum(np.abs(least), np.abs(most)))
     low, high = np.maximum(least - loose, -limit), np.minimum(most + loose, limit)
     half = np.maximum((high - low) / 2, 2.0**-60) * (1 + SLACK)
-    return _Window((low + high) / 2, half, max(part.furthest for part in discs))
+    # Where the discs fill little of the cube's side, float32 would be too coarse for its cells.
+    coarse = perspective and bool((half > NARROW / 2).all())
+    return Rectangle((low + high) / 2, half, max(extent.furthest for extent in extents), coarse)
 
 
-def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, coarse: bool | None) -> CellGrid:
-    """The grid of a window, with cells that are about square. coarse: of CellGrid; None for a parallel light."""
-    members = sum(len(part.member) for part in discs)
-    low, sides = window.middle - window.half, 2 * window.half
-    # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each one
-    # has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a side at
-    # least, as the kernel looks up no window of one cell. Where discs lie in many layers, lists are long, and cells as
-    # wide as one disc are faster: a million spheres in 7,000 layers take 0.5 of the time, and 0.34 with half of that
-    # width, but 9 entries for each. Triangles take longer to enter than to try, and few of them may have many entries:
-    # for five meshes of 1,000 to 100,000, twice as many or half as many change little.
+def _on_window(axes: Array, discs: list[_Discs], window: Rectangle, slack: float, perspective: bool) -> CellGrid:
+    """The grid of a window. perspective: of CellGrid."""
     some = any(part.corner is not None for part in discs)
-    size = float(np.median(np.concatenate([part.sizes() for part in discs])))
-    layers = members * size**2 / (sides[0] * sides[1])
-    entries = 1.6 + min(FINER / max(1, members), 64) if some else 4 if layers > CROWDED else 2.25
-    most = max(members, FINER if some else 2)
-    cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
-    cells = [int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides]
+    sizes = np.concatenate([part.sizes(SAMPLE) for part in discs])
+    if not len(sizes):
+        sizes = np.concatenate([part.sizes(1) for part in discs])
+    cells = window.cells(sizes, sum(len(part.member) for part in discs), some)
+    low, sides = window.middle - window.half, 2 * window.half
 
     def place(part: _Discs) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         # A sphere that is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
         within = part.near < window.furthest
         covers = np.empty((4, len(within)), np.int16)
-        for k, (begin, end) in enumerate((part.edges[:2], part.edges[2:])):
+        for k, (begin, end, side) in enumerate(
+            zip(part.edges[::2], part.edges[1::2], window.sides(cells), strict=True)
+        ):
             loose = slack * (1 + np.abs(begin) + np.abs(end))
             begin, end = begin - loose, end + loose
-            first, scale = float(low[k]), cells[k] / float(sides[k])
-            within &= (end >= first) & (begin <= first + float(sides[k]))
+            within &= (end >= side.first) & (begin <= side.stop)
             # A 64th of a cell more, as the kernel computes column and row in float32: they may be off by that.
-            covers[k] = np.clip((begin - first) * scale - 1 / 64, 0, cells[k] - 1)
-            covers[2 + k] = np.clip((end - first) * scale + 1 / 64, 0, cells[k] - 1)
+            covers[k] = np.clip((begin - side.first) * side.scale - 1 / 64, 0, side.last)
+            covers[2 + k] = np.clip((end - side.first) * side.scale + 1 / 64, 0, side.last)
             covers[2 + k] -= covers[k]
         which = np.flatnonzero(within)
         covers = covers.take(which, axis=1)
@@ -332,8 +389,4 @@ def _on_window(axes: Array, discs: list[_Discs], window: _Window, slack: float, 
     member, covers, near = joined([part for part, _ in placed])
     starts = np.cumsum([0] + [len(part[0]) for part, _ in placed]).tolist()
     outlines = joined_outlines([(start, outline) for start, (_, outline) in zip(starts, placed, strict=False)])
-    columns, rows = cells
-    perspective = coarse is not None
-    return CellGrid(
-        axes, window.middle, window.half, (columns, rows), member, covers, near, perspective, bool(coarse), outlines
-    )
+    return CellGrid(axes, window.middle, window.half, cells, member, covers, near, perspective, window.coarse, outlines)

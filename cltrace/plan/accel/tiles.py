@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from cltrace.plan.accel.cells import (
     BLOCK,
     SLACK,
     CellGrid,
+    Ints,
     Mask,
     Outlines,
     joined,
@@ -25,6 +26,7 @@ from cltrace.plan.accel.cells import (
 from cltrace.plan.request import Region
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
 from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes
+from cltrace.scene import Camera
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
 TINY = 2.0**-64
@@ -43,6 +45,36 @@ class Window:
     size: tuple[int, int]
     region: Region
 
+    @classmethod
+    def of(cls, camera: Camera, region: Region) -> Window:
+        """The window of a part of a camera's picture."""
+        (x, y), (width, height) = camera.image_plane(), camera.resolution
+        return cls((x / width, y / height), camera.resolution, region)
+
+    @property
+    def axes(self) -> tuple[Axis, Axis]:
+        """Across and down."""
+        found = []
+        for step, size, first, count in zip(self.step, self.size, self.region[:2], self.region[2:], strict=True):
+            # Pixel i is at slope (2i + 1 - n) step. The product and the sum of slopes are rounded, each by 2^-24 of up
+            # to 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
+            middle = (size - 1) / 2
+            found.append(Axis(0.5 / step, middle - 1 / 64, middle + 1 / 64, first, first + count))
+        return found[0], found[1]
+
+
+class Axis(NamedTuple):
+    """How slopes s become pixels: the first is s scale + begin, rounded up, the last s scale + end, rounded down.
+
+    first, stop: the pixels that are wanted.
+    """
+
+    scale: float
+    begin: float
+    end: float
+    first: int
+    stop: int
+
 
 def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | None = None) -> CellGrid:
     """The picture's grid.
@@ -51,9 +83,7 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
     which of them to enter. Those that cannot be seen are left out: those behind the eye, beside the region, or between
     the centres of pixels.
     """
-    step, size, (left_most, top_most, width, height) = window.step, window.size, window.region
-    bounds = ((left_most, left_most + width), (top_most, top_most + height))
-    real = np.float32 if min(step) > TINY else np.float64
+    real = np.float32 if min(window.step) > TINY else np.float64
 
     def see(block: slice) -> tuple[NDArray[Any], ...]:
         exact, exact_r = np.ascontiguousarray(seen.center[block].T), seen.radius[block]
@@ -63,14 +93,10 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
         # More than z < r, as the eye may be inside by less than the rounding of the centre.
         visible = (exact[2] < exact_r * (1 + SLACK)) & among[block]
         left, right, top, bottom = slopes([x, -y], -z, r, gap)
-        for k, (low, high) in enumerate(((left, right), (top, bottom))):
+        for k, (low, high, axis) in enumerate(((left, right, window.axes[0]), (top, bottom, window.axes[1]))):
             slack = (np.abs(low) + np.abs(high)) * real(SLACK)
-            # Pixel i is at slope (2i + 1 - n) step. The product and the sum below are rounded, each by 2^-24 of up to
-            # 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
-            scale, middle = 0.5 / step[k], (size[k] - 1) / 2
-            first, stop = bounds[k]
-            begin = np.clip(np.ceil((low - slack) * scale + (middle - 1 / 64)), first, stop)
-            end = np.clip(np.floor((high + slack) * scale + (middle + 1 / 64)), first - 1, stop - 1)
+            begin = np.clip(np.ceil((low - slack) * axis.scale + axis.begin), axis.first, axis.stop)
+            end = np.clip(np.floor((high + slack) * axis.scale + axis.end), axis.first - 1, axis.stop - 1)
             visible &= begin <= end
             covers[k] = begin.astype(np.int32) >> SHIFT
             covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
@@ -84,6 +110,17 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
             outlines.append((sum(len(other[0]) for other in parts), outline))
             parts.append(part)
     member, covers, near = joined(parts)
+    return picture_grid(window.size, member, covers, near, joined_outlines(outlines))
+
+
+def picture_grid(
+    size: tuple[int, int],
+    member: Ints,
+    covers: NDArray[np.int16],
+    near: NDArray[np.float32],
+    outlines: tuple[Outlines, ...] = (),
+) -> CellGrid:
+    """The grid of a picture of so many pixels, (width, height). The rest is of CellGrid."""
     cells = (((size[0] - 1) >> SHIFT) + 1, ((size[1] - 1) >> SHIFT) + 1)
     return CellGrid(
         np.eye(3),
@@ -94,7 +131,7 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
         covers,
         near,
         True,
-        outlines=joined_outlines(outlines),
+        outlines=outlines,
         pixels=CONSTANTS["TILE"],
     )
 

@@ -1,0 +1,317 @@
+"""A View whose arrays of spheres are made on the device, with the same bits as those of View.of().
+
+What takes a pass over all spheres is a kernel of kernels/pack. What follows from few numbers, such as the window of a
+light's grid, is decided by the functions of cltrace.plan that View.of() uses, too.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel.cells import SLACK, CellGrid
+from cltrace.plan.accel.light_buffer import (
+    FINE_SLACK,
+    SAMPLE,
+    SIDES,
+    Extent,
+    Rectangle,
+    cube_of,
+    sampled,
+    side_axes,
+    window_of,
+)
+from cltrace.plan.accel.tiles import SHIFT, TINY, Window, picture_grid
+from cltrace.plan.culling import larger, shells
+from cltrace.plan.exact import Array
+from cltrace.plan.plan import View, World
+from cltrace.plan.request import Request
+from cltrace.plan.space import Space
+from cltrace.run.devices import Device, driver_errors
+from cltrace.run.entries import Covers, Entries
+from cltrace.run.program import Announcement
+from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
+from cltrace.scene import PARALLEL, Camera
+
+# From so many spheres on, a device packs them.
+MANY = 2**15
+# What a request may keep that changes nothing here.
+KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
+# Buffers end with a whole packet, however wide.
+PACKET = 16
+
+
+class Packing:
+    """A world's spheres on a device, for Views of any camera.
+
+    world: is not to change; request: the one that it was made for.
+    """
+
+    def __init__(self, world: World, request: Request, device: Device) -> None:
+        self.world, self.request, self.tools = world, request, Toolbox(device, request.precision)
+        self.center, self.radius = self.tools.share(world.center), self.tools.share(world.radius)
+        self.some_again = bool(world.again.any())
+        self.again = self.tools.share(world.again) if self.some_again else self.tools.room(1, np.bool_)
+        self.shells, self.least = shells(world.radius), float(world.radius.min())
+        self._device, self._lock = device, threading.Lock()
+
+    @classmethod
+    def of(cls, world: World, request: Request, device: Device) -> Packing | None:
+        """None unless there are many spheres and nothing else, on a device that computes as numpy does.
+
+        Raises BuildError and DeviceError as Executor does.
+        """
+        served = (
+            len(world.radius) > max(MANY, CONSTANTS["FEW"])
+            and world.maps is None
+            and not len(world.triangles.face)
+            and not (world.lights["kind"] == PARALLEL).any()
+            and KEPT.issuperset(request.keep)
+            and is_exact(device)
+        )
+        with driver_errors(device):
+            return cls(world, request, device) if served else None
+
+    def view(self, camera: Camera) -> tuple[View, dict[str, Any]]:
+        """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
+
+        Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        """
+        region = self.request.region_of(camera.resolution)
+        window = Window.of(camera, region)
+        if min(window.step) <= TINY:  # The kernels' float32 is too coarse for such pixels.
+            return View.of(self.world, camera, self.request), {}
+        with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
+            return _Look(self, camera, window).view()
+
+
+class _Look:
+    """The spheres of a Packing as one camera sees them.
+
+    seen: four columns of `pitch` doubles, see kernels/pack/space.cl; rows: the n spheres' arrays on the device.
+    """
+
+    def __init__(self, packing: Packing, camera: Camera, window: Window) -> None:
+        self.packing, self.camera, self.window = packing, camera, window
+        self.world, self.tools = packing.world, packing.tools
+        self.n = len(self.world.radius)
+        self.pitch = -(-self.n // PACKET) * PACKET
+        self.basis = np.array(camera.basis())
+        self.slack = SLACK if packing.request.precision == "single" else FINE_SLACK
+        self.real = np.dtype("f4" if packing.request.precision == "single" else "f8")
+        self.made: dict[str, Any] = {}
+        self.unsure = self.tools.room(1 + self.n, np.int32)
+        self.seen = self.tools.room(4 * self.pitch, np.float64)
+
+    def view(self) -> tuple[View, dict[str, Any]]:
+        world, tools = self.world, self.tools
+        inside = self._see_from_eye()
+        view = View.without_spheres(world, self.camera, self.packing.request, self.k)
+        skipped, start = dict(view.skipped), time.perf_counter()
+        light_buffer, grids = self._lists(skipped)
+        lists, grid = grids.joined()
+        arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
+        none = np.zeros((1, 4), np.float32)
+        arrays |= {"facet": none, "light_facet": none}
+        if "world" not in self.made:
+            arrays["world"] = np.zeros((1, 4), self.real)
+        if not len(world.lights):
+            arrays |= {"light_filter": none, "light_side": np.zeros(1, np.int8)}
+        tools.finish()
+        seconds = {"lists": time.perf_counter() - start}
+        return replace(view, arrays=arrays, inside=inside, skipped=skipped, seconds=seconds), self.made | lists
+
+    def _few(self, rows: Any) -> Space:
+        """Some of the spheres as numpy sees them, in scene units."""
+        world = self.world
+        return Space.of(self.camera, world.center[rows], world.radius[rows], None, world.lights)
+
+    @property
+    def _camera(self) -> tuple[Any, ...]:
+        return tuple(vector(v) for v in (np.array(self.camera.position), *self.basis))
+
+    def _unsure_rows(self) -> NDArray[np.int32]:
+        """The rows that kernels are unsure of."""
+        count = int(self.tools.read(self.unsure, 1, np.int32)[0])
+        return np.sort(self.tools.read(self.unsure, count, np.int32, 1))
+
+    def _mend(self, rows: NDArray[np.int32], values: Array, column: Any, first: int) -> None:
+        tools = self.tools
+        tools.run("mend", np.int32(len(rows)), np.int32(first), tools.upload(rows), tools.upload(values), column)
+
+    def _see_from_eye(self) -> bool:
+        """Makes what depends on the eye alone, and k. Returns whether the eye is inside of a sphere or on it."""
+        n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
+        turned, rest = tools.room(4 * self.pitch, np.float64), tools.room(self.pitch, np.float64)
+        tools.clear(self.unsure, 1)
+        part = tools.noted(
+            "see_from_eye",
+            *(n, pitch, packing.center, packing.radius, *self._camera, turned, self.seen, rest, self.unsure),
+            columns=2,
+            dtype=np.float64,
+        )
+        inside, rows = bool(part[:, 1].min() <= 0), self._unsure_rows()
+        if len(rows):
+            space = self._few(rows)
+            self._mend(rows, space.power, self.seen, 3 * self.pitch)
+            self._mend(rows, space.power_rest, rest, 0)
+            inside |= bool((space.power <= 0).any())
+        self.k = self._few(slice(0)).exponent(self.world.lights, np.zeros((0, 3)), float(part[:, 0].max()))
+        self.unit = np.float64(2.0**self.k)
+        double = self.real.itemsize == 8
+        made = {"power": tools.room(2 * self.pitch, self.real), "eye_filter": tools.room(4 * self.pitch, np.float32)}
+        made["center_radius"] = turned if double else tools.room(4 * self.pitch, self.real)
+        if double:
+            made["world"] = tools.room(4 * self.pitch, self.real)
+        columns = (made["center_radius"], made["power"], made.get("world", turned), made["eye_filter"])
+        tools.run("pack_eye", n, pitch, self.unit, packing.center, turned, rest, self.seen, *columns)
+        self.made |= made
+        return inside
+
+    def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], Entries]:
+        """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
+        n, pitch, tools = np.int32(self.n), np.int32(self.pitch), self.tools
+        self.flags, self.covers = tools.room(self.pitch, np.int8), Covers(tools, self.n, self.pitch)
+        entries = Entries(tools, self.packing.request.precision)
+        skipped["spheres inside others, or the same"] = self.n - self._hide()
+        x, y = self.window.axes
+        self.covers.make(
+            "picture_tiles",
+            *(n, pitch, self.unit, *(vector((a.scale, a.begin, a.end, 0), np.float32) for a in (x, y))),
+            *(vector((a.first, a.stop), np.int32) for a in (x, y)),
+            *(np.int32(SHIFT), np.int32(self.world.bounces.any), self.seen, self.packing.radius, self.flags),
+        )
+        nobody, nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
+        tiles = picture_grid(self.window.size, nobody, np.zeros((4, 0), np.int16), nothing)
+        entries.add(tiles, self.covers)
+        skipped["spheres out of the picture"] = self.n - self.covers.members
+
+        m = len(self.world.lights)
+        if m:
+            self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32)
+            self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8)
+        buffers, idle = np.zeros((max(1, m), 4), np.int32), 0
+        for light in range(m):
+            first = len(entries.records)
+            self._see_from_light(light)
+            idle += self.n - self._light_buffer(light, entries)
+            buffers[light] = first, len(entries.records) - first, -1, 0
+        skipped["spheres that shadow nothing seen, per light"] = idle
+        return buffers, entries
+
+    def _hide(self) -> int:
+        """Notes which spheres may be seen at all, and returns how many."""
+        rows = self.packing.shells
+        few = self._few(rows).times_two_to(self.k)
+        outside = (few.power > 0) & self.world.opaque[rows]
+        for light in range(len(self.world.lights)):
+            outside &= few.seen_from_light(light, self.basis)[1] > 0
+        inner = 2 * few.radius - larger(few.radius, self.slack)
+        which = np.flatnonzero(outside & (inner > self.packing.least * self.unit))
+        shell = np.concatenate([few.center[which], inner[which, None]], axis=1)
+        packing = self.packing
+        counts = self.tools.noted(
+            "hide",
+            *(np.int32(self.n), np.int32(self.pitch), self.unit, np.float64(self.slack), np.int32(len(which))),
+            *(np.int32(packing.some_again), self.tools.upload(shell), packing.again),
+            *(self.seen, packing.radius, self.flags),
+            columns=1,
+            dtype=np.int64,
+        )
+        return int(counts.sum())
+
+    def _see_from_light(self, light: int) -> None:
+        """Makes `seen` what a light at a point sees, and packs it."""
+        n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
+        lights = self._few(slice(0)).times_two_to(self.k)
+        point = vector(lights.position_hi[light]), vector(lights.position_lo[light])
+        tools.clear(self.unsure, 1)
+        arguments = (packing.center, packing.radius, *self._camera, *point, self.seen, self.unsure)
+        tools.run("see_from_light", n, pitch, self.unit, *arguments)
+        rows = self._unsure_rows()
+        if len(rows):
+            seen, _ = self._few(rows).times_two_to(self.k).seen_from_light(light, self.basis)
+            self._mend(rows, seen.power, self.seen, 3 * self.pitch)
+        filters = self.made["light_filter"], self.made["light_side"]
+        tools.run("pack_light", n, pitch, np.int64(light * self.n), self.seen, *filters)
+
+    def _light_buffer(self, light: int, entries: Entries) -> int:
+        """Adds the grids of a light at a point, at most six. Returns how many spheres are in any of them."""
+        some = self._few(sampled(self.n)).times_two_to(self.k).seen_from_light(light, self.basis)[0].center
+        cube = cube_of([some])
+        common = (np.int32(self.n), np.int32(self.pitch), self.unit, *map(vector, cube))
+        spheres = (self.seen, self.packing.radius, self.flags)
+        sides = self.tools.noted("cube_sides", *common, *spheres, columns=1, dtype=np.int32)
+        seen_on = int(np.bitwise_or.reduce(sides, axis=None))
+        entered = 0
+        for side, (axis, sign) in enumerate(SIDES):
+            if not seen_on >> side & 1:
+                continue
+            look = partial(_Discs.of, self, (*common, np.int32(side), *spheres))
+            discs = look(np.float32)
+            window = window_of([discs.extent], SLACK, True)
+            if window is not None and not window.coarse and self.slack < SLACK:
+                discs = look(np.float64)
+                window = window_of([discs.extent], self.slack, True)
+                window = window and window._replace(coarse=False)
+            if window is None:
+                continue
+            cells = window.cells(discs.sizes(), discs.count, False)
+            entered += self._place(discs, window, cells)
+            nobody, nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
+            covers = np.zeros((4, 0), np.int16)
+            axes = side_axes(cube, axis, sign)
+            grid = CellGrid(axes, window.middle, window.half, cells, nobody, covers, nothing, True, window.coarse)
+            entries.add(grid, self.covers)
+        return entered
+
+    def _place(self, discs: _Discs, window: Rectangle, cells: tuple[int, int]) -> int:
+        """Makes `covers` those of a window's cells. Returns how many spheres are in no grid of the light before."""
+        slack, sides = SLACK if window.coarse else self.slack, window.sides(cells)
+        self.covers.make(
+            "place",
+            *(np.int32(self.n), np.int32(self.pitch), *(vector(side, discs.edge) for side in sides)),
+            *(discs.edge(slack), np.float32(window.furthest), discs.edges, self.flags),
+            edge=discs.edge,
+        )
+        return self.covers.more
+
+
+class _Discs:
+    """The spheres that are seen through a side of the cube around a light, as discs.
+
+    edge: the type of their edges; edges: four columns of `pitch`; count: how many there are; extent: of all of them.
+    """
+
+    def __init__(self, look: _Look, edge: EdgeType, edges: Any, count: int, extent: Extent) -> None:
+        self._look, self.edge, self.edges, self.count, self.extent = look, edge, edges, count, extent
+
+    @classmethod
+    def of(cls, look: _Look, arguments: tuple[Any, ...], edge: EdgeType) -> _Discs:
+        """arguments: of the kernel, but for what it writes. The depths go to those of look.covers."""
+        edges = look.tools.room(4 * look.pitch, edge)
+        part = look.tools.noted("cube_discs", *arguments, edges, look.covers.near, columns=11, dtype="f8", edge=edge)
+        outer = part.max(axis=0).tolist()
+        spans = [[-left, right, -low, high] for left, right, low, high in (outer[:4], outer[4:8])]
+        return cls(look, edge, edges, int(part[:, 10].sum()), Extent(spans, -outer[8], outer[9]))
+
+    def sizes(self) -> NDArray[Any]:
+        """The width and the height of those whose indices SAMPLE divides, or of all of them if there is none."""
+        look = self._look
+        for sample in (SAMPLE, 1):
+            count = 2 * ((look.n - 1) // sample + 1)
+            sizes = look.tools.room(count, self.edge)
+            arguments = (np.int32(look.n), np.int32(look.pitch), np.int32(sample), self.edges, look.covers.near, sizes)
+            look.tools.run("sizes", *arguments, edge=self.edge)
+            found = look.tools.read(sizes, count, self.edge)
+            found = found[~np.isnan(found)]
+            if len(found):
+                break
+        return found

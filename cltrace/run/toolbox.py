@@ -1,0 +1,139 @@
+"""The program that packs on a device: its kernels, and buffers for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from cltrace.plan import abi
+from cltrace.plan.exact import Array
+from cltrace.run.devices import Device
+from cltrace.run.program import context_of, program
+
+EdgeType = type[np.float32] | type[np.float64]
+SOURCES = (
+    "packet.cl",
+    "abi",
+    "pairs.cl",
+    "pack/sums.cl",
+    "pack/rows.cl",
+    "pack/space.cl",
+    "pack/tiles.cl",
+    "pack/cells.cl",
+)
+# Vectors in memory begin at multiples of their size.
+PAGE = 4096
+# Eight doubles are as wide as the widest registers.
+WIDEST = 8
+# Work-items of a kernel that goes through all spheres, and in a group. On a CPU each one takes spheres that are
+# neighbours in memory; a GPU wants very many.
+ITEMS, GROUP = {"cpu": 2**10, "gpu": 2**15}, {"cpu": 4, "gpu": 64}
+# What float and double must be able to do for the host's bits.
+EXACT = cl.device_fp_config.ROUND_TO_NEAREST | cl.device_fp_config.INF_NAN | cl.device_fp_config.DENORM
+
+
+def is_exact(device: Device) -> bool:
+    """Whether the device rounds all that packing needs as numpy does."""
+    rounds = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
+    single, double = device.cl.single_fp_config, device.cl.double_fp_config
+    return bool(single & EXACT == EXACT and single & rounds and double & EXACT == EXACT)
+
+
+class Toolbox:
+    """Kernels and buffers of one device, for arrays of n spheres with room for whole packets.
+
+    precision: of the buffers that are packed; one for each thread.
+    """
+
+    def __init__(self, device: Device, precision: abi.Precision) -> None:
+        self.kind = "cpu" if device.kind == "cpu" else "gpu"
+        self.context: Any = context_of(device.cl)
+        self.queue: Any = cl.CommandQueue(self.context)
+        self._device, self._single = device, precision == "single"
+        self._kernels: dict[tuple[str, int], Any] = {}
+        # What commands in the queue still use, even if nobody else does: drivers do not keep the memory of arrays.
+        self._in_use: list[Any] = []
+
+    def run(self, name: str, *arguments: Any, items: int = 0, edge: EdgeType = np.float32) -> None:
+        """Starts a kernel. items: how many work-items; edge: the type of a disc's edges.
+
+        A driver may compile a kernel anew for each size, so there are few of them.
+        """
+        edge_bytes = np.dtype(edge).itemsize
+        key = name, edge_bytes
+        if key not in self._kernels:
+            self._kernels[key] = cl.Kernel(_program(self._device, self._single, edge_bytes), name)
+        self._in_use += arguments
+        self._kernels[key](self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), *arguments)
+
+    def room(self, count: int, dtype: Any) -> Any:
+        """A buffer of so many numbers, at least one. They are undefined."""
+        size = max(1, count) * np.dtype(dtype).itemsize
+        if self.kind == "cpu":
+            # numpy asks the system for large pages. To fill an array for the first time then takes half as long.
+            memory = np.empty(size + PAGE, np.uint8)
+            memory = memory[-memory.ctypes.data % PAGE :][:size]
+            return cl.Buffer(self.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
+        return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, size)
+
+    def noted(
+        self, name: str, *arguments: Any, columns: int, dtype: Any, items: int = 0, edge: EdgeType = np.float32
+    ) -> NDArray[Any]:
+        """(work-items, columns): what each work-item notes in a kernel's last argument, a buffer. The rest as run()."""
+        count = columns * (items or ITEMS[self.kind])
+        part = self.room(count, dtype)
+        self.run(name, *arguments, part, items=items, edge=edge)
+        return self.read(part, count, dtype).reshape(-1, columns)
+
+    def upload(self, array: NDArray[Any]) -> Any:
+        """A buffer with a copy of this array, which may be empty."""
+        array = np.ascontiguousarray(array) if array.size else np.zeros(1, array.dtype)
+        return cl.Buffer(self.context, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, hostbuf=array)
+
+    def share(self, array: NDArray[Any]) -> Any:
+        """A buffer with an array that does not change: on a CPU, the array itself."""
+        if self.kind != "cpu" or not array.size:
+            return self.upload(array)
+        return cl.Buffer(self.context, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
+
+    def finish(self) -> None:
+        """Waits until all is done."""
+        self.queue.finish()
+        self._in_use.clear()
+
+    def clear(self, buffer: Any, count: int) -> None:
+        """Sets so many whole numbers of 32 bits to 0."""
+        self._in_use.append(buffer)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.int32), 0, 4 * count)
+
+    def copy(self, source: Any, target: Any, offset: int, size: int) -> None:
+        """Copies so many bytes to an offset of another buffer."""
+        if size:
+            self._in_use += (source, target)
+            cl.enqueue_copy(self.queue, target, source, dst_offset=offset, byte_count=size)
+
+    def read(self, buffer: Any, count: int, dtype: Any, first: int = 0) -> NDArray[Any]:
+        """So many numbers of a buffer, from the first one on."""
+        out = np.empty(count, dtype)
+        if count:
+            cl.enqueue_copy(self.queue, out, buffer, src_offset=first * out.itemsize)
+            self._in_use.clear()
+        return out
+
+
+def _program(device: Device, single: bool, edge_bytes: int) -> Any:
+    values = ("W", min(device.width, WIDEST)), ("RUN", 1), ("OUT_BYTES", 4 if single else 8), ("EDGE_BYTES", edge_bytes)
+    options = [f"-D{name}={value}" for name, value in values]
+    # The kernels compute in double, whatever precision they pack for.
+    options += ["-cl-fp32-correctly-rounded-divide-sqrt", *abi.options("double", frozenset())]
+    return program(device, options, SOURCES)
+
+
+def vector(values: Array | tuple[float, ...], dtype: Any = np.float64) -> Any:
+    """Two, three or four numbers as an argument of a kernel; three are four with 0."""
+    numbers = [*np.asarray(values).tolist(), 0] if len(values) == 3 else np.asarray(values).tolist()
+    name = {"f": "float", "d": "double", "i": "int"}[np.dtype(dtype).char]
+    return np.array(tuple(numbers), getattr(cl.cltypes, f"{name}{len(numbers)}"))[()]

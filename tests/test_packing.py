@@ -1,0 +1,180 @@
+"""Packing on a device: every buffer has the bits that numpy gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import cltrace
+from cltrace.plan.abi import Precision
+from cltrace.plan.accel import cells
+from cltrace.plan.plan import View, World
+from cltrace.plan.request import Request
+from cltrace.run import packing
+from cltrace.run.devices import Device
+from cltrace.run.packing import Packing
+
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(autouse=True)
+def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing, "MANY", 0)
+
+
+def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
+    """Asserts that the device's view of a scene is numpy's."""
+    world = World.of(scene, request)
+    maker = Packing.of(world, request, device)
+    assert maker is not None
+    expected = View.of(world, scene.camera, request)
+    view, made = maker.view(scene.camera)
+    assert made.keys() | view.arrays.keys() == expected.arrays.keys()
+    for name, array in expected.arrays.items():
+        found = maker.tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
+        assert found.tobytes() == array.tobytes(), name
+    assert (view.skipped, view.inside, view.values) == (expected.skipped, expected.inside, expected.values)
+    assert (view.region, view.exponent) == (expected.region, expected.exponent)
+
+
+def camera(**changes: object) -> cltrace.Camera:
+    arguments = {"position": (0.1, 0.2, 3.0), "lookat": (0, 0, 0), "horizontal_fov": 50.0, "resolution": (97, 61)}
+    return cltrace.Camera(**(arguments | changes))  # type: ignore[arg-type]
+
+
+LIGHTS = [
+    cltrace.ambient_light(),
+    cltrace.point_light((3, 4, 5)),
+    cltrace.spot_light((0.1, 2.0, -0.3), (0, -1, 0), 20, 30),
+]
+
+
+def balls(n: int = 300, size: float = 0.1, seed: int = 1) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, (n, 3)), rng.uniform(0.1, 1, n) * size
+
+
+def scene(centers: Floats, radii: Floats | float, lights: object = LIGHTS, **changes: object) -> cltrace.Scene:
+    return cltrace.Scene.from_spheres(camera(**changes), lights, centers, radii)  # type: ignore[arg-type]
+
+
+def around(n: int) -> cltrace.Scene:
+    """Eye and lights are inside of spheres, of all or of some."""
+    centers, radii = balls(n, 4.0)
+    return scene(centers, radii)
+
+
+def far_away() -> cltrace.Scene:
+    """At 1e7 from the origin, a coordinate has eight bits after the point."""
+    centers, radii = balls()
+    shift = np.array([1e7, -1e7, 1e7])
+    lights = [cltrace.point_light(shift + (3, 4, 5))]
+    return scene(centers + shift, radii, lights, position=tuple(shift + (0, 0, 3)), lookat=tuple(shift))
+
+
+def touching() -> cltrace.Scene:
+    """The eye and a light are on spheres, exactly or but for a last digit: sums cancel to nothing."""
+    rng = np.random.default_rng(3)
+    step = rng.integers(-8, 9, (200, 3)) / 8
+    radii = np.maximum(np.sqrt((step**2).sum(axis=1)), 1 / 64)
+    eye, lamp = np.array([0.5, 0.25, 2.0]), np.array([3.0, 1.0, 0.1])
+    centers = np.concatenate([eye + step, lamp + step])
+    nearly = np.nextafter(radii, rng.choice([0.0, 9.0], 200))
+    return scene(centers, np.concatenate([radii, nearly]), [cltrace.point_light(lamp)], position=tuple(eye))
+
+
+def equal() -> cltrace.Scene:
+    centers, radii = balls(100)
+    return scene(np.tile(centers, (3, 1)), np.tile(radii, 3))
+
+
+def of_all_sizes() -> cltrace.Scene:
+    rng = np.random.default_rng(4)
+    return scene(rng.uniform(-1, 1, (400, 3)), 2.0 ** rng.uniform(-140, 3, 400))
+
+
+def in_shells() -> cltrace.Scene:
+    """Most spheres are inside of larger ones, which hide them."""
+    centers, radii = balls(300, 0.02)
+    return scene(np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6]))
+
+
+def behind() -> cltrace.Scene:
+    """Nothing is in the picture, and nothing is in any list."""
+    centers, radii = balls()
+    return scene(centers + (0, 0, 9), radii)
+
+
+def few_in_light() -> cltrace.Scene:
+    """What is seen is so small, as the light sees it, that its grid is made in double."""
+    centers, radii = balls(300, 0.1)
+    return scene(centers, radii, [cltrace.point_light((0, 900, 0.3))], horizontal_fov=0.3)
+
+
+def mirrors() -> cltrace.Scene:
+    centers, radii = balls()
+    return cltrace.Scene.from_spheres(camera(), LIGHTS, centers, radii, reflectance=0.5, transmittance=0.3, index=1.5)
+
+
+def crowded(**changes: object) -> cltrace.Scene:
+    """Thousands of spheres in few cells, and in depths that are equal."""
+    centers, radii = balls(3000, 0.3, 6)
+    centers[::2] = centers[1::2]
+    return scene(centers, radii, **changes)
+
+
+CASES: dict[str, Callable[[], cltrace.Scene]] = {
+    "scattered": lambda: scene(*balls()),
+    "one more than lists are made for": lambda: scene(*balls(17)),
+    "a whole packet": lambda: scene(*balls(64)),
+    "around the eye": lambda: around(300),
+    "far away": far_away,
+    "touching": touching,
+    "equal": equal,
+    "of all sizes": of_all_sizes,
+    "in shells": in_shells,
+    "behind the eye": behind,
+    "few in the light": few_in_light,
+    "mirrors": mirrors,
+    "crowded": crowded,
+    "one cell": lambda: crowded(resolution=(4, 3)),
+    "two cells": lambda: crowded(resolution=(5, 3)),
+    "no light": lambda: scene(*balls(), []),
+    "a view along an axis": lambda: scene(*balls(), position=(0, 0, 3), lookat=(0, 0, 0)),
+    "one unit of size": lambda: scene(balls()[0] * 1e30, balls()[1] * 1e30, position=(0, 0, 3e30)),
+}
+
+
+@pytest.mark.parametrize("precision", ["accurate", "single"])
+@pytest.mark.parametrize("name", CASES)
+def test_bits(device: Device, precision: Precision, name: str) -> None:
+    both(CASES[name](), device, Request(precision))
+
+
+def test_bits_of_a_crop(device: Device) -> None:
+    both(crowded(), device, Request(crop=(13, 7, 30, 22)))
+
+
+@pytest.mark.parametrize("spare", [0, 300])
+def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spare: int) -> None:
+    """With little room for entries, spheres are on the levels of their sizes or near them."""
+    monkeypatch.setattr(cells, "SPARE", spare)
+    for make in (crowded, of_all_sizes, lambda: around(300)):
+        both(make(), device, Request())
+
+
+def test_pictures(device: Device) -> None:
+    """A Renderer takes buffers that the device has made, also for another camera."""
+    renderer = cltrace.Renderer(crowded(), device)
+    assert "entry" not in renderer.plan.arrays
+    other = camera(position=(1.0, 2.0, 2.5))
+    moved = renderer.look(other)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packing, "MANY", 2**31)
+        for found, by_camera in ((renderer, camera()), (moved, other)):
+            expected = cltrace.Renderer(crowded().seen_by(by_camera), device)
+            assert "entry" in expected.plan.arrays
+            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
