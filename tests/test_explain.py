@@ -19,6 +19,7 @@ import cltrace
 from cltrace import cli
 from cltrace.explanation.pixel import Explainer
 from cltrace.reference import byte_of
+from cltrace.reference.check import CONTRACT
 from cltrace.run.devices import Device
 
 FIRST = SCENES[0].parent / "first.xml"
@@ -48,15 +49,19 @@ def check_scene(path: Path, device: Device, pixels: int, part: tuple[int, int] |
     left, top = place.randrange(width - size[0] + 1), place.randrange(height - size[1] + 1)
     # One program for all scenes, which takes longer to run and is compiled only once.
     image = picture(scene, device, crop=(left, top, left + size[0], top + size[1]))
-    explainer = Explainer(scene)
+    explainer, close = Explainer(scene), 0
     for _ in range(pixels):
         x, y = place.randrange(size[0]), place.randrange(size[1])
         found = explainer.pixel(left + x, top + y)
         hit = found.rays[0].hit
-        assert found.rgb8 == tuple(image.rgb8[y, x].tolist()), (x, y)
+        if found.rgb8 != tuple(image.rgb8[y, x].tolist()):
+            # The kernel's colours are float32, and the sums of several terms: 255 c is half-way between two bytes.
+            assert np.abs(image.rgb8[y, x] - 255 * np.clip(found.color, 0, 1)).max() < 0.5 + 255 * 2.0**-20, (x, y)
+            close += 1
         assert (hit.surface.id if hit else -1) == image.id[y, x], (x, y)
         assert np.allclose(found.rays[0].color, found.color, rtol=1e-12, atol=1e-14), (x, y)
         assert printed_bytes(found) == (list(found.rgb8), list(found.rgb8)), (x, y)
+    assert close <= max(1, CONTRACT["accurate"][0] * pixels)
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
