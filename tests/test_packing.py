@@ -47,6 +47,7 @@ def camera(**changes: object) -> cltrace.Camera:
 
 LIGHTS = [
     cltrace.ambient_light(),
+    cltrace.parallel_light((-1, -2, -0.5)),
     cltrace.point_light((3, 4, 5)),
     cltrace.spot_light((0.1, 2.0, -0.3), (0, -1, 0), 20, 30),
 ]

@@ -31,7 +31,7 @@ from cltrace.plan.accel.light_buffer import (
 from cltrace.plan.accel.tiles import SHIFT, TINY, Window, picture_grid
 from cltrace.plan.culling import larger, shells
 from cltrace.plan.exact import Array
-from cltrace.plan.plan import View, World
+from cltrace.plan.plan import View, World, packed_lights
 from cltrace.plan.request import Request
 from cltrace.plan.space import Space
 from cltrace.run.devices import Device, driver_errors
@@ -46,6 +46,8 @@ MANY = 2**15
 KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
 # Buffers end with a whole packet, however wide.
 PACKET = 16
+# member, covers and near of a grid whose members only the device knows.
+NOBODY = np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32)
 
 
 class Packing:
@@ -72,7 +74,6 @@ class Packing:
             len(world.radius) > max(MANY, CONSTANTS["FEW"])
             and world.maps is None
             and not len(world.triangles.face)
-            and not (world.lights["kind"] == PARALLEL).any()
             and KEPT.issuperset(request.keep)
             and is_exact(device)
         )
@@ -188,9 +189,7 @@ class _Look:
             *(vector((a.first, a.stop), np.int32) for a in (x, y)),
             *(np.int32(SHIFT), np.int32(self.world.bounces.any), self.seen, self.packing.radius, self.flags),
         )
-        nobody, nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
-        tiles = picture_grid(self.window.size, nobody, np.zeros((4, 0), np.int16), nothing)
-        entries.add(tiles, self.covers)
+        entries.add(picture_grid(self.window.size, *NOBODY), self.covers)
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
         m = len(self.world.lights)
@@ -198,10 +197,10 @@ class _Look:
             self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32)
             self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8)
         buffers, idle = np.zeros((max(1, m), 4), np.int32), 0
-        for light in range(m):
+        # Parallel lights come first, as `seen` is what the eye sees until then.
+        for light, kind in enumerate(self.world.lights["kind"]):
             first = len(entries.records)
-            self._see_from_light(light)
-            idle += self.n - self._light_buffer(light, entries)
+            idle += self.n - (self._along if kind == PARALLEL else self._from_point)(light, entries)
             buffers[light] = first, len(entries.records) - first, -1, 0
         skipped["spheres that shadow nothing seen, per light"] = idle
         return buffers, entries
@@ -211,7 +210,7 @@ class _Look:
         rows = self.packing.shells
         few = self._few(rows).times_two_to(self.k)
         outside = (few.power > 0) & self.world.opaque[rows]
-        for light in range(len(self.world.lights)):
+        for light in np.flatnonzero(self.world.lights["kind"] != PARALLEL).tolist():
             outside &= few.seen_from_light(light, self.basis)[1] > 0
         inner = 2 * few.radius - larger(few.radius, self.slack)
         which = np.flatnonzero(outside & (inner > self.packing.least * self.unit))
@@ -242,8 +241,24 @@ class _Look:
         filters = self.made["light_filter"], self.made["light_side"]
         tools.run("pack_light", n, pitch, np.int64(light * self.n), self.seen, *filters)
 
-    def _light_buffer(self, light: int, entries: Entries) -> int:
-        """Adds the grids of a light at a point, at most six. Returns how many spheres are in any of them."""
+    def _along(self, light: int, entries: Entries) -> int:
+        """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
+        packed = packed_lights(self.world, self.camera, self.packing.request, self.k)[light]
+        axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
+        common = (np.int32(self.n), np.int32(self.pitch), self.unit)
+        spheres = (self.seen, self.packing.radius)
+        filters = self.made["light_filter"], self.made["light_side"]
+        self.tools.run("pack_along", *common, *map(vector, axes[:2]), np.int64(light * self.n), *spheres, *filters)
+        discs = _Discs.of(self, "discs_along", (*common, *map(vector, axes), *spheres, self.flags), np.float64)
+        window = window_of([discs.extent], self.slack, False)
+        return self._add(axes, discs, window, self.slack, False, entries) if window else 0
+
+    def _from_point(self, light: int, entries: Entries) -> int:
+        """Packs spheres as a light at a point sees them, and adds its grids, at most six.
+
+        Returns how many spheres are in any of them.
+        """
+        self._see_from_light(light)
         some = self._few(sampled(self.n)).times_two_to(self.k).seen_from_light(light, self.basis)[0].center
         cube = cube_of([some])
         common = (np.int32(self.n), np.int32(self.pitch), self.unit, *map(vector, cube))
@@ -254,33 +269,32 @@ class _Look:
         for side, (axis, sign) in enumerate(SIDES):
             if not seen_on >> side & 1:
                 continue
-            look = partial(_Discs.of, self, (*common, np.int32(side), *spheres))
+            look = partial(_Discs.of, self, "cube_discs", (*common, np.int32(side), *spheres))
             discs = look(np.float32)
             window = window_of([discs.extent], SLACK, True)
             if window is not None and not window.coarse and self.slack < SLACK:
                 discs = look(np.float64)
                 window = window_of([discs.extent], self.slack, True)
                 window = window and window._replace(coarse=False)
-            if window is None:
-                continue
-            cells = window.cells(discs.sizes(), discs.count, False)
-            entered += self._place(discs, window, cells)
-            nobody, nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
-            covers = np.zeros((4, 0), np.int16)
-            axes = side_axes(cube, axis, sign)
-            grid = CellGrid(axes, window.middle, window.half, cells, nobody, covers, nothing, True, window.coarse)
-            entries.add(grid, self.covers)
+            if window is not None:
+                slack = SLACK if window.coarse else self.slack
+                entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, entries)
         return entered
 
-    def _place(self, discs: _Discs, window: Rectangle, cells: tuple[int, int]) -> int:
-        """Makes `covers` those of a window's cells. Returns how many spheres are in no grid of the light before."""
-        slack, sides = SLACK if window.coarse else self.slack, window.sides(cells)
+    def _add(
+        self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, entries: Entries
+    ) -> int:
+        """Adds the grid of a window. Returns how many spheres are in no grid of the light before."""
+        cells = window.cells(discs.sizes(), discs.count, False)
         self.covers.make(
             "place",
-            *(np.int32(self.n), np.int32(self.pitch), *(vector(side, discs.edge) for side in sides)),
+            *(np.int32(self.n), np.int32(self.pitch)),
+            *(vector(side, discs.edge) for side in window.sides(cells)),
             *(discs.edge(slack), np.float32(window.furthest), discs.edges, self.flags),
             edge=discs.edge,
         )
+        middle, half, coarse = window.middle, window.half, window.coarse
+        entries.add(CellGrid(axes, middle, half, cells, *NOBODY, perspective, coarse), self.covers)
         return self.covers.more
 
 
@@ -294,10 +308,10 @@ class _Discs:
         self._look, self.edge, self.edges, self.count, self.extent = look, edge, edges, count, extent
 
     @classmethod
-    def of(cls, look: _Look, arguments: tuple[Any, ...], edge: EdgeType) -> _Discs:
+    def of(cls, look: _Look, kernel: str, arguments: tuple[Any, ...], edge: EdgeType) -> _Discs:
         """arguments: of the kernel, but for what it writes. The depths go to those of look.covers."""
         edges = look.tools.room(4 * look.pitch, edge)
-        part = look.tools.noted("cube_discs", *arguments, edges, look.covers.near, columns=11, dtype="f8", edge=edge)
+        part = look.tools.noted(kernel, *arguments, edges, look.covers.near, columns=11, dtype="f8", edge=edge)
         outer = part.max(axis=0).tolist()
         spans = [[-left, right, -low, high] for left, right, low, high in (outer[:4], outer[4:8])]
         return cls(look, edge, edges, int(part[:, 10].sum()), Extent(spans, -outer[8], outer[9]))

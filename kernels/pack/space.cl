@@ -193,6 +193,29 @@ __kernel void pack_light(
     }
 }
 
+/* The buffers of spheres as a parallel light sees them; a, b: the axes across it. */
+__kernel void pack_along(
+    const int n,
+    const int pitch,
+    const double unit,
+    const double4 a,
+    const double4 b,
+    const long first,
+    __global const double *restrict seen,
+    __global const double *restrict radius,
+    __global float4 *restrict light_filter,
+    __global char *restrict light_side
+) {
+    FOR_EACH_PACKET(i, n) {
+        const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
+                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
+                   reach = (r + (DISC_ROUNDINGS * ROUNDING) * ((fabs(u) + fabs(v)) + r)) + 0x1p-60;
+        WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), -rounded_down(-(reach * reach)), (FLOAT)0);
+        for (int k = 0; k < W; k++)
+            light_side[first + i + k] = 1;
+    }
+}
+
 /* What the lists are made of: bits of `flags`. */
 #define VISIBLE 1
 #define RECEIVER 2

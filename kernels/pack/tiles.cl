@@ -269,6 +269,53 @@ __kernel void cube_discs(
     part[(EXTENTS + 1) * get_global_id(0) + EXTENTS] = sum_of_lanes(members);
 }
 
+#if EDGE_BYTES == 8
+/* The same for all spheres, as a parallel light sees them: c is the axis that leads there. */
+__kernel void discs_along(
+    const int n,
+    const int pitch,
+    const double unit,
+    const double4 a,
+    const double4 b,
+    const double4 c,
+    __global const double *restrict seen,
+    __global const double *restrict radius,
+    __global char *restrict flags,
+    __global double *restrict edges,
+    __global float *restrict near,
+    __global double *restrict part
+) {
+    REAL extent[EXTENTS];
+    LONG members = 0;
+    for (int k = 0; k < EXTENTS; k++)
+        extent[k] = -INFINITY;
+    FOR_EACH_PACKET(i, n) {
+        const INT flag = load_flags(flags + i);
+        const MASK member = (flag & VISIBLE) != 0, receiver = member & ((flag & RECEIVER) != 0);
+        const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
+                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
+                   s = (x * c.x + y * c.y) + z * c.z;
+        const REAL edge[4] = {u - r, u + r, v - r, v + r};
+        const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
+        const REAL far = r - s + 0x1p-10, nearer = -TO_REAL(depth);
+        for (int k = 0; k < 4; k++) {
+            const REAL outer = k % 2 ? edge[k] : -edge[k];
+            STORE_LANES(edge[k], edges + (long)k * pitch + i);
+            extent[k] = TO_REAL_MASK(member) & (outer > extent[k]) ? outer : extent[k];
+            extent[4 + k] = TO_REAL_MASK(receiver) & (outer > extent[4 + k]) ? outer : extent[4 + k];
+        }
+        extent[8] = TO_REAL_MASK(receiver) & (nearer > extent[8]) ? nearer : extent[8];
+        extent[9] = TO_REAL_MASK(receiver) & (far > extent[9]) ? far : extent[9];
+        members += TO_LONG(member ? (INT)1 : (INT)0);
+        STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
+        store_flags(flag & (VISIBLE | RECEIVER), flags + i);
+    }
+    for (int k = 0; k < EXTENTS; k++)
+        part[(EXTENTS + 1) * get_global_id(0) + k] = largest_lane(extent[k]);
+    part[(EXTENTS + 1) * get_global_id(0) + EXTENTS] = sum_of_lanes(members);
+}
+#endif
+
 /* The widths and heights of every stride-th sphere's disc, nan where there is none. */
 __kernel void sizes(
     const int n,
