@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import warnings
 
+from cltrace.comparison.pictures import compare
+from cltrace.comparison.record import Cause, Comparison
 from cltrace.errors import (
     BuildError,
     CltraceError,
@@ -27,7 +29,9 @@ from cltrace.scene import Camera, Material, Mesh, Scene, ambient_light, parallel
 __all__ = [
     "BuildError",
     "Camera",
+    "Cause",
     "CltraceError",
+    "Comparison",
     "Device",
     "DeviceError",
     "Explanation",
@@ -42,6 +46,7 @@ __all__ = [
     "TooManyRaysError",
     "UsageError",
     "ambient_light",
+    "compare",
     "devices",
     "explain",
     "lit",

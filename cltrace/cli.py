@@ -18,6 +18,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from cltrace import __version__
+from cltrace.comparison.pictures import compare
 from cltrace.console import Parser, command, picture_size, positive, tell
 from cltrace.doctor import doctor
 from cltrace.errors import UsageError
@@ -36,6 +37,7 @@ from cltrace.scene import AMBIENT, Scene
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
   cltrace scene.xml --explain 320,200              why a pixel has its colour
+  cltrace scene.xml --compare mine.png             what is wrong in another tracer's picture
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
 
 LIT, SETS = "lit", 12  # what --show has beside an image's outputs, and of how many sets of lights it says the colours
@@ -78,7 +80,9 @@ def parser() -> argparse.ArgumentParser:
           help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
                "exit 1 if they differ")  # fmt: skip
     group("--explain", type=_pixel, metavar="X,Y", help="print how the pixel in column X, row Y gets its colour")
-    group("--json", action="store_true", help="with --explain: one JSON object")
+    group("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
+    group("--tolerance", type=_levels, metavar="N", help="with --compare: levels that are the same (default 1)")
+    group("--json", action="store_true", help="with --explain and --compare: one JSON object")
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
           help="times and counts")  # fmt: skip
     group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
@@ -106,6 +110,12 @@ def _pixel(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(f"must be X,Y from the top left, such as 320,200, got {text!r}")
     x, y = map(int, text.split(","))
     return x, y
+
+
+def _levels(text: str) -> int:
+    if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 255:
+        raise argparse.ArgumentTypeError(f"must be a whole number of levels within 0..255, got {text!r}")
+    return int(text)
 
 
 def _keep(text: str) -> list[Keep]:
@@ -163,8 +173,12 @@ def _run(args: argparse.Namespace) -> int:
         return _explain(args, say)
     if args.space and args.show not in DIRECTED:
         raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
+    if args.compare is not None:
+        return _compare(args, say)
+    if args.tolerance is not None:
+        raise UsageError("--tolerance goes with --compare")
     if args.json:
-        raise UsageError("--json goes with --explain; times and counts are --stats=json")
+        raise UsageError("--json goes with --explain and --compare; times and counts are --stats=json")
     start = time.perf_counter()
     scene, warnings = read(args.scene)
     read_seconds = time.perf_counter() - start
@@ -230,6 +244,34 @@ def _explain(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         raise UsageError("stdout is closed")
     print(explanation.to_json() if args.json else explanation, flush=True)
     return 0
+
+
+def _compare(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Prints how a picture differs from the right one, and why. Returns 0 if it does not, and 1 if it does."""
+    taken = "output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"
+    _refuse_others(args, "--compare", *taken)
+    scene, warnings = read(args.scene)
+    for warning in warnings:
+        say(warning)
+    scene = _adapted(scene, args)
+    target = None if args.output is None else _target(scene, args)
+    if sys.stdout is None:
+        raise UsageError("stdout is closed")
+    if target == "-" and args.json:
+        raise UsageError("-o - and --json both want stdout")
+    own, other = Path(args.compare), Path(target or "-")
+    if target not in (None, "-") and own.exists() and other.exists() and own.samefile(other):
+        raise UsageError(f"-o: {target!r} is the picture itself, which the comparison would replace")
+    device, tolerance = choose(args.device), 1 if args.tolerance is None else args.tolerance
+    options = {"device": device, "precision": args.precision, "truncate": args.truncate}
+    try:
+        result = compare(scene, args.compare, tolerance=tolerance, **options)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    if target is not None:
+        _write(Image(rgb8=result.side_by_side()), target, "color")
+    (say if target == "-" else print)(result.to_json() if args.json else str(result))
+    return 0 if result.same else 1
 
 
 def _refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:

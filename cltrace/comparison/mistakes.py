@@ -5,8 +5,7 @@ A mistake has variants where it is made in more than one way. Its name stands fo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -15,15 +14,17 @@ Changes = dict[str, Any]  # of fields of Rules
 
 @dataclass(frozen=True)
 class Mistake:
-    """name: as it is reported; what: what is wrong, in words behind "the picture shows"; change: what to do in the code;
-    variants: how it is made, the usual way first; measured: whether `epsilon` is to be found by trying.
+    """One of the mistakes, which go by their names.
+
+    what: what is wrong, in words; change: what to do in the code; variants: how it is made, the usual way first;
+    fitted: whether its epsilon is to be found by trying.
     """
 
     name: str
     what: str
     change: str
     variants: tuple[Changes, ...]
-    fitted: str = field(default="")
+    fitted: bool = False
 
 
 def _of(**values: tuple[Any, ...]) -> tuple[Changes, ...]:
@@ -85,7 +86,7 @@ MISTAKES = (
         "what is near a surface casts no shadow on it, or is not mirrored: the epsilon of new rays is too large",
         "use a far smaller epsilon, such as 1e-4 of the size of the scene, or compute in doubles",
         _of(measured=("ray", "light", "normal"), spared=(False, True)),
-        fitted="epsilon",
+        fitted=True,
     ),
     Mistake(
         "specular-tinted",
@@ -170,7 +171,7 @@ MISTAKES = (
     Mistake(
         "mirror-depth",
         "rays bounce once more, or once less, than max_bounces says",
-        "the camera's ray has depth 0 and goes on while depth <= max_bounces; the last hit shows its local colour in full",
+        "the camera's ray has depth 0 and goes on while depth <= max_bounces; the last hit shows its local colour",
         (
             *_of(more_bounces=(-1, 1)),
             *_of(last=("black", "weighted"), more_bounces=(0, -1)),
@@ -186,8 +187,7 @@ MISTAKES = (
         "acne",
         "surfaces shadow themselves here and there: rays meet the surface that they start on",
         "start new rays a small epsilon off the surface, or ignore hits with t < epsilon",
-        ({},),
-        fitted="reaching",
+        _of(reaching=(None,)),
     ),
     Mistake(
         "truncated",
@@ -198,8 +198,3 @@ MISTAKES = (
 )
 
 BY_NAME = {mistake.name: mistake for mistake in MISTAKES}
-
-
-def variants(mistake: Mistake) -> Iterator[Changes]:
-    """What the mistake may make of the rules, but for what is fitted."""
-    yield from (dict(changes) for changes in mistake.variants)

@@ -7,7 +7,7 @@ share of the wrong pixels that it explains, less what it spoils, counted in wron
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -16,23 +16,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.comparison.mistakes import BY_NAME, MISTAKES, Changes, Mistake
+from cltrace.comparison.mistakes import BY_NAME, MISTAKES, Changes
 from cltrace.comparison.rules import RIGHT, Rules
 from cltrace.comparison.shapes import Ints
 from cltrace.comparison.tracer import Tracer, to_bytes
 from cltrace.scene import Scene
 
 Levels = NDArray[np.int64]  # (n, 3), 0..255
+Bits = NDArray[np.bool_]
 
 WRONG, SOUND = 1200, 800  # pixels of a sample
 FEW = 240, 120  # of the first look at pairs
 _MOST = 20.0  # what is spoiled counts no more than so many times what is explained
 _FAR = 48  # levels from which on a pixel is just wrong
-_LIGHTS = 5  # up to which all choices among lights are tried
-# What a cause must gain to be named; by how much two must gain more than one, or what share of the rest they may leave.
-NAMED, BETTER, LEFT = 0.25, 0.1, 0.4
-FLEXIBLE = ("acne", "truncated")  # fit more than others, and are asked for last
-SPECKLED = 0.1  # how much of the neighbourhood of acne is free of it, at least
+_LIGHTS = 4  # up to which all choices among lights are tried
+NAMED = 0.25  # what a cause must gain to be named
+PERFECT = 0.995  # a gain that leaves nothing to look for
+BETTER, LEFT = 0.1, 0.4  # by how much two mistakes must gain more than one, or what share of the rest they may leave
+FLEXIBLE = ("acne", "truncated")  # explain more than others by chance, and are asked for last
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Sample:
     pixels: Ints
     mine: Levels
     right: Levels
-    wrong: NDArray[np.bool_]
+    wrong: Bits
     weight: float
 
     def at(self, rows: Ints) -> Sample:
@@ -57,19 +58,22 @@ class Sample:
         wrong = np.abs(mine - right).max(axis=2) > tolerance
         rng = np.random.default_rng(0)
         bad, good = (rng.permutation(np.flatnonzero(which)) for which in (wrong, ~wrong))
-        rows = np.sort(np.concatenate([bad[:WRONG], good[:SOUND]]))
-        y, x = np.divmod(rows, mine.shape[1])
+        y, x = np.divmod(np.sort(np.concatenate([bad[:WRONG], good[:SOUND]])), mine.shape[1])
         weight = min(len(good) / max(len(bad), 1), _MOST)
         return cls(np.stack([x, y], axis=1), mine[y, x], right[y, x], wrong[y, x], weight)
 
-    def some(self, wrong: NDArray[np.bool_]) -> Ints:
-        """Rows of a few of these wrong pixels and of others."""
+    def few(self, wrong: Bits) -> Sample:
+        """A few of these pixels, which are wrong, and of others."""
         rng = np.random.default_rng(1)
-        return np.concatenate([rng.permutation(np.flatnonzero(w))[:n] for w, n in ((wrong, FEW[0]), (~wrong, FEW[1]))])
+        rows = [rng.permutation(np.flatnonzero(w))[:n] for w, n in ((wrong, FEW[0]), (~wrong, FEW[1]))]
+        return self.at(np.concatenate(rows))
 
 
 class Score(NamedTuple):
-    """How well a picture fits. gain: see above; exact: the share of its bytes that are equal; distance: from it, 0..1."""
+    """How well a picture fits.
+
+    gain: see above; exact: the share of its bytes that are equal; distance: how far off its pixels are, 0..1.
+    """
 
     gain: float
     exact: float
@@ -77,74 +81,150 @@ class Score(NamedTuple):
 
     @property
     def order(self) -> tuple[float, float, float]:
-        """The larger, the better. What is better by a hundredth only is not."""
+        """The larger, the better. What is better by less than a hundredth is not."""
         return round(self.gain, 2), round(self.exact, 2), -round(self.distance, 3)
-
-
-class Trial(NamedTuple):
-    """Mistakes by name, the rules with them, and how these fit."""
-
-    names: tuple[str, ...]
-    changes: Changes
-    score: Score
-
-    @property
-    def rules(self) -> Rules:
-        return replace(RIGHT, **self.changes)
 
 
 _NO_SCORE = Score(0.0, 0.0, 1.0)
 
 
+@dataclass(frozen=True)
+class Trial:
+    """Mistakes that are made together, each with what it makes of the rules, and how the picture then fits."""
+
+    made: Mapping[str, Changes]
+    score: Score = _NO_SCORE
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.made)
+
+    @property
+    def changes(self) -> Changes:
+        return {key: value for changes in self.made.values() for key, value in changes.items()}
+
+    def without(self, name: str) -> Changes:
+        return Trial({other: changes for other, changes in self.made.items() if other != name}).changes
+
+
+def _best(trials: list[Trial]) -> Trial:
+    """The best; of equally good ones the first."""
+    return max(trials, key=lambda trial: (trial.score.order, -trial.score.distance))
+
+
 class Fit:
-    """How rules fit a sample."""
+    """How well rules fit a sample. base: the rules of the right picture."""
 
     def __init__(self, tracer: Tracer, sample: Sample, tolerance: int, base: Rules) -> None:
         self.tracer, self.sample, self.tolerance, self.base = tracer, sample, tolerance, base
         self._colors: dict[Rules, NDArray[np.float64]] = {}
 
     def levels(self, changes: Changes) -> Levels:
+        """(n, 3): what the pixels show. Where rules leave open which lights reach a point, what fits best."""
         rules = replace(self.base, **changes)
+        if rules.reaching is not None:
+            return to_bytes(self._linear(rules), rules)
+        choices = np.stack([to_bytes(colors, rules) for colors in self._with_lights(rules)])
+        best = np.abs(choices - self.sample.mine).max(axis=2).argmin(axis=0)
+        return np.asarray(choices[best, np.arange(len(best))])
+
+    def _linear(self, rules: Rules) -> NDArray[np.float64]:
         linear = replace(rules, gamma=1.0, rounding="nearest")
         if linear not in self._colors:
             self._colors[linear] = self.tracer.colors(self.sample.pixels, linear)
-        return to_bytes(self._colors[linear], rules)
+        return self._colors[linear]
 
-    def off(self, changes: Changes) -> Levels:
-        """(n,): by how many levels each pixel is off."""
-        return np.abs(self.levels(changes) - self.sample.mine).max(axis=1)
+    def _with_lights(self, rules: Rules) -> Iterator[NDArray[np.float64]]:
+        """The colours with each choice of lights that reach what is seen first, and what mirrors and glass show."""
+        count = len(self.tracer.lights)
+        every = range(2**count) if count <= _LIGHTS else [0, *(~(1 << k) for k in range(count)), -1]
+        first = [self._linear(replace(rules, reaching=(bits, -1))) for bits in every]
+        whole = self._linear(replace(rules, reaching=(-1, -1)))
+        yield from first
+        if self.tracer.bounces:
+            for bits in list(every)[:-1]:
+                more = self._linear(replace(rules, reaching=(-1, bits))) - whole
+                yield from (colors + more for colors in first)
 
-    def matched(self, changes: Changes) -> NDArray[np.bool_]:
-        return self.off(changes) <= self.tolerance
+    def matched(self, changes: Changes) -> Bits:
+        """(n,): which pixels the rules explain."""
+        return np.asarray(np.abs(self.levels(changes) - self.sample.mine).max(axis=1) <= self.tolerance)
 
-    def score(self, changes: Changes) -> Score:
-        return self.score_of(self.levels(changes))
+    def trial(self, made: Mapping[str, Changes]) -> Trial:
+        """These mistakes together."""
+        trial = Trial(made)
+        error = np.abs(self.levels(trial.changes) - self.sample.mine)
+        off, kinds = error.max(axis=1), (self.sample.wrong, ~self.sample.wrong)
+        explained, kept = (float((off[rows] <= self.tolerance).mean()) if rows.any() else 1.0 for rows in kinds)
+        far = [float(np.minimum(off[rows], _FAR).mean()) / _FAR if rows.any() else 0.0 for rows in kinds]
+        weight = self.sample.weight
+        score = Score(explained - weight * (1 - kept), float((error == 0).mean()), far[0] + weight * far[1])
+        return replace(trial, score=score)
 
-    def score_of(self, levels: Levels) -> Score:
-        wrong, weight = self.sample.wrong, self.sample.weight
-        error = np.abs(levels - self.sample.mine)
-        off = error.max(axis=1)
-        shares = [float((off[w] <= self.tolerance).mean()) if w.any() else 1.0 for w in (wrong, ~wrong)]
-        far = [float(np.minimum(off[w], _FAR).mean()) / _FAR if w.any() else 0.0 for w in (wrong, ~wrong)]
-        gain = shares[0] - weight * (1 - shares[1])
-        return Score(gain, float((error == 0).mean()), far[0] + weight * far[1])
+    def changes_something(self, changes: Changes) -> bool:
+        return bool((self.levels(changes) != self.levels({})).any())
 
 
 class Search:
-    """The search for causes of a picture's differences."""
+    """The search for the causes of a picture's differences.
 
-    def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int = 1, truncate: bool = False) -> None:
+    mine, right: (h, w, 3) levels; tolerance: by how many two may differ; truncate: whether the right ones are rounded
+    down.
+    """
+
+    def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int, truncate: bool) -> None:
+        self.mine, self.tolerance = mine, tolerance
         self.base = Rules(rounding="down") if truncate else RIGHT
         self.tracer = Tracer(scene)
         sample = Sample.of(mine, right, tolerance)
         # Where doubles see something else than is there, they cannot judge.
         off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base) - sample.right).max(axis=1)
         sample = sample.at(np.flatnonzero(off <= 1))
-        self.fit = Fit(self.tracer, sample, tolerance, self.base)
-        few = sample.some(sample.wrong)
-        self.few = Fit(self.tracer, sample.at(few), tolerance, self.base)
-        self.bounces = bool((scene.materials["reflectance"] > 0).any() or (scene.materials["transmittance"] > 0).any())
-        self.mine, self.right = mine, right
+        self.fit, self.few = self._fit(sample), self._fit(sample.few(sample.wrong))
+
+    def _fit(self, sample: Sample) -> Fit:
+        return Fit(self.tracer, sample, self.tolerance, self.base)
+
+    def cause(self) -> Trial | None:
+        """The mistakes that explain the picture best, as few as do; None if none does."""
+        best = Trial({}, self.fit.trial({}).score)
+        looks: tuple[Callable[[], list[Trial]], ...] = (lambda: self.singles, lambda: self.pairs, self.acne)
+        for look in looks:
+            if best.score.gain < PERFECT and self.fit.sample.wrong.any():
+                for trial in look()[:1]:
+                    best = trial if self._is_better(trial, best) else best
+        if self._is_cut_off(best):
+            return Trial({**best.made, "truncated": BY_NAME["truncated"].variants[0]}, best.score)
+        return best if best.made else None
+
+    def _is_better(self, trial: Trial, best: Trial) -> bool:
+        """Whether a further mistake is worth its name."""
+        gain, before = trial.score.gain, best.score.gain
+        if not best.made:
+            return gain >= NAMED
+        return gain >= before + BETTER or (1 - gain <= LEFT * (1 - before) and gain > before)
+
+    def explained(self, trial: Trial) -> float:
+        """The share of the wrong pixels that mistakes explain together."""
+        wrong = self.fit.sample.wrong
+        return float(self.fit.matched(trial.changes)[wrong].mean()) if wrong.any() else 1.0
+
+    def explains(self, trial: Trial) -> dict[str, float]:
+        """Of the wrong pixels, the share that the mistakes explain together and without this one do not, by name."""
+        sample, levels = self.fit.sample, self.fit.levels(trial.changes)
+        exact = (levels == sample.mine).all(axis=1)
+        wrong = sample.wrong if sample.wrong.any() else (sample.mine != sample.right).any(axis=1)
+        shares = {}
+        for name in trial.made:
+            without = self.fit.levels(trial.without(name))
+            if name == "truncated":
+                part = exact & (without != sample.mine).any(axis=1)
+            else:
+                part = self.fit.matched(trial.changes) & ~(np.abs(without - sample.mine).max(axis=1) <= self.tolerance)
+            shares[name] = float(part[wrong].mean()) if wrong.any() else 1.0
+        return shares
+
+    # One mistake, and two
 
     @cached_property
     def singles(self) -> list[Trial]:
@@ -152,80 +232,114 @@ class Search:
         trials = []
         for mistake in MISTAKES:
             if mistake.name not in FLEXIBLE:
-                changes = self._epsilons() if mistake.fitted else list(mistake.variants)
-                some = [Trial((mistake.name,), c, self.few.score(c)) for c in changes if self._matters(c)]
+                ways = self._epsilons() if mistake.fitted else list(mistake.variants)
+                some = [self.few.trial({mistake.name: way}) for way in ways if self.few.changes_something(way)]
                 if some:
-                    best = max(some, key=lambda trial: (trial.score.order, -trial.score.distance))
-                    trials.append(best._replace(score=self.fit.score(best.changes)))
+                    trials.append(self.fit.trial(_best(some).made))
         return sorted(trials, key=lambda trial: trial.score.order, reverse=True)
 
     @cached_property
     def pairs(self) -> list[Trial]:
-        """Two mistakes at once, the best first: of all, and of what is left wrong by those that explain something."""
-        looks = [(self.few, list(combinations(self.singles, 2)))]
+        """Two mistakes at once, the best first: any two, and those that explain what one leaves wrong."""
+        twos = [{**a.made, **b.made} for a, b in combinations(self.singles, 2)]
+        found = self._refined(self.few, twos)
         for single in self.singles[:3]:
             if single.score.gain > NAMED:
-                rest = Fit(self.tracer, self._rest(single), self.fit.tolerance, self.base)
-                looks.append((rest, [(single, other) for other in self._made(rest, single)]))
-        found: dict[tuple[str, ...], Trial] = {}
-        for fit, twos in looks:
-            trials = [Trial(a.names + b.names, a.changes | b.changes, _NO_SCORE) for a, b in twos if _agree(a, b)]
-            trials = [trial._replace(score=fit.score(trial.changes)) for trial in trials]
-            for trial in sorted(trials, key=lambda trial: trial.score.order, reverse=True)[:6]:
-                best = self._refined(trial)
-                if best.names not in found or best.score.order > found[best.names].score.order:
-                    found[best.names] = best
-        return sorted(found.values(), key=lambda trial: trial.score.order, reverse=True)
+                found += self._refined(*self._besides(single))
+        return sorted(found, key=lambda trial: trial.score.order, reverse=True)
 
-    def _rest(self, single: Trial) -> Sample:
-        """Few pixels, of which the wrong ones are those that a mistake does not explain."""
-        rows = self.fit.sample.some(self.fit.sample.wrong & ~self.fit.matched(single.changes))
-        return self.fit.sample.at(rows)
-
-    def _made(self, fit: Fit, first: Trial) -> Iterator[Trial]:
-        """Each further mistake, made in the way that fits best beside the first one."""
+    def _besides(self, single: Trial) -> tuple[Fit, list[Mapping[str, Changes]]]:
+        """A sample of what a mistake leaves wrong, and all others beside it, made in the ways that fit best there."""
+        rest = self._fit(self.fit.sample.few(self.fit.sample.wrong & ~self.fit.matched(single.changes)))
+        twos = []
         for other in self.singles:
-            ways = [other.changes] if BY_NAME[other.names[0]].fitted else BY_NAME[other.names[0]].variants
-            some = [other._replace(changes=c) for c in ways]
-            some = [way for way in some if _agree(first, way)]
-            if some:
-                yield max(some, key=lambda way: fit.score(first.changes | way.changes).order)
+            ways = [{**single.made, name: way} for name in other.names for way in self._ways(name)]
+            ways = [way for way in ways if len(way) == 2 and _agree(way)]
+            if ways:
+                twos.append(_best([rest.trial(way) for way in ways]).made)
+        return rest, twos
 
-    def _refined(self, pair: Trial) -> Trial:
-        """A pair with both mistakes made in the ways that fit best together."""
-        one, two = ([t.changes for t in self.singles if t.names == (name,)] for name in pair.names)
-        ways = [
-            a | b
-            for a in (*one, *BY_NAME[pair.names[0]].variants)
-            for b in (*two, *BY_NAME[pair.names[1]].variants)
-            if not a.keys() & b.keys() and ("epsilon" in a | b or not {"large-epsilon"} & {*pair.names})
-        ]
-        best = max([pair.changes, *ways], key=lambda c: self.few.score(c).order)
-        return pair._replace(changes=best, score=self.fit.score(best))
-
-    def _matters(self, changes: Changes) -> bool:
-        """Whether the picture shows it."""
-        return bool((self.few.levels(changes) != self.few.levels({})).any())
-
-    def _epsilons(self) -> list[Changes]:
-        """Epsilons of each kind that explain most, if any changes anything."""
-        scale = 10.0 ** math.ceil(math.log10(self.tracer.shapes(self.base).size))
-        steps = [scale * 10.0**-k * x for k in range(5, 0, -1) for x in (1, 2, 5)]
+    def _refined(self, fit: Fit, twos: Sequence[Mapping[str, Changes]]) -> list[Trial]:
+        """The best of some pairs, each with both mistakes made in the ways that fit best together."""
+        trials = sorted((fit.trial(two) for two in twos if _agree(two)), key=lambda trial: trial.score.order)
         found = []
-        for kind in BY_NAME["large-epsilon"].variants:
-            if kind["spared"] and not self.bounces:
-                continue
-            tried = {e: self.few.score({**kind, "epsilon": e}) for e in steps}
-            ratio = 1.5
-            for _ in range(4):
-                best = max(tried, key=lambda e: (tried[e].order, -e))
-                for e in (best / ratio, best * ratio):
-                    tried[e] = self.few.score({**kind, "epsilon": e})
-                ratio = math.sqrt(ratio)
-            found.append({**kind, "epsilon": max(tried, key=lambda e: (tried[e].order, -e))})
+        for trial in trials[:-7:-1]:
+            (one, a), (two, b) = trial.made.items()
+            ways: list[Mapping[str, Changes]] = [
+                {one: x, two: y} for x in (a, *self._ways(one)) for y in (b, *self._ways(two))
+            ]
+            best = _best([self.few.trial(way) for way in ways if _agree(way)])
+            found.append(self.fit.trial(best.made))
         return found
 
+    def _ways(self, name: str) -> list[Changes]:
+        """How a mistake may be made; of one that is fitted, as it fits alone."""
+        if BY_NAME[name].fitted:
+            return [changes for trial in self.singles for other, changes in trial.made.items() if other == name]
+        return list(BY_NAME[name].variants)
 
-def _agree(one: Trial, two: Trial) -> bool:
-    """Whether two mistakes can be made together."""
-    return one.names != two.names and not one.changes.keys() & two.changes.keys()
+    def _epsilons(self) -> list[Changes]:
+        """Of each way to measure an epsilon, the one that fits best."""
+        scale = 10.0 ** math.ceil(math.log10(self.tracer.shapes(self.base).size))
+        ladder = [scale * 10.0**-k * x for k in range(5, 0, -1) for x in (1, 2, 5)]
+        found = []
+        for kind in BY_NAME["large-epsilon"].variants:
+            if kind["spared"] and not self.tracer.bounces:
+                continue
+            tried = [self.few.trial({"large-epsilon": {**kind, "epsilon": epsilon}}) for epsilon in ladder]
+            for ratio in (1.5, 1.2, 1.1, 1.05):
+                epsilon = _best(tried).changes["epsilon"]
+                for other in (epsilon / ratio, epsilon * ratio):
+                    tried.append(self.few.trial({"large-epsilon": {**kind, "epsilon": other}}))
+            found.append(_best(tried).changes)
+        return found
+
+    # Mistakes that explain much by chance
+
+    def acne(self) -> list[Trial]:
+        """Lights that are missing here and there, alone or beside another mistake."""
+        (way,) = BY_NAME["acne"].variants
+        alone = self.fit.trial({"acne": way})
+        found = [alone]
+        if alone.score.gain < PERFECT:
+            beside = [self.few.trial({"acne": way, **single.made}) for single in self.singles]
+            beside.sort(key=lambda trial: trial.score.order, reverse=True)
+            found += [self.fit.trial(trial.made) for trial in beside[:3]]
+        found = [trial for trial in found if self._is_speckled(trial)]
+        return found[:1] + [trial for trial in found[1:] if self._is_better(trial, found[0])][:1]
+
+    def _is_speckled(self, trial: Trial) -> bool:
+        """Whether lights are missing among neighbours that have them, and not only where shadows end.
+
+        Of a pixel that misses light, the four neighbours are asked for that have as much light as it should have. A
+        tenth of those that lie amid four such neighbours must be lit, and a fifth must lie so: both are far more on
+        surfaces with acne, and far less along the edges of shadows and in shadows that fall elsewhere.
+        """
+        rest = trial.without("acne")
+        rows = np.flatnonzero(self.fit.matched(trial.changes) & ~self.fit.matched(rest))
+        height, width = self.mine.shape[:2]
+        around = self.fit.sample.pixels[rows, None] + np.array([(0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)])
+        around = around[((around >= 0) & (around < (width, height))).all(axis=(1, 2))]
+        if not len(around):
+            return False
+        rules = replace(self.base, **rest)
+        pixels = around.reshape(-1, 2)
+        lit = self.tracer.colors(pixels, rules)
+        light = (lit - self.tracer.colors(pixels, replace(rules, reaching=(0, -1)))).sum(axis=1).reshape(-1, 5)
+        amid = (np.abs(light[:, 1:] - light[:, :1]) <= 0.25 * light[:, :1]).all(axis=1) & (light[:, 0] > 0)
+        off = np.abs(to_bytes(lit, rules) - self.mine[pixels[:, 1], pixels[:, 0]]).max(axis=1).reshape(-1, 5)
+        free = off[amid, 1:] <= self.tolerance
+        return bool(amid.mean() >= 0.2 and free.mean() >= 0.1)
+
+    def _is_cut_off(self, trial: Trial) -> bool:
+        """Whether the bytes are those that are rounded down, where that makes a difference."""
+        if self.base.rounding == "down" or trial.changes.get("rounding"):
+            return False
+        nearest, down = (self.fit.levels({**trial.changes, **way}) for way in ({}, {"rounding": "down"}))
+        differ = (nearest != down) & (np.abs(nearest - self.fit.sample.mine) <= max(self.tolerance, 1))
+        return bool(differ.sum() >= 8 and (down == self.fit.sample.mine)[differ].mean() >= 0.95)
+
+
+def _agree(made: Mapping[str, Changes]) -> bool:
+    """Whether mistakes can be made together: no two say the same of one rule."""
+    return len({key for changes in made.values() for key in changes}) == sum(map(len, made.values()))

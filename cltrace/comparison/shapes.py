@@ -36,12 +36,12 @@ def dot(a: Floats, b: Floats) -> Floats:
 def unit(a: Floats) -> Floats:
     """(n, 3) of length 1; 0 stays 0."""
     length = np.sqrt(dot(a, a))
-    return a / np.where(length > 0, length, 1.0)[:, None]
+    return np.asarray(a / np.where(length > 0, length, 1.0)[:, None])
 
 
 def turned(maps: Floats, a: Floats) -> Floats:
     """(n, 3): maps (n, 3, 3) times vectors (n, 3)."""
-    return np.einsum("nij,nj->ni", maps, a)
+    return np.asarray(np.einsum("nij,nj->ni", maps, a))
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Rays:
 class Points:
     """Where rays meet surfaces, n points.
 
-    places: (n, 3); outward: (n, 3) unit normals to the outside; inside: (n,) whether the ray came from there; uv: (n, 2);
-    materials: (n,) indices; parts: (n,).
+    places: (n, 3); outward: (n, 3) unit normals to the outside; inside: (n,) whether the ray came from there; uv:
+    (n, 2); materials: (n,) indices; parts: (n,).
     """
 
     places: Floats
@@ -99,7 +99,7 @@ class Shapes:
         self.to_object = np.concatenate([scene.to_object, np.eye(3)[None]])
         self.map_of = scene.spheres["to_object"].astype(np.intp)  # -1 is the last one
         moved = self.rules.transforms in ("reversed", "placed-last") or self.rules.normals == "none"
-        if moved and getattr(scene, "source", None):
+        if moved and scene.source:
             self._place(scene, self.rules.transforms)
         self.to_world, self.has_maps = np.linalg.inv(self.to_object), bool((self.map_of >= 0).any())
 
@@ -143,13 +143,13 @@ class Shapes:
         self.edges = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
         self.flat = np.cross(*self.edges)
         self.own_flat = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
-        self.linear = np.array(linear).reshape(-1, 3, 3)
-        self.inverse = np.linalg.inv(self.linear)
+        self.linear: Floats = np.array(linear, np.float64).reshape(-1, 3, 3)
+        self.inverse: Floats = np.asarray(np.linalg.inv(self.linear), np.float64)
 
     def _placed(self, scene: Scene, number: int, matrix: Floats) -> Floats:
         """The map of a mesh to the world, (3, 4)."""
         order = self.rules.transforms
-        steps = scene.source.transforms.get(number) if getattr(scene, "source", None) else None
+        steps = scene.source.transforms.get(number) if scene.source else None
         if order == "reversed" and steps is not None:
             return product(steps[::-1])[:3]
         if order == "moved-first":
@@ -283,7 +283,7 @@ class Shapes:
         own = (weights * self.corner_normals[row]).sum(axis=1)
         without = ~own.any(axis=1)
         linear, inverse = self.linear[self.mesh_of[row]], self.inverse[self.mesh_of[row]]
-        maps = {"right": inverse.transpose(0, 2, 1), "matrix": linear, "inverse": inverse}
+        maps: dict[str, Floats] = {"right": inverse.transpose(0, 2, 1), "matrix": linear, "inverse": inverse}
         which = self.rules.normals
         front = self.flat[row] * self.front[row][:, None]
         flat = front if which == "right" else self.own_flat[row] * self.front[row][:, None]

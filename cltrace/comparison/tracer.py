@@ -38,7 +38,8 @@ class Tracer:
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / np.iinfo(texture.dtype).max for texture in scene.textures]
         self._shapes: dict[tuple[str, str], Shapes] = {}
-        self.rays = 0
+        used = scene.materials
+        self.bounces = bool((used["reflectance"] > 0).any() or (used["transmittance"] > 0).any())
 
     def shapes(self, rules: Rules) -> Shapes:
         key = rules.transforms, rules.normals
@@ -55,7 +56,6 @@ class Tracer:
 
     def _trace(self, rays: Rays, weights: Floats, depth: int, rules: Rules) -> Floats:
         """The tutorial's trace(): what rays see, (n, 3). weights: (n,), how much of that counts in the picture."""
-        self.rays += len(rays)
         shapes, colors = self.shapes(rules), np.tile(self.background, (len(rays), 1))
         near = rules.epsilon if depth and not rules.spared and rules.measured != "normal" else 0.0
         t, parts = shapes.nearest(rays, near)
@@ -89,7 +89,7 @@ class Tracer:
             normal = np.where(at.inside[:, None], -normal, normal)
         base = material["ka"][:, None] * self.ambient * color
         sums, times = np.zeros_like(base), np.zeros(len(base))
-        reaching = rules.reaching[min(view.depth, 1)]
+        reaching = -1 if rules.reaching is None else rules.reaching[min(view.depth, 1)]
         for k, light in enumerate(self.lights):
             if not reaching >> k & 1:
                 continue
@@ -97,15 +97,18 @@ class Tracer:
             tint = color if rules.tinted else 1.0
             power = np.minimum(light["color"], 1) if rules.clamped == "lights" else light["color"]
             sums += power * (diffuse[:, None] * color + highlight[:, None] * tint)
-            times += {"once": 0, "one more": 1, "each": 1, "reaching": reached, "lit": reached & faces}[rules.ambient]
+            times += np.where({"reaching": reached, "lit": reached & faces}.get(rules.ambient, True), 1.0, 0.0)
         if rules.ambient != "once":
             base *= (times + (rules.ambient == "one more"))[:, None]
-        return base + sums
+        return np.asarray(base + sums)
 
     def _illuminate(
         self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], light: np.void, rules: Rules
     ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Of one light: kd (n.l) and ks (r.v)^exponent where it reaches, whether nothing stands between, whether n.l > 0."""
+        """Of one light: kd (n.l) and ks (r.v)^exponent, times its strength, where nothing stands between.
+
+        And whether nothing does, and whether n.l > 0.
+        """
         l, strength, w = to_light(light, at.places, rules)  # noqa: E741
         n_l, v = dot(normal, l), -view.directions
         faces = n_l > 0
@@ -115,10 +118,7 @@ class Tracer:
         if rules.shadows and len(wanted):
             reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w[wanted], light, rules)
         cosine = {"negative": n_l, "both": np.abs(n_l)}.get(rules.facing, np.maximum(0.0, n_l))
-        if rules.halfway:
-            r_v = dot(normal, unit(l + v))
-        else:
-            r_v = dot(normal * (2 * n_l)[:, None] - l, v)
+        r_v = dot(normal, unit(l + v)) if rules.halfway else dot(normal * (2 * n_l)[:, None] - l, v)
         with np.errstate(over="ignore"):
             lobe = np.clip(r_v, 0.0, 1.0) ** (material["exponent"] * (rules.halfway or 1.0))
         share = np.where(lit & reached, strength, 0.0)
@@ -201,9 +201,8 @@ def across(number: Ints, count: int, sample: float, columns: str) -> Floats:
         return np.full(len(number), -1.0)
     if columns == "halves":  # 2 number / count - 1 in whole numbers
         return (2 * number // count - 1).astype(np.float64)
-    if columns == "ends":
-        return 2 * number / max(count - 1, 1) - 1
-    return 2 * (number + sample) / count - 1
+    share = number / max(count - 1, 1) if columns == "ends" else (number + sample) / count
+    return np.asarray(2 * share - 1, np.float64)
 
 
 def image_plane(camera: Camera, rules: Rules) -> tuple[float, float]:
@@ -211,7 +210,7 @@ def image_plane(camera: Camera, rules: Rules) -> tuple[float, float]:
     width, height = camera.resolution
     angle, short, long = camera.horizontal_fov * rules.opening, min(width, height), max(width, height)
     tan = math.tan(math.radians(angle))
-    aspect = rules.aspect
+    aspect: str = rules.aspect
     if aspect == "own":
         aspect = "tangent" if camera.square_pixels else "angle"
     if aspect == "horizontal":
@@ -254,7 +253,7 @@ def looked_up(texels: Floats, uv: Floats, rules: Rules) -> Floats:
     i, j = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     upper_left = texels[j % height, i % width]
     if rules.texture != "right":
-        return np.floor(upper_left) if rules.texture == "whole" else upper_left
+        return np.asarray(np.floor(upper_left) if rules.texture == "whole" else upper_left)
     s, t = (x - i)[:, None], (y - j)[:, None]
     upper = upper_left * (1 - s) + texels[j % height, (i + 1) % width] * s
     lower = texels[(j + 1) % height, i % width] * (1 - s) + texels[(j + 1) % height, (i + 1) % width] * s
@@ -277,4 +276,4 @@ def to_bytes(colors: Floats, rules: Rules = RIGHT) -> NDArray[np.int64]:
     elif rules.gamma != 1:
         c = c ** (1 / rules.gamma)
     levels = {"nearest": c * 255 + 0.5, "down": c * 255, "whole": np.floor(c) * 255}[rules.rounding]
-    return np.floor(levels).astype(np.int64)
+    return np.asarray(np.floor(levels), np.int64)

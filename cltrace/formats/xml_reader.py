@@ -29,7 +29,7 @@ from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_materials
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
 from cltrace.formats.xml_files import Contents, Files
 from cltrace.formats.xml_source import Document, LinesNeededError
-from cltrace.formats.xml_transforms import Maps, to_world, transformed
+from cltrace.formats.xml_transforms import Maps, Steps, maps_of, to_world, transformed
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
 from cltrace.scene import (
     ANY,
@@ -54,6 +54,8 @@ from cltrace.scene import (
 )
 
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
+
+MAX_TRANSFORMS = 10_000  # whose steps are kept
 
 _VIEW = ("position", "lookat", "up")
 _PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")
@@ -137,6 +139,7 @@ class _Reader:
         self._sphere_count = 0
         self._camera_line = 0
         self._light_lines, self._surface_lines = array("i"), array("i")  # of those that are read, in their order
+        self._transforms: dict[int, NDArray[np.float64]] = {}
         self._meshes: list[_Mesh] = []
         self._files = Files(path)
         self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
@@ -201,6 +204,7 @@ class _Reader:
             np.array(self._surface_lines),
             {number: files[k] for number, k in file_of if k is not None},
             tuple(textures.names),
+            self._transforms,
         )
 
     def _view(self) -> Camera:
@@ -331,10 +335,11 @@ class _Reader:
                 self._doubt([child], self._lights[-1]["color"])
 
     def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
-        spheres = []
+        spheres, numbers = [], []
         for child in children:
             if child.tag == "sphere":
                 spheres.append(child)
+                numbers.append(len(self._surface_lines))
             elif self._sections[surfaces].claim(child):
                 self._mesh(child)
             else:
@@ -347,7 +352,7 @@ class _Reader:
         good, rows = bulk(spheres)
         maps: dict[int, Maps] = {}
         for i in np.flatnonzero(~good).tolist():
-            rows[i], ellipsoid = self._sphere(spheres[i])
+            rows[i], ellipsoid = self._sphere(spheres[i], numbers[i])
             if ellipsoid:
                 maps[i] = ellipsoid
         if maps:
@@ -430,17 +435,17 @@ class _Reader:
             if name in view:  # It may be a default of the camera's.
                 self.fault(next(camera.iterchildren(name)), f"camera {name}: {fault}")
 
-    def _sphere(self, element: etree._Element) -> tuple[Sequence[float], Maps | None]:
+    def _sphere(self, element: etree._Element, number: int) -> tuple[Sequence[float], Maps | None]:
         """The row of a sphere with its transform folded in, and the maps of an ellipsoid; NaN if it has a fault."""
         values, whole = self._element(element)
         finish = self._finish(element, values)
         if not whole or finish is None:
             return NO_ROW, None
-        steps = values.get("transform", {}).get("steps", [])
+        steps = self._steps(values, number)
         turns = "material_textured" in values
         center, radius, maps = transformed(_vector(values["position"]), values["radius"], steps, turns)
-        for name, rule, number in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
-            if fault := rule.fault(number):
+        for name, rule, size in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
+            if fault := rule.fault(size):
                 self.fault(element, f"sphere: after the transform {name} {fault}")
         return [radius, *center, *finish, -1], maps
 
@@ -451,7 +456,7 @@ class _Reader:
         values, whole = self._element(element)
         finish, line = self._finish(element, values), self.document.line_of(element)
         file = self._files.meshes.add(values["name"], line) if "name" in values else -1
-        place = np.array(to_world(values.get("transform", {}).get("steps", [])))
+        place = np.array(to_world(self._steps(values, len(self._surface_lines))))
         extreme = place[~ANY.admits(place)].tolist()
         if extreme:
             self.fault(element, f"mesh transform: a number of its matrix {ANY.fault(extreme[0])}")
@@ -462,6 +467,13 @@ class _Reader:
         if whole and finish is not None:
             self._meshes.append(_Mesh(line, file, place, len(self._surface_lines), np.array(finish)))
             self._doubt([element], np.array([finish[:3]]))
+
+    def _steps(self, values: Values, number: int) -> Steps:
+        """The steps of the transform of the surface with this number, of which the first surfaces' are kept."""
+        steps: Steps = values.get("transform", {}).get("steps", [])
+        if steps and len(self._transforms) < MAX_TRANSFORMS:
+            self._transforms[number] = maps_of(steps)
+        return steps
 
     def _finish(self, element: etree._Element, values: Values) -> list[float] | None:
         """What a row has of the material; None where something is missing. A texture's file is read later."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from lxml import etree
+from numpy.typing import NDArray
 
 from cltrace.formats.xml_elements import Values
 from cltrace.scene import Vector, uniform_scales
@@ -57,6 +58,11 @@ def to_world(steps: Steps) -> list[list[float]]:
     """The rows of the affine map of all steps to the world, (3, 4); its numbers are products and sums of doubles."""
     origin, _, _ = transformed((0.0, 0.0, 0.0), 1.0, steps)
     return [[*row, place + 0.0] for row, place in zip(_product(steps), origin, strict=True)]  # makes -0 a 0
+
+
+def maps_of(steps: Steps) -> NDArray[np.float64]:
+    """(k, 3, 4): the affine maps of the steps, one by one."""
+    return np.array([to_world([step]) for step in steps])
 
 
 def _upright(rows: Rows) -> bool:

@@ -23,7 +23,8 @@ class Source:
 
     path: the file's name, as it was given; camera: the line of <camera>; lights: (n,) int32, of each light; surfaces:
     (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the numbers of these surfaces;
-    textures: the files of the textures, in their order.
+    textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine maps of the k steps of a
+    surface's transform, in the order of the file, by the surface's number: of the first surfaces that have one.
     """
 
     path: str
@@ -32,6 +33,7 @@ class Source:
     surfaces: NDArray[np.int32]
     meshes: Mapping[int, MeshFile] = field(default_factory=dict)
     textures: tuple[str, ...] = ()
+    transforms: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @property
     def knows_all_lines(self) -> bool:
