@@ -13,7 +13,7 @@ from PIL import Image
 
 import cltrace
 from cltrace.errors import Fault, SceneError, SceneWarning
-from cltrace.formats import obj, xml_files, xml_reader
+from cltrace.formats import obj, texture, xml_files, xml_reader
 from cltrace.formats.xml_reader import read
 from cltrace.scene import Scene, inverses
 
@@ -127,8 +127,8 @@ def test_a_file_that_is_named_twice_is_read_once(monkeypatch: pytest.MonkeyPatch
 
         return call
 
-    monkeypatch.setattr(xml_files, "read_obj", counted("obj", xml_files.read_obj))
-    monkeypatch.setattr(xml_files, "read_texture", counted("texture", xml_files.read_texture))
+    monkeypatch.setattr(obj, "read_obj", counted("obj", obj.read_obj))
+    monkeypatch.setattr(texture, "read_texture", counted("texture", texture.read_texture))
     names = ["a.obj", "a.obj", "./a.obj", "sub/a.obj", "c.obj"]
     Path("sub/a.obj").write_text(TWO)
     images = ["wall.png", "./wall.png", "wall.png", "sub/sky.png", ".//wall.png"]

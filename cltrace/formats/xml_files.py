@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from cltrace.errors import Fault, SceneError
 from cltrace.formats.faults import Messages
 from cltrace.formats.files import UnreadableError, within
-from cltrace.formats.obj import Obj, read_obj
-from cltrace.formats.texture import read_texture
 from cltrace.formats.xml_values import quoted
 from cltrace.scene import MAX_TEXELS, Texture
+
+if TYPE_CHECKING:
+    from cltrace.formats.obj import Obj
 
 T = TypeVar("T")
 
@@ -58,6 +59,8 @@ class Files:
 
         def read(name: str, path: str) -> Obj | None:
             try:
+                from cltrace.formats.obj import read_obj  # most scenes have none
+
                 return read_obj(path)
             except SceneError as error:
                 self.faults += [replace(fault, path=self.shown(name)) for fault in error.faults]
@@ -71,6 +74,8 @@ class Files:
 
         def read(name: str, path: str) -> Texture:
             nonlocal room
+            from cltrace.formats.texture import read_texture
+
             pixels, warning = read_texture(path, room)
             room -= pixels.shape[0] * pixels.shape[1]
             if warning:

@@ -16,7 +16,7 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from lxml import etree
@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from cltrace.errors import SceneError, located
 from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest
-from cltrace.formats.obj import Obj
 from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_materials, packed_spheres
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
 from cltrace.formats.xml_files import Contents, Files
@@ -52,6 +51,9 @@ from cltrace.scene import (
     place_faults,
     reaches,
 )
+
+if TYPE_CHECKING:
+    from cltrace.formats.obj import Obj
 
 MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
 

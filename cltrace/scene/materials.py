@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.rules import ANY, NOT_NEGATIVE, Vector, check_not_bytes, check_rule, checked, described, vector
+from cltrace.scene.rules import (
+    ANY,
+    NOT_NEGATIVE,
+    Vector,
+    check_not_bytes,
+    check_rule,
+    checked,
+    described,
+    is_masked,
+    vector,
+)
 
 MATERIAL = np.dtype(
     [
@@ -108,7 +118,7 @@ def texels(name: str, image: Any) -> Texture:
         raise ValueError(f"{name}: must have the mode L, RGB, RGBA or I;16, got {mode}; convert('RGB') makes it one")
     array = np.asarray(image)
     # Of either order of bytes: 16-bit images come in both.
-    if array.dtype.newbyteorder("=") not in (np.uint8, np.uint16) or isinstance(image, np.ma.MaskedArray):
+    if array.dtype.newbyteorder("=") not in (np.uint8, np.uint16) or is_masked(image):
         raise ValueError(f"{name}: must be an array of uint8 or uint16, got {described(image)}")
     if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)):
         raise ValueError(f"{name}: must have shape (h, w, 3), (h, w, 4) or (h, w), got {array.shape}")

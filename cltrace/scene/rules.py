@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -170,6 +171,11 @@ def is_whole(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.timedelta64))
 
 
+def is_masked(value: object) -> bool:
+    """Whether this is a masked array of numpy, which does not import what it has for them until somebody uses it."""
+    return "numpy.ma" in sys.modules and isinstance(value, np.ma.MaskedArray)
+
+
 def described(value: object) -> str:
     """A value in a few words, for a message."""
     if isinstance(value, np.ndarray) and value.ndim:
@@ -198,7 +204,7 @@ _DEEPEST = 8  # no argument is a sequence within a sequence so many times; a lis
 
 def _refuse_strangers(name: str, value: object, depth: int = 0) -> None:
     """Raises ValueError where anything in a value, at any depth of its sequences, is not a real number."""
-    if isinstance(value, np.ma.MaskedArray):
+    if is_masked(value):
         raise ValueError(f"{name}: must not be masked; use its filled() or compressed()")
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "iuf":
