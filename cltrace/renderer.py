@@ -141,6 +141,7 @@ class Renderer:
         self.scene = scene
         if view:
             self._view = replace(view.recolored(self._world, self.request), seconds={})
+            self._packing = self._packing and self._packing.recolored(self._world)
         else:
             if self._packing is None or self._packing.world is not self._world:
                 self._packing = Packing.of(self._world, self.request, self.device)

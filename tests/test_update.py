@@ -15,10 +15,12 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Camera, Mesh, Renderer, Scene
 from cltrace.plan import plan
+from cltrace.run import packing
 from cltrace.run.devices import Device
 
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 LIGHTS = [cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.point_light((3, 9, 6)), cltrace.parallel_light((0, -1, -1))]
+POINTS = [*LIGHTS[:2], cltrace.spot_light((-4, 9, 6), (4, -9, -6), 10, 20)]
 CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(48, 36))
 TRIANGLE = Mesh([(-3, -2, -3), (3, -2, -3), (0, -2, 3)], [(0, 2, 1)])
 
@@ -57,10 +59,17 @@ def same(renderer: Renderer, scene: Scene, outputs: tuple[Any, ...] = OUTPUTS) -
         (5000, "single", TRIANGLE),
     ],
 )
-def test_any_sequence_of_changes(device: Device, count: int, precision: Any, meshes: Any) -> None:
-    rng = np.random.default_rng(count)
+@pytest.mark.parametrize("many", [2**15, 0])
+def test_any_sequence_of_changes(
+    device: Device, count: int, precision: Any, meshes: Any, many: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Packed by numpy, and on the device."""
+    monkeypatch.setattr(packing, "MANY", many)
+    if not many and (count < 100 or meshes):
+        pytest.skip("never packed on the device")
+    rng, lights = np.random.default_rng(count), LIGHTS if many else POINTS
     values = spheres(count)
-    scene = Scene.from_spheres(CAMERA, LIGHTS, **values, meshes=meshes)
+    scene = Scene.from_spheres(CAMERA, lights, **values, meshes=meshes)
     renderer = Renderer(scene, device, precision, OUTPUTS)
     number, camera = count, CAMERA
     for step in range(8 if count < 5000 else 4):
@@ -80,25 +89,32 @@ def test_any_sequence_of_changes(device: Device, count: int, precision: Any, mes
                 changed[str(name)] = rng.uniform(low, high, number if per_sphere else None)
         values |= changed
         assert renderer.update(**changed) is renderer
-        same(renderer, Scene.from_spheres(camera, LIGHTS, **values, meshes=meshes))
+        same(renderer, Scene.from_spheres(camera, lights, **values, meshes=meshes))
         if step % 2:
             camera = replace(camera, position=tuple(rng.uniform(4, 9, 3)))
             renderer = renderer.look(camera)
-            same(renderer, Scene.from_spheres(camera, LIGHTS, **values, meshes=meshes))
+            same(renderer, Scene.from_spheres(camera, lights, **values, meshes=meshes))
 
 
-def test_materials_alone_make_no_lists(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("many", [2**15, 0])
+def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing, "MANY", many)
     values = spheres(600)
-    scene = Scene.from_spheres(CAMERA, LIGHTS, **values)
+    scene = Scene.from_spheres(CAMERA, POINTS, **values)
     renderer = Renderer(scene, device, outputs=OUTPUTS)
     lists, order = renderer._executor.buffers["entry"], renderer._executor.buffers["id_of"]
+    assert bool(renderer._packing) == (many == 0)
     monkeypatch.setattr(plan.View, "of", None)
+    monkeypatch.setattr(packing.Packing, "view", None)
     values |= {"colors": (0.25, 1.0, 0.5), "ks": np.linspace(0, 1, 600), "kd": 0.5, "exponent": 7}
     renderer.update(**{name: value for name, value in values.items() if name not in ("centers", "radii")})
     assert renderer._executor.buffers["entry"] is lists
     assert renderer._executor.buffers["id_of"] is order
     monkeypatch.undo()
-    same(renderer, Scene.from_spheres(CAMERA, LIGHTS, **values))
+    same(renderer, Scene.from_spheres(CAMERA, POINTS, **values))
+    monkeypatch.setattr(packing, "MANY", many)
+    camera = replace(CAMERA, position=(9, 3, 4))
+    same(renderer.look(camera), Scene.from_spheres(camera, POINTS, **values))
 
 
 def test_materials_that_change_where_light_goes(device: Device) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -79,6 +80,12 @@ class Packing:
         )
         with driver_errors(device):
             return cls(world, request, device) if served else None
+
+    def recolored(self, world: World) -> Packing:
+        """The same of a world that differs_in_materials() from this one's; they share what is on the device."""
+        other = copy(self)
+        other.world = world
+        return other
 
     def view(self, camera: Camera) -> tuple[View, dict[str, Any]]:
         """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
