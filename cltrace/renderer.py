@@ -141,12 +141,11 @@ class Renderer:
         self.scene = scene
         if view:
             self._view = replace(view.recolored(self._world, self.request), seconds={})
-            self._packing = self._packing and self._packing.recolored(self._world)
         else:
-            if self._packing is None or self._packing.world is not self._world:
+            if self._packing is None or not self._packing.fits(self._world):
                 self._packing = Packing.of(self._world, self.request, self.device)
             if self._packing:
-                self._view, self._made = self._packing.view(scene.camera)
+                self._view, self._made = self._packing.view(self._world, scene.camera)
             else:
                 self._view, self._made = View.of(self._world, scene.camera, self.request), {}
         self.plan = Plan.of(self._world, self._view, self.request)

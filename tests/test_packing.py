@@ -31,7 +31,7 @@ def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
     maker = Packing.of(world, request, device)
     assert maker is not None
     expected = View.of(world, scene.camera, request)
-    view, made = maker.view(scene.camera)
+    view, made = maker.view(world, scene.camera)
     assert made.keys() | view.arrays.keys() == expected.arrays.keys()
     for name, array in expected.arrays.items():
         found = maker.tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
@@ -155,6 +155,14 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
     both(CASES[name](), device, Request(precision))
 
 
+def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A GPU takes one sphere at a time, and has memory of its own. Here a CPU does that."""
+    monkeypatch.setattr(Device, "kind", "gpu")
+    for make in (crowded, touching, mirrors, few_in_light):
+        for precision in ("accurate", "single"):
+            both(make(), device, Request(precision))
+
+
 def test_bits_of_a_crop(device: Device) -> None:
     both(crowded(), device, Request(crop=(13, 7, 30, 22)))
 
@@ -178,4 +186,18 @@ def test_pictures(device: Device) -> None:
         for found, by_camera in ((renderer, camera()), (moved, other)):
             expected = cltrace.Renderer(crowded().seen_by(by_camera), device)
             assert "entry" in expected.plan.arrays
+            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
+
+
+def test_pictures_of_updates(device: Device) -> None:
+    """Other colours keep what the device has packed; other places do not. Other cameras see both."""
+    renderer, (centers, _) = cltrace.Renderer(crowded(), device), balls(3000, 0.3, 7)
+    entry = renderer._executor.buffers["entry"]
+    assert renderer.update(colors=np.abs(centers))._executor.buffers["entry"] is entry
+    moved = renderer.look(camera(position=(1.0, 2.0, 2.5)))
+    assert renderer.update(centers=centers)._executor.buffers["entry"] is not entry
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packing, "MANY", 2**31)
+        for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
+            expected = cltrace.Renderer(found.scene, device)
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)

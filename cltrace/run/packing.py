@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import threading
 import time
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -54,11 +53,11 @@ NOBODY = np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float
 class Packing:
     """A world's spheres on a device, for Views of any camera.
 
-    world: is not to change; request: the one that it was made for.
+    world: is not to change; request: the one that it was made for. Several threads may use it: one after the other.
     """
 
     def __init__(self, world: World, request: Request, device: Device) -> None:
-        self.world, self.request, self.tools = world, request, Toolbox(device, request.precision)
+        self._world, self.request, self.tools = world, request, Toolbox(device, request.precision)
         self.center, self.radius = self.tools.share(world.center), self.tools.share(world.radius)
         self.some_again = bool(world.again.any())
         self.again = self.tools.share(world.again) if self.some_again else self.tools.room(1, np.bool_)
@@ -81,23 +80,21 @@ class Packing:
         with driver_errors(device):
             return cls(world, request, device) if served else None
 
-    def recolored(self, world: World) -> Packing:
-        """The same of a world that differs_in_materials() from this one's; they share what is on the device."""
-        other = copy(self)
-        other.world = world
-        return other
+    def fits(self, world: World) -> bool:
+        """Whether a world has the same spheres in the same places; their materials may be others."""
+        return all(getattr(world, name) is getattr(self._world, name) for name in ("center", "radius", "again"))
 
-    def view(self, camera: Camera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: Camera) -> tuple[View, dict[str, Any]]:
         """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
 
-        Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
         """
         region = self.request.region_of(camera.resolution)
         window = Window.of(camera, region)
         if min(window.step) <= TINY:  # The kernels' float32 is too coarse for such pixels.
-            return View.of(self.world, camera, self.request), {}
+            return View.of(world, camera, self.request), {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            return _Look(self, camera, window).view()
+            return _Look(self, world, camera, window).view()
 
 
 class _Look:
@@ -106,9 +103,9 @@ class _Look:
     seen: four columns of `pitch` doubles, see kernels/pack/space.cl; rows: the n spheres' arrays on the device.
     """
 
-    def __init__(self, packing: Packing, camera: Camera, window: Window) -> None:
-        self.packing, self.camera, self.window = packing, camera, window
-        self.world, self.tools = packing.world, packing.tools
+    def __init__(self, packing: Packing, world: World, camera: Camera, window: Window) -> None:
+        self.packing, self.world, self.camera, self.window = packing, world, camera, window
+        self.tools = packing.tools
         self.n = len(self.world.radius)
         self.pitch = -(-self.n // PACKET) * PACKET
         self.basis = np.array(camera.basis())
@@ -124,6 +121,7 @@ class _Look:
         view = View.without_spheres(world, self.camera, self.packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
         light_buffer, grids = self._lists(skipped)
+        del self.seen, self.flags, self.covers, self.unsure  # Lists have room in their place.
         lists, grid = grids.joined()
         arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
         none = np.zeros((1, 4), np.float32)
@@ -300,6 +298,7 @@ class _Look:
             *(discs.edge(slack), np.float32(window.furthest), discs.edges, self.flags),
             edge=discs.edge,
         )
+        del discs.edges  # Lists have room in their place.
         middle, half, coarse = window.middle, window.half, window.coarse
         entries.add(CellGrid(axes, middle, half, cells, *NOBODY, perspective, coarse), self.covers)
         return self.covers.more
