@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from cltrace.explanation.many import Swarm
 from cltrace.explanation.meeting import single
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import AmbientTerm, Fate, LightTerm, Met, Triple
@@ -97,7 +98,7 @@ class _Lamp:
 
     def _single(self, shadow: ShadowRay) -> Iterator[Surface]:
         for surface in self.world.surfaces:
-            if isinstance(surface, Mesh):
+            if isinstance(surface, (Mesh, Swarm)):
                 yield from surface.near(shadow_way(shadow))
             else:
                 yield surface

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cltrace.explanation.formulas import mesh_gaps, sphere_gap, sphere_test, triangle_test
+from cltrace.explanation.many import Swarm
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import SphereTest, SurfaceTest, TriangleTest
 from cltrace.explanation.space import Space
@@ -21,7 +22,7 @@ MOST = 8  # surfaces that are listed of a ray
 def single(world: World, ray: Ray) -> Iterator[Surface]:
     """The spheres and triangles that a ray may meet."""
     for surface in world.surfaces:
-        if isinstance(surface, Mesh):
+        if isinstance(surface, (Mesh, Swarm)):
             yield from surface.near(way_of(ray, surface.frame, surface.eye))
         else:
             yield surface
@@ -51,7 +52,7 @@ class Meetings:
         """
         met = {test.surface.id for test in self.found}
         close = []
-        for surface in self.world.surfaces:
+        for surface in self._beside(behind):
             if surface.number in met or self._starts_on(surface):
                 continue
             gap, t, single = self._gap(surface)
@@ -60,6 +61,13 @@ class Meetings:
                 close.append((pixels, single))
         close.sort(key=lambda one: one[0])
         return tuple(self._test(surface, math.inf, pixels) for pixels, surface in close[:MOST])
+
+    def _beside(self, behind: float) -> Iterator[Surface]:
+        for surface in self.world.surfaces:
+            if isinstance(surface, Swarm):
+                yield from surface.beside(self.o, self.d, behind, self.pixel)
+            else:
+                yield surface
 
     def _gap(self, surface: Surface) -> tuple[float, float, Surface]:
         """How far the ray passes by, at which distance, and of a mesh the triangle that is nearest to it."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from cltrace.errors import TooManyRaysError
 from cltrace.explanation.lighting import ambient_terms, light_terms
+from cltrace.explanation.many import swarms
 from cltrace.explanation.meeting import Meetings
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import (
@@ -58,8 +59,7 @@ def explain(scene: Scene, x: int, y: int, *, truncate: bool = False, square_pixe
     camera has it otherwise. `print()` of what comes back is the text of `cltrace SCENE.xml --explain X,Y`; its fields
     are described in cltrace.explanation.record, and `to_json()` writes them.
 
-    It takes no device: the reference tracer finds what each ray meets, which tries all spheres, so that it takes some
-    10 microseconds for each sphere and ray. The bytes are the reference's.
+    It takes no device: the reference tracer finds what each ray meets. The bytes are the reference's.
 
     Raises TypeError if scene is not a Scene, ValueError if the pixel is not in its picture, and TooManyRaysError as
     Renderer.render() does.
@@ -75,7 +75,8 @@ class Explainer:
     """A scene, of which several pixels are explained."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.world, self.names, self.space = scene, world_of(scene), Names(scene), Space(scene.camera)
+        self.scene, self.world = scene, world_of(scene, swarms)
+        self.names, self.space = Names(scene), Space(scene.camera)
 
     def pixel(self, x: int, y: int, truncate: bool = False) -> Explanation:
         """See explain(), which raises the same."""
@@ -96,7 +97,7 @@ class Explainer:
             width=camera.resolution[0],
             height=camera.resolution[1],
             max_bounces=camera.max_bounces,
-            surfaces=len(self.world.surfaces),
+            surfaces=len(self.scene.spheres) + len(self.scene.meshes),
             camera=self._camera_ray(x, y),
             rays=tuple(self._primary(x, y)),
             color=color,

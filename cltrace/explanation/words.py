@@ -77,10 +77,8 @@ def line(e: Explanation) -> str:
     parts = [f"{start} meets {surface(ray.hit.surface)} at t = {number(ray.hit.t)}"]
     for term in ray.lights:
         name = f"{term.light.kind} {term.light.number}"
-        if term.between:
-            parts.append(f"{surface(term.between[0].surface, whole=True)} hides {name}")
-        else:
-            parts.append(f"{name} reaches it" if term.fate == "lit" else f"{name} does not reach it")
+        hider = f": {surface(term.between[0].surface, whole=True)} is between" if term.between else ""
+        parts.append(f"{name} {FATES[term.fate]}{hider}")
     parts += [f"{number(bounce.share)} of it is {bounce.kind}" for bounce in ray.bounces]
     return f"{'; '.join(parts)}; bytes {e.rgb8}"
 

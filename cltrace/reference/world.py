@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -30,21 +31,30 @@ class World:
     background: Color
 
 
-def world_of(scene: Scene) -> World:
-    """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once."""
+Maker = Callable[[int], Sphere]  # of a scene's sphere, by its place among the spheres
+
+
+def one_by_one(scene: Scene, sphere: Maker) -> Iterable[Surface]:
+    return map(sphere, range(len(scene.spheres)))
+
+
+def world_of(scene: Scene, gathered: Callable[[Scene, Maker], Iterable[Surface]] = one_by_one) -> World:
+    """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once.
+
+    gathered: what becomes of the spheres, which it may also make later: surfaces that do not overlap in their numbers.
+    """
     frame, eye = frame_of(scene.camera), scene.camera.position
-    names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
-    textures = [*map(Texture, scene.textures), None]  # the last one is that of the index -1
-    materials = [
-        Material(_color(m["color"]), **{k: float(m[k]) for k in names}, texture=textures[m["texture"]])
-        for m in scene.materials
-    ]
-    maps = [_rows(to_object) for to_object in scene.to_object.tolist()]
-    surfaces: list[Surface] = [
-        _sphere(sphere, number, maps, eye, frame, materials)
-        for sphere, number in zip(scene.spheres, scene.sphere_numbers.tolist(), strict=True)
-    ]
-    surfaces += [Mesh(mesh, Point(*eye), frame, materials[mesh.material]) for mesh in scene.meshes]
+    material, maps = _materials(scene), [_rows(to_object) for to_object in scene.to_object.tolist()]
+
+    def sphere(i: int) -> Sphere:
+        one = scene.spheres[i]
+        kind, to_object = (Ellipsoid, maps[one["to_object"]]) if one["to_object"] >= 0 else (Sphere, None)
+        center = one["center"].tolist()
+        ball = Ball(_from_eye(center, eye), Fraction(float(one["radius"])), to_object)
+        return kind(Point(*center), ball, frame, material(int(one["material"])), int(scene.sphere_numbers[i]))
+
+    surfaces = list(gathered(scene, sphere))
+    surfaces += [Mesh(mesh, Point(*eye), frame, material(mesh.material)) for mesh in scene.meshes]
     surfaces.sort(key=lambda surface: surface.number)
     lights = [_light(light, eye, frame) for light in scene.lights[scene.lights["kind"] != AMBIENT]]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
@@ -56,18 +66,17 @@ def frame_of(camera: Camera) -> Frame:
     return Frame((rational(right), rational(up), rational(back)))
 
 
-def _sphere(
-    sphere: np.void,
-    number: int,
-    maps: Sequence[Rows],
-    eye: Iterable[float],
-    frame: Frame,
-    materials: Sequence[Material],
-) -> Sphere:
-    center, material = sphere["center"].tolist(), materials[sphere["material"]]
-    kind, to_object = (Ellipsoid, maps[sphere["to_object"]]) if sphere["to_object"] >= 0 else (Sphere, None)
-    ball = Ball(_from_eye(center, eye), Fraction(float(sphere["radius"])), to_object)
-    return kind(Point(*center), ball, frame, material, number)
+def _materials(scene: Scene) -> Callable[[int], Material]:
+    """The scene's materials, each of which is made when it is first asked for."""
+    names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
+    textures = [*map(Texture, scene.textures), None]  # the last one is that of the index -1
+
+    @functools.cache
+    def material(i: int) -> Material:
+        m = scene.materials[i]
+        return Material(_color(m["color"]), **{k: float(m[k]) for k in names}, texture=textures[m["texture"]])
+
+    return material
 
 
 def _rows(matrix: Sequence[Sequence[float]]) -> Rows:

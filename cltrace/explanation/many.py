@@ -1,0 +1,110 @@
+"""Many spheres as one surface, of which a ray tries only those that it does not surely pass by.
+
+The reference tracer tries all spheres for every ray, as the tutorial has it. Where a pixel of a million spheres is to
+be explained, that would take minutes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.explanation.space import triple
+from cltrace.reference import Direction, Intersection, Point, Ray, ShadowRay, Sphere, Surface
+from cltrace.reference.crossing import Way, shadow_way, size, way_of
+from cltrace.reference.exact import Root
+from cltrace.reference.surfaces import first_met
+from cltrace.reference.world import Maker, frame_of
+from cltrace.scene import Scene, inverses
+
+MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
+
+
+class Swarm(Surface):
+    """Spheres and ellipsoids with numbers that follow each other, each of which is made when a ray may meet it.
+
+    number: the first one's; places: of these spheres among the scene's.
+    """
+
+    def __init__(self, scene: Scene, make: Maker, places: range) -> None:
+        self.number, self.frame = int(scene.sphere_numbers[places[0]]), frame_of(scene.camera)
+        self.eye = Point(*scene.camera.position)
+        self._make, self._places, self._made = make, places, dict[int, Sphere]()
+        part = scene.spheres[places.start : places.stop]
+        self._centers, self._reach = part["center"], part["radius"].copy()
+        bent = part["to_object"] >= 0
+        if bent.any():
+            sizes = np.abs(inverses(scene.to_object)).sum(axis=(1, 2))
+            self._reach[bent] *= sizes[part["to_object"][bent]]
+
+    def sphere(self, row: int) -> Sphere:
+        if row not in self._made:
+            self._made[row] = self._make(self._places[row])
+        return self._made[row]
+
+    def near(self, way: Way | None) -> Iterator[Sphere]:
+        """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
+
+        With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
+        where f.w < -R |w|. As equation.FromSurface and crossing.py have it, with u = 2^-53 and s = |f|_1 + reach, f is
+        off by 48 u s and w by 48 u w1. So f x w and f.w are off by less than 100 u s w1 < 2^-46 s w1, and |w| by 2^-44
+        of itself, as w1 <= 4 |w|_1. A few roundings beside these fit in twice that.
+        """
+        rows = np.arange(len(self._reach))
+        if way is not None and way.w1 <= 4 * size(way.w):
+            w = np.array(triple(way.w))
+            f = (self._centers - np.array(triple(way.place))) - np.array(triple(way.step))
+            error = 2.0**-45 * (np.abs(f).sum(axis=1) + way.reach) * way.w1
+            room = self._reach * (np.sqrt(w @ w) * (1 + 2.0**-42)) + error
+            rows = np.flatnonzero(~((_lengths(np.cross(f, w)) > room) | (f @ w < -room)))
+        for row in rows.tolist():
+            yield self.sphere(row)
+
+    def beside(self, o: Point, d: Direction, behind: float, share: float) -> Iterator[Sphere]:
+        """Those that a ray may pass by, at a distance t, by less than share (behind + t). d: of length 1."""
+        f, w, R = self._centers - np.array(triple(o)), np.array(triple(d)), self._reach
+        t = f @ w
+        close = (t > -R) & (_lengths(np.cross(f, w)) < R + share * (behind + np.abs(t) + R))
+        for row in np.flatnonzero(close).tolist():
+            yield self.sphere(row)
+
+    def intersect(self, ray: Ray) -> float | None:
+        met = self._met(ray)
+        return met[0] if met else None
+
+    def exact_t(self, ray: Ray) -> Root:
+        return self._met_by(ray).exact_t(ray)
+
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
+        return self._met_by(ray).intersection_at(ray, t)
+
+    def blocks(self, ray: ShadowRay) -> bool:
+        return any(sphere.blocks(ray) for sphere in self.near(shadow_way(ray)))
+
+    def _met(self, ray: Ray) -> tuple[float, Surface] | None:
+        return first_met(self.near(way_of(ray, self.frame, self.eye)), ray)
+
+    def _met_by(self, ray: Ray) -> Surface:
+        met = self._met(ray)
+        if met is None:
+            raise ValueError("the ray does not hit the surface")
+        return met[1]
+
+
+def swarms(scene: Scene, make: Maker) -> Iterator[Surface]:
+    """The spheres of a scene: those with numbers that follow each other as a swarm, if they are many."""
+    numbers = scene.sphere_numbers
+    ends = [0, *(np.flatnonzero(np.diff(numbers) != 1) + 1).tolist(), len(numbers)]
+    for begin, end in itertools.pairwise(ends):
+        if end - begin >= MANY:
+            yield Swarm(scene, make, range(begin, end))
+        else:
+            yield from map(make, range(begin, end))
+
+
+def _lengths(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.sqrt((v * v).sum(axis=1))
+    return lengths
