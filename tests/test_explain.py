@@ -192,8 +192,8 @@ def test_the_numbers_of_a_small_scene(tmp_path: Path) -> None:
     assert (parallel.fate, parallel.diffuse) == ("lit", (0.125, 0.25, 0))
     assert found.rgb8 == (121, 242, 0)
     assert found.line == (
-        "pixel (10, 10) meets sphere 0 (line 11) at t = 5; point_light 1 reaches the point; parallel_light 2 reaches the point; "
-        "bytes (121, 242, 0)"
+        "pixel (10, 10) meets sphere 0 (line 11) at t = 5; point_light 1 reaches the point; "
+        "parallel_light 2 reaches the point; bytes (121, 242, 0)"
     )
 
 
