@@ -25,6 +25,9 @@ from cltrace.bench.mesh_pictures import (
     seen_through,
 )
 from cltrace.bench.mesh_regimes import CLOSED, REGIMES, scene_of
+from cltrace.bench.mixed_pictures import REGIMES as MIXED
+from cltrace.bench.mixed_pictures import judge as judge_mixed
+from cltrace.bench.mixed_pictures import scene_of as mixed_scene
 from cltrace.reference.check import check
 from cltrace.run.devices import Device
 
@@ -92,6 +95,19 @@ def onward(name: str, device: Device, side: int) -> Callable[[int], Verdict]:
     return make
 
 
+def among_each_other(name: str, device: Device, side: int, count: int) -> None:
+    """Rays that leave triangles, and those that leave spheres and ellipsoids: `count` of each, and all are right."""
+    rays, seed = np.zeros(2, int), 0
+    while rays.min() < count:
+        assert seed < 50
+        scene = mixed_scene(name, seed, (side, side))
+        image = draw(scene, device, ("id", "primitive", "color"))
+        for i, verdict in enumerate(judge_mixed(scene, seen(image), image.color)):
+            assert len(verdict.wrong) == 0, (seed, i, verdict.wrong[:5], verdict.leaks, verdict.phantoms)
+            rays[i] += verdict.rays
+        seed += 1
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_what_pixels_show(device: Device, name: str) -> None:
     assert judged(first_hits(name, device, 32), 1000) >= 1000
@@ -111,6 +127,11 @@ def test_which_lights_reach_them(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_their_mirrors_and_glass_show(device: Device, name: str) -> None:
     assert judged(onward(name, device, 16), 5 if name in SPARSE else 100) > 0
+
+
+@pytest.mark.parametrize("name", list(MIXED))
+def test_what_mirrors_and_glass_show_of_spheres_and_meshes(device: Device, name: str) -> None:
+    among_each_other(name, device, 16, 100)
 
 
 @pytest.mark.parametrize("name", PARITY)
@@ -177,6 +198,12 @@ def test_a_hundred_thousand_lights(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_hundred_thousand_mirrors(device: Device, name: str) -> None:
     assert judged(onward(name, device, 64), 1000 if name in SPARSE else 100_000) > 0
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", list(MIXED))
+def test_ten_thousand_rays_between_spheres_and_meshes(device: Device, name: str) -> None:
+    among_each_other(name, device, 64, 10_000)
 
 
 @pytest.mark.stress

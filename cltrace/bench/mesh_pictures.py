@@ -8,7 +8,7 @@ asked of the oracle ray by ray.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -182,23 +182,34 @@ def each_named(scene: Scene, glass: Bools, index: float) -> Scene:
     return Scene(camera, light, scene.spheres[:0], materials, background=(1.0, 1.0, 1.0), meshes=meshes)
 
 
-def judge_onward(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
-    """What is wrong with what rays meet that go on from what pixels show, in a scene of each_named()."""
-    triangles = Triangles.of(scene)
-    left, surfaces = left_from(scene, triangles, got), world_of(scene).surfaces
+def onward_from(scene: Scene, left: Left) -> Floats:
+    """(n, 3): in which directions of camera space rays go on from triangles, each of which is a surface after the
+    spheres and mirrors all or lets all through."""
+    surfaces, first = world_of(scene).surfaces, len(scene.spheres)
     direction = np.empty((len(left.row), 3))
     for i in np.unique(left.row).tolist():
         rows = np.flatnonzero(left.row == i)
         n, side = columns_of(np.transpose(left.normal)[rows]), left.side[rows]
         starts = Starts(n, times(side, n), side, np.ones(len(rows), bool))
         d = columns_of(camera_rays(scene.camera)[left.pixels[rows]])
-        direction[rows] = np.transpose(onward(surfaces[i], d, starts))
-    rays = along(left.points(triangles), direction, scene.camera.basis())
+        direction[rows] = np.transpose(onward(surfaces[first + i], d, starts))
+    return direction
+
+
+def judge_onward(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
+    """What is wrong with what rays meet that go on from what pixels show, in a scene of each_named()."""
+    triangles = Triangles.of(scene)
+    left = left_from(scene, triangles, got)
+    rays = along(left.points(triangles), onward_from(scene, left), scene.camera.basis())
     want, _ = mesh_oracle.closest(rays, triangles)
-    met = names(np.asarray(color).reshape(-1, 3)[left.pixels])
+    return verdict(left.pixels, names(np.asarray(color).reshape(-1, 3)[left.pixels]), want)
+
+
+def verdict(pixels: NDArray[np.intp], met: NDArray[np.integer[Any]], want: Ids) -> Verdict:
+    """Of the rays of these pixels, what is wrong with what they met."""
     wrong = met != want
     leaks, phantoms = wrong & (met == -1), wrong & (want == -1)
-    return Verdict(len(met), left.pixels[wrong], int(leaks.sum()), int(phantoms.sum()))
+    return Verdict(len(met), pixels[wrong], int(leaks.sum()), int(phantoms.sum()))
 
 
 # --------------------------------------------------------------------------------------------------- through everything

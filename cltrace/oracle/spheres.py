@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from math import atan2, isqrt, sqrt
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -193,7 +193,8 @@ class _World:
     """Spheres relative to an origin: f and r as integers over 2^k."""
 
     def __init__(self, origin: ArrayLike, centers: ArrayLike, radii: ArrayLike, *more: ArrayLike) -> None:
-        parts = [np.asarray(x, np.float64).ravel() for x in (origin, centers, radii, *more)]
+        # Of objects: a Fraction stays what it is.
+        parts = [np.asarray(x, object).ravel() for x in (origin, centers, radii, *more)]
         n, self.k = _integers(np.concatenate(parts).tolist())
         self.m = len(parts[2])
         points = [n[i : i + 3] for i in range(0, 3 + 3 * self.m, 3)]
@@ -455,7 +456,7 @@ class _Start:
 
     def __init__(
         self,
-        start: ArrayLike | OnSphere,
+        start: ArrayLike | Sequence[Fraction] | OnSphere,
         centers: ArrayLike,
         radii: ArrayLike,
         to_object: Maps | None,
@@ -470,7 +471,8 @@ class _Start:
                 raise ValueError("start.normal: must not be 0")
             own_map = _map("start.to_object", start.to_object)
         else:
-            anchor, radius, own_map = array_of("start", start, 3), 0.0, None
+            place: Any = _exact("start", np.ravel(np.asarray(start, object)).tolist())
+            anchor, radius, own_map = np.array(place, object), 0.0, None
         world = _World(anchor, *_balls(centers, radii), *more, [radius, 0.0, 0.0])
         self.s, self.k = _dot(n, n), world.k
         if own_map:
@@ -554,7 +556,7 @@ def _ends(d: Surds, f: Surds, r: int, s: int) -> list[_End]:
 
 
 def closest_from(
-    start: ArrayLike | OnSphere,
+    start: ArrayLike | Sequence[Fraction] | OnSphere,
     direction: Sequence[Sequence[float | Fraction]],
     centers: ArrayLike,
     radii: ArrayLike,
@@ -569,7 +571,8 @@ def closest_from(
     There is no rule for the sphere that the ray starts on: c is 0 there, so that the ends are exactly 0, which is not
     within t > 0, and 2 b / a: outwards it is never met again, inwards at the far side.
 
-    start: (3,) or OnSphere; direction: rows of 3 numbers; t_min, t_max: the range, inf and -inf are no bounds.
+    start: (3,), of which each may be a Fraction, or OnSphere; direction: rows of 3 numbers; t_min, t_max: the range,
+    inf and -inf are no bounds.
     """
     if not (t_min < np.inf and t_max > -np.inf):  # nor NaN
         raise ValueError(f"t_min, t_max: must be numbers, t_min < inf and t_max > -inf, got {t_min!r}, {t_max!r}")
@@ -596,7 +599,7 @@ def closest_from(
 
 
 def sign_beyond(
-    start: ArrayLike | OnSphere,
+    start: ArrayLike | Sequence[Fraction] | OnSphere,
     direction_row: Sequence[float | Fraction],
     center: ArrayLike,
     radius: float,
