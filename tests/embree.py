@@ -2,7 +2,7 @@
 
 Its library must be installed (Debian: libembree3-3). Embree computes in float32, so vertices, eyes and rays of each
 regime of cltrace/bench/mesh_regimes.py are rounded to float32 first, and both Embree and the oracle are asked about
-these numbers. Prints, for its robust mode and for the other one, how many rays
+these numbers; so is trace_rays, which must say what the oracle says. Prints, for its robust mode and for the other one, how many rays
 
     leak       meet nothing, and must meet something
     phantom    meet something, and must not
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from cltrace import Camera, Mesh, Scene, oracle
 from cltrace.bench.mesh_regimes import AROUND, CLOSED, REGIMES, scene_of
 from cltrace.bench.regimes import rays as camera_rays
+from cltrace.rays import trace_rays
 
 Floats32 = NDArray[np.float32]
 
@@ -138,6 +139,9 @@ def judged(lib: ctypes.CDLL, name: str, seeds: int, size: int) -> NDArray[np.int
         mesh = Mesh(rays.vertices, rays.faces)
         scene = Scene.from_meshes(Camera(), (), mesh)
         want = oracle.closest_hit(scene, rays.origin, rays.directions)
+        hits = trace_rays(scene, rays.origin, rays.directions)
+        assert (hits.primitive == want.primitive).all()
+        assert (hits.t == want.t).all()
         for row, flags in enumerate((ROBUST, 0)):
             index, t, count = traced(lib, rays, flags, 2.0**-100 if name.startswith("eye") else 0.0)
             out[row, 0] += len(index)
