@@ -44,6 +44,7 @@ typedef struct {
     float o[3][W], w[3][W]; /* the rays' starts and unit directions */
     float over[3][W];       /* 1 / w */
     float reach[W];         /* nothing beyond this distance matters any more */
+    int shorter;            /* whether some reach has become shorter since somebody asked */
     int own[W];             /* the surface that a ray leaves */
     int count[W], index[CANDIDATES][W];
     float near[CANDIDATES][W];
@@ -240,10 +241,10 @@ static int lane_bits(const MASK mask) {
  * most: 1 / w, by size. */
 typedef struct {
     MASK live;
+    int own; /* the surface that all of them leave; -1 if it is not the same one */
     Float3 over, from, to;
     float near[3], far[3], least[3], most[3];
-    int back[3];  /* whether they go against an axis */
-    float spread; /* by how much their directions differ */
+    int back[3]; /* whether they go against an axis */
 } Bundle;
 
 static float largest_of(const FLOAT x) {
@@ -261,33 +262,30 @@ static float largest_of(const FLOAT x) {
     return two.x > two.y ? two.x : two.y;
 }
 
-static Bundle bundle_of(const Search *search, const MASK live) {
-    Bundle bundle;
-    bundle.live = live;
-    bundle.spread = 0;
+static void bundle_rays(const Search *search, const MASK live, Bundle *bundle) {
+    const int first = search->own[lowest_of(lane_bits(live))];
+    bundle->live = live;
+    bundle->own = ANY(live & (LOAD_LANES(search->own) != first)) ? -1 : first;
     FLOAT over[3], from[3], to[3];
     for (int j = 0; j < 3; j++) {
         const FLOAT o = LOAD_LANES(search->o[j]), pad = FMA((FLOAT)0x1p-22f, fabs(o), (FLOAT)0x1p-50f);
         over[j] = LOAD_LANES(search->over[j]);
-        const int back = bundle.back[j] = ANY(live & (over[j] < 0));
+        const int back = bundle->back[j] = ANY(live & (over[j] < 0));
         const FLOAT low = o - pad, high = o + pad, size = fabs(over[j]);
         from[j] = -(back ? low : high) * over[j];
         to[j] = -(back ? high : low) * over[j];
         const float highest = largest_of(live ? high : (FLOAT)-INFINITY), lowest = -largest_of(live ? -low : (FLOAT)-INFINITY);
         const float most = largest_of(live ? size : (FLOAT)0.0f), least = -largest_of(live ? -size : (FLOAT)-INFINITY);
-        bundle.spread = fmax(bundle.spread, 1 / least - 1 / most);
-        bundle.near[j] = back ? lowest : highest;
-        bundle.far[j] = back ? highest : lowest;
-        bundle.least[j] = back ? -least : least;
-        bundle.most[j] = back ? -most : most;
+        bundle->near[j] = back ? lowest : highest;
+        bundle->far[j] = back ? highest : lowest;
+        bundle->least[j] = back ? -least : least;
+        bundle->most[j] = back ? -most : most;
     }
     const Float3 all_over = {over[0], over[1], over[2]}, all_from = {from[0], from[1], from[2]}, all_to = {to[0], to[1], to[2]};
-    bundle.over = all_over;
-    bundle.from = all_from;
-    bundle.to = all_to;
-    return bundle;
+    bundle->over = all_over;
+    bundle->from = all_from;
+    bundle->to = all_to;
 }
-
 
 /* Which of 8 boxes any of the rays may meet within a distance; near: not before that. The planes by which the rays
  * enter the boxes, and those by which they leave. */
@@ -304,12 +302,24 @@ static int boxes_met(const Bundle *bundle, const float8 in_x, const float8 out_x
     return BITS_OF((first <= last * (1 + 0x1p-20f)) & (first <= furthest));
 }
 
+/* Makes room for a leaf in the lists of some rays, as make_room(). */
+static int make_room_for_packet(Search *search, const MASK here) {
+    int room = 1;
+    for (int left = lane_bits(here & (LOAD_LANES(search->count) > CANDIDATES - 8)); left; left &= left - 1) {
+        const int lane = lowest_of(left);
+        room &= make_room(search, lane, search->reach[lane]);
+    }
+    return room;
+}
+
 /* Adds a shape for those rays that may meet it within their reach. */
 static void add_for_packet(Search *search, const MASK may, const RangeW range, const int index, FLOAT *reach) {
     const MASK here = may & (range.near <= *reach) & (LOAD_LANES(search->own) != index);
     int bits = lane_bits(here);
     if (!bits) return;
-    *reach = (here & (range.far < *reach)) ? range.far : *reach;
+    const MASK shorter = here & (range.far < *reach);
+    *reach = shorter ? range.far : *reach;
+    search->shorter |= ANY(shorter);
     float near[W];
     STORE_LANES(range.near, near);
     for (; bits; bits &= bits - 1) {
@@ -344,13 +354,14 @@ static void add_block_for_packet(const Scene scene, __global const Block *block,
     FLOAT reach = LOAD_LANES(search->reach);
     for (int bits = spheres_met(block, bundle, furthest); bits; bits &= bits - 1) {
         const int i = lowest_of(bits), index = ((__global const int *)&block->index)[i];
+        if (index == bundle->own) continue;
         const FLOAT x = one_of(&block->x, i) - ox, y = one_of(&block->y, i) - oy, z = one_of(&block->z, i) - oz;
         ChordW chord = chord_of_W(x, y, z, wx, wy, wz, one_of(&block->outer, i));
         if (!ANY(chord.may & live)) continue;
         const RangeW range = range_of_chord_W(&chord, one_of(&block->inner, i), scene.tree.widen);
         add_for_packet(search, chord.may & live, range, index, &reach);
     }
-    STORE_LANES(reach, search->reach);
+    if (search->shorter) STORE_LANES(reach, search->reach);
 }
 #endif
 
@@ -376,6 +387,7 @@ static void add_patch_for_packet(__global const Patch *patch, const MASK live, c
     FLOAT reach = LOAD_LANES(search->reach);
     for (int bits = triangles_met(patch, bundle, furthest) & BITS_OF(patch->slack > 0); bits; bits &= bits - 1) {
         const int i = lowest_of(bits), index = ((__global const int *)&patch->index)[i];
+        if (index == bundle->own) continue;
         const FLOAT x = one_of(&patch->ax, i) - ox, y = one_of(&patch->ay, i) - oy, z = one_of(&patch->az, i) - oz;
         const float ex = one_of(&patch->ex, i), ey = one_of(&patch->ey, i), ez = one_of(&patch->ez, i);
         const float fx = one_of(&patch->fx, i), fy = one_of(&patch->fy, i), fz = one_of(&patch->fz, i);
@@ -386,7 +398,7 @@ static void add_patch_for_packet(__global const Patch *patch, const MASK live, c
         const RangeW range = range_of_passage_W(&passage, slack);
         add_for_packet(search, passage.may & live, range, index, &reach);
     }
-    STORE_LANES(reach, search->reach);
+    if (search->shorter) STORE_LANES(reach, search->reach);
 }
 #endif
 

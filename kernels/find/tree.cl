@@ -85,6 +85,7 @@ static __attribute__((noinline)) void decide_all(const Scene scene, const Leavin
     }
     const FLOAT before = LOAD_LANES(search->reach);
     STORE_LANES(reach < before ? reach : before, search->reach);
+    search->shorter = 1;
     STORE_LANES((INT)0, search->count);
 }
 
@@ -105,6 +106,14 @@ static Walker walker_of(const Search *search, const int lane) {
     return walker;
 }
 
+static int leaves_of(const Scene scene) {
+#ifdef WITH_PATCHES
+    return scene.tree.blocks + scene.patches;
+#else
+    return scene.tree.blocks;
+#endif
+}
+
 #ifdef WITH_TREE
 /* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of
  * at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there
@@ -119,9 +128,13 @@ static float entered(const ulong entry) {
     return as_float((int)(entry >> 32));
 }
 
+/* Trees of fewer leaves are in a processor's cache, all of them. */
+#define LARGE_TREE 2048
+
 /* Fetches a node or a leaf that is to be visited soon: in large trees, half of the time is waiting. */
 static void fetch_child(const Scene scene, const int child) {
 #ifdef FETCH
+    if (leaves_of(scene) < LARGE_TREE) return;
     const Tree tree = scene.tree;
 #ifdef WITH_PATCHES
     if (child < -tree.blocks) {
@@ -199,14 +212,15 @@ static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, 
         }
         add_leaf(scene, leaf, &walker, search);
     }
-    search->reach[lane] = walker.reach;
+    if (walker.reach < search->reach[lane]) {
+        search->reach[lane] = walker.reach;
+        search->shorter = 1;
+    }
 }
 
 #if W > 1 && defined(WITH_TREE)
 /* So few rays of a packet go on one at a time. */
 #define ALONE 5
-/* And so do all whose directions differ by more than this along an axis. */
-#define APART 0.3f
 
 /* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8
  * times the node plus the child's place. The nearest is on top. */
@@ -251,35 +265,30 @@ static MASK entering(const Scene scene, const Bundle *bundle, const int number, 
 static void walk_together(const Scene scene, const Leaving *ray, const REAL scale, const MASK live, Search *search, Met *met,
                           Work *work) {
     Bundle bundle;
-    int alone = W;
-    if (popcount(lane_bits(live)) > ALONE) {
-        bundle = bundle_of(search, live);
-        if (bundle.spread < APART) alone = ALONE;
-    }
-    float furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
+    if (popcount(lane_bits(live)) > ALONE) bundle_rays(search, live, &bundle);
+    FLOAT reach = LOAD_LANES(search->reach);
+    float furthest = LARGEST_FLOAT(live ? reach : (FLOAT)0.0f);
     Stack stack;
     stack.top = 0;
     int child = 0;
     MASK here = live;
     for (;;) {
         int bits = lane_bits(here);
-        if (child >= 0 && popcount(bits) > alone) {
+        if (child >= 0 && popcount(bits) > ALONE) {
             add_children_for_bundle(scene, child, &bundle, furthest, &stack);
         } else {
-            if (popcount(bits) > alone) {
-                int room = 1;
-                for (int left = bits; left; left &= left - 1) {
-                    const int lane = lowest_of(left);
-                    room &= make_room(search, lane, search->reach[lane]);
-                }
-                if (!room) decide_all(scene, ray, scale, search, met, work);
+            if (popcount(bits) > ALONE) {
+                if (!make_room_for_packet(search, here)) decide_all(scene, ray, scale, search, met, work);
                 add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search);
             } else {
                 for (; bits; bits &= bits - 1) walk_alone(scene, ray, scale, lowest_of(bits), child, search, met, work);
             }
-            furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
+            if (search->shorter) {
+                search->shorter = 0;
+                reach = LOAD_LANES(search->reach);
+                furthest = LARGEST_FLOAT(live ? reach : (FLOAT)0.0f);
+            }
         }
-        const FLOAT reach = LOAD_LANES(search->reach);
         do {
             if (!stack.top) return;
             const ulong entry = stack.entry[--stack.top];
@@ -320,6 +329,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     STORE_LANES(TO_FLOAT(met.t * scale) * REACH_SLACK, search.reach);
     STORE_LANES(ray->own, search.own);
     STORE_LANES((INT)0, search.count);
+    search.shorter = 0;
 #if W > 1 && defined(WITH_TREE)
     MASK left = live;
     for (int bits = lane_bits(left); bits; bits = lane_bits(left)) {
@@ -333,10 +343,8 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
 #else
 #ifdef WITH_TREE
     const int from = 0;
-#elif defined(WITH_PATCHES)
-    const int from = tree.blocks + scene.patches;
 #else
-    const int from = tree.blocks;
+    const int from = leaves_of(scene);
 #endif
     int wanted[W];
     STORE_LANES(live, wanted);
