@@ -2,8 +2,8 @@
 
 Its library must be installed (Debian: libembree3-3). Embree computes in float32, so vertices, eyes and rays of each
 regime of cltrace/bench/mesh_regimes.py are rounded to float32 first, and both Embree and the oracle are asked about
-these numbers; so is trace_rays, which must say what the oracle says. Prints how many rays, in Embree's robust mode and in
-the other one,
+these numbers; so is trace_rays, which must say what the oracle says. Prints how many rays, in Embree's robust mode and
+in the other one,
 
     leak       meet nothing, and must meet something
     phantom    meet something, and must not

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cltrace.plan.accel import bvh
 from cltrace.plan.accel.bvh import Balls, Tree, Triangles, build_tree
 from cltrace.plan.exact import two_sum
+from cltrace.plan.paths import Paths
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -612,3 +613,16 @@ def test_few_are_candidates_in_vain() -> None:
                 t = exactly_met(corners[i], o, d)
                 vain += t is None or t <= 0
     assert vain <= 30
+
+
+def test_corners_that_rounding_makes_one() -> None:
+    """A triangle that is tiny beside its distance from the others is in the tree, and a ray through it finds it."""
+    place = np.array([1e8, 2e8, -3e8])
+    vertex = np.array([(0, 0, 0), (1e-9, 0, 0), (0, 1e-9, 0), *(place + np.eye(3)), (5, 5, 5), (5, 5, 5), (6, 5, 5)])
+    face = np.arange(9, dtype=np.int32).reshape(3, 3)
+    paths = Paths.of(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool), vertex, face)
+    assert paths.tree is not None
+    # The last one has two corners in one place, and is in no patch.
+    assert sorted(paths.tree.patch["index"][paths.tree.patch["index"] >= 0].tolist()) == [0, 1]
+    slack = paths.tree.patch["slack"][paths.tree.patch["index"] == 0]
+    assert (slack > 2.0**-50).all()

@@ -286,3 +286,46 @@ def test_what_is_refused(origins: object, directions: object, more: dict[str, ob
 def test_a_scene_is_needed() -> None:
     with pytest.raises(TypeError, match=r"^scene: must be a cltrace\.Scene, such as cltrace\.load\(\) gives, got 3$"):
         trace_rays(3, (0, 0, 0), (0, 0, 1))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_oracle_of_scenes(seed: int) -> None:
+    """Every surface in rational arithmetic says the same; so do arrays of other shapes."""
+    scene, rng = mixed(seed), np.random.default_rng(seed + 90)
+    o, d = aimed(scene, rng, 60)
+    want = oracle.closest_hit(scene, o, d)
+    for i in range(60):
+        assert (want.id[i], want.primitive[i], want.t[i]) == by_fractions(scene, o[i], d[i], 0, math.inf)
+    same(trace_rays(scene, o[0], d), oracle.closest_hit(scene, o[0], d))
+    same(trace_rays(scene, o, d[0]), oracle.closest_hit(scene, o, d[0]))
+
+
+def test_the_oracle_counts_triangles() -> None:
+    """A square of two triangles: its diagonal is that of one of them, and its plane is met by no ray in it."""
+    corners, faces = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)]
+    rays = [(0, 0, -1), (0.5, 0.25, -1), (3, 0, -1), (0, 0, 1), (-1, -1, -1)]
+    assert oracle.triangles_met((0, 0, 1), rays, corners, faces).tolist() == [1, 1, 0, 0, 1]
+    assert oracle.triangles_met((-3, 0, 0), [(1, 0, 0)], corners, faces).tolist() == [0]
+    twice = oracle.triangles_met((0, 0, 1), rays, corners, [*faces, *faces])
+    assert twice.tolist() == [2, 2, 0, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("origins", "directions", "text"),
+    [
+        ((0, 0, 0), (0, 0, 0), "directions[0]: must not be 0"),
+        (np.zeros((2, 3)), np.ones((3, 3)), "directions: must be as many as origins, 2, or one, got 3"),
+        ((0, 0, np.nan), (0, 0, 1), "origins: must be finite"),
+        ((0, 0), (0, 0, 1), "origins: must have shape (3,), got (2,)"),
+        ((0, 0, 0), np.ones((2, 2)), "directions: must have shape (n, 3), got (2, 2)"),
+    ],
+)
+def test_what_the_oracle_refuses(origins: object, directions: object, text: str) -> None:
+    scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
+    for ask in (
+        lambda: oracle.closest_hit(scene, origins, directions),
+        lambda: oracle.triangles_met(origins, directions, [(0, 0, 0)], np.zeros((0, 3), int)),
+    ):
+        with pytest.raises(ValueError) as error:
+            ask()
+        assert str(error.value) == text
