@@ -17,11 +17,12 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import cli
-from cltrace.explanation import many
+from cltrace.explanation import many, meeting
 from cltrace.explanation.many import Swarm
 from cltrace.explanation.pixel import Explainer
 from cltrace.reference import byte_of
 from cltrace.reference.check import CONTRACT
+from cltrace.reference.trace import Pixel
 from cltrace.run.devices import Device
 
 FIRST = SCENES[0].parent / "first.xml"
@@ -335,3 +336,53 @@ def mixed() -> cltrace.Scene:
     return cltrace.Scene.from_spheres(
         camera, lights, centers, radii, reflectance=mirror, transmittance=glass, index=1.5, transform=transform
     )
+
+
+def test_what_is_exactly_as_near_is_said(tmp_path: Path) -> None:
+    found = explained(tmp_path, ball(0), ball(0), ball(-1, radius=2))
+    tests = found.rays[0].tests
+    assert [test.surface.id for test in tests] == [0, 1, 2]
+    assert [test.remark for test in tests] == ["", meeting.TIED, meeting.TIED]
+    assert "because of its lower number" in str(found)
+
+
+def test_a_light_at_the_point_and_one_beside_its_cone(tmp_path: Path) -> None:
+    camera = cltrace.Camera((0, 0, 5), (0, 0, 0), horizontal_fov=30, resolution=(3, 3))
+    lights = [
+        cltrace.point_light((0, 0, 1)),
+        cltrace.spot_light((0, 3, 2), (0, 0, -1), 10, 20),
+        cltrace.spot_light((0, 3, 4), (0, -1, -1), 10, 20, (1.5, 1, 0)),
+        cltrace.spot_light((0, 3, 4), (0, -1, -1.5), 5, 17, (1.5, 1, 0)),
+    ]
+    scene = cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1, kd=0.5, ks=0)
+    found = cltrace.explain(scene, 1, 1)
+    touching, beside, full, part = found.rays[0].lights
+    assert (touching.fate, touching.diffuse) == ("at the point", (0, 0, 0))
+    assert (beside.fate, beside.cone) == (
+        "beside the cone",
+        (pytest.approx(np.degrees(np.arctan(3))), 10, pytest.approx(20)),
+    )
+    assert (full.fate, full.strength, full.cone) == ("lit", 1, (pytest.approx(0), 10, pytest.approx(20)))
+    assert full.diffuse == pytest.approx((1.5 * 0.5 / np.sqrt(2), 0.5 / np.sqrt(2), 0))
+    angle = 45 - np.degrees(np.arctan(1 / 1.5))
+    assert part.cone is not None
+    assert part.cone[0] == pytest.approx(angle)
+    assert part.strength == pytest.approx(1 - (angle - 5) / 12)
+    assert part.diffuse[0] == pytest.approx(part.strength * full.diffuse[0])
+
+
+def test_a_surface_without_a_file_has_no_line() -> None:
+    camera = cltrace.Camera((0, 0, 5), (0, 0, 0), horizontal_fov=30, resolution=(3, 3))
+    scene = cltrace.Scene.from_spheres(camera, [cltrace.point_light((9, 9, 9))], [(0, 0, 0)], 1)
+    text = str(cltrace.explain(scene, 1, 1))
+    assert text.startswith("pixel (1, 1) of 3x3\n\nCamera\n")
+    assert "line" not in text
+    assert "  sphere 0\n" in text
+
+
+def test_rays_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Pixel, "RAYS", 100)
+    camera = cltrace.Camera((0, 0, 0), (0, 0, -1), resolution=(3, 3), max_bounces=30)
+    glass = cltrace.Scene.from_spheres(camera, [], [(0, 0, 0), (0, 0, 0)], [1, 2], reflectance=1, transmittance=1)
+    with pytest.raises(cltrace.TooManyRaysError, match=r"camera\.max_bounces: must be lower than 30"):
+        cltrace.explain(glass, 1, 1)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import errno
 import math
 import os
+import pickle
+import re
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +22,7 @@ from cltrace.formats import xml_bulk, xml_reader, xml_source
 from cltrace.formats.faults import closest
 from cltrace.formats.xml_reader import read
 from cltrace.formats.xml_transforms import cos_sin
-from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Scene
+from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Camera, Scene
 
 SCENE = """\
 <?xml version="1.0" standalone="no" ?>
@@ -1003,6 +1006,51 @@ def test_lines_beyond_16_bits() -> None:
     ]
     text = changed("<surfaces>\n", "<surfaces>\n" + "<!-- \n -->" * 70_000 + "<torus/>")
     assert warnings_of(text) == ["70025: surfaces: unknown element <torus> ignored"]
+
+
+def test_a_scene_knows_the_lines_of_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = '<mesh name="m.obj">\n' + MATERIAL_TEXT + "</mesh>\n"
+    Path("m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n\nf 1 2 3\n# none\nf 1 2 3 4\n")
+    stray = SPHERE_TEXT.replace('radius="1.5"', 'radius="1.5" hollow="yes"')  # read one by one, not in bulk
+    text = changed(SPHERE_TEXT, SPHERE_TEXT + mesh + "<torus/>\n" + stray + mesh)
+    lines = text.split("\n")
+    expected = [i for i, line in enumerate(lines, 1) if "<sphere" in line or "<mesh" in line]
+    lights = [i for i, line in enumerate(lines, 1) if re.search("<(ambient|parallel|point|spot)_light>", line)]
+    for last in (xml_source.LAST_LINE, 0):
+        monkeypatch.setattr(xml_source, "LAST_LINE", last)
+        source = read_text(text)[0].source
+        assert source is not None
+        assert source.path == "scene.xml"
+        assert lines[source.camera - 1].strip() == "<camera>"
+        assert source.surfaces.tolist() == expected
+        assert source.lights.tolist() == lights
+        assert {k: (file.name, file.lines.tolist()) for k, file in source.meshes.items()} == {
+            1: ("m.obj", [6, 8, 8]),
+            3: ("m.obj", [6, 8, 8]),
+        }
+
+
+def test_lines_beyond_16_bits_are_known_if_asked_for() -> None:
+    text = changed("<surfaces>\n", "<surfaces>\n" + "\n" * 70_000)
+    text = changed(SPHERE_TEXT, 2 * SPHERE_TEXT, text)
+    expected = [i for i, line in enumerate(text.split("\n"), 1) if "<sphere" in line]
+    scene = scene_of(text)
+    assert scene.source is not None
+    assert (scene.source.surfaces.tolist(), scene.source.knows_all_lines) == ([0, 0], False)
+    asked, _ = read("scene.xml", lines=True)
+    assert asked.source is not None
+    assert (asked.source.surfaces.tolist(), asked.source.knows_all_lines) == (expected, True)
+    assert same(scene, asked)
+
+
+def test_where_a_scene_is_from_goes_with_it() -> None:
+    scene = scene_of(SCENE)
+    assert scene.source is not None
+    assert scene.seen_by(Camera((0, 0, 9))).source is scene.source
+    sent = pickle.loads(pickle.dumps(scene)).source
+    assert sent is not None
+    assert sent.surfaces.tolist() == scene.source.surfaces.tolist()
+    assert replace(scene).source is None
 
 
 def test_lines_beyond_16_bits_without_line_breaks_between_elements() -> None:

@@ -50,10 +50,10 @@ class _Lamp:
         n_l = n.dot(l)
         r = n * (2 * n_l) - l
         strength = light.strength(w) if any(w) else 0.0
-        fate: Fate = "behind"
+        fate: Fate = "behind" if any(w) else "at the point"
         blockers: list[Met] = []
-        if faces(self.at, light):
-            fate = "at the point" if not any(w) else "beside the cone" if strength == 0 else "lit"
+        if any(w) and faces(self.at, light):
+            fate = "beside the cone" if strength == 0 else "lit"
         if fate == "lit":
             blockers = self._blockers(light, w)
             fate = "in shadow" if blockers else "lit" if n_l > 0 else "behind"

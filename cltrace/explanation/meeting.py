@@ -17,6 +17,7 @@ from cltrace.reference import Intersection, Mesh, Ray, Sphere, Start, Surface, T
 from cltrace.reference.crossing import way_of
 
 MOST = 8  # surfaces that are listed of a ray
+TIED = "exactly as near as the closest one, which is seen because of its lower number, or that of its triangle"
 
 
 def single(world: World, ray: Ray) -> Iterator[Surface]:
@@ -43,7 +44,9 @@ class Meetings:
         first = at.surface if at else None
         met.sort(key=lambda one: (one[1] is not first, one[0]))
         self.count = len(met)
-        self.found = tuple(self._test(surface, distance) for distance, surface in met[:MOST])
+        self.found = tuple(
+            self._test(surface, distance, tied=self._ties(surface, distance)) for distance, surface in met[:MOST]
+        )
 
     def missed(self, behind: float) -> tuple[SurfaceTest, ...]:
         """The surfaces that the ray passes by, before what it meets, by less than a pixel's width there.
@@ -81,15 +84,21 @@ class Meetings:
     def _starts_on(self, surface: Surface) -> bool:
         return isinstance(self.ray.origin, Start) and self.ray.origin.surface is surface
 
-    def _test(self, surface: Surface, distance: float, gap: float = 0.0) -> SurfaceTest:
+    def _ties(self, surface: Surface, distance: float) -> bool:
+        """Whether the ray meets it, exactly, where it meets the closest one. A distance is off by 2^-23 at most."""
+        at = self.at
+        if at is None or surface is at.surface or abs(distance - at.distance) > at.distance * 2.0**-20:
+            return False
+        closest, other = at.surface.exact_t(self.ray), surface.exact_t(self.ray)
+        return not (closest < other or other < closest)
+
+    def _test(self, surface: Surface, distance: float, gap: float = 0.0, tied: bool = False) -> SurfaceTest:
         name, own = self.names.surface(surface), self._starts_on(surface)
-        if isinstance(surface, Sphere):
-            sphere = sphere_test(surface, self.o, self.d)
-            remark = _remark(_first(sphere, own), distance, own)
-            return SurfaceTest(name, sphere, None, distance, gap, remark)
-        assert isinstance(surface, Triangle)
-        triangle = triangle_test(surface, self.o, self.d)
-        return SurfaceTest(name, None, triangle, distance, gap, _remark(_within(triangle), distance, own))
+        sphere = sphere_test(surface, self.o, self.d) if isinstance(surface, Sphere) else None
+        triangle = triangle_test(surface, self.o, self.d) if isinstance(surface, Triangle) else None
+        textbook = _first(sphere, own) if sphere else _within(triangle) if triangle else math.inf
+        remark = TIED if tied else _remark(textbook, distance, own)
+        return SurfaceTest(name, sphere, triangle, distance, gap, remark)
 
 
 def _first(test: SphereTest, own: bool) -> float:
