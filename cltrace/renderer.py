@@ -17,7 +17,7 @@ from cltrace.plan.plan import Before, Plan, View, World
 from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
-from cltrace.run.packing import Packing
+from cltrace.run.maker import Maker, maker_of
 from cltrace.scene import Camera, Scene, with_spheres
 
 
@@ -72,7 +72,7 @@ class Renderer:
         start = time.perf_counter()
         self._lock = threading.Lock()
         self._world = World.of(scene, self.request)
-        self._packing: Packing | None = None
+        self._maker: Maker | None = None
         self._see(scene, start)
 
     def look(self, camera: Camera) -> Renderer:
@@ -142,10 +142,10 @@ class Renderer:
         if view:
             self._view = replace(view.recolored(self._world, self.request), seconds={})
         else:
-            if self._packing is None or not self._packing.fits(self._world):
-                self._packing = Packing.of(self._world, self.request, self.device)
-            if self._packing:
-                self._view, self._made = self._packing.view(self._world, scene.camera)
+            if self._maker is None or not self._maker.fits(self._world):
+                self._maker = maker_of(self._world, self.request, self.device)
+            if self._maker:
+                self._view, self._made = self._maker.view(self._world, scene.camera)
             else:
                 self._view, self._made = View.of(self._world, scene.camera, self.request), {}
         self.plan = Plan.of(self._world, self._view, self.request)

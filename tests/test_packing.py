@@ -13,7 +13,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.accel import cells
 from cltrace.plan.plan import View, World
 from cltrace.plan.request import Request
-from cltrace.run import packing
+from cltrace.run import maker
 from cltrace.run.devices import Device
 from cltrace.run.packing import Packing
 
@@ -22,19 +22,19 @@ Floats = NDArray[np.float64]
 
 @pytest.fixture(autouse=True)
 def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "MANY", 0)
+    monkeypatch.setattr(maker, "MANY", 0)
 
 
 def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
     """Asserts that the device's view of a scene is numpy's."""
     world = World.of(scene, request)
-    maker = Packing.of(world, request, device)
-    assert maker is not None
+    packing = Packing.of(world, request, device)
+    assert packing is not None
     expected = View.of(world, scene.camera, request)
-    view, made = maker.view(world, scene.camera)
+    view, made = packing.view(world, scene.camera)
     assert made.keys() | view.arrays.keys() == expected.arrays.keys()
     for name, array in expected.arrays.items():
-        found = maker.tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
+        found = packing.tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
         assert found.tobytes() == array.tobytes(), name
     assert (view.skipped, view.inside, view.values) == (expected.skipped, expected.inside, expected.values)
     assert (view.region, view.exponent) == (expected.region, expected.exponent)
@@ -182,7 +182,7 @@ def test_pictures(device: Device) -> None:
     other = camera(position=(1.0, 2.0, 2.5))
     moved = renderer.look(other)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packing, "MANY", 2**31)
+        patch.setattr(maker, "MANY", 2**31)
         for found, by_camera in ((renderer, camera()), (moved, other)):
             expected = cltrace.Renderer(crowded().seen_by(by_camera), device)
             assert "entry" in expected.plan.arrays
@@ -197,7 +197,7 @@ def test_pictures_of_updates(device: Device) -> None:
     moved = renderer.look(camera(position=(1.0, 2.0, 2.5)))
     assert renderer.update(centers=centers)._executor.buffers["entry"] is not entry
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packing, "MANY", 2**31)
+        patch.setattr(maker, "MANY", 2**31)
         for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
             expected = cltrace.Renderer(found.scene, device)
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.polygon import Corners
 from cltrace.plan.shapes.sphere import Seen, filter_constant
-from cltrace.plan.shapes.triangle import Facets, Triangles, along_light, from_eye, from_light
+from cltrace.plan.shapes.triangle import Triangles, along_light, from_eye, from_light
 from cltrace.plan.space import Space
 from cltrace.plan.textures import NO_TEXTURES, Textures
 from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
@@ -240,10 +240,11 @@ class View:
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, world: World, camera: Camera, request: Request) -> View:
+    def of(cls, world: World, camera: Camera, request: Request, methods: Methods | None = None) -> View:
         """Moves the world into camera space, in more than double precision, and lists which surfaces a ray can meet.
 
-        request: the one that the world was made for. Raises ValueError if its crop is not within the picture.
+        request: the one that the world was made for; methods: for what takes longest, None for numpy's. Raises
+        ValueError if its crop is not within the picture.
         """
         basis = np.array(camera.basis())
         stretched = world.maps.of_sphere > 0 if world.maps else None
@@ -262,11 +263,11 @@ class View:
                     side[:] = np.where(world.maps.of_sphere > 0, sides, side)
         arrays |= {"light_filter": views.filter.reshape(-1, 4), "light_side": views.side.reshape(-1)}
         with _timed(seconds, "lists"):
-            facets = np.empty((1 + len(lights), 3 * len(world.triangles.face), 4), np.float32)
-            faces = _mesh_views(world, camera, lights, k, facets)
-            arrays |= {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
+            methods = methods or Methods(mesh_views, lambda grids: build(grids, request.precision).arrays())
+            faces, facets = methods.see_meshes(world, camera, lights, k)
+            arrays |= facets
             window = Window.of(camera, base.region)
-            arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, skipped)
+            arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, methods.build, skipped)
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
@@ -481,32 +482,48 @@ def from_point(world: World, basis: Array, point: Array) -> Array:
 
 
 class MeshView(NamedTuple):
-    """The triangles as the eye or a light sees them; along a parallel light the corners count from the eye."""
+    """The triangles as the eye or a light sees them; along a parallel light the corners count from the eye.
+
+    met: (m,), which of them a ray from there can meet.
+    """
 
     corners: Corners
-    facets: Facets
+    met: Mask
 
 
-def _mesh_views(
-    world: World, camera: Camera, lights: NDArray[np.void], k: int, facets: NDArray[np.float32]
-) -> list[MeshView]:
-    """The views of the eye and of each light.
+def mesh_views(
+    world: World, camera: Camera, lights: NDArray[np.void], k: int
+) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
+    """The views of the eye and of each light, and the kernel's buffers by name.
 
-    lights: of pack_lights(); k: see View.without_spheres(); facets: what to fill, the eye's and each light's.
+    lights: of pack_lights(); k: see View.without_spheres().
     """
     triangles, basis = world.triangles, np.array(camera.basis())
+    facets = np.empty((1 + len(lights), 3 * len(triangles.face), 4), np.float32)
     near = np.ldexp(from_point(world, basis, np.array(camera.position)), k)
     face, first = world.triangles.face[:, :3], len(world.radius)
     eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
-    found = [MeshView(Corners(near, face, first), eye)]
+    found = [MeshView(Corners(near, face, first), eye.met)]
     for light, packed, out in zip(world.lights, lights, facets[1:], strict=True):
         if light["kind"] == PARALLEL:
             axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
-            found.append(MeshView(found[0].corners, along_light(near, triangles, axes, -light["direction"], out)))
+            facet = along_light(near, triangles, axes, -light["direction"], out)
+            found.append(MeshView(found[0].corners, facet.met))
         else:
             place = np.ldexp(from_point(world, basis, light["position"]), k)
-            found.append(MeshView(Corners(place, face, first), from_light(place, triangles, light["position"], out)))
-    return found
+            facet = from_light(place, triangles, light["position"], out)
+            found.append(MeshView(Corners(place, face, first), facet.met))
+    return found, {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
+
+
+class Methods(NamedTuple):
+    """How View.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
+
+    see_meshes: see mesh_views(); build: makes the lists of grids, see Lists.
+    """
+
+    see_meshes: Callable[[World, Camera, NDArray[np.void], int], tuple[list[MeshView], dict[str, NDArray[Any]]]]
+    build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]]
 
 
 def _lists(
@@ -516,6 +533,7 @@ def _lists(
     faces: list[MeshView],
     window: Window,
     request: Request,
+    build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]],
     skipped: dict[str, int],
 ) -> dict[str, NDArray[Any]]:
     """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them."""
@@ -528,7 +546,7 @@ def _lists(
             outside &= world.maps.of_sphere == 0
         visible = ~(world.again | hidden(seen.center, seen.radius, outside, slack))
         skipped["spheres inside others, or the same"] = n - int(visible.sum())
-    among = np.concatenate([visible, faces[0].facets.met])
+    among = np.concatenate([visible, faces[0].met])
     total = len(among)
     corners = faces[0].corners if total > n else None
     tiles = picture_tiles(seen, among, window, corners)
@@ -543,7 +561,7 @@ def _lists(
     grids, buffers, idle = [tiles], np.zeros((len(lights), 4), np.int32), 0
     for k, (light, face) in enumerate(zip(lights, faces[1:], strict=True)):
         inside = (seen.power <= 0) | world.bounces.glass
-        among = np.concatenate([visible, face.facets.met])
+        among = np.concatenate([visible, face.met])
         corners = face.corners if total > n else None
         more, stops = _light_buffer(light, corners, inside, Shadows(among, receiver, slack), keep)
         if "lists" in keep:
@@ -555,8 +573,7 @@ def _lists(
         buffers[k] = len(grids), len(more), stops, 0
         grids += more
     skipped[f"{what} that shadow nothing seen, per light"] = idle
-    lists = build(grids, request.precision)
-    return {"light_buffer": buffers, "grid": lists.grid, "start": lists.start, "entry": lists.entry}
+    return {"light_buffer": buffers, **build(grids)}
 
 
 def _light_buffer(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.cells import SPARE, CellGrid, Keys, chosen_lift, fill_record
+from cltrace.plan.accel.cells import SPARE, CellGrid, Keys, Placement, chosen_lift, entered_in, fill_record
 from cltrace.run.toolbox import EdgeType, Toolbox
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
+NONE = np.zeros(0, np.int32)
 
 
 class Covers:
@@ -60,28 +62,77 @@ class Entries:
     def add(self, grid: CellGrid, covers: Covers) -> None:
         """Makes the lists of a grid, whose own members are not looked at."""
         tools, layout = self._tools, self._layout(grid, covers)
-        start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
-        record = np.zeros(1, self._dtype)
-        fill_record(record[0], grid, self._cells, layout.mask)
-        self.records.append(record)
-        count, sums = tools.room(layout.cells, np.int32), tools.room(ITEMS, np.int32)
-        tools.clear(count, layout.cells)
-        levels = np.zeros((2, 16), np.int32)
-        levels[0, : len(layout.pitch)], levels[1, : len(layout.base)] = layout.pitch, layout.base
-        cells, stop = np.int32(layout.cells), np.int32(self._filled + layout.entries)
         spheres = np.int32(covers.n), np.int32(covers.pitch), np.int32(-1 if layout.lift is None else layout.lift)
-        where, first = (tools.upload(levels), covers.cells, covers.near), np.int32(self._filled)
+        first = np.int32(self._filled)
+
+        def count(levels: Any, counts: Any) -> None:
+            tools.run("count_entries", *spheres, levels, covers.cells, covers.near, counts)
+
+        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+            tools.run("scatter_entries", *spheres, first, bits, levels, covers.cells, covers.near, counts, entry)
+
+        self._make(grid, layout, count, scatter)
+
+    def _make(
+        self,
+        grid: CellGrid,
+        layout: _Layout,
+        count: Callable[[Any, Any], None],
+        scatter: Callable[[np.uint32, Any, Any, Any], None],
+    ) -> None:
+        """Makes lists. count, scatter: start the kernels that count entries and that write them."""
+        tools = self._tools
+        start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
+        counts, sums = tools.room(layout.cells, np.int32), tools.room(ITEMS, np.int32)
+        tools.clear(counts, layout.cells)
+        table = np.zeros((2, 16), np.int32)
+        table[0, : len(layout.pitch)], table[1, : len(layout.base)] = layout.pitch, layout.base
+        levels, bits = tools.upload(table), np.uint32(2**32 - 2 ** (32 - layout.near_bits))
+        cells, first, stop = (np.int32(k) for k in (layout.cells, self._filled, self._filled + layout.entries))
         if layout.entries:
-            tools.run("count_entries", *spheres, *where, count)
-        tools.run("sum_cells", cells, count, sums, items=ITEMS)
-        tools.run("start_cells", cells, first, count, sums, start, items=ITEMS)
+            count(levels, counts)
+        tools.run("sum_cells", cells, counts, sums, items=ITEMS)
+        tools.run("start_cells", cells, first, counts, sums, start, items=ITEMS)
         if layout.entries:
-            bits = np.uint32(2**32 - 2 ** (32 - layout.near_bits))
-            tools.run("scatter_entries", *spheres, first, bits, *where, count, entry)
+            scatter(bits, levels, counts, entry)
             tools.run("sort_lists", cells, first, stop, start, entry)
-        self._pieces.append((start, layout.cells, entry, layout.entries))
-        self._cells += layout.cells
-        self._filled += layout.entries
+        self._note(grid, layout.mask, start, layout.cells, entry, layout.entries)
+
+    def _note(self, grid: CellGrid, mask: int, start: Any, cells: int, entry: Any, entries: int) -> None:
+        record = np.zeros(1, self._dtype)
+        fill_record(record[0], grid, self._cells, mask)
+        self.records.append(record)
+        self._pieces.append((start, cells, entry, entries))
+        self._cells += cells
+        self._filled += entries
+
+    def add_members(self, grid: CellGrid) -> None:
+        """Makes the lists of a grid and its own members."""
+        tools = self._tools
+        if grid.cells == (1, 1) or not len(grid.member):
+            start, entry, mask = entered_in(grid)
+            self._note(grid, mask, tools.upload(start + np.int32(self._filled)), 1, tools.upload(entry), len(entry))
+            return
+        level, outlined, strips, keys, entries = Placement.of(grid)
+        columns = zip(*strips, strict=True) if strips else 4 * [[NONE]]
+        at, row, column, more = (np.concatenate(parts).astype(np.int32) for parts in columns)
+        layout = _Layout(None, keys.pitch, keys.base, keys.cells, entries, keys.mask, keys.near_bits)
+        n, s, first = np.int32(len(grid.member)), np.int32(len(at)), np.int32(self._filled)
+        of_level = tools.share(np.where(outlined, np.int8(-1), level)), tools.share(level)
+        covers, member, near = (tools.share(np.ascontiguousarray(a)) for a in (grid.covers, grid.member, grid.near))
+        strip = tuple(tools.share(a) for a in (at, row, column, more))
+
+        def count(levels: Any, counts: Any) -> None:
+            tools.run("count_members", n, n, levels, of_level[0], covers, counts)
+            if s:
+                tools.run("count_strips", s, levels, of_level[1], *strip, counts)
+
+        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+            tools.run("scatter_members", n, n, first, bits, levels, of_level[0], covers, member, near, counts, entry)
+            if s:
+                tools.run("scatter_strips", s, first, bits, levels, of_level[1], *strip, member, near, counts, entry)
+
+        self._make(grid, layout, count, scatter)
 
     def _layout(self, grid: CellGrid, covers: Covers) -> _Layout:
         if not covers.members:

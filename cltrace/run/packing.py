@@ -40,8 +40,6 @@ from cltrace.run.program import Announcement
 from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
 from cltrace.scene import PARALLEL, Camera
 
-# From so many spheres on, a device packs them.
-MANY = 2**15
 # What a request may keep that changes nothing here.
 KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
 # Buffers end with a whole packet, however wide.
@@ -66,12 +64,12 @@ class Packing:
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device) -> Packing | None:
-        """None unless there are many spheres and nothing else, on a device that computes as numpy does.
+        """None unless there are only spheres, and more than a few, on a device that computes as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
         served = (
-            len(world.radius) > max(MANY, CONSTANTS["FEW"])
+            len(world.radius) > CONSTANTS["FEW"]
             and world.maps is None
             and not len(world.triangles.face)
             and KEPT.issuperset(request.keep)

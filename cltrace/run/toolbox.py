@@ -23,6 +23,7 @@ SOURCES = (
     "pack/space.cl",
     "pack/tiles.cl",
     "pack/cells.cl",
+    "pack/facets.cl",
 )
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096

@@ -44,15 +44,27 @@ __kernel void tally(
         part[32 * item + k] = entries[k], part[32 * item + 16 + k] = spheres[k];
 }
 
-/* For each cell that a sphere covers, on the level of its size less `lift`; lift < 0: on level 0. */
-#define FOR_EACH_CELL(cell, i)                                                                                      \
-    const int wide_ = covers[2L * pitch + i], high_ = covers[3L * pitch + i];                                       \
-    const int level_ = lift < 0 ? 0 : max(bits_of(max(wide_, high_)) - lift, 0);                                    \
-    const int left_ = covers[i], top_ = covers[pitch + i], right_ = (left_ + wide_) >> level_;                      \
-    const int pitch_ = levels->pitch[level_], base_ = levels->base[level_];                                         \
-    for (int row_ = top_ >> level_; row_ <= (top_ + high_) >> level_; row_++)                                       \
-        for (int cell = base_ + row_ * pitch_ + (left_ >> level_); cell <= base_ + row_ * pitch_ + right_; cell++)
+/* For each cell that surface i covers on a level. */
+#define FOR_EACH_CELL(cell, i, level)                                                                               \
+    const int right_ = (covers[i] + covers[2L * pitch + i]) >> level;                                               \
+    const int bottom_ = (covers[pitch + i] + covers[3L * pitch + i]) >> level;                                      \
+    const int pitch_ = levels->pitch[level], base_ = levels->base[level];                                           \
+    for (int row_ = covers[pitch + i] >> level; row_ <= bottom_; row_++)                                            \
+        for (int cell = base_ + row_ * pitch_ + (covers[i] >> level); cell <= base_ + row_ * pitch_ + right_; cell++)
 
+/* The level of a sphere's size less a lift; lift < 0: level 0. */
+INLINE int level_of(const int wide, const int high, const int lift) {
+    return lift < 0 ? 0 : max(bits_of(max(wide, high)) - lift, 0);
+}
+
+/* A depth, as bits that rise with it, above an index. mask: the bits of a depth that an entry keeps. */
+INLINE ulong key_of(const float near, const uint mask, const int index) {
+    const int bits = as_int(near);
+    const uint rising = as_uint(bits ^ (bits >> 31 & 0x7fffffff)) ^ 0x80000000u;
+    return (ulong)(rising & mask) << 32 | (uint)index;
+}
+
+/* How many entries each cell has, of spheres that are each on the level of its size less `lift`. */
 __kernel void count_entries(
     const int n,
     const int pitch,
@@ -65,8 +77,45 @@ __kernel void count_entries(
     FOR_EACH_SPHERE(i, n) {
         if (!(near[i] < INFINITY))
             continue;
-        FOR_EACH_CELL(cell, i)
+        const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
+        FOR_EACH_CELL(cell, i, level)
             atomic_inc(count + cell);
+    }
+}
+
+/* The same of surfaces each of which is on a level of its own; level < 0: it has strips instead. */
+__kernel void count_members(
+    const int n,
+    const int pitch,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const short *restrict covers,
+    volatile __global int *count
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[i];
+        if (level < 0)
+            continue;
+        FOR_EACH_CELL(cell, i, level)
+            atomic_inc(count + cell);
+    }
+}
+
+/* The same of strips: of surface `at` one for each of some rows of cells; `more` cells after the one at row and column. */
+__kernel void count_strips(
+    const int n,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const int *restrict at,
+    __global const int *restrict row,
+    __global const int *restrict column,
+    __global const int *restrict more,
+    volatile __global int *count
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
+        for (int k = 0; k <= more[i]; k++)
+            atomic_inc(count + cell + k);
     }
 }
 
@@ -115,11 +164,56 @@ __kernel void scatter_entries(
     FOR_EACH_SPHERE(i, n) {
         if (!(near[i] < INFINITY))
             continue;
-        const int bits = as_int(near[i]);
-        const uint rising = as_uint(bits ^ (bits >> 31 & 0x7fffffff)) ^ 0x80000000u;
-        const ulong key = (ulong)(rising & mask) << 32 | (uint)i;
-        FOR_EACH_CELL(cell, i)
+        const ulong key = key_of(near[i], mask, i);
+        const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
+        FOR_EACH_CELL(cell, i, level)
             entry[atomic_inc(next + cell) - first] = key;
+    }
+}
+
+__kernel void scatter_members(
+    const int n,
+    const int pitch,
+    const int first,
+    const uint mask,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const short *restrict covers,
+    __global const int *restrict member,
+    __global const float *restrict near,
+    volatile __global int *next,
+    __global ulong *restrict entry
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[i];
+        if (level < 0)
+            continue;
+        const ulong key = key_of(near[i], mask, member[i]);
+        FOR_EACH_CELL(cell, i, level)
+            entry[atomic_inc(next + cell) - first] = key;
+    }
+}
+
+__kernel void scatter_strips(
+    const int n,
+    const int first,
+    const uint mask,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const int *restrict at,
+    __global const int *restrict row,
+    __global const int *restrict column,
+    __global const int *restrict more,
+    __global const int *restrict member,
+    __global const float *restrict near,
+    volatile __global int *next,
+    __global ulong *restrict entry
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
+        const ulong key = key_of(near[at[i]], mask, member[at[i]]);
+        for (int k = 0; k <= more[i]; k++)
+            entry[atomic_inc(next + cell + k) - first] = key;
     }
 }
 

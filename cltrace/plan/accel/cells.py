@@ -56,6 +56,10 @@ class Lists:
     start: Ints
     entry: Ints
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The kernel's buffers by name."""
+        return {"grid": self.grid, "start": self.start, "entry": self.entry}
+
 
 class Outlines(NamedTuple):
     """Convex polygons that fill little of the rectangles of cells around them, j of them with c corners each.
@@ -99,7 +103,7 @@ def build(grids: list[CellGrid], precision: Precision) -> Lists:
     records = np.zeros(len(grids), dtype_of("Grid", precision))
     starts, entries = [], []
     cells = filled = 0
-    jobs = [partial(_enter, grid) for grid in grids]
+    jobs = [partial(entered_in, grid) for grid in grids]
     # Threads take a millisecond to start.
     entered = concurrently(jobs) if sum(len(grid.member) for grid in grids) > BLOCK else [job() for job in jobs]
     for g, grid, (start, entry, mask) in zip(records, grids, entered, strict=True):
@@ -127,7 +131,7 @@ def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
     g["cells"] = *grid.cells, first, mask
 
 
-def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
+def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
     """Of one grid: where the list of each cell begins, the entries, and a bit for each level that holds anything."""
     if grid.cells == (1, 1):
         order = np.argsort(grid.near, kind="stable")
@@ -135,18 +139,7 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         return np.zeros(1, np.int32), entry, bool(len(order)) << CONSTANTS["WHOLE"]
     if not len(grid.member):
         return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
-    outlined = np.zeros(len(grid.member), bool)
-    for outlines in grid.outlines:
-        outlined[outlines.at] = True
-    if grid.outlines:
-        level = _levels_of_polygons(grid)
-        edges = _edges(grid.covers) >> level
-        entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
-    else:
-        level, entries = _levels(grid)
-    keys = Keys.of(grid, level)
-    strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
-    entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
+    level, outlined, strips, keys, entries = Placement.of(grid)
     key, filled = np.empty(entries, np.int64), 0
     for part in chain((keys.of_strip(grid, level, strip) for strip in strips), keys.of_boxes(grid, level, outlined)):
         key[filled : filled + len(part)] = part
@@ -166,6 +159,36 @@ def _enter(grid: CellGrid) -> tuple[Ints, Ints, int]:
         block_of_keys |= _descended(near)
     start = np.cumsum(counts, dtype=np.int32) - counts
     return start, key.astype("<i8", copy=False).view("<i4").reshape(-1, 2).astype(np.int32, copy=False), keys.mask
+
+
+class Placement(NamedTuple):
+    """Where the n members of a grid are entered, which are some.
+
+    level: (n,), of each one; outlined: (n,), which of them are entered in strips of cells, not in rectangles; strips:
+    of those; keys: of all entries; entries: how many they are.
+    """
+
+    level: NDArray[np.int8]
+    outlined: Mask
+    strips: list[Strip]
+    keys: Keys
+    entries: int
+
+    @staticmethod
+    def of(grid: CellGrid) -> Placement:
+        """The placement of a grid of several cells."""
+        outlined = np.zeros(len(grid.member), bool)
+        for outlines in grid.outlines:
+            outlined[outlines.at] = True
+        if grid.outlines:
+            level = _levels_of_polygons(grid)
+            edges = _edges(grid.covers) >> level
+            entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
+        else:
+            level, entries = _levels(grid)
+        strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
+        entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
+        return Placement(level, outlined, strips, Keys.of(grid, level), entries)
 
 
 @dataclass(frozen=True)
@@ -228,7 +251,7 @@ class Keys:
                 for (part,) in _spread(rows_of[1], 1 << shift, rows_of[0]):
                     yield part
 
-    def of_strip(self, grid: CellGrid, level: NDArray[np.int8], strip: _Strip) -> NDArray[np.int64]:
+    def of_strip(self, grid: CellGrid, level: NDArray[np.int8], strip: Strip) -> NDArray[np.int64]:
         """The keys of polygons: one for each cell of some rows of cells."""
         at_level, count = level[strip.at], strip.more + 1
         cell = np.array(self.base)[at_level] + strip.row * np.array(self.pitch)[at_level] + strip.column
@@ -268,7 +291,7 @@ def _descended(x: NDArray[np.int64]) -> NDArray[np.int64]:
     return x
 
 
-class _Strip(NamedTuple):
+class Strip(NamedTuple):
     """Runs of cells in rows. at: (s,), which of the members they are of; row, column: (s,), the first cell of each,
     on the member's level; more: (s,), how many more columns."""
 
@@ -278,7 +301,7 @@ class _Strip(NamedTuple):
     more: Ints
 
 
-def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list[_Strip]:
+def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list[Strip]:
     """The cells that polygons touch, each one on its level."""
     levels = level[outlines.at].astype(np.int32)
     left, top, right, bottom = _edges(grid.covers[:, outlines.at]).astype(np.int32) >> levels
@@ -287,7 +310,7 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
     sides = np.ldexp(np.float32(grid.pixels or 1), levels)
     gap = np.float32(bool(grid.pixels))
 
-    def of(block: slice) -> _Strip:
+    def of(block: slice) -> Strip:
         many = count[block]
         which = np.repeat(np.arange(len(many)), many)
         row = np.arange(len(which), dtype=np.int32)
@@ -309,7 +332,7 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
         stop = np.clip(most.take(inside) / side, first - 1, last).astype(np.int32)
         keep = np.flatnonzero(begin <= stop)
         begin, at = begin.take(keep), outlines.at[block].take(which.take(keep))
-        return _Strip(at, row.take(inside.take(keep)), begin, stop.take(keep) - begin)
+        return Strip(at, row.take(inside.take(keep)), begin, stop.take(keep) - begin)
 
     return blockwise(len(count), of, max(1, BLOCK // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
 

@@ -220,3 +220,8 @@ def _exact_turn(triangles: Triangles, i: int, towards: Array) -> int:
     a, b, c = _corners(triangles, i)
     e, f = ([x - o for x, o in zip(corner, a, strict=True)] for corner in (b, c))
     return _volume([Fraction(x) for x in towards.tolist()], e, f)
+
+
+def exact_sides(triangles: Triangles, which: NDArray[np.int32], point: Array) -> list[int]:
+    """The signs of D of some triangles, (k,), as seen from a point of the world."""
+    return [_exact_side(triangles, i, point) for i in which.tolist()]

@@ -1,0 +1,41 @@
+"""What makes Views on a device, or helps to."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from cltrace.plan.plan import View, World
+from cltrace.plan.request import Request
+from cltrace.run.devices import Device
+from cltrace.scene import Camera
+
+# From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
+# 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080).
+MANY = 2**15
+
+
+class Maker(Protocol):
+    """A world on a device, for Views of any camera. Several threads may use it: one after the other."""
+
+    def fits(self, world: World) -> bool:
+        """Whether a world has the same surfaces in the same places; their materials may be others."""
+
+    def view(self, world: World, camera: Camera) -> tuple[View, dict[str, Any]]:
+        """The view of a camera, with the bits of View.of(), and buffers, by the names of abi.ARGUMENTS, that it lacks.
+
+        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        """
+
+
+def maker_of(world: World, request: Request, device: Device) -> Maker | None:
+    """None if numpy packs this world: few surfaces, or a device that does not compute as numpy does.
+
+    Raises BuildError and DeviceError as Executor does.
+    """
+    if len(world.radius) + len(world.triangles.face) <= MANY:
+        return None
+    # Small scenes start faster without these.
+    from cltrace.run.mixed import Mixed
+    from cltrace.run.packing import Packing
+
+    return Packing.of(world, request, device) or Mixed.of(world, request, device)

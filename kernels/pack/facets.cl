@@ -1,0 +1,81 @@
+/* facets.cl: the planes of triangles' edges, as the eye or a light at a point sees them: _facets() of
+ * cltrace/plan/shapes/triangle.py, where they are derived, with the same arithmetic in the same order.
+ */
+
+/* What a corner in camera space is off by, and the planes with it. */
+#define TURNED 0x1p-46
+
+INLINE Real3 cross_product(const Real3 a, const Real3 b) {
+    const Real3 n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return n;
+}
+
+/* The sum of the coordinates' magnitudes. */
+INLINE REAL size_of(const Real3 a) {
+    return (fabs(a.x) + fabs(a.y)) + fabs(a.z);
+}
+
+/* Three rows for each of `count` triangles, from row 3 first on. known: 0: all of them, and those are noted in `unsure`
+ * whose side rounding leaves open; 1: those of `which`, whose sides are known. pane: the largest |x| and |y| of a ray
+ * (x, y, -1) from the eye; x < 0: of a light at a point. met: whether a ray from there can meet the triangle. */
+__kernel void facets(
+    const int count,
+    const int known,
+    const double2 pane,
+    const long first,
+    __global const double *restrict vertex,
+    __global const int *restrict face,
+    __global const int *restrict which,
+    __global const char *restrict side_of,
+    __global float4 *restrict facet,
+    __global char *restrict met,
+    __global int *restrict unsure
+) {
+    const double turn = pane.x < 0 ? -1 : 1, reach = pane.x < 0 ? 1 : 1 + pane.x + pane.y;
+    FOR_EACH_PACKET(i, count) {
+        double place[9][W], sign[W];
+        int at[W];
+        for (int k = 0; k < W; k++) {
+            const int j = min(i + k, count - 1);
+            at[k] = known ? which[j] : j;
+            sign[k] = known ? side_of[j] : 0;
+            for (int c = 0; c < 3; c++)
+                for (int x = 0; x < 3; x++)
+                    place[3 * c + x][k] = vertex[3L * face[4L * at[k] + c] + x];
+        }
+        Real3 corner[3];
+        REAL size[3];
+        for (int c = 0; c < 3; c++) {
+            corner[c].x = LOAD_LANES(place[3 * c]);
+            corner[c].y = LOAD_LANES(place[3 * c + 1]);
+            corner[c].z = LOAD_LANES(place[3 * c + 2]);
+            size[c] = size_of(corner[c]);
+        }
+        const Real3 plane = cross_product(corner[1], corner[2]);
+        const REAL D = DOT(corner[0], plane);
+        REAL side = LOAD_LANES(sign);
+        if (!known) {
+            side = D > 0 ? (REAL)1 : D < 0 ? (REAL)-1 : (REAL)0;
+            const REAL off = (4 * TURNED) * (size[0] * size[1] * size[2]);
+            note_unsure(unsure, i, count, fabs(D) > off ? side : (REAL)NAN);
+        }
+        STORE_LANES(side, sign);
+        side *= turn;
+        for (int c = 0; c < 3; c++) {
+            const Real3 n = cross_product(corner[c], corner[(c + 1) % 3]);
+            const REAL rounding = pane.x < 0 ? sqrt((n.x * n.x + n.y * n.y) + n.z * n.z)
+                                             : (pane.x * fabs(n.x) + pane.y * fabs(n.y)) + fabs(n.z);
+            const REAL bound = (FACET_ROUNDINGS * ROUNDING) * rounding +
+                               (TURNED * reach) * (size[c] * size[(c + 1) % 3]) + 0x1p-300;
+            const REAL factor = side / bound;
+            float x[W], y[W], z[W];
+            STORE_LANES(TO_FLOAT(n.x * factor), x);
+            STORE_LANES(TO_FLOAT(n.y * factor), y);
+            STORE_LANES(TO_FLOAT(n.z * factor), z);
+            for (int k = 0; k < W; k++)
+                facet[3 * (first + at[k]) + c] = (float4)(x[k], y[k], z[k], 0);
+        }
+        for (int k = 0; k < W; k++)
+            met[at[k]] = sign[k] != 0;
+    }
+}
