@@ -15,7 +15,7 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Camera, Mesh, Renderer, Scene
 from cltrace.plan import plan
-from cltrace.run import packing
+from cltrace.run import maker, packing
 from cltrace.run.devices import Device
 
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
@@ -64,7 +64,7 @@ def test_any_sequence_of_changes(
     device: Device, count: int, precision: Any, meshes: Any, many: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Packed by numpy, and on the device."""
-    monkeypatch.setattr(packing, "MANY", many)
+    monkeypatch.setattr(maker, "MANY", many)
     if not many and (count < 100 or meshes):
         pytest.skip("never packed on the device")
     rng, lights = np.random.default_rng(count), LIGHTS if many else POINTS
@@ -98,12 +98,12 @@ def test_any_sequence_of_changes(
 
 @pytest.mark.parametrize("many", [2**15, 0])
 def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "MANY", many)
+    monkeypatch.setattr(maker, "MANY", many)
     values = spheres(600)
     scene = Scene.from_spheres(CAMERA, POINTS, **values)
     renderer = Renderer(scene, device, outputs=OUTPUTS)
     lists, order = renderer._executor.buffers["entry"], renderer._executor.buffers["id_of"]
-    assert bool(renderer._packing) == (many == 0)
+    assert bool(renderer._maker) == (many == 0)
     monkeypatch.setattr(plan.View, "of", None)
     monkeypatch.setattr(packing.Packing, "view", None)
     values |= {"colors": (0.25, 1.0, 0.5), "ks": np.linspace(0, 1, 600), "kd": 0.5, "exponent": 7}
@@ -112,7 +112,7 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     assert renderer._executor.buffers["id_of"] is order
     monkeypatch.undo()
     same(renderer, Scene.from_spheres(CAMERA, POINTS, **values))
-    monkeypatch.setattr(packing, "MANY", many)
+    monkeypatch.setattr(maker, "MANY", many)
     camera = replace(CAMERA, position=(9, 3, 4))
     same(renderer.look(camera), Scene.from_spheres(camera, POINTS, **values))
 
