@@ -7,6 +7,7 @@
 #ifdef WITH_TRIANGLES
 /* The index of the material of each lane's surface, -1 for none. */
 static INT materials_of(const Scene scene, const INT id) {
+    if (scene.materials == 1) return id < 0 ? (INT)-1 : (INT)0;
     int each[W];
     STORE_LANES(id, each);
     for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.material_of[each[lane]];

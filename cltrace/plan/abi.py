@@ -293,7 +293,12 @@ ARGUMENTS = (
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
         needs="WITH_TRIANGLES",
     ),
-    *_values("Scene", ("triangles", "int", "how many triangles there are"), needs="WITH_TRIANGLES"),
+    *_values(
+        "Scene",
+        ("triangles", "int", "how many triangles there are"),
+        ("materials", "int", "how many materials there are"),
+        needs="WITH_TRIANGLES",
+    ),
     *_buffers(
         "Scene",
         ("facet", "float4", "three for each triangle, as the eye sees it: see sides_of()"),

@@ -308,6 +308,7 @@ class View:
             "count": len(world.radius),
             "first": len(world.radius),
             "triangles": len(world.triangles.face),
+            "materials": len(world.materials.packed),
             "unit": math.ldexp(1.0, unit),
             "bounces": camera.max_bounces,
             **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),

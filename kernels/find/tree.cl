@@ -307,9 +307,22 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
  * id. */
 static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving *ray, const MASK live, Work *work) {
-    Met met = {INFINITY, -1};
+    Met met;
+    met.t = INFINITY;
+    met.id = -1;
+    met.inside = 0;
+#ifdef WITH_TRIANGLES
+    met.shares.EB = met.shares.EC = met.shares.all = 0;
+#endif
     const Tree tree = scene.tree;
-    const REAL length = sqrt(DOT(ray->w, ray->w)), scale = length * tree.middle.w, over = 1 / length;
+    const REAL ww = DOT(ray->w, ray->w);
+#if REAL_BYTES == 8
+    /* 1 / |w|, by one Newton step from float: right to 2^-40. */
+    const REAL guess = TO_REAL(1 / sqrt(TO_FLOAT(ww))), over = guess * (1.5 - 0.5 * ww * (guess * guess));
+#else
+    const REAL over = 1 / sqrt(ww);
+#endif
+    const REAL scale = ww * over * tree.middle.w;
 #ifndef ONLY_TRIANGLES
     /* The far side of the own sphere is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);

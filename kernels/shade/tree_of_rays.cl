@@ -6,6 +6,9 @@
 #ifdef WITH_BOUNCES
 static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
                     Work *work);
+#ifdef WITH_TRIANGLES
+static INT materials_of(const Scene scene, const INT id);
+#endif
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met);
 
 /* Colours that add up to a pixel's, as whole numbers of 2^-40. So their sum does not depend on the order of the rays. */
@@ -78,7 +81,25 @@ typedef struct {
     REAL_MASK inside;    /* whether the rays meet it from inside */
 } Bounce;
 
-static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, const Branch rays, Work *work) {
+/* Of each lane's surface: how much it mirrors, how much it sends on, and its index of refraction. Lanes with a negative id
+ * get any ones. */
+static Real3 bounces_of(const Scene scene, const INT id) {
+#ifdef WITH_TRIANGLES
+    /* As in material_at(). */
+    INT left = materials_of(scene, id);
+    real4 m = scene.bounce[max(LARGEST(left), 0)];
+    Real3 r = {m.x, m.y, m.z};
+    for (;;) {
+        left = left == LARGEST(left) ? (INT)-1 : left;
+        const int one = LARGEST(left);
+        if (one < 0) return r;
+        const REAL_MASK here = TO_REAL_MASK(left == one);
+        m = scene.bounce[one];
+        PUT_WHERE(here, r.x, (REAL)m.x);
+        PUT_WHERE(here, r.y, (REAL)m.y);
+        PUT_WHERE(here, r.z, (REAL)m.z);
+    }
+#else
     real r[W], t[W], index[W];
     int each[W];
     STORE_LANES(id, each);
@@ -88,14 +109,21 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, 
         t[lane] = m.y;
         index[lane] = m.z;
     }
-    const REAL R = LOAD_LANES(r), T = LOAD_LANES(t), rest = (1 - R) - T;
+    const Real3 all = {LOAD_LANES(r), LOAD_LANES(t), LOAD_LANES(index)};
+    return all;
+#endif
+}
+
+static Bounce bounce_at(const Scene scene, const Intersection at, const INT id, const Branch rays, Work *work) {
+    const Real3 of = bounces_of(scene, id);
+    const REAL R = of.x, T = of.y, rest = (1 - R) - T;
     Bounce bounce;
     bounce.share = rest > 0 ? rest : (REAL)0;
     bounce.inside = at.start.side < 0;
     bounce.mirrored = mirrored(rays.d, at.normal, at.start.side, SPREAD(at));
     bounce.mirrors = rays.weight * R;
 #ifdef WITH_GLASS
-    const Refraction through = refracted(rays.d, at.normal, at.start.side, LOAD_LANES(index), SPREAD(at));
+    const Refraction through = refracted(rays.d, at.normal, at.start.side, of.z, SPREAD(at));
     const REAL_MASK total = through.total & (T > 0);
     COUNT(TOTAL, TO_MASK(total) & rays.live);
     bounce.refracted = through.d;
