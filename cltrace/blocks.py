@@ -48,3 +48,8 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     room = np.empty(count + PAGE, np.uint8)
     start = -room.ctypes.data % PAGE
     return room[start : start + count].view(kind).reshape(shape)
+
+
+def begins_on_page(array: NDArray[Any]) -> bool:
+    """Whether an array is as those of empty() that are large."""
+    return array.flags.c_contiguous and array.nbytes >= LARGE and array.ctypes.data % PAGE == 0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ import pyopencl as cl
 
 from cltrace.errors import DeviceError
 
+MAX_ROWS = 2**31 - 1  # of a buffer
 # By the package of pip that brings it, or a name that pip has not.
 WAYS = {
     "pocl-binary-distribution": "pip install pocl-binary-distribution        a CPU driver, Linux on x86-64",
@@ -118,10 +119,30 @@ class Device:
         """Its spec, which tells it from all others, and its name."""
         return f"{self.spec} {self.name}"
 
+    @property
+    def largest_buffer(self) -> int:
+        """How many bytes a buffer may have at most."""
+        return int(self.cl.max_mem_alloc_size)
+
     def line(self) -> str:
         """One line for --list-devices."""
         double = "double" if self.has_double else "no double"
         return f"{self.spec:<5} {self.kind:<5} {double:<9}  {self.name}"
+
+
+def check_sizes(device: Device, sizes: Mapping[str, tuple[int, int]]) -> None:
+    """Raises DeviceError, with advice, if there can be no buffers of these sizes: rows and bytes, by name.
+
+    Kernels count rows with whole numbers of 32 bits.
+    """
+    for name, (rows, size) in sizes.items():
+        most = device.largest_buffer
+        if rows > MAX_ROWS or size > most:
+            fault = f"{rows} rows, of {MAX_ROWS}" if rows > MAX_ROWS else f"{size / 1e9:.3g} GB, of {most / 1e9:.3g} GB"
+            raise DeviceError(
+                f"{device.name}: the scene's `{name}` would take {fault} that a buffer may have; draw fewer surfaces, "
+                "with fewer lights, or a crop of the picture, or use a device with more memory"
+            )
 
 
 @contextmanager

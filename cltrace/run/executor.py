@@ -13,11 +13,12 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from cltrace.blocks import begins_on_page
 from cltrace.errors import TooManyRaysError
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
-from cltrace.run.devices import Device, driver_errors
+from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import Announcement, build, context_of
 
 
@@ -65,8 +66,8 @@ class Executor:
 
     plan: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
     device, whose buffers are used again for the arrays that its plan shares with this one; made: buffers that are there
-    already, by the names of arrays that the plan lacks. seconds: what "build" and
-    "upload" took. For one thread at a time.
+    already, by the names of arrays that the plan lacks. seconds: what "build" and "upload" took. The plan's arrays are
+    not to change. For one thread at a time.
 
     Raises BuildError if the kernel does not build, and DeviceError if the driver fails or has not enough memory.
     """
@@ -89,6 +90,7 @@ class Executor:
             self._queue: Any = cl.CommandQueue(self._context)
             self._kernel = self._built()
         self._overgrown = np.zeros(1, np.int32)
+        check_sizes(device, {name: (len(array), array.nbytes) for name, array in plan.arrays.items()})
         with self._timed("upload"), self.driver_errors():
             kept = before.plan.arrays if before else {}
             self.buffers: dict[str, Any] = {
@@ -223,8 +225,10 @@ class Executor:
         raise TooManyRaysError(pixel, CONSTANTS["MOST_RAYS"], self.plan.values["bounces"])
 
     def _buffer(self, array: NDArray[Any]) -> Any:
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._context, flags, hostbuf=np.ascontiguousarray(array))
+        flags = cl.mem_flags
+        # A CPU's driver reads the array itself, if it is one that is there for that.
+        use = flags.USE_HOST_PTR if self.device.kind == "cpu" and begins_on_page(array) else flags.COPY_HOST_PTR
+        return cl.Buffer(self._context, flags.READ_ONLY | use, hostbuf=np.ascontiguousarray(array))
 
     def _built(self) -> Any:
         flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)

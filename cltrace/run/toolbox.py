@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cltrace.plan import abi
 from cltrace.plan.exact import Array
-from cltrace.run.devices import Device
+from cltrace.run.devices import Device, check_sizes
 from cltrace.run.program import context_of, program
 
 EdgeType = type[np.float32] | type[np.float64]
@@ -70,9 +70,10 @@ class Toolbox:
         self._in_use += arguments
         self._kernels[key](self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), *arguments)
 
-    def room(self, count: int, dtype: Any) -> Any:
-        """A buffer of so many numbers, at least one. They are undefined."""
+    def room(self, count: int, dtype: Any, name: str = "spheres") -> Any:
+        """A buffer of so many numbers, at least one. They are undefined. name: for a message if it is too large."""
         size = max(1, count) * np.dtype(dtype).itemsize
+        check_sizes(self._device, {name: (count, size)})
         if self.kind == "cpu":
             # numpy asks the system for large pages. To fill an array for the first time then takes half as long.
             memory = np.empty(size + PAGE, np.uint8)
