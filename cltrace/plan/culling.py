@@ -30,7 +30,8 @@ def larger(radius: Array, slack: float) -> Array:
 
 def shells(radius: Array) -> NDArray[np.intp]:
     """Which spheres are the SHELLS largest ones. A factor that all radii (n,) have changes nothing."""
-    return np.argpartition(-radius, SHELLS)[:SHELLS] if len(radius) > SHELLS else np.arange(len(radius))
+    # A copy, as a part of an array keeps all of it.
+    return np.argpartition(-radius, SHELLS)[:SHELLS].copy() if len(radius) > SHELLS else np.arange(len(radius))
 
 
 def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:

@@ -119,7 +119,8 @@ class _Look:
         view = View.without_spheres(world, self.camera, self.packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
         light_buffer, grids = self._lists(skipped)
-        del self.seen, self.flags, self.covers, self.unsure  # Lists have room in their place.
+        tools.finish()
+        del self.seen, self.unsure  # Lists have room in their place.
         lists, grid = grids.joined()
         arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
         none = np.zeros((1, 4), np.float32)
@@ -205,6 +206,11 @@ class _Look:
             first = len(entries.records)
             idle += self.n - (self._along if kind == PARALLEL else self._from_point)(light, entries)
             buffers[light] = first, len(entries.records) - first, -1, 0
+            if light == m - 1:
+                tools.finish()
+                del self.covers, self.flags  # What is packed has room in their place.
+            if kind != PARALLEL:
+                self._pack_light(light)
         skipped["spheres that shadow nothing seen, per light"] = idle
         return buffers, entries
 
@@ -230,7 +236,7 @@ class _Look:
         return int(counts.sum())
 
     def _see_from_light(self, light: int) -> None:
-        """Makes `seen` what a light at a point sees, and packs it."""
+        """Makes `seen` what a light at a point sees."""
         n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
         lights = self._few(slice(0)).times_two_to(self.k)
         point = vector(lights.position_hi[light]), vector(lights.position_lo[light])
@@ -241,8 +247,6 @@ class _Look:
         if len(rows):
             seen, _ = self._few(rows).times_two_to(self.k).seen_from_light(light, self.basis)
             self._mend(rows, seen.power, self.seen, 3 * self.pitch)
-        filters = self.made["light_filter"], self.made["light_side"]
-        tools.run("pack_light", n, pitch, np.int64(light * self.n), self.seen, *filters)
 
     def _along(self, light: int, entries: Entries) -> int:
         """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
@@ -276,6 +280,7 @@ class _Look:
             discs = look(np.float32)
             window = window_of([discs.extent], SLACK, True)
             if window is not None and not window.coarse and self.slack < SLACK:
+                del discs  # There is room for one of them.
                 discs = look(np.float64)
                 window = window_of([discs.extent], self.slack, True)
                 window = window and window._replace(coarse=False)
@@ -283,6 +288,11 @@ class _Look:
                 slack = SLACK if window.coarse else self.slack
                 entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, entries)
         return entered
+
+    def _pack_light(self, light: int) -> None:
+        """Packs what `seen` is."""
+        n, pitch, filters = np.int32(self.n), np.int32(self.pitch), (self.made["light_filter"], self.made["light_side"])
+        self.tools.run("pack_light", n, pitch, np.int64(light * self.n), self.seen, *filters)
 
     def _add(
         self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, entries: Entries
