@@ -335,7 +335,7 @@ MUTATIONS = [
         "const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error)",
         "const REAL_MASK sure_t = (fabs(D) > 0)",
         "depths of triangles all but in the eye's plane",
-        SHOWN,
+        f"{MESHES} how_far",
     ),
     Mutation("v.EA = (v.den - v.EB) - v.EC;", "v.EA = (v.den - v.EB) + v.EC;", "the third edge", SHOWN),
     Mutation(

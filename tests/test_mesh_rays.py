@@ -28,6 +28,8 @@ from cltrace.bench.mesh_regimes import CLOSED, REGIMES, scene_of
 from cltrace.bench.mixed_pictures import REGIMES as MIXED
 from cltrace.bench.mixed_pictures import judge as judge_mixed
 from cltrace.bench.mixed_pictures import scene_of as mixed_scene
+from cltrace.bench.regimes import rays as camera_rays
+from cltrace.rays import trace_rays
 from cltrace.reference.check import check
 from cltrace.run.devices import Device
 
@@ -111,6 +113,17 @@ def among_each_other(name: str, device: Device, side: int, count: int) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_pixels_show(device: Device, name: str) -> None:
     assert judged(first_hits(name, device, 32), 1000) >= 1000
+
+
+@pytest.mark.parametrize("name", ["eye in a plane", "grazing", "slivers between rays", "huge", "fans", "soup"])
+def test_how_far_away_they_are(device: Device, name: str) -> None:
+    """To 2^-23 of the distance, also of triangles whose planes the eye is all but in: before cameras along the axes."""
+    for seed in range(4):
+        scene = scene_of(name, seed, (32, 32))
+        d = camera_rays(scene.camera) @ np.array(scene.camera.basis())
+        hits = trace_rays(scene, scene.camera.position, d)
+        depth = draw(scene, device, ("depth",)).depth.ravel()
+        np.testing.assert_allclose(depth, hits.t * np.linalg.norm(d, axis=1), rtol=2.0**-23)
 
 
 @pytest.mark.parametrize("name", ["corners on rays", "room", "crossings", "among spheres"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -16,13 +16,30 @@ from cltrace.scene import PlacedMesh, Scene
 
 
 class Attributes:
-    """Of n rays, each of which meets the primitive `index`, -1 for none, at T, pairs in units of w."""
+    """Of n rays, each of which meets the primitive `index`, -1 for none, at T, pairs in units of w.
 
-    def __init__(self, scene: Scene, surfaces: Surfaces, lines: Lines, index: Ids, T: Pair) -> None:
-        self.scene, self.surfaces, self.lines, self.index, self.T = scene, surfaces, lines, index, T
-        self.met = np.flatnonzero(index >= 0)
-        self.balls = np.flatnonzero((index >= 0) & (index < surfaces.spheres))
-        self.flat = np.flatnonzero(index >= surfaces.spheres)
+    lines: makes the rays, when something is asked for.
+    """
+
+    def __init__(self, scene: Scene, surfaces: Surfaces, lines: Callable[[], Lines], index: Ids, T: Pair) -> None:
+        self.scene, self.surfaces, self.index, self.T = scene, surfaces, index, T
+        self._lines = lines
+
+    @cached_property
+    def lines(self) -> Lines:
+        return self._lines()
+
+    @cached_property
+    def met(self) -> Ids:
+        return np.flatnonzero(self.index >= 0)
+
+    @cached_property
+    def balls(self) -> Ids:
+        return np.flatnonzero((self.index >= 0) & (self.index < self.surfaces.spheres))
+
+    @cached_property
+    def flat(self) -> Ids:
+        return np.flatnonzero(self.index >= self.surfaces.spheres)
 
     @cached_property
     def point(self) -> Floats:

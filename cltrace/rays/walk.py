@@ -26,6 +26,8 @@ Floats32 = NDArray[np.float32]
 STEEPEST = 2.0**100
 # Rays whose boxes are looked at in one go: their temporary arrays stay in a processor's cache.
 CHUNK = 1 << 12
+# When so many chunks have met something, what turned out to be behind something else is let go.
+MANY = 64
 
 
 class Walk:
@@ -139,13 +141,17 @@ def _ordered(x: Floats32) -> Ids:
 
 def candidates(lines: Lines, surfaces: Surfaces, meet: Callable[[Ids, Ids], Met]) -> Met:
     """All that rays meet, or may meet, before what they surely meet. meet(): which of these pairs do."""
-    walk, parts = Walk(lines, surfaces), []
+    walk, parts = Walk(lines, surfaces), list[Met]()
+
+    def kept(met: Met) -> Met:
+        return met.at(met.low <= walk.far[met.ray])
 
     def found(ray: Ids, primitive: Ids) -> None:
         met = meet(ray, primitive)
         np.minimum.at(walk.far, met.ray[met.sure], met.high[met.sure])
-        parts.append(met.at(met.low <= walk.far[met.ray]))
+        parts.append(kept(met))
+        if len(parts) >= MANY:
+            parts[:] = [kept(Met.all(parts))]
 
     walk.run(found)
-    met = Met.all(parts)
-    return met.at(met.low <= walk.far[met.ray])
+    return kept(Met.all(parts))
