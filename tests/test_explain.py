@@ -204,10 +204,10 @@ def test_what_hides_a_light_and_what_is_behind_it(tmp_path: Path) -> None:
     assert lit.rays[0].lights[0].fate == "lit"
     behind = lit.rays[0].lights[0].behind
     assert behind is not None
-    assert (behind.surface.id, behind.distance) == (1, 18)
+    assert (behind.surface.id, behind.distance, behind.point) == (1, 18, (0, 0, 19))
     parallel = lit.rays[0].lights[1]
     assert (parallel.fate, parallel.blockers, parallel.between[0].distance) == ("in shadow", 1, 18)
-    assert "shadow ray: something is between\n    sphere 1 (line 14) at distance 18\n" in str(lit)
+    assert "shadow ray: something is between\n    sphere 1 (line 14) at distance 18, (0, 0, 19)\n" in str(lit)
     # From the light to a point beside the axis, past a small ball that the eye's ray passes by.
     seen = explained(tmp_path, ball(-3, radius=3), ball(2.5, radius=0.05, x=0.48), x=13)
     point, parallel = seen.rays[0].lights

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from cltrace import (
     Camera,
+    Explanation,
     Image,
     Material,
     Mesh,
     Scene,
     ambient_light,
+    explain,
     parallel_light,
     point_light,
     render,
@@ -80,6 +82,15 @@ def test_outputs_are_arrays_and_not_optional() -> None:
     assert_type(image.outputs, tuple[Output, ...])
     show: Show = "depth"
     assert_type(image.as_rgb8(show), NDArray[np.uint8])
+
+
+def test_explanations() -> None:
+    camera = Camera((0, 0, 5), (0, 0, 0), horizontal_fov=30, resolution=(3, 3))
+    found = explain(Scene.from_spheres(camera, [], [(0, 0, 0)], 1), 1, 1)
+    assert_type(found, Explanation)
+    assert_type(found.rgb8, tuple[int, int, int])
+    assert found.rays[0].hit is not None
+    assert_type(found.rays[0].hit.point, tuple[float, float, float])
 
 
 REFUSED: list[Callable[[], Any]] = [

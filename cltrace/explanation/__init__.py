@@ -1,7 +1,12 @@
 """Why a pixel has its colour: each number on the way, in the words and the order of the course's tutorial.
 
-record.py   what there is to say, as frozen dataclasses
-formulas.py the textbook's intersection tests, in doubles, as a student's own code has them
-pixel.py    fills the record for a pixel of a scene, by way of the reference tracer
-words.py    prints it
+record.py    what there is to say, as frozen dataclasses
+words.py     prints it
+pixel.py     explain(), which fills the record: a pixel's ray, and those that mirrors and glass send on
+meeting.py   what a ray meets, and what it passes by narrowly
+lighting.py  what each light adds at a point, and what is in its way
+formulas.py  the textbook's intersection tests, in doubles, as a student's own code has them
+names.py     surfaces and lights by kind, number and line of the file
+space.py     from the reference tracer's camera space back to the world
+many.py      many spheres as one surface, so that a pixel of a million of them takes seconds
 """

@@ -104,9 +104,12 @@ class _Lamp:
                 yield surface
 
     def _met(self, surface: Surface, w: Direction) -> Met:
-        t = surface.intersect(Ray(self.at.start, w))
-        # At an edge, a ray that comes from the light may meet what one that leads to it passes by.
-        return Met(self.names.surface(surface), math.inf if t is None else t * w.length())
+        name, ray = self.names.surface(surface), Ray(self.at.start, w)
+        t = surface.intersect(ray)
+        if t is None:  # At an edge, a ray that comes from the light may meet what one that leads to it passes by.
+            return Met(name, math.inf, None)
+        distance = t * w.length()
+        return Met(name, distance, triple(self.space.start(ray) + self.space.turned(w) * distance))
 
     def _behind(self, w: Direction) -> Met | None:
         """The first surface on the way to a light that nothing hides, which is behind it."""

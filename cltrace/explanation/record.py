@@ -165,10 +165,11 @@ class Hit:
 
 @dataclass(frozen=True)
 class Met:
-    """A surface on the way of a shadow ray, and at which distance from the point."""
+    """A surface on the way of a shadow ray, at which distance from the point, and where; inf and None if unknown."""
 
     surface: SurfaceName
     distance: float
+    point: Triple | None
 
 
 @dataclass(frozen=True)

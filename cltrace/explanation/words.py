@@ -287,7 +287,8 @@ def _way(term: LightTerm) -> Iterator[str]:
 
 
 def _met(met: Met) -> str:
-    return surface(met.surface) + ("" if math.isinf(met.distance) else f" at distance {number(met.distance)}")
+    where = f" at distance {number(met.distance)}, {vector(met.point)}" if met.point else ""
+    return surface(met.surface) + where
 
 
 def _bounce(hit: Hit | None, b: Bounce) -> Iterator[str]:
