@@ -43,7 +43,7 @@ class Meetings:
         met = [(t * length, surface) for surface in single(world, ray) if (t := surface.intersect(ray)) is not None]
         first = at.surface if at else None
         met.sort(key=lambda one: (one[1] is not first, one[0]))
-        self.count = len(met)
+        self.count, self._numbers = len(met), {surface.number for _, surface in met}
         self.found = tuple(
             self._test(surface, distance, tied=self._ties(surface, distance)) for distance, surface in met[:MOST]
         )
@@ -53,10 +53,9 @@ class Meetings:
 
         behind: how far it is from the eye to the ray's start, along the rays before.
         """
-        met = {test.surface.id for test in self.found}
         close = []
         for surface in self._beside(behind):
-            if surface.number in met or self._starts_on(surface):
+            if surface.number in self._numbers or self._starts_on(surface):
                 continue
             gap, t, single = self._gap(surface)
             pixels = gap / (self.pixel * (behind + t)) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
