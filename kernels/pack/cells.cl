@@ -229,8 +229,62 @@ static void sink(__global ulong *heap, int at, const int count) {
     heap[at] = key;
 }
 
-/* Lists of more entries are sorted as heaps, whose time does not grow with the square of the number. */
-#define SHORT_LIST 48
+/* Lists of up to MERGED entries are sorted by merging runs of RUN_LENGTH, with room for one of two runs beside the list.
+ * Longer ones are sorted as heaps, which need no room. On a GPU room is as slow as the list itself. */
+#define RUN_LENGTH 12
+#if W == 1
+#define MERGED RUN_LENGTH
+#else
+#define MERGED 1024
+#endif
+
+static void insertion_sort(__global ulong *list, const int count) {
+    for (int i = 1; i < count; i++) {
+        const ulong key = list[i];
+        int k = i;
+        for (; k > 0 && list[k - 1] > key; k--)
+            list[k] = list[k - 1];
+        list[k] = key;
+    }
+}
+
+/* Merges two runs, of which the first one ends at `middle`. */
+static void merge(__global ulong *list, const int middle, const int count, ulong *room) {
+    if (list[middle - 1] < list[middle])
+        return;
+    for (int i = 0; i < middle; i++)
+        room[i] = list[i];
+    int left = 0, right = middle, k = 0;
+    while (left < middle && right < count) {
+        const ulong a = room[left], b = list[right];
+        const int second = b < a;
+        list[k++] = second ? b : a;
+        right += second;
+        left += !second;
+    }
+    while (left < middle)
+        list[k++] = room[left++];
+}
+
+static void merge_sort(__global ulong *list, const int count) {
+    ulong room[MERGED];
+    for (int i = 0; i < count; i += RUN_LENGTH)
+        insertion_sort(list + i, min(RUN_LENGTH, count - i));
+    for (int run = RUN_LENGTH; run < count; run *= 2)
+        for (int i = 0; i + run < count; i += 2 * run)
+            merge(list + i, run, min(2 * run, count - i), room);
+}
+
+static void heap_sort(__global ulong *list, const int count) {
+    for (int i = count / 2 - 1; i >= 0; i--)
+        sink(list, i, count);
+    for (int i = count - 1; i > 0; i--) {
+        const ulong most = list[0];
+        list[0] = list[i];
+        list[i] = most;
+        sink(list, 0, i);
+    }
+}
 
 /* Sorts each list, and gives the depths their own bits. first, last: where the first list begins, and the last one
  * ends. */
@@ -244,24 +298,10 @@ __kernel void sort_lists(
     FOR_EACH_SPHERE(cell, cells) {
         __global ulong *list = entry + (start[cell] - first);
         const int count = (cell + 1 < cells ? start[cell + 1] : last) - start[cell];
-        if (count <= SHORT_LIST)
-            for (int i = 1; i < count; i++) {
-                const ulong key = list[i];
-                int k = i;
-                for (; k > 0 && list[k - 1] > key; k--)
-                    list[k] = list[k - 1];
-                list[k] = key;
-            }
-        else {
-            for (int i = count / 2 - 1; i >= 0; i--)
-                sink(list, i, count);
-            for (int i = count - 1; i > 0; i--) {
-                const ulong most = list[0];
-                list[0] = list[i];
-                list[i] = most;
-                sink(list, 0, i);
-            }
-        }
+        if (count <= MERGED)
+            merge_sort(list, count);
+        else
+            heap_sort(list, count);
         for (int i = 0; i < count; i++) {
             const int bits = as_int((uint)(list[i] >> 32) ^ 0x80000000u);
             list[i] = (ulong)as_uint(bits ^ (bits >> 31 & 0x7fffffff)) << 32 | (uint)list[i];
