@@ -20,6 +20,7 @@ from cltrace import cli
 from cltrace.explanation import many, meeting
 from cltrace.explanation.many import Swarm
 from cltrace.explanation.pixel import Explainer
+from cltrace.explanation.record import Hit, TracedRay
 from cltrace.reference import byte_of
 from cltrace.reference.check import CONTRACT
 from cltrace.reference.trace import Pixel
@@ -386,3 +387,120 @@ def test_rays_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     glass = cltrace.Scene.from_spheres(camera, [], [(0, 0, 0), (0, 0, 0)], [1, 2], reflectance=1, transmittance=1)
     with pytest.raises(cltrace.TooManyRaysError, match=r"camera\.max_bounces: must be lower than 30"):
         cltrace.explain(glass, 1, 1)
+
+
+def near(a: object, b: object) -> bool:
+    return bool(np.allclose(np.array(a, float), np.array(b, float), rtol=1e-7, atol=1e-7))
+
+
+def check_camera(found: cltrace.Explanation, scene: cltrace.Scene) -> None:
+    """By the tutorial's formulas, in pictures that are wider than high, and higher than wide."""
+    c, (width, height) = found.camera, scene.camera.resolution
+    angle = scene.camera.horizontal_fov
+    fov_x, fov_y = (angle, angle * height / width) if width >= height else (angle * width / height, angle)
+    assert near((c.fov_x, c.fov_y), (fov_x, fov_y))
+    assert (c.u, c.v) == (found.x, height - 1 - found.y)
+    assert near((c.x_n, c.y_n), ((found.x + 0.5) / width, (height - found.y - 0.5) / height))
+    x_i, y_i = (2 * c.x_n - 1) * np.tan(np.radians(fov_x)), (2 * c.y_n - 1) * np.tan(np.radians(fov_y))
+    assert near((c.x_i, c.y_i), (x_i, y_i))
+    d = np.array((x_i, y_i, -1))
+    assert near(c.direction, d / np.linalg.norm(d))
+    assert near(found.rays[0].direction, np.array(c.axes).T @ c.direction)
+    assert near(found.rays[0].origin, scene.camera.position)
+
+
+def check_tests(ray: TracedRay) -> None:
+    """Of spheres and triangles that it meets."""
+    o, d = np.array(ray.origin), np.array(ray.direction)
+    for test in ray.tests:
+        if test.sphere:
+            s = test.sphere
+            solutions: tuple[float, ...] = s.t
+            assert s.discriminant == (s.b / 2) ** 2 - s.a * s.c
+            assert near([(s.a * t + s.b) * t / (1 + abs(s.c)) for t in s.t], [-s.c / (1 + abs(s.c))] * len(s.t))
+            if not s.own_axes:
+                assert near(np.linalg.norm(o + test.distance * d - s.center) / s.radius, 1)
+        else:
+            t = test.triangle
+            assert t is not None
+            solutions = (t.t,)
+            assert near(t.weights @ np.array(t.corners), o + t.t * d)
+            assert near(sum(t.weights), 1)
+        assert test.remark or near(test.distance, min(t for t in solutions if t > 0))
+
+
+def check_hit(ray: TracedRay, hit: Hit) -> None:
+    """The point, the normal, and each light by Phong's formula."""
+    d, n, C = np.array(ray.direction), np.array(hit.normal), np.array(hit.color)
+    assert near(hit.point, np.array(ray.origin) + hit.t * d)
+    assert near(np.linalg.norm(n), 1)
+    assert n @ d <= 0
+    assert hit.surface == ray.tests[0].surface
+    for ambient in ray.ambient:
+        assert near(ambient.color, hit.ka * np.array(ambient.L) * C)
+    for term in ray.lights:
+        towards, r = np.array(term.l), np.array(term.r)
+        assert near(np.linalg.norm(towards), 1)
+        assert near(term.n_l, n @ towards)
+        assert near(r, 2 * term.n_l * n - towards)
+        assert near(term.r_v, r @ -d)
+        lit = term.strength if term.fate == "lit" else 0
+        assert near(term.diffuse, lit * hit.kd * np.array(term.L) * C * max(0, term.n_l))
+        assert near(term.specular, lit * hit.ks * np.array(term.L) * max(0, term.r_v) ** hit.exponent)
+        assert (term.fate == "in shadow") == (term.blockers > 0)
+        assert all(met.distance < term.distance for met in term.between)
+        assert all(near(met.point, hit.point + met.distance * towards) for met in term.between if met.point)
+        assert term.behind is None or term.behind.distance > term.distance
+
+
+def check_bounces(found: cltrace.Explanation, ray: TracedRay, hit: Hit) -> None:
+    """Mirrors, Snell's law, and the shares."""
+    d, n = np.array(ray.direction), np.array(hit.normal)
+    for bounce in ray.bounces:
+        assert near(np.cos(np.radians(bounce.angle_in)), -n @ d)
+        share = hit.transmittance if bounce.kind == "refracted" else hit.reflectance + bounce.total * hit.transmittance
+        assert near(bounce.share, share)
+        if bounce.ray is None:
+            assert ray.weight * bounce.share < 1 / 512
+            continue
+        further = found.rays[bounce.ray]
+        assert near((further.weight, further.depth), (ray.weight * bounce.share, ray.depth + 1))
+        assert (further.kind, further.color, further.origin) == (bounce.kind, bounce.color, hit.point)
+        if bounce.kind == "mirrored":
+            assert near(further.direction, d - 2 * (d @ n) * n)
+        else:
+            eta = hit.index if hit.inside else 1 / hit.index
+            across = d - (d @ n) * n
+            assert near(further.direction - (further.direction @ n) * n, eta * across)
+            assert further.direction @ n < 0
+            assert near(np.sin(np.radians(bounce.angle_out)), np.linalg.norm(eta * across))
+
+
+CHECKED = [
+    "first",
+    "tall",
+    "wide",
+    "three-lights",
+    "spot-colours",
+    "dusk",
+    "step6-textures",
+    "step7-glass",
+    "step8-cone",
+]
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_the_numbers_fit_each_other(name: str) -> None:
+    """Textbook formulas make each number of those before it."""
+    scene, place = cltrace.load(FIRST.with_name(f"{name}.xml")), random.Random(name)
+    explainer, (width, height) = Explainer(scene), scene.camera.resolution
+    for _ in range(8):
+        found = explainer.pixel(place.randrange(width), place.randrange(height))
+        check_camera(found, scene)
+        for ray in found.rays:
+            check_tests(ray)
+            if ray.hit:
+                check_hit(ray, ray.hit)
+                check_bounces(found, ray, ray.hit)
+            assert near(ray.local, np.sum([(0, 0, 0), *(term.color for term in ray.local_terms)], axis=0))
+            assert near(ray.color, np.sum([term.color for term in ray.terms], axis=0))
