@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SCENES
+from PIL import Image as Picture
 from stress_cases import picture
 
 import cltrace
@@ -389,6 +390,38 @@ def test_rays_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
         cltrace.explain(glass, 1, 1)
 
 
+def test_a_meshs_triangle_has_the_line_of_its_face(tmp_path: Path) -> None:
+    """Two triangles of a square at z = 0, of one face, and one before it that is smooth."""
+    material = BALL[BALL.index("<material") : BALL.index("</sphere>")].format(r=0, t=0, transform="")
+    rest = material[material.index("<phong") :].replace("solid", "textured")
+    textured = f'<material_textured><texture name="t.png"/>{rest}'
+    Picture.fromarray(np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8)).save(tmp_path / "t.png")
+    square = "v -1 -2 0\nv 3 -2 0\nv 3 2 0\nv -1 2 0\nvt 0.25 0\nvt 0.75 0\n"
+    (tmp_path / "square.obj").write_text(f"{square}f 1/1 3/2 4/1 # the other half\n\nf 1/1 2/2 3/2\n")
+    (tmp_path / "smooth.obj").write_text("v -1 -1 1\nv 2 -1 1\nv 0 2 1\nvn 0 0 -2\nvn 1 0 -1\nf 1//1 2//2 3//1\n")
+    meshes = [f'<mesh name="square.obj">{textured}</mesh>', f'<mesh name="smooth.obj">{material}</mesh>']
+    found = explained(tmp_path, ball(-9), *meshes, x=14)
+    smooth, flat = found.rays[0].tests
+    assert (smooth.surface.id, smooth.surface.line, smooth.surface.primitive, smooth.surface.face_line) == (2, 16, 0, 6)
+    assert (flat.surface.id, flat.surface.primitive, flat.surface.face_line) == (1, 1, 9)
+    assert f"  mesh 1 (line {flat.surface.line}), triangle 1 (line 9 of square.obj)\n" in str(found)
+    hit = found.rays[0].hit
+    assert hit is not None
+    assert (hit.shape, hit.turned, hit.inside) == ("smooth", True, True)
+    alone = explained(tmp_path, meshes[0], x=14)
+    hit = alone.rays[0].hit
+    assert hit is not None
+    assert hit.texture is not None
+    assert (hit.shape, hit.turned, hit.texture.name, hit.texture.size) == ("flat", False, "t.png", (2, 1))
+    # u is a quarter at x = -1 and three quarters at x = 3, and pixels are 6 * 2 tan(30) / 21 wide there.
+    u = 0.25 + (1 + 4 * 12 * np.tan(np.pi / 6) / 21) / 8
+    assert hit.texture.uv == (pytest.approx(u), 0)
+    assert (hit.texture.x, hit.texture.y) == (1, 0)
+    assert (hit.texture.right, hit.texture.down) == (pytest.approx(2 * u - 1), 0)
+    assert hit.texture.color == pytest.approx((2 * u - 1, 2 - 2 * u, 0))
+    assert f"(u mod 1) * width = {2 * u:.6g}: columns 1 and 0, {2 * u - 1:.6g} of the latter" in str(alone)
+
+
 def near(a: object, b: object) -> bool:
     return bool(np.allclose(np.array(a, float), np.array(b, float), rtol=1e-7, atol=1e-7))
 
@@ -456,6 +489,7 @@ def check_hit(ray: TracedRay, hit: Hit) -> None:
 def check_bounces(found: cltrace.Explanation, ray: TracedRay, hit: Hit) -> None:
     """Mirrors, Snell's law, and the shares."""
     d, n = np.array(ray.direction), np.array(hit.normal)
+    assert near(ray.share, max(0, 1 - hit.reflectance - hit.transmittance) if ray.bounces else 1)
     for bounce in ray.bounces:
         assert near(np.cos(np.radians(bounce.angle_in)), -n @ d)
         share = hit.transmittance if bounce.kind == "refracted" else hit.reflectance + bounce.total * hit.transmittance
@@ -497,6 +531,7 @@ def test_the_numbers_fit_each_other(name: str) -> None:
     for _ in range(8):
         found = explainer.pixel(place.randrange(width), place.randrange(height))
         check_camera(found, scene)
+        assert near(found.rays[0].color, found.color)
         for ray in found.rays:
             check_tests(ray)
             if ray.hit:
