@@ -99,6 +99,25 @@ def test_hostile_rays(seed: int) -> None:
     assert len(np.unique(want.id)) > 8
 
 
+def test_starts_that_are_on_surfaces_but_for_rounding() -> None:
+    """Of spheres, ellipsoids and triangles between any doubles: inside or outside, by less than an ulp."""
+    rng = np.random.default_rng(11)
+    centers, radii, maps = rng.normal(size=(6, 3)), rng.uniform(0.5, 2, 6), np.array([np.eye(3)] * 6)
+    maps[3:] = rng.normal(size=(3, 3, 3))
+    vertices = rng.normal(size=(20, 3)) * 2
+    scene = Scene.from_spheres(
+        CAMERA, (), centers, radii, transform=maps, meshes=Mesh(vertices, np.arange(60).reshape(20, 3) % 20)
+    )
+    n = rng.normal(size=(300, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    ball = rng.integers(6, size=300)
+    on_balls = centers[ball] + radii[ball, None] * np.einsum("nij,nj->ni", maps[ball], n)
+    weights = rng.dirichlet((1, 1, 1), 100)
+    on_faces = np.einsum("nk,nki->ni", weights, vertices[scene.meshes[0].geometry.faces[rng.integers(20, size=100)]])
+    o, d = np.vstack([on_balls, on_faces]), rng.normal(size=(400, 3))
+    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+
+
 @pytest.mark.parametrize(
     ("offset", "scale"),
     [(1e7, 1.0), (1e15, 1.0), (0.0, 2.0**-100), (0.0, 2.0**90)],
@@ -250,6 +269,20 @@ def test_many_surfaces_and_a_large_one() -> None:
     eye = (0, 1.5, 6)
     d = np.vstack([rng.normal(size=(150, 3)) * (0.2, 0.2, 0) + (0, -0.1, -1), rng.normal(size=(50, 3))])
     same(trace_rays(scene, eye, d), oracle.closest_hit(scene, eye, d))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rays_at_the_corners_of_boxes(seed: int) -> None:
+    """One triangle, at whose corners the box around it is met at a point: no rounding of float32 may lose that."""
+    rng = np.random.default_rng(seed)
+    corners = np.round(rng.normal(size=(3, 3)) * 2.0**40) / 2.0**40
+    scene = Scene.from_meshes(CAMERA, (), Mesh(corners, [(0, 1, 2)]))
+    d = rng.integers(-3, 4, (300, 3)).astype(float)
+    d[~d.any(axis=1)] = 1
+    o = corners[rng.integers(3, size=300)] - d * rng.choice([0.5, 1, 2], (300, 1))
+    want = oracle.closest_hit(scene, o, d)
+    same(trace_rays(scene, o, d), want)
+    assert 0 < (want.id == 0).sum() < 300
 
 
 def test_nothing_to_meet() -> None:
