@@ -35,7 +35,6 @@ from cltrace.scene import AMBIENT, Scene
 
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names
-  cltrace scene.xml --explain 320,200              why a pixel has its colour
   cltrace scene.xml --compare mine.png             what is wrong in another tracer's picture
   cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
 
@@ -76,8 +75,7 @@ def parser() -> argparse.ArgumentParser:
 
     group = p.add_argument_group("checking and measuring").add_argument
     group("--check", nargs="?", const="default", type=_count, metavar="N|all",
-          help="compare N pixels with the reference (default 20000, fewer from 200 spheres on); "
-               "exit 1 if they differ")  # fmt: skip
+          help="compare N pixels with the reference (default 20000, fewer of many spheres)")  # fmt: skip
     group("--explain", type=_pixel, metavar="X,Y", help="print how the pixel in column X, row Y gets its colour")
     group("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
     group("--tolerance", type=_levels, metavar="N", help="with --compare: levels that are the same (default 1)")
@@ -85,8 +83,14 @@ def parser() -> argparse.ArgumentParser:
     group("--stats", nargs="?", const="text", type=_form, choices=("text", "json"), metavar="text|json",
           help="times and counts")  # fmt: skip
     group("--repeat", type=_repeats, default=1, metavar="N", help="render N times, report the fastest")
-    group("--keep", metavar="NAME,...", action="extend", type=_keep, default=[],
-          help=f"skip none of these, to measure them: {', '.join(KEEPS)}")  # fmt: skip
+    group(
+        "--keep",
+        metavar="NAME,...",
+        action="extend",
+        type=_keep,
+        default=[],
+        help="skip none of these, to measure that: lists, ... (docs/speed.md has them)",
+    )
 
     group = p.add_argument_group("messages").add_argument
     group("-q", "--quiet", action="store_true", help="only errors")

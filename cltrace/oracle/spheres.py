@@ -471,7 +471,7 @@ class _Start:
                 raise ValueError("start.normal: must not be 0")
             own_map = _map("start.to_object", start.to_object)
         else:
-            place: Any = _exact("start", np.ravel(np.asarray(start, object)).tolist())
+            place: Any = _exact("start", np.asarray(start, object).tolist())
             anchor, radius, own_map = np.array(place, object), 0.0, None
         world = _World(anchor, *_balls(centers, radii), *more, [radius, 0.0, 0.0])
         self.s, self.k = _dot(n, n), world.k
