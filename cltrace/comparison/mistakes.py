@@ -37,13 +37,16 @@ MISTAKES = (
         "full-field-of-view",
         "the angle of horizontal_fov is taken for the whole opening",
         "x_i = (2 x_n - 1) tan(angle): the file's angle is half of the opening, so do not halve it",
-        _of(opening=(0.5,)),
+        (
+            *_of(opening=((0.5, 0.5), (0.5, 1.0), (1.0, 0.5), (2.0, 2.0))),
+            *_of(opening=((0.5, 0.5),), aspect=("tangent", "vertical")),
+        ),
     ),
     Mistake(
         "tangent-vertical-field",
         "the vertical field follows from the horizontal one by tangents",
         "fov_y = fov_x height / width as angles, then y_i = (2 y_n - 1) tan(fov_y); see --square-pixels",
-        _of(aspect=("tangent", "horizontal")),
+        _of(aspect=("tangent", "horizontal", "vertical")),
     ),
     Mistake(
         "pixel-corner",
@@ -67,7 +70,10 @@ MISTAKES = (
         "light-reversed",
         "light comes from where it goes to",
         "the direction of a parallel or spot light is the one in which it travels: l = -direction",
-        _of(lights=("parallel", "spot", "both", "all", "shadow rays")),
+        (
+            *_of(reversed=("p", "o", "a", "pa", "po")),
+            *_of(reversed=("p", "o", "po"), reversed_for=("shading", "shadows")),
+        ),
     ),
     Mistake(
         "no-shadows",
@@ -110,13 +116,13 @@ MISTAKES = (
         "early-clamp",
         "colours are clamped before they are mixed",
         "clamp once, at the end: not the light's colour, nor the local colour, nor what a mirror shows",
-        _of(clamped=("local", "traced", "both", "lights")),
+        _of(clamped=("local", "light", "traced", "both", "lights")),
     ),
     Mistake(
         "ambient-per-light",
         "ambient light is added once for every light",
         "add ka La C once, before the loop over the lights",
-        _of(ambient=("each", "one more", "reaching", "lit")),
+        _of(ambient=("each", "one more", "reaching", "facing", "shining", "lit")),
     ),
     Mistake(
         "gamma",
@@ -132,7 +138,7 @@ MISTAKES = (
             *_of(columns=("zero", "halves"), upside_down=(False, True)),
             *_of(aspect=("zero", "whole", "none")),
             *_of(rounding=("whole",)),
-            *_of(texture=("nearest", "whole")),
+            *_of(texture=("whole", "nearest", "nearest whole")),
         ),
     ),
     Mistake(
@@ -193,7 +199,7 @@ MISTAKES = (
         "truncated",
         "colours are rounded down to bytes",
         "round to the nearest: int(255 c + 0.5); the course's own pictures are truncated, see --truncate",
-        _of(rounding=("down",)),
+        _of(rounding=("down", "256")),
     ),
 )
 

@@ -7,7 +7,7 @@ share of the wrong pixels that it explains, less what it spoils, counted in wron
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -30,6 +30,8 @@ FEW = 240, 120  # of the first look at pairs
 _MOST = 20.0  # what is spoiled counts no more than so many times what is explained
 _FAR = 48  # levels from which on a pixel is just wrong
 _LIGHTS = 4  # up to which all choices among lights are tried
+_SPARED = 0.1  # of the wrong pixels, at least that acne beside another mistake leaves alone
+_FREE, _AMID, _SURE = 0.1, 0.2, 0.8  # see _is_speckled
 NAMED = 0.25  # what a cause must gain to be named
 PERFECT = 0.995  # a gain that leaves nothing to look for
 BETTER, LEFT = 0.1, 0.4  # by how much two mistakes must gain more than one, or what share of the rest they may leave
@@ -136,15 +138,23 @@ class Fit:
 
     def _with_lights(self, rules: Rules) -> Iterator[NDArray[np.float64]]:
         """The colours with each choice of lights that reach what is seen first, and what mirrors and glass show."""
-        count = len(self.tracer.lights)
-        every = range(2**count) if count <= _LIGHTS else [0, *(~(1 << k) for k in range(count)), -1]
-        first = [self._linear(replace(rules, reaching=(bits, -1))) for bits in every]
         whole = self._linear(replace(rules, reaching=(-1, -1)))
-        yield from first
-        if self.tracer.bounces:
-            for bits in list(every)[:-1]:
-                more = self._linear(replace(rules, reaching=(-1, bits))) - whole
-                yield from (colors + more for colors in first)
+        yield whole
+        deeper = list(self._missing(rules, 1)) if self.tracer.bounces else []
+        for loss in self._missing(rules, 0):
+            yield whole - loss
+            yield from (whole - loss - more for more in deeper)
+        yield from (whole - more for more in deeper)
+
+    def _missing(self, rules: Rules, place: int) -> Iterator[NDArray[np.float64]]:
+        """What lights make up, by each choice of some: in what is seen first, place 0, or in mirrors and glass, 1."""
+        count = len(self.tracer.lights)
+        without = (-1, *(~(1 << k) for k in range(count)))
+        sides = [(-1, bits) if place else (bits, -1) for bits in without]
+        whole, *others = (self._linear(replace(rules, reaching=side)) for side in sides)
+        parts = np.array([whole - other for other in others])
+        for bits in range(1, 2**count) if count <= _LIGHTS else (*(1 << k for k in range(count)), -1):
+            yield parts[[bits >> k & 1 == 1 for k in range(count)]].sum(axis=0)
 
     def matched(self, changes: Changes) -> Bits:
         """(n,): which pixels the rules explain."""
@@ -187,15 +197,23 @@ class Search:
 
     def cause(self) -> Trial | None:
         """The mistakes that explain the picture best, as few as do; None if none does."""
-        best = Trial({}, self.fit.trial({}).score)
-        looks: tuple[Callable[[], list[Trial]], ...] = (lambda: self.singles, lambda: self.pairs, self.acne)
-        for look in looks:
-            if best.score.gain < PERFECT and self.fit.sample.wrong.any():
-                for trial in look()[:1]:
-                    best = trial if self._is_better(trial, best) else best
-        if self._is_cut_off(best):
-            return Trial({**best.made, "truncated": BY_NAME["truncated"].variants[0]}, best.score)
+        none = Trial({}, self.fit.trial({}).score)
+        best = self._cut_off(none)
+        if best.score.gain < PERFECT and self.fit.sample.wrong.any():
+            best = none
+            for trial in self._looks():
+                best = trial if self._is_better(trial, best) else best
+                if best.score.gain >= PERFECT:
+                    break
+            best = self._cut_off(best)
         return best if best.made else None
+
+    def _looks(self) -> Iterator[Trial]:
+        """The best of what takes longer and longer to look for."""
+        yield from self.rigid[:1]
+        yield from self.singles[:1]
+        yield from self.pairs[:1]
+        yield from self.acne()
 
     def _is_better(self, trial: Trial, best: Trial) -> bool:
         """Whether a further mistake is worth its name."""
@@ -229,14 +247,23 @@ class Search:
     @cached_property
     def singles(self) -> list[Trial]:
         """Each mistake that changes anything, alone, made in the way that fits best; the best first."""
-        trials = []
-        for mistake in MISTAKES:
-            if mistake.name not in FLEXIBLE:
-                ways = self._epsilons() if mistake.fitted else list(mistake.variants)
-                some = [self.few.trial({mistake.name: way}) for way in ways if self.few.changes_something(way)]
-                if some:
-                    trials.append(self.fit.trial(_best(some).made))
+        trials = self.rigid + self._made({"large-epsilon": self._epsilons()})
         return sorted(trials, key=lambda trial: trial.score.order, reverse=True)
+
+    @cached_property
+    def rigid(self) -> list[Trial]:
+        """Those of which nothing is to be fitted."""
+        ways = {mistake.name: mistake.variants for mistake in MISTAKES if mistake.name not in FLEXIBLE}
+        del ways["large-epsilon"]
+        return sorted(self._made(ways), key=lambda trial: trial.score.order, reverse=True)
+
+    def _made(self, ways: Mapping[str, Sequence[Changes]]) -> list[Trial]:
+        """Each of some mistakes that changes anything, made in the way that fits best."""
+        trials = []
+        for name in ways:
+            some = [self.few.trial({name: way}) for way in ways[name] if self.few.changes_something(way)]
+            trials += [self.fit.trial(_best(some).made)] if some else []
+        return trials
 
     @cached_property
     def pairs(self) -> list[Trial]:
@@ -299,45 +326,51 @@ class Search:
     def acne(self) -> list[Trial]:
         """Lights that are missing here and there, alone or beside another mistake."""
         (way,) = BY_NAME["acne"].variants
-        alone = self.fit.trial({"acne": way})
-        found = [alone]
-        if alone.score.gain < PERFECT:
-            beside = [self.few.trial({"acne": way, **single.made}) for single in self.singles]
-            beside.sort(key=lambda trial: trial.score.order, reverse=True)
-            found += [self.fit.trial(trial.made) for trial in beside[:3]]
+        # Points that acne leaves alone show the other mistake alone.
+        others = [single for single in self.singles if self.explained(single) > _SPARED]
+        few = [self.few.trial({"acne": way, **other.made}) for other in (Trial({}), *others)]
+        found = [self.fit.trial(trial.made) for trial in few if trial.score.gain > NAMED]
         found = [trial for trial in found if self._is_speckled(trial)]
-        return found[:1] + [trial for trial in found[1:] if self._is_better(trial, found[0])][:1]
+        best = found[:1]
+        for trial in found[1:]:
+            best = [trial] if self._is_better(trial, best[0]) else best
+        return best
 
     def _is_speckled(self, trial: Trial) -> bool:
         """Whether lights are missing among neighbours that have them, and not only where shadows end.
 
-        Of a pixel that misses light, the four neighbours are asked for that have as much light as it should have. A
-        tenth of those that lie amid four such neighbours must be lit, and a fifth must lie so: both are far more on
-        surfaces with acne, and far less along the edges of shadows and in shadows that fall elsewhere.
+        Of the neighbours of pixels that miss light, those count that have as much light as the pixel should have. Some
+        of them must be right: hardly any are in a shadow that falls elsewhere. Along the edges of shadows, which
+        rounding moves, half are. So where acne does not explain nearly all, it has to be amid lit surfaces, too.
         """
         rest = trial.without("acne")
         rows = np.flatnonzero(self.fit.matched(trial.changes) & ~self.fit.matched(rest))
         height, width = self.mine.shape[:2]
         around = self.fit.sample.pixels[rows, None] + np.array([(0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)])
         around = around[((around >= 0) & (around < (width, height))).all(axis=(1, 2))]
-        if not len(around):
-            return False
         rules = replace(self.base, **rest)
         pixels = around.reshape(-1, 2)
         lit = self.tracer.colors(pixels, rules)
         light = (lit - self.tracer.colors(pixels, replace(rules, reaching=(0, -1)))).sum(axis=1).reshape(-1, 5)
-        amid = (np.abs(light[:, 1:] - light[:, :1]) <= 0.25 * light[:, :1]).all(axis=1) & (light[:, 0] > 0)
+        alike = (np.abs(light[:, 1:] - light[:, :1]) <= 0.25 * light[:, :1]) & (light[:, :1] > 0)
         off = np.abs(to_bytes(lit, rules) - self.mine[pixels[:, 1], pixels[:, 0]]).max(axis=1).reshape(-1, 5)
-        free = off[amid, 1:] <= self.tolerance
-        return bool(amid.mean() >= 0.2 and free.mean() >= 0.1)
-
-    def _is_cut_off(self, trial: Trial) -> bool:
-        """Whether the bytes are those that are rounded down, where that makes a difference."""
-        if self.base.rounding == "down" or trial.changes.get("rounding"):
+        free = (off[:, 1:] <= self.tolerance)[alike]
+        if not free.any() or free.mean() < _FREE:
             return False
-        nearest, down = (self.fit.levels({**trial.changes, **way}) for way in ({}, {"rounding": "down"}))
-        differ = (nearest != down) & (np.abs(nearest - self.fit.sample.mine) <= max(self.tolerance, 1))
-        return bool(differ.sum() >= 8 and (down == self.fit.sample.mine)[differ].mean() >= 0.95)
+        return bool(trial.score.gain > _SURE or alike.all(axis=1).mean() >= _AMID)
+
+    def _cut_off(self, trial: Trial) -> Trial:
+        """With bytes that are rounded down, where those fit that this makes a difference to; else the same."""
+        if self.base.rounding == "down" or "rounding" in trial.changes:
+            return trial
+        nearest = self.fit.levels(trial.changes)
+        near = np.abs(nearest - self.fit.sample.mine) <= max(self.tolerance, 1)
+        for way in BY_NAME["truncated"].variants:
+            down = self.fit.levels({**trial.changes, **way})
+            differ = (nearest != down) & near
+            if differ.sum() >= 8 and (down == self.fit.sample.mine)[differ].mean() >= 0.95:
+                return self.fit.trial({**trial.made, "truncated": way})
+        return trial
 
 
 def _agree(made: Mapping[str, Changes]) -> bool:

@@ -71,7 +71,7 @@ class Tracer:
             share = {"local": np.ones(len(hit)), "weighted": share, "black": np.zeros(len(hit))}[rules.last]
         sums, lit = np.zeros((len(hit), 3)), np.flatnonzero(share > 0)
         if len(lit):
-            local = self._local(_rows(at, lit), _View(seen.directions[lit], depth), rules)
+            local = np.maximum(self._local(_rows(at, lit), _View(seen.directions[lit], depth), rules), 0.0)
             sums[lit] = share[lit, None] * (np.minimum(local, 1) if rules.clamped in ("local", "both") else local)
         if not last:
             for further, rows, part in self._bounces(seen, at, weights, rules):
@@ -87,33 +87,34 @@ class Tracer:
         normal = at.outward
         if rules.turned_for_light:
             normal = np.where(at.inside[:, None], -normal, normal)
-        base = material["ka"][:, None] * self.ambient * color
-        sums, times = np.zeros_like(base), np.zeros(len(base))
+        ambient = material["ka"][:, None] * self.ambient
+        matte, shine, times = np.zeros_like(ambient), np.zeros_like(ambient), np.zeros(len(ambient))
         reaching = -1 if rules.reaching is None else rules.reaching[min(view.depth, 1)]
         for k, light in enumerate(self.lights):
             if not reaching >> k & 1:
                 continue
-            diffuse, highlight, reached, faces = self._illuminate(at, view, normal, material, light, rules)
-            tint = color if rules.tinted else 1.0
+            diffuse, highlight, counted = self._illuminate(at, view, normal, material, light, rules)
             power = np.minimum(light["color"], 1) if rules.clamped == "lights" else light["color"]
-            sums += power * (diffuse[:, None] * color + highlight[:, None] * tint)
-            times += np.where({"reaching": reached, "lit": reached & faces}.get(rules.ambient, True), 1.0, 0.0)
+            matte += power * diffuse[:, None]
+            shine += power * highlight[:, None]
+            times += counted
         if rules.ambient != "once":
-            base *= (times + (rules.ambient == "one more"))[:, None]
-        return np.asarray(base + sums)
+            ambient *= (times + (rules.ambient == "one more"))[:, None]
+        light = np.minimum(ambient + matte, 1) if rules.clamped == "light" else ambient + matte
+        return np.asarray(light * color + shine * (color if rules.tinted else 1.0))
 
     def _illuminate(
         self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], light: np.void, rules: Rules
-    ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Of one light: kd (n.l) and ks (r.v)^exponent, times its strength, where nothing stands between.
 
-        And whether nothing does, and whether n.l > 0.
+        And whether ambient light is counted for it.
         """
         l, strength, w = to_light(light, at.places, rules)  # noqa: E741
         n_l, v = dot(normal, l), -view.directions
         faces = n_l > 0
         lit = {"lit": faces}.get(rules.facing, np.ones(len(l), np.bool_))
-        wanted = np.flatnonzero((lit & (strength > 0)) | (rules.ambient == "reaching"))
+        wanted = np.flatnonzero((lit & (strength > 0)) | (rules.ambient in ("reaching", "facing", "shining")))
         reached = np.ones(len(l), np.bool_)
         if rules.shadows and len(wanted):
             reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w[wanted], light, rules)
@@ -122,7 +123,11 @@ class Tracer:
         with np.errstate(over="ignore"):
             lobe = np.clip(r_v, 0.0, 1.0) ** (material["exponent"] * (rules.halfway or 1.0))
         share = np.where(lit & reached, strength, 0.0)
-        return share * material["kd"] * cosine, share * material["ks"] * lobe, reached, faces
+        every = np.ones(len(l), np.bool_)
+        facing, shining = faces if rules.ambient in ("facing", "lit") else every, strength > 0
+        counted = reached & facing & (shining if rules.ambient in ("shining", "lit") else every)
+        counted = every if rules.ambient in ("each", "one more") else counted
+        return share * material["kd"] * cosine, share * material["ks"] * lobe, counted
 
     def _shadowed(self, at: Points, normal: Floats, w: Floats, light: np.void, rules: Rules) -> NDArray[np.bool_]:
         """(n,): whether anything stands on the way w to the light, which for a parallel light has no end."""
@@ -136,7 +141,7 @@ class Tracer:
         endless = light["kind"] == PARALLEL or rules.past_lights
         most = np.full(len(w), np.inf) if endless else distance
         direction = w / np.where(distance > 0, distance, 1.0)[:, None]
-        if rules.lights == "shadow rays":
+        if is_reversed(light, rules, "shadows") != is_reversed(light, rules, "shading"):
             direction = -direction
         return self.shapes(rules).stopped(Rays(origins, direction, parts), least, most, rules.own_shadow)
 
@@ -208,40 +213,47 @@ def across(number: Ints, count: int, sample: float, columns: str) -> Floats:
 def image_plane(camera: Camera, rules: Rules) -> tuple[float, float]:
     """Half of the width and of the height of the image plane, at distance 1."""
     width, height = camera.resolution
-    angle, short, long = camera.horizontal_fov * rules.opening, min(width, height), max(width, height)
-    tan = math.tan(math.radians(angle))
+    angle, short, long = camera.horizontal_fov, min(width, height), max(width, height)
     aspect: str = rules.aspect
     if aspect == "own":
         aspect = "tangent" if camera.square_pixels else "angle"
-    if aspect == "horizontal":
-        return tan, tan * height / width
-    other = {
-        "tangent": tan * short / long,
-        "angle": math.tan(math.radians(angle * short / long)),
-        "none": tan,
-        "zero": math.tan(math.radians(angle * (short // long))),
-        "whole": math.tan(math.radians(angle / (long // short))),
-    }[aspect]
-    return (tan, other) if width >= height else (other, tan)
+    if aspect in ("angle", "zero", "whole"):
+        other = angle * {"angle": short / long, "zero": short // long, "whole": 1 / (long // short)}[aspect]
+        wide, high = (angle, other) if width >= height else (other, angle)
+        return _tan(wide * rules.opening[0]), _tan(high * rules.opening[1])
+    across, upright = (_tan(angle * opening) for opening in rules.opening)
+    if aspect == "none":
+        return across, upright
+    if aspect == "horizontal" or (aspect == "tangent" and width >= height):
+        return across, upright * height / width
+    return across * width / height, upright
+
+
+def _tan(degrees: float) -> float:
+    return math.tan(math.radians(degrees))
 
 
 def to_light(light: np.void, places: Floats, rules: Rules) -> tuple[Floats, Floats, Floats]:
     """Of points (n, 3): the unit vector to the light, how strong it is there, and the whole way to it."""
     if light["kind"] == PARALLEL:
         w = np.broadcast_to(-light["direction"], places.shape)
-        if rules.lights in ("parallel", "both", "all"):
-            w = -w
+        w = -w if is_reversed(light, rules, "shading") else w
         return unit(w), np.ones(len(w)), w
     w = light["position"] - places
     l = unit(w)  # noqa: E741
     strength = np.ones(len(w))
     if light["kind"] == SPOT:
-        axis = unit(light["direction"][None])[0] * (-1 if rules.lights in ("spot", "both") else 1)
+        axis = unit(light["direction"][None])[0] * (-1 if "a" in rules.reversed else 1)
         angle = np.degrees(np.arctan2(np.sqrt(np.square(np.cross(axis, l)).sum(axis=1)), -(l @ axis)))
         alpha1, alpha2 = light["alpha1"], light["alpha2"]
         ramp = (alpha2 - angle) / (alpha2 - alpha1) if alpha2 > alpha1 else angle <= alpha2
         strength = np.clip(np.where(angle <= alpha1, 1.0, ramp), 0.0, 1.0)
-    return (-l, strength, -w) if rules.lights == "all" else (l, strength, w)
+    return (-l, strength, -w) if is_reversed(light, rules, "shading") else (l, strength, w)
+
+
+def is_reversed(light: np.void, rules: Rules, use: str) -> bool:
+    """Whether the vector to a light is, for shading or for shadows."""
+    return ("p" if light["kind"] == PARALLEL else "o") in rules.reversed and rules.reversed_for in (use, "both")
 
 
 def looked_up(texels: Floats, uv: Floats, rules: Rules) -> Floats:
@@ -251,9 +263,10 @@ def looked_up(texels: Floats, uv: Floats, rules: Rules) -> Floats:
     u, v = 1 - u if rules.turned_u else u, 1 - v if rules.turned_v else v
     x, y = ((a - np.floor(a)) * size + rules.texels_off for a, size in ((u, width), (v, height)))
     i, j = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+    texels = np.floor(texels) if "whole" in rules.texture else texels
     upper_left = texels[j % height, i % width]
-    if rules.texture != "right":
-        return np.asarray(np.floor(upper_left) if rules.texture == "whole" else upper_left)
+    if "nearest" in rules.texture:
+        return np.asarray(upper_left)
     s, t = (x - i)[:, None], (y - j)[:, None]
     upper = upper_left * (1 - s) + texels[j % height, (i + 1) % width] * s
     lower = texels[(j + 1) % height, i % width] * (1 - s) + texels[(j + 1) % height, (i + 1) % width] * s
@@ -275,5 +288,5 @@ def to_bytes(colors: Floats, rules: Rules = RIGHT) -> NDArray[np.int64]:
         c = np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
     elif rules.gamma != 1:
         c = c ** (1 / rules.gamma)
-    levels = {"nearest": c * 255 + 0.5, "down": c * 255, "whole": np.floor(c) * 255}[rules.rounding]
+    levels = {"nearest": c * 255 + 0.5, "down": c * 255, "256": c * 255.999, "whole": np.floor(c) * 255}[rules.rounding]
     return np.asarray(np.floor(levels), np.int64)
