@@ -185,7 +185,8 @@ def test_list_devices(tmp_path: Path) -> None:
 def test_no_driver_gives_advice(tmp_path: Path) -> None:
     """The loader finds nothing in an empty folder, but for a wheel's driver beside it."""
     script = (
-        "import cltrace.run.devices as d, cltrace.cli as c; d.devices = c.devices = list; raise SystemExit(c.main())"
+        "import cltrace.run.devices as d, cltrace.cli.run as c; d.devices = c.devices = list; "
+        "raise SystemExit(c.main())"
     )
     for arguments, stream in ((["--list-devices"], "stdout"), ([str(FIRST)], "stderr")):
         done = subprocess.run(
@@ -424,3 +425,15 @@ def test_help_fits_one_screen(tmp_path: Path) -> None:
     assert done.stdout.count(b"\n  cltrace scene.xml") == 3
     assert len(done.stdout.splitlines()) <= 40
     assert max(map(len, done.stdout.decode().splitlines())) <= 100
+    assert b"--help all shows all options." in done.stdout
+    assert b"--keep" not in done.stdout
+
+
+def test_help_all_has_every_option(tmp_path: Path) -> None:
+    whole = run("--help", "all", cwd=tmp_path)
+    assert whole.returncode == 0
+    options = [option for action in cli.parser()._actions for option in action.option_strings]
+    assert len(options) > 20
+    missing = [option for option in options if not re.search(rf"{option}\b", whole.stdout.decode())]
+    assert not missing
+    assert run("-h", FIRST, cwd=tmp_path).stdout == run(FIRST, "--help", cwd=tmp_path).stdout

@@ -1,0 +1,73 @@
+"""Follows what was asked for: which of the command's works it is, and its exit status."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from cltrace.cli.options import LIT, parser
+from cltrace.console import command, tell
+from cltrace.errors import UsageError
+from cltrace.picture.image import DIRECTED
+from cltrace.run.devices import devices, where_drivers_are
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
+    args = argparse.Namespace(verbose=False)
+    return command("cltrace", lambda: _run(parser().parse_args(argv, args)), verbose=lambda: args.verbose)
+
+
+def _run(args: argparse.Namespace) -> int:
+    if args.quiet:
+        logging.getLogger("cltrace").setLevel(logging.WARNING)
+    for option, given in (("--doctor", args.doctor), ("--list-devices", args.list_devices)):
+        if given and args.scene is not None:
+            raise UsageError(f"{option} takes no scene, got {args.scene!r}")
+    if args.doctor:
+        from cltrace.doctor import doctor
+
+        return doctor(args.device)
+    if args.list_devices:
+        return _list_devices(args)
+    if args.scene is None:
+        raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
+    if args.scene == "-" and not Path("-").exists():
+        raise UsageError("a scene is not read from stdin: say the name of its file")
+    say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
+    return _work(args)(args, say)
+
+
+def _list_devices(args: argparse.Namespace) -> int:
+    if args.device is not None:
+        raise UsageError("--list-devices lists all devices, so it takes no -d; --doctor -d SPEC tries one")
+    listing = [d.line() for d in devices()]
+    print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")
+    return 0 if listing else 3
+
+
+def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[str], None]], int]:
+    """What is to be done with a scene: a function of the arguments, and of what says a message, to the exit status."""
+    if args.explain is not None:
+        from cltrace.cli.questions import explain
+
+        return explain
+    if args.space and args.show not in DIRECTED:
+        raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
+    if args.compare is not None:
+        from cltrace.cli.questions import compare
+
+        return compare
+    if args.tolerance is not None:
+        raise UsageError("--tolerance goes with --compare")
+    if args.json:
+        raise UsageError("--json goes with --explain and --compare; times and counts are --stats=json")
+    if args.show == LIT:
+        from cltrace.cli.questions import show_lit
+
+        return show_lit
+    from cltrace.cli.picture import draw
+
+    return draw

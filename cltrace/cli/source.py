@@ -1,0 +1,28 @@
+"""Which scene is drawn: that of the file, with the camera that the command line asks for."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+
+from cltrace.formats.xml_reader import read
+from cltrace.scene import Scene
+
+
+def scene_of(args: argparse.Namespace, say: Callable[[str], None], lines: bool = False) -> Scene:
+    """The scene to draw; its warnings are said. lines: whether surfaces and lights keep their lines in the file."""
+    scene, warnings = read(args.scene, lines=lines)
+    for warning in warnings:
+        say(warning)
+    return adapted(scene, args)
+
+
+def adapted(scene: Scene, args: argparse.Namespace) -> Scene:
+    """The scene with the camera that the command line asks for."""
+    camera = scene.camera
+    if args.size:
+        camera = replace(camera, resolution=args.size)
+    if args.square_pixels:
+        camera = replace(camera, square_pixels=True)
+    return scene.seen_by(camera)
