@@ -59,6 +59,7 @@ def test_the_textbook_draws_what_cltrace_draws(device: Device, name: str) -> Non
     assert ((image.normal * want.normal).sum(axis=-1)[hit] > 0.99).all()
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_thinned_scene_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     for scene in (scenes.cloud(60, SMALL), scenes.cloud(40, SMALL, *MORE), everything()):
         pixels = every_pixel(scene)[::7]
@@ -307,6 +308,7 @@ def test_a_failed_case_is_the_exit_status(
 # -------------------------------------------------------------------------------------------------------- the command
 
 
+@pytest.mark.slow
 def test_quick(tmp_path: Path) -> None:
     done = run("--quick", "--size", "96x54", "--rounds", 1, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -376,6 +378,7 @@ def test_faults(
     assert capsys.readouterr().err.startswith(message)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cltrace.bench", "--no-plots", "--size", "64x36", "--rounds", "1", "-o", "out"]
     command += ["--precision", "accurate"]

@@ -66,6 +66,7 @@ def test_two_mirrors_that_face_each_other(device: Device, r: float) -> None:
         assert (show(scene, device) == total(parts)).all(), n
 
 
+@pytest.mark.slow
 def test_a_bubble_from_its_centre(device: Device) -> None:
     """From the centre of a ball each ray meets the wall straight on, and its reflection comes back through the centre.
 

@@ -98,6 +98,7 @@ def test_show(tmp_path: Path, show: str) -> None:
     assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
 
 
+@pytest.mark.slow
 def test_all_that_is_kept_is_counted_too(tmp_path: Path) -> None:
     """The picture is the same, and so is the number of spheres that are decided in full, or larger."""
     keeps = [option for name in KEEPS for option in ("--keep", name)]

@@ -70,19 +70,26 @@ MESHES = {path.stem for path in SCENES if "<mesh" in path.read_text("utf-8")}
 # reference, where there is time for their programs.
 SOME_MESHES = {"step4-meshes", "step8-cone"}
 NAMES = [path.stem for path in SCENES if path.stem not in MESHES - SOME_MESHES] + [str(seed) for seed in RANDOM]
-# Scenes that need a program of their own, which is compiled for one width and one precision. tests/test_scenes.py has
-# them in the others, in the long run.
+# Scenes that need a program of their own, which takes long to compile: the long run has them. tests/test_scenes.py has
+# more of them there, in the other precisions.
 OWN_PROGRAM = {"dusk", "four-mirrors", *MESHES}
 # Spheres that float32 cannot hold relative to the camera: ordinary scenes are the others.
 HOSTILE = {"globe"}
 
 
+@pytest.mark.slow
+def test_kernel_agrees_with_the_reference_in_programs_of_their_own(device: Device) -> None:
+    agree(device, device.width, "accurate", sorted(OWN_PROGRAM & set(NAMES)))
+
+
 @pytest.mark.parametrize("precision", ["accurate", "double", "single"])
 def test_kernel_agrees_with_the_reference(device: Device, width: int, precision: str) -> None:
+    agree(device, width, precision, [name for name in NAMES if name not in OWN_PROGRAM])
+
+
+def agree(device: Device, width: int, precision: str, names: list[str]) -> None:
     differing = total = 0
-    for name in NAMES:
-        if name in OWN_PROGRAM and (precision != "accurate" or width != device.width):
-            continue
+    for name in names:
         want = expected(name)
         image = picture(load(name), device, precision, width)
         levels = np.abs(image.rgb8.reshape(-1, 3)[want.at].astype(int) - want.rgb8).max(axis=1)
@@ -159,6 +166,7 @@ def unskipped(device: Device, names: list[str], precisions: tuple[str, ...]) -> 
                     assert same, (name, precision, keep, output)
 
 
+@pytest.mark.slow
 def test_what_is_skipped_changes_no_bit(device: Device) -> None:
     unskipped(device, ["globe", "thousand", "inside", "1"], ("accurate", "single"))
 

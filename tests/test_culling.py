@@ -131,6 +131,7 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
         compare(scene, device, ("order", "lists", "receivers"), precision)
 
 
+@pytest.mark.slow
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Few spheres are treated as a million: fetched ahead, on other levels, with bounds made in blocks."""
     # In the last one, each level of each list has as many rows as a power of two.
@@ -181,6 +182,7 @@ def scenes(seeds: range) -> None:
         compare(crowded(scene, seed), choose(), PACKED, "accurate")
 
 
+@pytest.mark.slow
 def test_no_scene_tells_what_was_left_out() -> None:
     scenes(range(100))
 

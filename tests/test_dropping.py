@@ -96,6 +96,7 @@ def test_what_is_dropped_at_first(device: Device) -> None:
     assert counts(scene, device, "branches") == {"BOUNCES": 16 * (2 * 101), "DROPPED": 0, "RETRACED": 0}
 
 
+@pytest.mark.slow
 def test_what_might_show_is_traced_again(device: Device) -> None:
     """In a white bubble under a white sky, the sum tends to 1, where a byte that is cut off turns from 254 to 255.
 

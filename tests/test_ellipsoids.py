@@ -40,6 +40,7 @@ def seen_stretched(scale: Row, camera: Camera) -> Camera:
     return replace(looking(at, tan, camera.resolution), max_bounces=camera.max_bounces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [(0.5, 0.5, 1.0), (4.0, 4.0, 1.0), (1.0, 1.0, 8.0), (1.0, 1.0, 0.001)])
 def test_ellipsoids_are_stretched_spheres(device: Device, scale: Row) -> None:
     """The world stretched along the camera's axes, seen by a camera whose rays are stretched: what is hit is the same.
@@ -144,6 +145,7 @@ def test_the_same_ellipsoid_said_otherwise(device: Device) -> None:
         assert (np.abs(pictures[0].color - other.color).max(axis=2) > 1e-6).mean() <= 2e-3
 
 
+@pytest.mark.slow
 def test_an_ellipsoid_in_a_mirror(device: Device) -> None:
     """By way of a ball, rays of the school-book are aimed at ellipsoids as small as peas: flat, thin and turned."""
     first, camera = ((0, 0, -6), 1.0), eye(2, tan=0.05)

@@ -193,6 +193,7 @@ def extreme(seed: int) -> Scene:
     return Scene.from_spheres(camera, [], centers, radii)
 
 
+@pytest.mark.slow
 def test_the_most_digits(device: Device, width: int) -> None:
     seen = set()
     for seed in range(12):

@@ -20,7 +20,9 @@ from cltrace.run.devices import Device
 FOLDER = SCENES[0].parent
 
 
-@pytest.mark.parametrize("name", ["dusk", "spot-colours", "three-lights", "step4-meshes"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("dusk", marks=pytest.mark.slow), "spot-colours", "three-lights", "step4-meshes"]
+)
 def test_lit_is_what_the_reference_finds(name: str, device: Device) -> None:
     scene = cltrace.load(FOLDER / f"{name}.xml")
     scene = scene.seen_by(cltrace.Camera(**{**vars(scene.camera), "resolution": (96, 64)}))

@@ -71,6 +71,7 @@ def check_widths(device: Device, widths: Iterable[int], seeds: Iterable[int]) ->
             assert_same(dim, drawn(bare(scene), device, width=width), EVERY, (seed, width))
 
 
+@pytest.mark.slow
 def test_packet_width_changes_nothing(device: Device) -> None:
     check_widths(device, (1,), TREES)
 
@@ -101,6 +102,7 @@ def check_keeps(device: Device, seeds: Iterable[int], precisions: Iterable[str],
                 assert_same(usual, other, set(EVERY) - {"shadow_rays"}, (seed, precision, keep))
 
 
+@pytest.mark.slow
 def test_what_is_skipped_changes_no_bit(device: Device) -> None:
     check_keeps(
         device, [s for s in TREES if s % 2], ("accurate",), ("tree", "weightless", "branches", "hidden", "receivers")
@@ -471,6 +473,7 @@ def forest(bounces: int, part: float = 0.5) -> Scene:
     return glowing(camera, balls, WHITE, WHITE, reflectance=part, transmittance=[part] * 3 + [0], index=1.5)
 
 
+@pytest.mark.slow
 def test_fewer_bounces_are_drawn(device: Device) -> None:
     """Up to 2^12 rays a pixel, kept or dropped: the same bits, and all of them white."""
     for n in (3, 8, 11):
@@ -525,6 +528,7 @@ def check_dropped(device: Device, seeds: Iterable[int], bounces: int) -> None:
             assert (rounded == np.array([red, green, blue]) * 128).all(), seed
 
 
+@pytest.mark.slow
 def test_dropped_branches_change_no_byte(device: Device) -> None:
     check_dropped(device, range(0, 16, 2), 8)
 

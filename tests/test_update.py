@@ -50,13 +50,13 @@ def same(renderer: Renderer, scene: Scene, outputs: tuple[Any, ...] = OUTPUTS) -
 @pytest.mark.parametrize(
     ("count", "precision", "meshes"),
     [
-        (1, "accurate", ()),
-        (2, "double", TRIANGLE),
-        (12, "single", ()),
+        pytest.param(1, "accurate", (), marks=pytest.mark.slow),
+        pytest.param(2, "double", TRIANGLE, marks=pytest.mark.slow),
+        pytest.param(12, "single", (), marks=pytest.mark.slow),
         (600, "accurate", TRIANGLE),
-        (600, "single", ()),
+        pytest.param(600, "single", (), marks=pytest.mark.slow),
         (5000, "accurate", ()),
-        (5000, "single", TRIANGLE),
+        pytest.param(5000, "single", TRIANGLE, marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.parametrize("many", [2**15, 0])
@@ -117,6 +117,7 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     same(renderer.look(camera), Scene.from_spheres(camera, POINTS, **values))
 
 
+@pytest.mark.slow
 def test_materials_that_change_where_light_goes(device: Device) -> None:
     """What is black, mirrors, or lets light through, and back again."""
     values = spheres(40)
