@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.rules import FOV, Vector, checked, described, is_whole, vector
+from cltrace.scene.fit import checked_margin, direction_of, reaches_of, up_for
+from cltrace.scene.rules import FOV, FULL_FOV, Vector, checked, described, is_whole, vector
+
+if TYPE_CHECKING:
+    from cltrace.scene.scene import Scene
 
 MAX_SIDE, MAX_PIXELS = 65_536, 2**28
 MAX_BOUNCES = 100
+Axis = Literal["x", "y"]
 
 
 @dataclass(frozen=True, init=False)
@@ -25,6 +30,10 @@ class Camera:
     degrees, within (0, 90); resolution: (width, height) in pixels; max_bounces: how often a ray may be reflected or
     refracted, 0..100; square_pixels: whether a pixel is as wide as it is high. The tutorial scales the angle of the
     shorter side instead of its tangent; scene files therefore have False, which stretches what is not a square picture.
+
+    fov, instead of horizontal_fov: ALL of the opening angle, degrees, within (0, 180), as other programs have it;
+    fov_axis: the side of the picture that it is about, "x" or "y". Both angles are about the longer side of the picture
+    unless fov_axis says otherwise, also where it is higher than wide.
 
     Vectors are any three numbers: a tuple, a list, an array of numpy. Raises ValueError, which names the argument.
     """
@@ -42,27 +51,77 @@ class Camera:
         position: ArrayLike = (0.0, 0.0, 0.0),
         lookat: ArrayLike = (0.0, 0.0, -1.0),
         up: ArrayLike = (0.0, 1.0, 0.0),
-        horizontal_fov: float = 45.0,
+        horizontal_fov: float | None = None,
         resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
         max_bounces: int = 8,
         square_pixels: bool = True,
+        *,
+        fov: float | None = None,
+        fov_axis: Axis | None = None,
     ) -> None:
         if not isinstance(square_pixels, (bool, np.bool_)):
             raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
         if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
             raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
+        size = check_resolution(resolution)
         values = {
             "position": vector("camera.position", position),
             "lookat": vector("camera.lookat", lookat),
             "up": vector("camera.up", up),
-            "horizontal_fov": float(checked("camera.horizontal_fov", FOV, horizontal_fov, ())),
-            "resolution": check_resolution(resolution),
+            "horizontal_fov": _half_angle(horizontal_fov, fov, fov_axis, size, square_pixels),
+            "resolution": size,
             "max_bounces": int(max_bounces),
             "square_pixels": bool(square_pixels),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
         self.basis()
+
+    @classmethod
+    def fit(
+        cls,
+        scene: Scene,
+        view: str | ArrayLike = "isometric",
+        margin: float = 0.05,
+        *,
+        up: ArrayLike | None = None,
+        fov: float = 40.0,
+        fov_axis: Axis | None = None,
+        resolution: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        max_bounces: int = 8,
+        square_pixels: bool = True,
+    ) -> Camera:
+        """The camera that sees all surfaces of a scene, from as near as it can.
+
+        view: where it is, as seen from the scene, "front" (on the z axis), "back", "right" (on the x axis), "left",
+        "top" (on the y axis), "bottom" or "isometric" (on the diagonal of the three), or the direction that leads there
+        from the scene, three numbers; margin: the share of the picture's width and height that stays free on each side,
+        at least: what reaches furthest touches it; up: y unless told otherwise, and where the camera looks along that,
+        what is behind; resolution: that of the scene's camera unless told otherwise; the others as for a Camera.
+
+        The scene's own camera does not matter: scene.seen_by(Camera.fit(scene)) is the scene as this one sees it.
+        Raises ValueError, which names the argument, also where the scene has no surfaces.
+        """
+        back = direction_of(view)
+        share = checked_margin(margin)
+        size = scene.camera.resolution if resolution is None else resolution
+        origin = (0.0, 0.0, 0.0)
+        ahead: Vector = (-back[0], -back[1], -back[2])
+        camera = cls(
+            origin, ahead, up_for(back, up), None, size, max_bounces, square_pixels, fov=fov, fov_axis=fov_axis
+        )
+        x, y, z = (np.array(axis) for axis in camera.basis())
+        wide, high = (tangent * share for tangent in camera.image_plane())
+        # From an eye E, a point p is within the right edge of the picture if (p - E).x <= -wide (p - E).z. So E.(x +
+        # wide z) is at least what the surfaces reach in the direction of x + wide z, and so on for all four edges.
+        reaches = reaches_of(scene, (x + wide * z, -x + wide * z, y + high * z, -y + high * z, z, -z))
+        right, left, above, below, near, far = reaches.tolist()
+        distance = max((right + left) / (2 * wide), (above + below) / (2 * high))
+        if not distance > near:
+            raise ValueError("scene: must not be a single point as the camera sees it")
+        eye = (right - left) / 2 * x + (above - below) / 2 * y + distance * z
+        middle = eye - (distance - (near - far) / 2) * z
+        return replace(camera, position=eye, lookat=middle)
 
     def basis(self) -> tuple[Vector, Vector, Vector]:
         """The camera's x (right), y (up) and z (backward) axes in the world: unit and orthogonal to rounding.
@@ -113,6 +172,29 @@ class Camera:
             return (tan, other) if width >= height else (other, tan)
         x, y = self.half_angles()
         return math.tan(math.radians(x)), math.tan(math.radians(y))
+
+
+def _half_angle(
+    half: float | None, full: float | None, axis: Axis | None, size: tuple[int, int], square_pixels: bool
+) -> float:
+    """The horizontal_fov of a Camera, from what it was given: half of the opening angle, all of it, or neither."""
+    if full is None:
+        if axis is not None:
+            raise ValueError("camera.fov_axis: must not be given without fov")
+        return float(checked("camera.horizontal_fov", FOV, 45.0 if half is None else half, ()))
+    if half is not None:
+        raise ValueError("camera.fov: must not be given together with horizontal_fov, which is half of it")
+    if axis not in (None, "x", "y"):
+        raise ValueError(f'camera.fov_axis: must be "x" or "y", got {described(axis)}')
+    angle = float(checked("camera.fov", FULL_FOV, full, ())) / 2
+    width, height = size
+    given = max(size) if axis is None else width if axis == "x" else height
+    if given < max(size):
+        share = max(size) / given
+        angle = math.degrees(math.atan(math.tan(math.radians(angle)) * share)) if square_pixels else angle * share
+        if not angle < 90:
+            raise ValueError(f"camera.fov: must leave the longer side below 180, got {2 * angle:g} there")
+    return angle
 
 
 def check_resolution(resolution: Sequence[int] | NDArray[np.integer[Any]]) -> tuple[int, int]:

@@ -77,6 +77,7 @@ ANY = Rule("a finite number")
 POSITIVE = Rule("> 0", low=0, open_low=True)
 NOT_NEGATIVE = Rule(">= 0", low=0)
 FOV = Rule("within (0, 90)", low=0, high=90, open_low=True, open_high=True)
+FULL_FOV = Rule("within (0, 180)", low=0, high=180, open_low=True, open_high=True)
 CONE = Rule("within [0, 180]", low=0, high=180)
 
 
