@@ -7,8 +7,10 @@ marked slow; the ordinary run has a part of it.
 from __future__ import annotations
 
 import json
+import shlex
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -368,3 +370,42 @@ def test_another_size_is_told_with_both_sizes(
     told = capsys.readouterr().err
     assert "50x20" in told
     assert "38x27" in told
+
+
+def test_the_worst_pixel_is_explained(
+    pictures: Pictures, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By its line, and by a command that can be typed: it says of the same pixel the bytes that are right."""
+    monkeypatch.chdir(tmp_path)
+    path, options = str(pictures.paths["bright"]), ["--size", "20x15", "--square-pixels", "--truncate"]
+    assert cli.main([path, *options, "-o", "right.png"]) == 0
+    with Picture.open("right.png") as picture:
+        right = np.array(picture)
+    Picture.fromarray(right[::-1]).save("mine.png")
+    y, x = divmod(int(np.abs(right.astype(int) - right[::-1]).max(axis=2).argmax()), 20)
+    capsys.readouterr()
+    assert cli.main([path, *options, "--compare", "mine.png"]) == 1
+    *_, worst, line, why = capsys.readouterr().out.splitlines()
+    assert worst.startswith(f"the worst pixel is {x},{y}: ")
+    command = shlex.split(why.removeprefix("  why: "))
+    assert command[0] == "cltrace"
+    assert cli.main(command[1:]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"pixel ({x}, {y}) of 20x15")
+    assert told.splitlines()[-1].split()[-3:] == [str(byte) for byte in right[y, x]]
+    assert line.strip() == cltrace.explain(scene_of(path), x, y, truncate=True).line
+
+
+def scene_of(path: str) -> cltrace.Scene:
+    """As the command sees it in test_the_worst_pixel_is_explained()."""
+    scene = cltrace.load(path)
+    return scene.seen_by(replace(scene.camera, resolution=(20, 15), square_pixels=True))
+
+
+def test_the_call_of_scenes_that_are_not_as_in_a_file(pictures: Pictures) -> None:
+    scene = pictures.loaded["bright"]
+    moved = scene.seen_by(replace(scene.camera, horizontal_fov=30.0))
+    result = cltrace.compare(moved, np.ascontiguousarray(cltrace.render(moved).rgb8[::-1]))
+    assert result.worst is not None
+    x, y = result.worst
+    assert result.ask == f"cltrace.explain(scene, {x}, {y})"

@@ -160,7 +160,7 @@ MISTAKES = (
         "normal-transform",
         "normals are transformed as points are",
         "take normals to the world by the transposed inverse of the matrix, and normalize them after that",
-        _of(normals=("matrix", "none", "inverse")),
+        _of(normals=("matrix", "none", "inverse"), flat_normals=(False, True)),
     ),
     Mistake(
         "texture-flipped",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shlex
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from PIL import UnidentifiedImageError
 from cltrace.comparison.record import Bytes, Cause, Comparison
 from cltrace.comparison.search import Search
 from cltrace.errors import UsageError, printable
+from cltrace.explanation.pixel import explain
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.picture.image import Image
 from cltrace.plan.abi import Precision
@@ -53,12 +56,30 @@ def compare(
     mine = pixels_of(picture, scene.camera.resolution)
     right = render(scene, device, precision, truncate=truncate).rgb8
     search = Search(scene, mine.astype(np.int64), right.astype(np.int64), int(tolerance), truncate)
-    source = scene.source.path if scene.source else ""
-    found = search.cause()
-    if found is None:
-        return Comparison(mine, right, int(tolerance), source=source)
-    causes = sorted((Cause(*item) for item in search.explains(found).items()), key=lambda cause: -cause.explains)
-    return Comparison(mine, right, int(tolerance), tuple(causes), search.explained(found), source)
+    result, found = Comparison(mine, right, int(tolerance)), search.cause()
+    if found is not None:
+        causes = sorted((Cause(*item) for item in search.explains(found).items()), key=lambda cause: -cause.explains)
+        result = replace(result, causes=tuple(causes), explained=search.explained(found))
+    if result.same or result.worst is None:
+        return result
+    why = explain(scene, *result.worst, truncate=truncate)
+    return replace(result, line=why.line, ask=_question(scene, *result.worst, truncate))
+
+
+def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:
+    """The command that explains a pixel; of a scene that is not just as its file has it, the call."""
+    camera, source = scene.camera, scene.source
+    options = [f"--explain {x},{y}"] + ["--truncate"] * truncate
+    if (
+        source is None
+        or replace(source.view, resolution=camera.resolution, square_pixels=camera.square_pixels) != camera
+    ):
+        return f"cltrace.explain(scene, {x}, {y}{', truncate=True' if truncate else ''})"
+    if camera.square_pixels:
+        options.insert(0, "--square-pixels")
+    if camera.resolution != source.view.resolution:
+        options.insert(0, "--size {}x{}".format(*camera.resolution))
+    return " ".join(["cltrace", shlex.quote(printable(source.path)), *options])
 
 
 def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:

@@ -46,7 +46,8 @@ class Comparison:
     mine, right: (h, w, 3) uint8; tolerance: by how many levels a channel may differ; same: whether no pixel differs by
     more; differing: the share of those that do, 0..1; causes: the mistakes that explain them, the one that explains
     most first; explained: the share of the differing pixels that these explain together, 0..1, judged by a sample;
-    source: the scene's file, "" for none.
+    line: what `Explanation.line` says of the worst pixel; ask: the command or the call that explains all of it. Both
+    are "" where the pictures are the same.
     """
 
     mine: Bytes
@@ -54,7 +55,8 @@ class Comparison:
     tolerance: int
     causes: tuple[Cause, ...] = ()
     explained: float = 0.0
-    source: str = ""
+    line: str = ""
+    ask: str = ""
 
     @property
     def error(self) -> NDArray[np.uint8]:
@@ -127,8 +129,7 @@ class Comparison:
         assert self.worst
         x, y = self.worst
         mine, right = (" ".join(map(str, picture[y, x].tolist())) for picture in (self.mine, self.right))
-        ask = f"cltrace {self.source} --explain {x},{y}" if self.source else f"cltrace.explain(scene, {x}, {y})"
-        return [f"the worst pixel is {x},{y}: {mine}, right is {right}; why: {ask}"]
+        return [f"the worst pixel is {x},{y}: {mine}, right is {right}", f"  {self.line}", f"  why: {self.ask}"]
 
 
 def _percent(share: float) -> str:

@@ -19,7 +19,8 @@ class Rules:
 
     transforms: in which order steps act, "reversed" the first listed one first, "moved-first" any translation before
     all else, "placed-last" a sphere's position after its transform; normals: what takes them to the world, "right" the
-    inverse transpose.
+    inverse transpose; flat_normals: whether those of faces that have none of their own are taken there, too, instead of
+    made of the corners in the world.
 
     reversed: of which lights the vector to them is, by the first letters of parallel and other ones, and a for the axis
     of spot lights; reversed_for: whether for shading, shadow rays or both; past_lights: whether what is behind a light
@@ -51,6 +52,7 @@ class Rules:
 
     transforms: Literal["file", "reversed", "moved-first", "placed-last"] = "file"
     normals: Literal["right", "matrix", "none", "inverse"] = "right"
+    flat_normals: bool = False
 
     reversed: Literal["", "p", "a", "pa", "o", "po"] = ""
     reversed_for: Literal["both", "shading", "shadows"] = "both"

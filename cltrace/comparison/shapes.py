@@ -284,12 +284,11 @@ class Shapes:
         without = ~own.any(axis=1)
         linear, inverse = self.linear[self.mesh_of[row]], self.inverse[self.mesh_of[row]]
         maps: dict[str, Floats] = {"right": inverse.transpose(0, 2, 1), "matrix": linear, "inverse": inverse}
-        which = self.rules.normals
+        which, flat = self.rules.normals, self.rules.flat_normals
         front = self.flat[row] * self.front[row][:, None]
-        flat = front if which == "right" else self.own_flat[row] * self.front[row][:, None]
-        m = np.where(without[:, None], flat, own)
-        if which in maps:
-            m = np.where(without[:, None] & (which == "right"), front, turned(maps[which], m))
+        m = np.where(without[:, None], self.own_flat[row] * self.front[row][:, None], own)
+        m = turned(maps[which], m) if which in maps else m
+        m = m if flat else np.where(without[:, None], front, m)
         inside[rows] = dot(d, front) > 0
         # The rule of the format: a shading normal is on the side that the ray came from.
         seen = unit(m)

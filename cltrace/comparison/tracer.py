@@ -37,12 +37,12 @@ class Tracer:
         self.lights = scene.lights[scene.lights["kind"] != AMBIENT]
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / np.iinfo(texture.dtype).max for texture in scene.textures]
-        self._shapes: dict[tuple[str, str], Shapes] = {}
+        self._shapes: dict[tuple[str, str, bool], Shapes] = {}
         used = scene.materials
         self.bounces = bool((used["reflectance"] > 0).any() or (used["transmittance"] > 0).any())
 
     def shapes(self, rules: Rules) -> Shapes:
-        key = rules.transforms, rules.normals
+        key = rules.transforms, rules.normals, rules.flat_normals
         if key not in self._shapes:
             self._shapes[key] = Shapes(self.scene, rules)
         return self._shapes[key]

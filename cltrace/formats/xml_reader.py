@@ -183,8 +183,9 @@ class _Reader:
         with_texture = finishes[:, -1] >= 0
         finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]
         materials, material_of = packed_materials(finishes)
+        view = self._view()
         scene = Scene(
-            self._view(),
+            view,
             np.concatenate([np.zeros(0, LIGHT), *self._lights]),
             packed_spheres(rows, material_of[: len(rows)]),
             materials,
@@ -193,14 +194,15 @@ class _Reader:
             np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
             [mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
             textures.found,
-        ).read_from(self._source(shapes, textures))
+        ).read_from(self._source(view, shapes, textures))
         return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
 
-    def _source(self, shapes: Contents[Obj], textures: Contents[Texture]) -> Source:
+    def _source(self, view: Camera, shapes: Contents[Obj], textures: Contents[Texture]) -> Source:
         files = [MeshFile(name, obj.lines) for name, obj in zip(shapes.names, shapes.found, strict=True)]
         file_of = ((mesh.number, shapes.of[mesh.file]) for mesh in self._meshes)
         return Source(
             self.path,
+            view,
             self._camera_line,
             np.array(self._light_lines),
             np.array(self._surface_lines),

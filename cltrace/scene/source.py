@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.scene.camera import Camera
+
 
 class MeshFile(NamedTuple):
     """The file of a mesh: its name, as the scene has it, and (f,) int32, the line of each triangle's face."""
@@ -21,13 +23,15 @@ class MeshFile(NamedTuple):
 class Source:
     """The file of a scene, and the lines of what it holds: 1 is the first, 0 is one that is not known.
 
-    path: the file's name, as it was given; camera: the line of <camera>; lights: (n,) int32, of each light; surfaces:
-    (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the numbers of these surfaces;
-    textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine maps of the k steps of a
-    surface's transform, in the order of the file, by the surface's number: of the first surfaces that have one.
+    path: the file's name, as it was given; view: the camera of the file; camera: the line of <camera>; lights: (n,)
+    int32, of each light; surfaces: (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the
+    numbers of these surfaces; textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine
+    maps of the k steps of a surface's transform, in the order of the file, by the surface's number: of the first
+    surfaces that have one.
     """
 
     path: str
+    view: Camera
     camera: int
     lights: NDArray[np.int32]
     surfaces: NDArray[np.int32]
