@@ -85,3 +85,18 @@ class DeviceError(CltraceError):
 
 class BuildError(DeviceError):
     """The kernel does not build on this device; the message holds the options and the compiler's log."""
+
+
+class MissingPackageError(CltraceError, ImportError):
+    """Something needs a package that is not installed. The message says which extra of cltrace brings it."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        super().__init__(what, package, extra)
+        self.what = what
+        self.package = package
+        self.extra = extra
+
+    def __str__(self) -> str:
+        return (
+            f"{self.what} needs the package {self.package}, which is not installed: pip install 'cltrace[{self.extra}]'"
+        )
