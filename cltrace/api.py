@@ -11,6 +11,7 @@ from cltrace.errors import (
     BuildError,
     CltraceError,
     DeviceError,
+    MissingPackageError,
     SceneError,
     SceneWarning,
     TooManyRaysError,
@@ -20,6 +21,7 @@ from cltrace.explanation.pixel import explain
 from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
 from cltrace.lighting import lit
+from cltrace.picture.colorbar import colorbar
 from cltrace.picture.image import Image
 from cltrace.rays import Hits, trace_rays
 from cltrace.renderer import Renderer, render
@@ -39,6 +41,7 @@ __all__ = [
     "Image",
     "Material",
     "Mesh",
+    "MissingPackageError",
     "Renderer",
     "Scene",
     "SceneError",
@@ -46,6 +49,7 @@ __all__ = [
     "TooManyRaysError",
     "UsageError",
     "ambient_light",
+    "colorbar",
     "compare",
     "devices",
     "explain",

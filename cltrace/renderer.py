@@ -6,8 +6,9 @@ import threading
 import time
 from copy import copy
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from cltrace.errors import DeviceError
@@ -18,7 +19,7 @@ from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
 from cltrace.run.maker import Maker, maker_of
-from cltrace.scene import Camera, Scene, with_spheres
+from cltrace.scene import Camera, Scene, colors_given, with_spheres
 
 
 def default_precision(device: Device) -> Precision:
@@ -96,6 +97,9 @@ class Renderer:
         radii: ArrayLike | None = None,
         colors: ArrayLike | None = None,
         *,
+        values: ArrayLike | None = None,
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
         ka: ArrayLike | None = None,
         kd: ArrayLike | None = None,
         ks: ArrayLike | None = None,
@@ -107,6 +111,7 @@ class Renderer:
         """Gives the scene's spheres other places, sizes or materials, and returns this Renderer.
 
         The arguments are those of Scene.from_spheres; what is None stays as it is, and so do camera, lights and meshes.
+        cmap and clim go with values; those of earlier values are not remembered.
         Where ka was not given at first, it follows kd. If `centers` are another number of spheres, all that is an array
         of as many as there were must be given, too. Radii of ellipsoids are those before their linear map.
 
@@ -119,7 +124,9 @@ class Renderer:
         changed then.
         """
         check_process()
-        places = {"centers": centers, "radii": radii, "colors": colors, "ka": ka, "kd": kd, "ks": ks}
+        n = len(self.scene.columns if centers is None else np.atleast_1d(centers))
+        shown = colors_given(n, colors, values, cmap, clim)
+        places = {"centers": centers, "radii": radii, "colors": shown, "ka": ka, "kd": kd, "ks": ks}
         others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
         given = {name: value for name, value in (places | others).items() if value is not None}
         with self._lock:

@@ -18,7 +18,7 @@ from cltrace.scene.maps import inverses, uniform_scales, whole_inverse
 from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene
+from cltrace.scene.scene import Scene, colors_given
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -55,6 +55,7 @@ __all__ = [
     "Vector",
     "ambient_light",
     "check_resolution",
+    "colors_given",
     "extent_faults",
     "inverse_faults",
     "inverses",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.colors import color_numbers
 from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, packed
 from cltrace.scene.rules import ANY, NOT_NEGATIVE, Rule, check_not_bytes, check_rule, numbers, real_numbers
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE
@@ -120,10 +121,11 @@ def shades(given: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[Any]]:
     """
     found = {}
     for name, value in given.items():
-        shape = (n, 3) if name == "color" else (n,)
-        found[name] = column(ARGUMENTS[name], ANY if name == "index" else NOT_NEGATIVE, value, shape)
         if name == "color":
+            found[name] = column("colors", NOT_NEGATIVE, color_numbers("colors", value), (n, 3))
             check_not_bytes("colors", found[name], reflected=True)
+        else:
+            found[name] = column(ARGUMENTS[name], ANY if name == "index" else NOT_NEGATIVE, value, (n,))
     if "index" in found and "transmittance" in found:
         check_index("index", found["index"], found["transmittance"])
     return found

@@ -1,4 +1,7 @@
-"""Lights: one record each, and the functions that make them. Colours are linear and may exceed 1."""
+"""Lights: one record each, and the functions that make them.
+
+Colours are linear and may exceed 1. They may be texts, such as "white" or "#ffe0c0", whose bytes are divided by 255.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, numbers
 
 # A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap.
@@ -72,6 +76,7 @@ def _light(
     alpha2: ArrayLike = 0,
 ) -> NDArray[np.void]:
     """Their values are checked by the scene that they become part of, which knows the light's index."""
+    color = color_numbers("light.color", color)
     given = {"color": color, "position": position, "direction": direction, "alpha1": alpha1, "alpha2": alpha2}
     light = np.empty(1, LIGHT)
     light["kind"] = kind

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -43,10 +44,10 @@ COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 class Material:
     """What a mesh is made of. Immutable; meshes may share one.
 
-    color: linear, 1 = full, 3 numbers >= 0; ka, kd, ks: how strongly the surface shows ambient light, diffuse light and
-    highlights; without ka it is kd; exponent: the larger, the smaller the highlight; reflectance, transmittance: the
-    shares of the light that it mirrors and lets through; index: of refraction inside, > 0 where transmittance > 0; each
-    a number >= 0, as in Scene.from_spheres.
+    color: linear, 1 = full, 3 numbers >= 0, or a text such as "gold" or "#ffd700", as in Scene.from_spheres; ka, kd,
+    ks: how strongly the surface shows ambient light, diffuse light and highlights; without ka it is kd; exponent: the
+    larger, the smaller the highlight; reflectance, transmittance: the shares of the light that it mirrors and lets
+    through; index: of refraction inside, > 0 where transmittance > 0; each a number >= 0, as in Scene.from_spheres.
 
     texture: an image by which the colour is multiplied, or None: an array of uint8 or uint16, (h, w, 3) RGB, (h, w, 4)
     with alpha, which is ignored, or (h, w) grey, the top row first, 255 or 65535 = full; or an image of Pillow in one
@@ -86,7 +87,9 @@ class Material:
             "reflectance": reflectance,
             "transmittance": transmittance,
         }
-        values: dict[str, Any] = {"color": vector("material.color", color, NOT_NEGATIVE)}
+        values: dict[str, Any] = {
+            "color": vector("material.color", color_numbers("material.color", color), NOT_NEGATIVE)
+        }
         check_not_bytes("material.color", values["color"], reflected=True)
         for name, value in given.items():
             source = "kd" if name == "ka" and ka is None else name

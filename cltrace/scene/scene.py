@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
+from cltrace.scene.colormaps import colors_of
+from cltrace.scene.colors import color_numbers
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
@@ -125,6 +127,7 @@ class Scene:
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
+        background = color_numbers("background", background)
         color = vector("background", background, NOT_NEGATIVE)
         check_not_bytes("background", background)
         state = {"camera": camera, "lights": lights, **surfaces, "background": color, "output_file": output_file}
@@ -204,8 +207,11 @@ class Scene:
         lights: Lights,
         centers: ArrayLike,
         radii: ArrayLike,
-        colors: ArrayLike = (1.0, 1.0, 1.0),
+        colors: ArrayLike | None = None,
         *,
+        values: ArrayLike | None = None,
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
         ka: ArrayLike | None = None,
         kd: ArrayLike = 0.8,
         ks: ArrayLike = 0.5,
@@ -222,7 +228,13 @@ class Scene:
 
         camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
         return; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
-        colour, linear, 1 = full; background, output_file: see Scene.
+        colour, linear, 1 = full, white if there are none; background, output_file: see Scene. A colour may be a text:
+        a name of CSS or #rrggbb, whose bytes are divided by 255, and colors may be a list of such.
+
+        values: (n,) numbers that are shown as colours, instead of colors; cmap: the colour map, by its name in
+        matplotlib, viridis if it is None, or a callable, or an array of colours; clim: (low, high), the values at its
+        two ends, which values beyond have, too; the least and the largest value if it is None. See
+        cltrace.scene.colormaps.map_of, and cltrace.colorbar for the bar beside the picture.
 
         ka, kd, ks: how strongly a surface shows ambient light, diffuse light and highlights; exponent: the larger, the
         smaller the highlight; each (n,) or one number >= 0. Without ka it is kd: ambient light stands for light that
@@ -239,14 +251,16 @@ class Scene:
 
         meshes: of cltrace.Mesh, whose numbers follow those of the spheres.
 
-        Raises ValueError, which names the argument and the index, and TypeError as Scene does.
+        Raises ValueError, which names the argument and the index, TypeError as Scene does, and MissingPackageError if
+        a map's name needs a package that is not there.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
         lights = joined(lights)
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
-        given = {"color": colors, "kd": kd, "ks": ks, "exponent": exponent}
+        shown = colors_given(n, colors, values, cmap, clim)
+        given = {"color": (1.0, 1.0, 1.0) if shown is None else shown, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
         if ka is None:
@@ -302,6 +316,23 @@ class Scene:
         surfaces = {"columns": replace(columns, rest=more)}
         scene._fill(camera, lights, surfaces, background, output_file, to_object, placed, textures)
         return scene
+
+
+def colors_given(
+    n: int, colors: ArrayLike | None, values: ArrayLike | None, cmap: Any, clim: ArrayLike | None
+) -> ArrayLike | None:
+    """The colours of n spheres that have either colors or values, None if neither. Raises ValueError."""
+    if values is None:
+        for name, given in (("cmap", cmap), ("clim", clim)):
+            if given is not None:
+                raise ValueError(f"{name}: goes with values, which are not given")
+        return colors
+    if colors is not None:
+        raise ValueError("values: must not be given together with colors")
+    found = colors_of(values, cmap, clim)
+    if len(found) != n:
+        raise ValueError(f"values: must have shape {(n,)}, got {(len(found),)}")
+    return found
 
 
 def _check_camera(camera: object, order: str = "") -> None:

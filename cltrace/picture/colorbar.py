@@ -1,0 +1,109 @@
+"""The bar of a colour map, with the numbers that its colours stand for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image as Picture
+from PIL import ImageDraw, ImageFont
+
+from cltrace.scene import check_resolution
+from cltrace.scene.colormaps import limits_of, map_of, mapped
+from cltrace.scene.colors import color_numbers
+from cltrace.scene.rules import NOT_NEGATIVE, vector
+
+TEXT, TICK, GAP = 13, 4, 3  # sizes of numbers, of the lines beside the bar, and of the gap between them, in pixels
+
+
+def colorbar(
+    cmap: Any = None,
+    clim: ArrayLike = (0.0, 1.0),
+    size: tuple[int, int] = (80, 256),
+    *,
+    ticks: bool = True,
+    color: ArrayLike | str = "black",
+) -> NDArray[np.uint8]:
+    """(h, w, 4) uint8: the bar of a colour map, to put beside a picture; straight alpha, without gamma.
+
+    cmap, clim: as in Scene.from_spheres; size: (width, height) in pixels. It stands upright, low values at the bottom,
+    where it is at least as high as wide, and else lies, low values on the left. ticks: whether there are numbers beside
+    or below it, in this color, round ones within clim; the rest of the array is transparent. Without ticks all of it is
+    bar: of a map of 256 colours, 256 pixels have one each.
+
+    Raises ValueError, which names the argument, also where there is no room for the numbers, and MissingPackageError as
+    Scene.from_spheres does.
+    """
+    width, height = check_resolution(size)
+    low, high = limits_of(np.zeros(0), clim)
+    ink = vector("color", color_numbers("color", color), NOT_NEGATIVE)
+    upright = height >= width
+    length, across = (height, width) if upright else (width, height)
+    marks = _ticks(low, high, max(2, length // 50)) if ticks else []
+    layout = _Layout(upright, length, across, [f"{m:g}" for m in marks])
+    if layout.bar < 1:
+        raise ValueError(f"size: must have room for the numbers, {layout.margin} pixels, got {width}x{height}")
+    shares = (np.arange(layout.end - layout.begin) + 0.5) / (layout.end - layout.begin)
+    colors = np.rint(mapped(map_of(cmap), shares) * 255).astype(np.uint8)
+    pixels = np.zeros((height, width, 4), np.uint8)
+    pixels[..., :3] = np.rint(np.minimum(ink, 1) * 255)
+    pixels[..., 3] = layout.drawn([(m - low) / (high - low) if high > low else 0.5 for m in marks])
+    if upright:
+        rows = slice(height - layout.end, height - layout.begin)
+        pixels[rows, : layout.bar, :3], pixels[rows, : layout.bar, 3] = colors[::-1, None], 255
+    else:
+        columns = slice(layout.begin, layout.end)
+        pixels[: layout.bar, columns, :3], pixels[: layout.bar, columns, 3] = colors, 255
+    return pixels
+
+
+class _Layout:
+    """Where the parts of a bar are. length, across: of all of it, in pixels, along the bar and across it.
+
+    begin, end: of the bar, along it, from its low end; bar: how broad it is; margin: what its numbers take across.
+    """
+
+    def __init__(self, upright: bool, length: int, across: int, labels: list[str]) -> None:
+        self.upright, self.length, self.across, self.labels = upright, length, across, labels
+        self.font = ImageFont.load_default(TEXT)
+        boxes = [self.font.getbbox(label) for label in labels]
+        wide = max((math.ceil(box[2]) for box in boxes), default=0)
+        high = max((math.ceil(box[3]) for box in boxes), default=0)
+        self.margin = TICK + GAP + (wide if upright else high) if labels else 0
+        self.bar = across - self.margin
+        # Half a number stands out at either end.
+        self.begin = math.ceil((high if upright else wide) / 2)
+        self.end = length - self.begin
+        if self.end <= self.begin:
+            self.bar = 0
+
+    def drawn(self, shares: list[float]) -> NDArray[np.uint8]:
+        """The ink of the numbers and their lines, 0..255: shares of the bar's length."""
+        size = (self.across, self.length) if self.upright else (self.length, self.across)
+        page = Picture.new("L", size)
+        draw = ImageDraw.Draw(page)
+        for label, share in zip(self.labels, shares, strict=True):
+            at = self.begin + min(math.floor(share * (self.end - self.begin)), self.end - self.begin - 1)
+            far = self.bar + TICK - 1
+            if self.upright:
+                at = self.length - 1 - at
+                draw.line((self.bar, at, far, at), 255)
+                draw.text((far + 1 + GAP, at), label, 255, self.font, "lm")
+            else:
+                draw.line((at, self.bar, at, far), 255)
+                draw.text((at, far + 1 + GAP), label, 255, self.font, "mt")
+        return np.asarray(page)
+
+
+def _ticks(low: float, high: float, most: int) -> list[float]:
+    """Round numbers within [low, high], at most so many: whole multiples of 1, 2 or 5 times a power of ten."""
+    if not high > low:
+        return [low]
+    power = 10.0 ** math.floor(math.log10((high - low) / most))
+    for step in (power, 2 * power, 5 * power, 10 * power):
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < most:
+            break
+    return [min(max(k * step, low), high) for k in range(first, last + 1)]
