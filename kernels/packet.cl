@@ -97,7 +97,11 @@ typedef SHADE_INT SHADE_MASK;
 #else
 #ifdef __has_builtin
 #if __has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max)
+#if W == 16 && defined(WITH_TRIANGLES) && defined(__AVX512DQ__)
+#define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
+#else
 #define ANY(mask) (__builtin_reduce_or(mask) != 0)
+#endif
 #define LARGEST(value) __builtin_reduce_max(value)
 #endif
 #endif
@@ -143,6 +147,19 @@ static int LARGEST(const INT x) {
 #else
 #define STORE_LANES(value, array) PASTE(vstore, W)(value, 0, array)
 #define LOAD_LANES(array) PASTE(vload, W)(0, array)
+#endif
+
+/* `member` of what is in an array of one thing for each lane, as a vector. An array that only this reads is in no memory. */
+#define FOUR_OF(array, k, member) (array)[k] member, (array)[k + 1] member, (array)[k + 2] member, (array)[k + 3] member
+#if W == 1
+#define EACH_LANE(array, member) ((array)[0] member)
+#elif W == 4
+#define EACH_LANE(array, member) (FOUR_OF(array, 0, member))
+#elif W == 8
+#define EACH_LANE(array, member) (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member))
+#else
+#define EACH_LANE(array, member) \
+    (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member), FOUR_OF(array, 8, member), FOUR_OF(array, 12, member))
 #endif
 
 /* Where the lanes are within the packet: 4 columns, W/4 rows. */

@@ -49,12 +49,15 @@ static REAL size_of(const Real3 v) {
 typedef struct {
     REAL a, over_a; /* d.d, 1 / d.d */
     Real3 d;
-#ifdef WITH_SHAPES
+#ifdef WITH_ELLIPSOIDS
     Leaving leaving; /* the same, as a ray that leaves a point */
+#endif
+#ifdef WITH_TRIANGLES
+    Real3 w; /* the direction in the world */
 #endif
 } Ray;
 
-#ifdef WITH_SHAPES
+#ifdef WITH_ELLIPSOIDS
 /* A ray from the eye, as one that leaves a point. */
 static Leaving leaving_eye(const Frame frame, const Spheres spheres, const Real3 d) {
     Leaving ray = {-1, 0, {1, 0, 0}, d, {spheres.eye.x, spheres.eye.y, spheres.eye.z}, 0, 0, {0, 0, 0}};
@@ -65,6 +68,15 @@ static Leaving leaving_eye(const Frame frame, const Spheres spheres, const Real3
 #ifdef WITH_ELLIPSOIDS
     ray.map = 0;
 #endif
+    return ray;
+}
+#endif
+
+#ifdef WITH_TRIANGLES
+/* The same where w, the direction in the world, is known. */
+static Leaving from_eye(const Spheres spheres, const Real3 d, const Real3 w) {
+    const Real3 none = {0, 0, 0};
+    Leaving ray = {-1, 0, {1, 0, 0}, d, {spheres.eye.x, spheres.eye.y, spheres.eye.z}, 0, 0, none, w, size_of(w), none};
     return ray;
 }
 #endif

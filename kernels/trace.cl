@@ -8,10 +8,13 @@
 /* The index of the material of each lane's surface, -1 for none. */
 static INT materials_of(const Scene scene, const INT id) {
     if (scene.materials == 1) return id < 0 ? (INT)-1 : (INT)0;
-    int each[W];
+    const int one = common_of(id);
+    if (one >= 0) return id < 0 ? (INT)-1 : (INT)scene.material_of[one];
+    int each[W], material[W];
     STORE_LANES(id, each);
-    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.material_of[each[lane]];
-    return LOAD_LANES(each);
+#pragma unroll
+    for (int lane = 0; lane < W; lane++) material[lane] = scene.material_of[max(each[lane], 0)];
+    return id < 0 ? (INT)-1 : (INT)EACH_LANE(material, );
 }
 #endif
 
@@ -23,10 +26,12 @@ static Intersection material_at(const Scene scene, const INT id) {
 #ifdef WITH_SHADING
 #ifdef WITH_TRIANGLES
     /* Neighbours are on different triangles, but mostly of one material. */
-    const INT which = materials_of(scene, id);
-    FOR_EACH_INDEX(one, which) {
-        const SHADE_MASK here = TO_SHADE_MASK(which == one);
-        const shade8 m = scene.material[one];
+    INT left = materials_of(scene, id);
+    do {
+        const int one = LARGEST(left);
+        const SHADE_MASK here = TO_SHADE_MASK(left == one);
+        const shade8 m = scene.material[max(one, 0)];
+        left = left == one ? (INT)-1 : left;
 #else
     FOR_EACH_INDEX(one, id) {
         const SHADE_MASK here = TO_SHADE_MASK(id == one);
@@ -41,6 +46,9 @@ static Intersection material_at(const Scene scene, const INT id) {
         PUT_WHERE(here, at.ks, (SHADE)m.s6);
         PUT_WHERE(here, at.exponent, (SHADE)m.s7);
     }
+#ifdef WITH_TRIANGLES
+    while (RARELY(ANY(left >= 0)));
+#endif
 #endif
 #ifdef WITH_BLACK
     at.black = TO_MASK((at.diffuse.x <= 0) & (at.diffuse.y <= 0) & (at.diffuse.z <= 0) & (at.ks <= 0));
@@ -92,12 +100,17 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     const REAL_MASK here = TO_REAL_MASK(id >= scene.spheres.first);
     const INT number = TO_MASK(here) ? id - scene.spheres.first : (INT)-1;
     const FacePoint point = face_point(shares);
-    REAL_MASK back;
-    const Real3 N = shading_normals(scene, number, point.weights, &back);
+    const Real3 N = shading_normals(scene, number, point.weights);
     const REAL over = 1 / sqrt(DOT(N, N));
     const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
-    /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. */
+    /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. Only rays that
+     * go on ask for it. */
+#ifdef WITH_BOUNCES
+    const REAL_MASK back = TO_REAL_MASK((fourths_of(scene.spheres.face, number) & 1) != 0);
     const REAL side = (shares.all < 0) == back ? (REAL)-1 : (REAL)1;
+#else
+    const REAL side = 1;
+#endif
     const REAL turn = DOT(n, d) > 0 ? -side : side;
     PUT_ON_FACES(here, at->normal.x, turn * n.x);
     PUT_ON_FACES(here, at->normal.y, turn * n.y);
@@ -309,8 +322,11 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #endif
     if (tile_has_any(scene.lists, tile)) {
         Ray ray = primary_ray(frame, size, column, row);
-#ifdef WITH_SHAPES
+#ifdef WITH_ELLIPSOIDS
         ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
+#endif
+#ifdef WITH_TRIANGLES
+        ray.w = turned_to_world(frame, ray.d);
 #endif
         pixels = trace(frame, scene, ray, tile, pixels, work);
     } else {

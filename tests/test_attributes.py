@@ -10,6 +10,7 @@ import pytest
 
 from cltrace.plan import abi
 from cltrace.plan.attributes import Attributes
+from cltrace.plan.shapes.triangle import Triangles
 from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.scene import Geometry, PlacedMesh
@@ -32,14 +33,13 @@ POINTS = 256
 BODY = """
     __kernel void called(__global const int *which, __global const real *given, __global const real4 *vertex,
                          __global const int4 *face,
-                         __global const int *number_of, __global const Mesh *mesh, __global const real4 *normal,
+                         __global const Mesh *mesh, __global const real4 *normal,
                          __global const int4 *normal_face, __global const real2 *uv, __global const int4 *uv_face,
                          __global real *out) {
         const int first = (int)get_global_id(0) * W;
         Scene scene;
         scene.spheres.vertex = vertex;
         scene.spheres.face = face;
-        scene.number_of = number_of;
         scene.mesh = mesh;
         scene.corner_normal = normal;
         scene.normal_face = normal_face;
@@ -48,8 +48,7 @@ BODY = """
         #define GIVEN(k) LOAD_LANES(given + k * POINTS + first)
         const INT number = LOAD_LANES(which + first);
         const Weights weights = {GIVEN(0), GIVEN(1), GIVEN(2)};
-        REAL_MASK back;
-        const Real3 m = shading_normals(scene, number, weights, &back);
+        const Real3 m = shading_normals(scene, number, weights);
         Intersection at;
         at.u = at.v = -7;
         map_triangles(scene, number, weights, &at);
@@ -78,14 +77,16 @@ def placed(random: np.random.Generator) -> tuple[PlacedMesh, ...]:
 
 
 def test_what_meshes_share_is_there_once() -> None:
-    at = Attributes.of(placed(np.random.default_rng(0)), "accurate", True)
-    assert at.mesh["normals"][:, 0].tolist() == [0, 7, 0, -1]
-    assert at.mesh["uvs"][:, 0].tolist() == [0, -1, 0, 7]
-    assert (at.corner_normal.shape, at.normal_face.shape) == ((11, 4), (18, 4))
-    assert (at.corner_uv.shape, at.uv_face.shape) == ((10, 2), (12, 4))
+    meshes = placed(np.random.default_rng(0))
+    triangles = Triangles.of(meshes, False)
+    at = Attributes.of(meshes, triangles, "accurate", True)
+    assert (at.corner_normal.shape, at.corner_uv.shape) == ((11, 4), (10, 2))
+    assert at.normal_face.shape == at.uv_face.shape == (30, 4)
+    assert np.array_equal(at.normal_face[:7, :3], at.normal_face[18:25, :3])
+    assert at.normal_face[:, 3].tolist() == [0] * 7 + [-1, 1, 1] * 3 + [-1, 1] + [2] * 7 + [-1] * 5
+    assert at.uv_face[:, 3].tolist() == [0] * 7 + [-1] * 11 + [2] * 7 + [3, -1, 3, 3, -1]
     assert 0.5 <= np.abs(at.corner_normal[:5]).max() < 1
-    bare = Attributes.of(placed(np.random.default_rng(0)), "accurate", False)
-    assert (bare.mesh["uvs"][:, 0] == -1).all()
+    bare = Attributes.of(meshes, triangles, "accurate", False)
     assert len(bare.corner_uv) == len(bare.uv_face) == 0
 
 
@@ -117,8 +118,9 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
     vertex = np.zeros((4 * len(corners), 4))
     vertex.reshape(-1, 4, 4)[:, :3, :3] = corners
     face[:, 3] = 2 * mesh_of + random.integers(0, 2, len(mesh_of))
-    at = Attributes.of(meshes, precision, True)
-    arrays = which, weights.T.astype(real), vertex.astype(real), face, number_of, *at.arrays().values()
+    triangles = Triangles(vertex, face, number_of, mesh_of, mesh_of)
+    at = Attributes.of(meshes, triangles, precision, True)
+    arrays = which, weights.T.astype(real), vertex.astype(real), face, *at.arrays().values()
     features = frozenset(
         {
             "WITH_TRIANGLES",

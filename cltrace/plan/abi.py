@@ -77,8 +77,6 @@ STRUCTS = {
         Field("normal_x", "real4", "xyz of these three: the rows of what takes normals of the object to the world"),
         Field("normal_y", "real4", ""),
         Field("normal_z", "real4", ""),
-        Field("normals", "int4", "x: where its triangles begin in normal_face, -1: they have no normals"),
-        Field("uvs", "int4", "x: the same of uv_face"),
     ),
     "Node": (
         Field(
@@ -307,9 +305,9 @@ ARGUMENTS = (
         ("number_of", "int", "a triangle's number within its mesh"),
         ("mesh", "Mesh", "what the triangles of a mesh have in common"),
         ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
-        ("normal_face", "int4", "xyz: which normals a triangle's corners have, in the order of its mesh; -1: none"),
+        ("normal_face", "int4", "xyz: which normals a triangle's corners have; w: its mesh, -1: they have none"),
         ("corner_uv", "real2", "texture coordinates of corners"),
-        ("uv_face", "int4", "xyz: which of these a triangle's corners have, likewise"),
+        ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
         needs="WITH_TRIANGLES",
     ),
     *_values(

@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import Precision, dtype_of, real_dtype
+from cltrace.plan.shapes.triangle import Triangles
 from cltrace.scene import PlacedMesh
 
 
 @dataclass(frozen=True)
 class Attributes:
-    """The normals and texture coordinates of k meshes. What several meshes share is there once.
+    """The normals and texture coordinates of k meshes with t triangles. What several meshes share is there once.
 
     mesh: (k,) records of abi's `Mesh`; corner_normal: (n, 4) of real_dtype(), in the objects' spaces, each object's
-    divided by a power of two so that no number exceeds 1; normal_face: (f, 4) int32, which normals the corners of a
-    triangle have, -1 for none; corner_uv: (j, 2) of real_dtype(); uv_face: (g, 4) int32, likewise.
+    divided by a power of two so that no number exceeds 1; normal_face: (t, 4) int32, which three normals the corners of
+    a triangle have, and its mesh, -1 where they have none; corner_uv: (j, 2) of real_dtype(); uv_face: (t, 4) int32,
+    which three of these, and -1 where there are none.
     """
 
     mesh: NDArray[np.void]
@@ -28,7 +30,9 @@ class Attributes:
     uv_face: NDArray[np.int32]
 
     @classmethod
-    def of(cls, meshes: tuple[PlacedMesh, ...], precision: Precision, with_uv: bool) -> Attributes:
+    def of(
+        cls, meshes: tuple[PlacedMesh, ...], triangles: Triangles, precision: Precision, with_uv: bool
+    ) -> Attributes:
         """The attributes of a scene's meshes. with_uv: whether texture coordinates are needed."""
         real = real_dtype(precision)
         mesh = np.zeros(len(meshes), dtype_of("Mesh", precision))
@@ -37,9 +41,10 @@ class Attributes:
             shape = placed.geometry
             for name, row in zip(("normal_x", "normal_y", "normal_z"), placed.normal_to_world, strict=True):
                 record[name][:3] = row
-            record["normals"][0] = normals.add(id(shape), _scaled(shape.normals), shape.normal_of)
-            record["uvs"][0] = uvs.add(id(shape), shape.uv, shape.uv_of) if with_uv else -1
-        return cls(mesh, *normals.arrays(), *uvs.arrays())
+            normals.add(id(shape), _scaled(shape.normals), shape.normal_of)
+            if with_uv:
+                uvs.add(id(shape), shape.uv, shape.uv_of)
+        return cls(mesh, *normals.arrays(triangles), *uvs.arrays(triangles))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The kernel's buffers by name."""
@@ -51,29 +56,33 @@ class _Table:
 
     def __init__(self, width: int, real: np.dtype[Any]) -> None:
         self._rows = [np.zeros((0, width), real)]
-        self._faces = [np.zeros((0, 4), np.int32)]
-        self._count = self._triangles = 0
+        self._faces: list[NDArray[np.int32]] = []
+        self._count = 0
         self._begin: dict[int, int] = {}
 
-    def add(self, key: int, rows: NDArray[np.float64], faces: NDArray[np.int32]) -> int:
-        """Where the triangles of these faces begin, -1 where there are no rows; those of a known key are there."""
+    def add(self, key: int, rows: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
+        """Adds a mesh: its rows unless those of this key are there, and which ones its triangles have, -1 for none."""
         if key not in self._begin:
-            self._begin[key] = self._triangles if len(rows) else -1
-            if len(rows):
-                wide = np.zeros((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
-                wide[:, : rows.shape[1]] = rows
-                indices = np.full((len(faces), 4), -1, np.int32)
-                indices[:, :3] = faces
-                if self._count:
-                    indices[:, :3][faces >= 0] += self._count
-                self._rows.append(wide)
-                self._faces.append(indices)
-                self._count += len(rows)
-                self._triangles += len(faces)
-        return self._begin[key]
+            self._begin[key] = self._count
+            wide = np.zeros((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
+            wide[:, : rows.shape[1]] = rows
+            self._rows.append(wide)
+            self._count += len(rows)
+        begin = np.int32(self._begin[key])
+        self._faces.append(np.where(faces >= 0, faces + begin, -1).astype(np.int32) if begin else faces)
 
-    def arrays(self) -> tuple[NDArray[Any], NDArray[np.int32]]:
-        return np.concatenate(self._rows), np.concatenate(self._faces)
+    def arrays(self, triangles: Triangles) -> tuple[NDArray[Any], NDArray[np.int32]]:
+        """The rows, and for each of t triangles three of them and its mesh, or -1. If nothing was added, none."""
+        rows = np.concatenate(self._rows)
+        if not len(rows):
+            return rows, np.full((len(triangles.face) if self._faces else 0, 4), (0, 0, 0, -1), np.int32)
+        mesh = triangles.face[:, 3] >> 1
+        begin = np.cumsum([0, *(len(faces) for faces in self._faces)])[:-1]
+        three = np.concatenate(self._faces).take(begin.take(mesh) + triangles.number, axis=0)
+        some = three[:, 0] >= 0
+        out = np.zeros((len(mesh), 4), np.int32)
+        out[:, :3], out[:, 3] = np.where(some[:, None], three, 0), np.where(some, mesh, -1)
+        return rows, out
 
 
 def _scaled(normals: NDArray[np.float64]) -> NDArray[np.float64]:

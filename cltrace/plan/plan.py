@@ -106,7 +106,7 @@ class World:
         else:
             triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep)
             textured = bool(scene.textures) or "uv" in request.outputs
-            attributes = Attributes.of(scene.meshes, request.precision, textured)
+            attributes = Attributes.of(scene.meshes, triangles, request.precision, textured)
         if known and known.radius is radius and known.triangles is triangles:
             maps, reach, number, again = known.maps, known.reach, known.id, known.again
             core = radius * maps.shortest[maps.of_sphere] if maps else radius

@@ -84,6 +84,7 @@ static void fetch_ahead(const Spheres spheres, const Lists lists, __global const
 #define FETCH_ENTRY(scene, filter, light, k)                                                                          \
     fetch_entry((scene).spheres, (scene).lists, filter, FACETS(scene, filter, light), k)
 
+#if defined(WITH_BOUNCES) || !defined(ONLY_TRIANGLES)
 /* The same for the lists of all lanes' cells in a light's buffer. Points of different surfaces have lists that are far
  * apart, and what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's
  * filter. */
@@ -107,6 +108,7 @@ static void fetch_lists(const Scene scene, const int light, const INT cell) {
     }
 }
 #define FETCH_LISTS(scene, light, cell) fetch_lists(scene, light, cell)
+#endif
 
 #ifdef WITH_BOUNCES
 /* The same for the surfaces that each of the lanes has met. */
@@ -118,7 +120,7 @@ static void fetch_surfaces(const Scene scene, const INT index) {
 #ifdef WITH_TRIANGLES
         if (each[lane] >= scene.spheres.first) {
             FETCH(scene.spheres.face, each[lane] - scene.spheres.first);
-            FETCH(scene.number_of, each[lane] - scene.spheres.first);
+            FETCH(scene.normal_face, each[lane] - scene.spheres.first);
             FETCH(scene.material_of, each[lane]);
             continue;
         }

@@ -11,6 +11,10 @@ typedef struct {
 #endif
 #ifdef WITH_TRIANGLES
     Shares shares; /* of a triangle */
+    /* While triangles are looked for: bounds of 1/t in the float buffers' unit, 0 where nothing was hit. Neither t nor shares
+     * of a triangle are known then; `sure` as in triangle_meet(). */
+    Bounds near;
+    MASK sure;
 #endif
 } Hit;
 
@@ -31,6 +35,37 @@ static REAL_MASK too_close(const REAL t, const REAL best) {
     return (t == best) & (t < INFINITY);
 #endif
 }
+
+#ifdef WITH_TRIANGLES
+/* Bounds of 1/t from t, which is right to 2^-24. */
+static Bounds near_of(const REAL t, const real unit) {
+    const FLOAT near = 1 / TO_FLOAT(t * unit);
+    const Bounds bounds = {near * (1 - 0x1p-20f), near * (1 + 0x1p-20f)};
+    return bounds;
+}
+
+/* t of the lanes that hit triangles. d, w: the direction in camera space and in the world; sure: as in Hit. */
+static __attribute__((noinline)) REAL t_of_triangles(const Spheres spheres, const Real3 d, const Real3 w, const INT id,
+                                                     const MASK sure) {
+    const MASK here = id >= spheres.first;
+    const INT number = here ? id - spheres.first : (INT)-1;
+    return triangle_meet_from_eye(spheres, d, w, triangles_of(spheres, number), number, TO_REAL_MASK(here),
+                                  TO_REAL_MASK(here & sure)).t;
+}
+
+/* Which lanes meet what is at t before the triangle or sphere that they have hit so far, where float32 cannot tell. t, index:
+ * of what is met; best, id: of that one, best is known of spheres only. */
+static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const Real3 *d, const Real3 *w, const REAL t,
+                                                        const INT index, const REAL best, const INT id, const MASK sure) {
+    const Scene scene = *all;
+    REAL rival = best;
+    const REAL_MASK face = TO_REAL_MASK(id >= scene.spheres.first);
+    if (ANY(TO_MASK(face))) rival = face ? t_of_triangles(scene.spheres, *d, *w, id, sure) : best;
+    const REAL_MASK close = too_close(t, rival);
+    if (!ANY(TO_MASK(close))) return t < rival;
+    return close ? comes_first_of(scene, from_eye(scene.spheres, *d, *w), index, id) : t < rival;
+}
+#endif
 
 #ifndef ONLY_TRIANGLES
 /* Which lanes' rays meet a sphere, at `at`, before what they have hit so far. Of equally near ones, the sphere that comes
@@ -54,45 +89,93 @@ static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, c
     first = sphere_comes_first(scene.spheres, ray, sphere, spheres_of(scene.spheres, rival), first, close);
 #endif
 #endif
-#ifdef WITH_TRIANGLES
-    const REAL_MASK face = TO_REAL_MASK(hit.id >= scene.spheres.first);
-    if (ANY(TO_MASK(close & face))) first = face ? comes_first_of(scene, ray.leaving, (INT)index, hit.id) : first;
-#endif
     return close ? first : nearer;
 }
+
+#ifdef WITH_TRIANGLES
+/* The same where some lanes may have hit triangles. */
+static REAL_MASK closer_than_any(const Scene scene, const Ray ray, const Sphere sphere, const int index, const Meeting at,
+                                 const Hit hit) {
+    const REAL_MASK round = closer(scene, ray, sphere, index, at, hit);
+    const MASK face = hit.id >= scene.spheres.first;
+    if (!ANY(face)) return round;
+    const Bounds near = near_of(at.t, scene.unit);
+    const MASK nearer = near.low > hit.near.high, open = face & !nearer & !(near.high < hit.near.low);
+    const REAL_MASK sure = TO_REAL_MASK(face) ? TO_REAL_MASK(nearer) : round;
+    if (!RARELY(ANY(open))) return sure;
+    const Scene all = scene;
+    const Real3 d = ray.d, w = ray.w;
+    return TO_REAL_MASK(open) ? comes_before(&all, &d, &w, at.t, (INT)index, hit.t, hit.id, hit.sure) : sure;
+}
+#endif
 #endif
 
 #ifdef WITH_TRIANGLES
-/* Takes a triangle into account. x, y: where the rays cross the image plane, in float. */
-static void meet_triangle(const Scene scene, const Ray ray, const FLOAT x, const FLOAT y, const int index, Hit *hit,
-                          Work *work) {
+/* What is decided of a triangle: in which lanes it is hit, first, and bounds of 1/t there. */
+typedef struct {
+    MASK nearer;
+    Bounds near;
+} Decision;
+
+/* That of the lanes of `open`, where float32 cannot tell. inside: as in triangle_meet(); best, id, sure: of the hit so far. */
+static __attribute__((noinline)) Decision decide_triangle(const Scene *all, const Real3 *d, const Real3 *w, const int index,
+                                                          const MASK open, const MASK inside, const REAL best, const INT id,
+                                                          const MASK sure) {
+    const Scene scene = *all;
     const int number = index - scene.spheres.first;
-    REAL_MASK wanted = TO_REAL_MASK(ALL_LANES), inside = 0;
+    const REAL t = triangle_meet_from_eye(scene.spheres, *d, *w, triangle_at(scene.spheres, number), (INT)number,
+                                          TO_REAL_MASK(open), TO_REAL_MASK(inside)).t;
+    const REAL_MASK nearer = comes_before(all, d, w, t, (INT)index, best, id, sure) & (t < INFINITY);
+    const Decision decision = {TO_MASK(nearer), near_of(t, scene.unit)};
+    return decision;
+}
+
+/* Takes a triangle into account, and tells whether any lane hits it. x, y: where the rays cross the image plane, in float. */
+static __attribute__((always_inline)) int meet_triangle(const Scene scene, const Ray ray, const FLOAT x, const FLOAT y, const int index, Hit *hit,
+                          Work *work) {
+    MASK open = ALL_LANES, inside = 0;
 #ifdef WITH_FILTER
-    const Sides sides = sides_of(x, y, (FLOAT)-1, scene.facet + 3 * (long)number);
-    const MASK open = sides.least >= -1.0f;
-    if (!ANY(open)) {
+    __global const float4 *facet = scene.facet + 3 * (long)(index - scene.spheres.first);
+    const Sides sides = sides_of(x, y, (FLOAT)-1, 1, facet);
+    if (!ANY(sides.open)) {
         COUNT(FILTERED, ALL_LANES);
-        return;
+        return 0;
     }
-    wanted = TO_REAL_MASK(open);
-#if REAL_BYTES == 4
-    wanted = inside = sides.within;
+    const Bounds near = plane_at(x, y, (FLOAT)-1, facet);
+    const MASK nearer = sides.inside & (near.low > hit->near.high);
+    open = sides.open & !nearer & !(near.high < hit->near.low);
+    inside = sides.inside;
+    PUT_WHERE(nearer, hit->near.low, near.low);
+    PUT_WHERE(nearer, hit->near.high, near.high);
+    PUT_WHERE(nearer, hit->id, (INT)index);
+    hit->sure = hit->sure | nearer;
+    if (!RARELY(ANY(open))) return ANY(nearer);
+#endif
+    COUNT(DECIDED, open);
+    const Scene all = scene;
+    const Real3 d = ray.d, w = ray.w;
+    const Decision is = decide_triangle(&all, &d, &w, index, open, inside, hit->t, hit->id, hit->sure);
+    PUT_WHERE(is.nearer, hit->near.low, is.near.low);
+    PUT_WHERE(is.nearer, hit->near.high, is.near.high);
+    PUT_WHERE(is.nearer, hit->id, (INT)index);
+    PUT_WHERE(is.nearer, hit->sure, inside);
+    return 1;
+}
+
+/* Puts into a hit where the rays meet triangles. */
+static __attribute__((always_inline)) void settle(const Scene scene, const Ray ray, Hit *hit) {
+    const MASK face = hit->id >= scene.spheres.first;
+    const INT number = face ? hit->id - scene.spheres.first : (INT)-1;
+    const REAL_MASK here = TO_REAL_MASK(face);
+    const Crossing at = triangle_meet_from_eye(scene.spheres, ray.d, ray.w, triangles_of(scene.spheres, number), number, here,
+                                               TO_REAL_MASK(face & hit->sure));
+    hit->shares = at.shares;
+#if REAL_BYTES == 8
+    PUT_WHERE(here, hit->t, at.t);
 #else
-    inside = TO_REAL_MASK(sides.least > 1.0f);
+    /* Where a triangle is seen all but from its edge, rounding may lose it. */
+    PUT_WHERE(here, hit->t, at.t < INFINITY ? at.t : 1 / hit->near.low);
 #endif
-#endif
-    COUNT(DECIDED, TO_MASK(wanted));
-    Shares shares;
-    const REAL t = triangle_meet(scene.spheres, ray.leaving, triangle_at(scene.spheres, number), (INT)number, wanted, inside, &shares);
-    const REAL_MASK close = too_close(t, hit->t);
-    REAL_MASK nearer = t < hit->t;
-    if (RARELY(ANY(TO_MASK(close)))) nearer = close ? comes_first_of(scene, ray.leaving, (INT)index, hit->id) : nearer;
-    PUT_WHERE(nearer, hit->t, t);
-    PUT_WHERE(TO_MASK(nearer), hit->id, (INT)index);
-    PUT_WHERE(nearer, hit->shares.EB, shares.EB);
-    PUT_WHERE(nearer, hit->shares.EC, shares.EC);
-    PUT_WHERE(nearer, hit->shares.all, shares.all);
 }
 #endif
 
@@ -120,9 +203,8 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const int index = entry.x;
 #ifdef WITH_TRIANGLES
             if (index >= scene.spheres.first) {
-                meet_triangle(scene, ray, dx, dy, index, &hit, work);
-                found = 1;
-                const FLOAT far = TO_FLOAT(hit.t * scene.unit);
+                if (!meet_triangle(scene, ray, dx, dy, index, &hit, work)) continue;
+                const FLOAT far = 1 / hit.near.low;
                 reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
                 continue;
             }
@@ -153,7 +235,11 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 #else
             const Meeting at = sphere_meet(scene.spheres, ray, sphere);
 #endif
+#ifdef WITH_TRIANGLES
+            const REAL_MASK nearer = closer_than_any(scene, ray, sphere, index, at, hit);
+#else
             const REAL_MASK nearer = found ? closer(scene, ray, sphere, index, at, hit) : at.t < hit.t;
+#endif
             found = 1;
             hit.t = nearer ? at.t : hit.t;
             hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
@@ -163,10 +249,20 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 #ifdef WITH_ELLIPSOIDS
             PUT_WHERE(nearer, hit.inside, inside);
 #endif
+#ifdef WITH_TRIANGLES
+            const Bounds near = near_of(at.t, scene.unit);
+            PUT_WHERE(TO_MASK(nearer), hit.near.low, near.low);
+            PUT_WHERE(TO_MASK(nearer), hit.near.high, near.high);
+            const FLOAT far = 1 / hit.near.low;
+#else
             const FLOAT far = TO_FLOAT(hit.t * scene.unit);
+#endif
             reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
 #endif
         }
     }
+#ifdef WITH_TRIANGLES
+    if (ANY(hit.id >= scene.spheres.first)) settle(scene, ray, &hit);
+#endif
     return hit;
 }

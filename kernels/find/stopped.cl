@@ -125,34 +125,47 @@ static int filter_leaves(const Scene scene, const ShadowRay ray, const Place pla
 #endif
 
 #ifdef WITH_TRIANGLES
-/* The lanes of `may` in which a triangle stands between P and the light. placed: whether place_starts() has been called, which
- * few rays need. */
-static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place place, Start *start, int *placed,
-                           const int number, const MASK may, Work *work) {
-    MASK wanted = may;
-    REAL_MASK inside = 0;
+/* The same where float32 cannot tell: for the lanes of `wanted`, of which those of `inside` are as in triangle_meet(). */
+static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const real4 lamp, const int at_point,
+                                                   const Start *from, const int number, const MASK wanted,
+                                                   const MASK inside) {
+    const Spheres spheres = *all;
+    Start start = *from;
+    place_starts(spheres, &start);
+    return TO_MASK(stands_before(spheres, lamp, at_point, start, triangle_at(spheres, number), number, TO_REAL_MASK(wanted),
+                                 TO_REAL_MASK(inside)));
+}
+
+/* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
+ * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
+static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place place, const Start start, const int number,
+                           const MASK may, Work *work) {
+    MASK unsure = may, inside = 0, stops = 0;
 #ifdef WITH_FILTER
     if (!place.touches) {
         __global const float4 *facet = scene.light_facet + 3 * ((long)ray.number * scene.triangles + number);
-        const Sides sides = ray.at_point ? sides_of(ray.w32.x, ray.w32.y, ray.w32.z, facet)
-                                         : sides_of(place.u, place.v, (FLOAT)1, facet);
-        const FLOAT bound = ray.at_point ? sqrt(ray.a) : (FLOAT)1;
-        wanted = may & (sides.least >= -bound);
-#if REAL_BYTES == 4
-        wanted = may & sides.within;
-        inside = wanted;
-#else
-        inside = TO_REAL_MASK(sides.least > bound);
-#endif
+        const FLOAT x = ray.at_point ? ray.w32.x : place.u, y = ray.at_point ? ray.w32.y : place.v;
+        const FLOAT z = ray.at_point ? ray.w32.z : (FLOAT)1;
+        const Sides sides = sides_of(x, y, z, ray.at_point ? sqrt(ray.a) : (FLOAT)1, facet);
+        unsure = may & sides.open;
+        COUNT(FILTERED, may & !unsure);
+        if (!ANY(unsure)) return 0;
+        const Bounds plane = plane_at(x, y, z, facet);
+        /* P's own depth is off by a rounding of it, and by less than 2^-40; that of the plane by 2^-27, see along_light(). */
+        const FLOAT off = FMA(magnitude(place.depth), (FLOAT)0x1p-22f, (FLOAT)0x1p-26f);
+        const MASK beyond = ray.at_point ? plane.low > 1 : plane.high < place.depth - off;
+        const MASK before = ray.at_point ? plane.high < 1 : plane.low > place.depth + off;
+        inside = unsure & sides.inside;
+        stops = inside & beyond;
+        unsure = unsure & !stops & !before;
     }
 #endif
-    COUNT(FILTERED, may & !wanted);
-    if (!ANY(wanted)) return 0;
-    COUNT(DECIDED, wanted);
-    if (!*placed) place_starts(scene.spheres, start);
-    *placed = 1;
-    return TO_MASK(stands_before(scene.spheres, scene.lamp[ray.number], ray.at_point, *start, triangle_at(scene.spheres, number),
-                                 number, TO_REAL_MASK(wanted), inside));
+    if (!RARELY(ANY(unsure))) return stops;
+    COUNT(DECIDED, unsure);
+    /* Copied here, lest compilers keep it in memory all the time. */
+    const Spheres spheres = scene.spheres;
+    const Start copy = start;
+    return stops | decide_stops(&spheres, scene.lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
 }
 #endif
 
@@ -161,21 +174,23 @@ static MASK triangle_stops(const Scene scene, const ShadowRay ray, const Place p
  * than P stops nothing, so there the list ends for a lane. */
 static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Place place, Start start, const INT own,
                            const int cell, const MASK in, MASK lit, Work *work) {
-#ifdef WITH_TRIANGLES
-    int placed = 0;
-#endif
     const int first = scene.lists.start[cell], end = scene.lists.start[cell + 1];
+    /* Of triangles alone, that took more time than it saved. */
+#ifndef ONLY_TRIANGLES
     FETCH_AHEAD(scene, scene.light_filter + (long)ray.number * scene.count, ray.number, first);
+#endif
     for (int k = first; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
         const int index = entry.x;
         MASK may = in & lit & (place.depth > as_float(entry.y));
         if (!ANY(may)) break;
+#ifndef ONLY_TRIANGLES
         FETCH_ENTRY(scene, scene.light_filter + (long)ray.number * scene.count, ray.number, k + AHEAD);
+#endif
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
             may = may & (own != index);
-            lit = lit & !triangle_stops(scene, ray, place, &start, &placed, index - scene.spheres.first, may, work);
+            lit = lit & !triangle_stops(scene, ray, place, start, index - scene.spheres.first, may, work);
             continue;
         }
 #endif

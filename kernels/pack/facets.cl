@@ -1,4 +1,4 @@
-/* facets.cl: the planes of triangles' edges, as the eye or a light at a point sees them: _facets() of
+/* facets.cl: the planes of triangles' edges, and their own, as the eye or a light at a point sees them: _facets() of
  * cltrace/plan/shapes/triangle.py, where they are derived, with the same arithmetic in the same order.
  */
 
@@ -13,6 +13,11 @@ INLINE Real3 cross_product(const Real3 a, const Real3 b) {
 /* The sum of the coordinates' magnitudes. */
 INLINE REAL size_of(const Real3 a) {
     return (fabs(a.x) + fabs(a.y)) + fabs(a.z);
+}
+
+INLINE Real3 difference(const Real3 a, const Real3 b) {
+    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return d;
 }
 
 /* Three rows for each of `count` triangles, from row 3 first on. known: 0: all of them, and those are noted in `unsure`
@@ -51,16 +56,22 @@ __kernel void facets(
             corner[c].z = LOAD_LANES(place[3 * c + 2]);
             size[c] = size_of(corner[c]);
         }
-        const Real3 plane = cross_product(corner[1], corner[2]);
-        const REAL D = DOT(corner[0], plane);
+        const Real3 e = difference(corner[1], corner[0]), f = difference(corner[2], corner[0]), N = cross_product(e, f);
+        const REAL D = DOT(corner[0], N), most = LARGER(LARGER(size[0], size[1]), size[2]), total = size_of(N),
+                   N_off = (TURNED * most) * (size_of(e) + size_of(f)), D_off = size[0] * (N_off + TURNED * total),
+                   size_of_D = fabs(D);
         REAL side = LOAD_LANES(sign);
         if (!known) {
             side = D > 0 ? (REAL)1 : D < 0 ? (REAL)-1 : (REAL)0;
-            const REAL off = (4 * TURNED) * (size[0] * size[1] * size[2]);
-            note_unsure(unsure, i, count, fabs(D) > off ? side : (REAL)NAN);
+            note_unsure(unsure, i, count, size_of_D > D_off ? side : (REAL)NAN);
         }
         STORE_LANES(side, sign);
         side *= turn;
+        const MASK clear = TO_MASK(
+            (most * N_off <= 0x1p-27 * size_of_D) & (most * total * D_off <= 0x1p-27 * size_of_D * size_of_D) &
+            (D_off <= 0x1p-26 * size_of_D)
+        );
+        const REAL over = turn / D, own[3] = {N.x * over, N.y * over, N.z * over};
         for (int c = 0; c < 3; c++) {
             const Real3 n = cross_product(corner[c], corner[(c + 1) % 3]);
             const REAL rounding = pane.x < 0 ? sqrt((n.x * n.x + n.y * n.y) + n.z * n.z)
@@ -68,12 +79,13 @@ __kernel void facets(
             const REAL bound = (FACET_ROUNDINGS * ROUNDING) * rounding +
                                (TURNED * reach) * (size[c] * size[(c + 1) % 3]) + 0x1p-300;
             const REAL factor = side / bound;
-            float x[W], y[W], z[W];
+            float x[W], y[W], z[W], w[W];
             STORE_LANES(TO_FLOAT(n.x * factor), x);
             STORE_LANES(TO_FLOAT(n.y * factor), y);
             STORE_LANES(TO_FLOAT(n.z * factor), z);
+            STORE_LANES(clear ? TO_FLOAT(own[c]) : AS(float, (INT)0x7fc00000), w);
             for (int k = 0; k < W; k++)
-                facet[3 * (first + at[k]) + c] = (float4)(x[k], y[k], z[k], 0);
+                facet[3 * (first + at[k]) + c] = (float4)(x[k], y[k], z[k], w[k]);
         }
         for (int k = 0; k < W; k++)
             met[at[k]] = sign[k] != 0;

@@ -33,36 +33,64 @@ static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres sphe
                                                               const REAL_MASK wanted) {
     return fine_triangle(spheres, fine_path(spheres, ray), number, wanted);
 }
+
+/* The same of rays from the eye. */
+static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const Real3 *d, const Real3 *w,
+                                                                    const INT number, const REAL_MASK wanted) {
+    return fine_meeting_of(*spheres, from_eye(*spheres, *d, *w), number, wanted);
+}
 #endif
 
-/* t at which each of the lanes of `wanted` meets its triangle, INFINITY if it does not. T: the triangles, of which `number`
- * are the numbers; shares: where on it; inside: lanes of which it is known that all three volumes have the sign of D. */
-static REAL triangle_meet(const Spheres spheres, const Leaving ray, const Triangle T, const INT number,
-                          const REAL_MASK wanted, const REAL_MASK inside, Shares *shares) {
-    const Volumes v = volumes_of(path_of(ray), T);
-    shares->EB = v.EB;
-    shares->EC = v.EC;
-    shares->all = v.den;
+/* Where each of the lanes' rays meets its triangle. */
+typedef struct {
+    REAL t; /* INFINITY if it does not */
+    Shares shares;
+    REAL_MASK unsure; /* whether double cannot tell t; always false in single */
+} Crossing;
+
+/* The crossings of the lanes of `wanted`, as far as `real` tells. inside: lanes of which it is known that all three volumes
+ * have the sign of D. */
+static __attribute__((always_inline)) Crossing triangle_meet(const Path path, const Triangle T, const REAL_MASK wanted, const REAL_MASK inside) {
+    const Volumes v = volumes_of(path, T);
     const REAL D = v.D, t = D / v.den;
-    const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
+    Crossing at = {(REAL)INFINITY, {v.EB, v.EC, v.den}, 0};
+    REAL_MASK meets = inside;
 #if REAL_BYTES == 8
-    const REAL_MASK split = (least < -v.E_error) & (most > v.E_error);
-    const REAL_MASK before = (D > v.D_error) & (least < -v.E_error), behind = (D < -v.D_error) & (most > v.E_error);
-    const REAL_MASK misses = !inside & (split | before | behind);
-    const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error) & (fabs(v.den) > 0x1p26 * v.den_error);
-    const REAL_MASK meets = inside | ((D > 0) & (least > v.E_error)) | ((D < 0) & (most < -v.E_error));
-    const REAL_MASK unsure = wanted & !misses & !(meets & sure_t);
-    REAL at = (wanted & meets & sure_t) ? t : (REAL)INFINITY;
-    if (RARELY(ANY(TO_MASK(unsure)))) {
-        const FineTriangle fine = fine_meeting_of(spheres, ray, number, unsure);
-        at = (unsure & fine.hit) ? fine.t.hi : at;
+    REAL_MASK misses = 0;
+    if (ANY(TO_MASK(wanted & !inside))) {
+        const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
+        const REAL_MASK split = (least < -v.E_error) & (most > v.E_error);
+        const REAL_MASK before = (D > v.D_error) & (least < -v.E_error), behind = (D < -v.D_error) & (most > v.E_error);
+        misses = !inside & (split | before | behind);
+        meets = inside | ((D > 0) & (least > v.E_error)) | ((D < 0) & (most < -v.E_error));
     }
-    return at;
+    const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error) & (fabs(v.den) > 0x1p26 * v.den_error);
+    at.unsure = wanted & !misses & !(meets & sure_t);
+    at.t = (wanted & meets & sure_t) ? t : at.t;
 #else
     /* Float tells no ties apart: both triangles at an edge are met, and none is missed. */
-    const REAL_MASK hit = inside | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));
-    return (wanted & hit & (t > 0)) ? t : (REAL)INFINITY;
+    const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
+    meets = meets | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));
+    at.t = (wanted & meets & (t > 0)) ? t : at.t;
 #endif
+    return at;
+}
+
+/* The same of rays from the eye along w, which is d in the world. number: of the triangles T. What is passed on where double
+ * cannot tell is copied there: else compilers keep it in memory all the time. */
+static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Spheres spheres, const Real3 d, const Real3 w, const Triangle T,
+                                       const INT number, const REAL_MASK wanted, const REAL_MASK inside) {
+    const Path path = {{spheres.eye.x, spheres.eye.y, spheres.eye.z}, {0, 0, 0}, w, 0, size_of(w)};
+    Crossing at = triangle_meet(path, T, wanted, inside);
+#if REAL_BYTES == 8
+    if (RARELY(ANY(TO_MASK(at.unsure)))) {
+        const Spheres all = spheres;
+        const Real3 own_d = d, own_w = w;
+        const FineTriangle fine = fine_meeting_from_eye(&all, &own_d, &own_w, number, at.unsure);
+        at.t = (at.unsure & fine.hit) ? fine.t.hi : at.t;
+    }
+#endif
+    return at;
 }
 
 /* Where the lanes of `wanted` meet the triangle that each of them names by its index; shares: where on it. */
@@ -70,7 +98,15 @@ static Encounter triangle_meet_from(const Scene scene, const Leaving ray, const 
                                     Shares *shares) {
     const INT number = index - scene.spheres.first;
     const REAL_MASK other = wanted & TO_REAL_MASK(index != ray.own);
-    const Encounter at = {triangle_meet(scene.spheres, ray, triangles_of(scene.spheres, number), number, other, 0, shares), 0};
+    const Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene.spheres, number), other, 0);
+    Encounter at = {crossing.t, 0};
+    *shares = crossing.shares;
+#if REAL_BYTES == 8
+    if (RARELY(ANY(TO_MASK(crossing.unsure)))) {
+        const FineTriangle fine = fine_meeting_of(scene.spheres, ray, number, crossing.unsure);
+        at.t = (crossing.unsure & fine.hit) ? fine.t.hi : at.t;
+    }
+#endif
     return at;
 }
 

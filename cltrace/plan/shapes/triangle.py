@@ -123,14 +123,16 @@ def _facets(
 ) -> Facets:
     """The planes of the edges, A' x B', B' x C' and C' x A', times the sign of D = A'.N, each divided by its bound.
 
+    Beside each edge is one number of the triangle's own plane N / D: a ray along d meets it at 1/t = N.d / D.
+
     A corner is off by TURNED / 4 of its size at most: it was subtracted, turned by axes that are orthogonal to 14
-    roundings, and scaled. So a plane is off by less than TURNED of the product of both corners' sizes, and D by less
-    than 4 TURNED of that of all three. rounding: what float32 makes of the planes (3 arrays); reach: how much the
+    roundings, and scaled. So an edge's plane is off by less than TURNED of the product of both corners' sizes; a number
+    of N = e x f, of edges e and f from A, by less than TURNED s (|e| + |f|), s the largest corner's size; and D by what
+    that makes of A, and TURNED |A| |N|. rounding: what float32 makes of the planes (3 arrays); reach: how much the
     former may count, 1-norm of the directions; turn: 1 or -1, a factor; exact: the sign of D of one triangle.
     """
     m = len(triangles.face)
     packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
-    packed[..., 3] = 0
     columns = np.ascontiguousarray(vertex.T)
     size = np.abs(columns).sum(axis=0)
 
@@ -139,10 +141,14 @@ def _facets(
         corner = [tuple(column.take(which) for column in columns) for which in face]
         sizes = [size.take(which) for which in face]
         planes = [_cross(corner[i], corner[(i + 1) % 3]) for i in range(3)]
-        (x, y, z), (u, v, w) = corner[0], planes[1]
-        D = (x * u + y * v) + z * w
+        e, f = (tuple(q - p for p, q in zip(corner[0], other, strict=True)) for other in corner[1:])
+        N = _cross(e, f)
+        D = _dot(corner[0], N)
+        most = np.maximum(np.maximum(sizes[0], sizes[1]), sizes[2])
+        total, N_off = _size(N), TURNED * most * (_size(e) + _size(f))
+        D_off = sizes[0] * (N_off + TURNED * total)
         side = np.sign(D)
-        unsure = np.flatnonzero(~(np.abs(D) > 4 * TURNED * (sizes[0] * sizes[1] * sizes[2])))
+        unsure = np.flatnonzero(~(np.abs(D) > D_off))
         side[unsure] = [exact(rows.start + i) for i in unsure.tolist()]
         met[rows] = side != 0
         side *= turn
@@ -151,32 +157,43 @@ def _facets(
             factor = side / bound
             for k in range(3):
                 packed[rows, i, k] = n[k] * factor
+        # A point of the triangle along d has t |d_i| <= s in each coordinate, so 1/t >= (|d_x| + |d_y| + |d_z|) / 3 s.
+        # Each number of N / D is off by less than (N_off + |N| D_off / |D|) / |D|, but for 2^-25 of that, so here what
+        # 1/t is off by is below 2^-24 of it. Other planes are left open.
+        size_of_D = np.abs(D)
+        with np.errstate(all="ignore"):
+            clear = (most * N_off <= 2.0**-27 * size_of_D) & (most * total * D_off <= 2.0**-27 * size_of_D * size_of_D)
+            factor = np.where(clear & (D_off <= 2.0**-26 * size_of_D), turn / D, np.nan)
+            for k in range(3):
+                packed[rows, k, 3] = N[k] * factor
 
     blockwise(m, fill)
     return Facets(out, met)
 
 
 def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array, out: Floats) -> Facets:
-    """As seen along a parallel light: lines in the plane across it.
+    """As seen along a parallel light: lines in the plane across it, and how deep below the light the triangle is there.
 
     vertex: (v, 3), from the eye in camera space, in the float buffers' unit; axes: (3, 3), the two across and the one
     towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: as in from_eye().
 
     A line is a (u, v) -> (b - a) x (p - a) for a point p of the plane. The axes are orthogonal and unit to 2^-48, and a
-    point's coordinates are off by 2^-46 of FAR, beside what rounding them to float32 makes.
+    point's coordinates are off by 2^-46 of FAR, beside what rounding them to float32 makes. Depth is a function of u
+    and v, too: that of A, plus slopes times the way from there.
     """
     m = len(triangles.face)
     packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
-    packed[..., 3] = 0
-    u, v = (np.ascontiguousarray(vertex @ axis) for axis in axes[:2])
+    u, v, s = (np.ascontiguousarray(vertex @ axis) for axis in axes)
 
     def fill(rows: slice) -> None:
         face = np.ascontiguousarray(triangles.face[rows, :3].T)
-        x, y = ([column.take(which) for which in face] for column in (u, v))
+        x, y, z = ([column.take(which) for which in face] for column in (u, v, s))
         lines = []
         for i, j in ((0, 1), (1, 2), (2, 0)):
             lines.append((-(y[j] - y[i]), x[j] - x[i], x[i] * y[j] - x[j] * y[i]))
-        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+        e, f = (tuple(p[i] - p[0] for p in (x, y, z)) for i in (1, 2))
+        N = _cross(e, f)
+        area = N[2]
         spread = (np.abs(lines[0][0]) + np.abs(lines[0][1])) + (np.abs(lines[2][0]) + np.abs(lines[2][1]))
         side = np.sign(area)
         unsure = np.flatnonzero(~(np.abs(area) > 4 * TURNED * FAR * (spread + FAR * TURNED)))
@@ -189,6 +206,14 @@ def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array
             factor = side / bound
             for k in range(3):
                 packed[rows, i, k] = n[k] * factor
+        # Where a line along the light meets the triangle, that is within |e| + |f| of A, and slopes are off by less
+        # than (1 + |slope|) N_off / |N_s|. So here depths are off by less than 2^-27. Other planes are left open.
+        reach = _size(e) + _size(f)
+        with np.errstate(all="ignore"):
+            a, b = N[0] / area, N[1] / area
+            off = reach * (1 + np.abs(a) + np.abs(b)) * (4 * TURNED * FAR * reach)
+            depth = np.where(off <= 2.0**-28 * np.abs(area), -(z[0] + (a * x[0] + b * y[0])), np.nan)
+            packed[rows, 0, 3], packed[rows, 1, 3], packed[rows, 2, 3] = a, b, depth
 
     blockwise(m, fill)
     return Facets(out, met)
@@ -196,6 +221,15 @@ def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array
 
 def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _dot(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+    return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+
+
+def _size(a: tuple[Array, ...]) -> Array:
+    """The sum of the coordinates' magnitudes."""
+    return (np.abs(a[0]) + np.abs(a[1])) + np.abs(a[2])
 
 
 def _corners(triangles: Triangles, i: int) -> list[list[Fraction]]:
