@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from cltrace.blocks import blockwise, empty
+from cltrace.blocks import BLOCK, blockwise, concurrently, empty, processors
 
 # One in so many spheres is looked at to know how good an order is.
 SAMPLE = 16
@@ -38,13 +40,24 @@ def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
             key[block] |= every_third.take(place.astype(np.int32)) << k
 
     blockwise(n, interleave)
-    key.sort()
+    return _sorted_low_bits(key, index_bits)
+
+
+def _sorted_low_bits(key: NDArray[np.int64], bits: int) -> NDArray[np.int32]:
+    """So many of the lowest bits of each of the keys (n,), in the keys' order. Each processor sorts a part, in place."""
+    n, parts = len(key), min(processors(), len(key) // BLOCK + 1)
+    edges = [n * part // parts for part in range(parts + 1)]
+    if parts > 1:
+        key.partition(edges[1:-1])
     order = np.empty(n, np.int32)
 
-    def cut(block: slice) -> None:
-        order[block] = key[block] & (1 << index_bits) - 1
+    def sort(part: slice) -> None:
+        some = key[part]
+        some.sort()
+        some &= (1 << bits) - 1
+        order[part] = some
 
-    blockwise(n, cut)
+    concurrently([partial(sort, slice(low, high)) for low, high in pairwise(edges)])
     return order
 
 

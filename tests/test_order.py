@@ -1,0 +1,35 @@
+"""The order of spheres in memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cltrace.plan import order
+from cltrace.plan.order import spatial_order, step
+
+
+@pytest.mark.parametrize("processors", [1, 2, 7])
+@pytest.mark.parametrize("points", ["apart", "in pairs", "in one place"])
+def test_an_order_is_the_same_on_any_number_of_processors(
+    points: str, processors: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal points stay in the scene's order."""
+    n = 3 * order.BLOCK
+    center = np.random.default_rng(0).normal(size=(n, 3))
+    if points == "in pairs":
+        center[n // 2 :] = center[: n - n // 2]
+    if points == "in one place":
+        center[:] = 1
+    monkeypatch.setattr(order, "processors", lambda: 1)
+    want = spatial_order(center)
+    monkeypatch.setattr(order, "processors", lambda: processors)
+    found = spatial_order(center)
+    assert np.array_equal(found, want)
+    assert np.array_equal(np.sort(found), np.arange(n))
+    if points != "apart":
+        place = np.empty(n, int)
+        place[found] = np.arange(n)
+        assert (place[n // 2 :] > place[: n - n // 2]).all()
+    else:
+        assert step(center[found]) < step(center) / 10
