@@ -64,7 +64,7 @@ __kernel void see_from_eye(
         STORE_LANES(c.lo, rest + i);
         note_unsure(unsure, i, n, c.lo);
         most = LARGER(LARGER(LARGER(most, r), fabs(X)), LARGER(fabs(Y), fabs(Z)));
-        least = (c.lo == c.lo) & (c.hi < least) ? c.hi : least;
+        least = ((c.lo == c.lo) & (c.hi < least)) ? c.hi : least;
     }
     part[get_global_id(0)] = (double2)(largest_lane(most), -largest_lane(-least));
 }

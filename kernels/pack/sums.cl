@@ -45,7 +45,7 @@ INLINE Pair square_excess(const Pair x, const Pair y, const Pair z, const REAL r
     const Sum b = with_term(with_pair(a, two_product(y.hi, y.hi)), 2 * y.hi * y.lo);
     const Sum c = with_term(with_pair(b, two_product(z.hi, z.hi)), 2 * z.hi * z.lo);
     Pair excess = total(with_term(with_term(c, -square.hi), -square.lo));
-    const REAL share = (x.lo == 0) & (y.lo == 0) & (z.lo == 0) ? (REAL)0x1p-44 : (REAL)0x1p-2;
+    const REAL share = ((x.lo == 0) & (y.lo == 0) & (z.lo == 0)) ? (REAL)0x1p-44 : (REAL)0x1p-2;
     const REAL least = share * (((x.hi * x.hi + y.hi * y.hi) + z.hi * z.hi) + square.hi);
     excess.lo = fabs(excess.hi) < least ? (REAL)NAN : excess.lo;
     return excess;

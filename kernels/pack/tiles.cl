@@ -301,11 +301,11 @@ __kernel void discs_along(
         for (int k = 0; k < 4; k++) {
             const REAL outer = k % 2 ? edge[k] : -edge[k];
             STORE_LANES(edge[k], edges + (long)k * pitch + i);
-            extent[k] = TO_REAL_MASK(member) & (outer > extent[k]) ? outer : extent[k];
-            extent[4 + k] = TO_REAL_MASK(receiver) & (outer > extent[4 + k]) ? outer : extent[4 + k];
+            extent[k] = (TO_REAL_MASK(member) & (outer > extent[k])) ? outer : extent[k];
+            extent[4 + k] = (TO_REAL_MASK(receiver) & (outer > extent[4 + k])) ? outer : extent[4 + k];
         }
-        extent[8] = TO_REAL_MASK(receiver) & (nearer > extent[8]) ? nearer : extent[8];
-        extent[9] = TO_REAL_MASK(receiver) & (far > extent[9]) ? far : extent[9];
+        extent[8] = (TO_REAL_MASK(receiver) & (nearer > extent[8])) ? nearer : extent[8];
+        extent[9] = (TO_REAL_MASK(receiver) & (far > extent[9])) ? far : extent[9];
         members += TO_LONG(member ? (INT)1 : (INT)0);
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
         store_flags(flag & (VISIBLE | RECEIVER), flags + i);
@@ -381,7 +381,7 @@ __kernel void place(
         members += TO_LONG(within ? (INT)1 : (INT)0);
         last = within ? i + LANE : last;
         entries += TO_LONG(within ? (row.more + 1) * (rows.more + 1) : (INT)0);
-        more += TO_LONG(within & ((flag & ENTERED) == 0) ? (INT)1 : (INT)0);
+        more += TO_LONG((within & ((flag & ENTERED) == 0)) ? (INT)1 : (INT)0);
     }
     part[4 * get_global_id(0)] = sum_of_lanes(members);
     part[4 * get_global_id(0) + 1] = sum_of_lanes(entries);
