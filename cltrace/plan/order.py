@@ -44,7 +44,7 @@ def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
 
 
 def _sorted_low_bits(key: NDArray[np.int64], bits: int) -> NDArray[np.int32]:
-    """So many of the lowest bits of each of the keys (n,), in the keys' order. Each processor sorts a part, in place."""
+    """So many of the lowest bits of each of the keys (n,), in their order. Each processor sorts a part, in place."""
     n, parts = len(key), min(processors(), len(key) // BLOCK + 1)
     edges = [n * part // parts for part in range(parts + 1)]
     if parts > 1:
