@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cltrace.errors import DeviceError
+from cltrace.picture.composition import Composition
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Before, Plan, View, World
@@ -32,11 +33,11 @@ class Renderer:
 
     scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
     as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
-    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays
-    and work, which Image describes; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1
-    excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the
-    nearest; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on the device; keep: what not to skip, for
-    measuring, see Request.
+    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays,
+    work, rgba8 and alpha, which Image describes, and rgb8 brings rgba8 where the background has alpha; crop: (x0, y0,
+    x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it; truncate: whether a byte
+    is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a packet, 1, 4, 8 or 16, None
+    for what is best on the device; keep: what not to skip, for measuring, see Request.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
@@ -61,7 +62,9 @@ class Renderer:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
         self.device = device if isinstance(device, Device) else choose(device)
-        self.request = Request(precision or default_precision(self.device), outputs, crop, truncate, keep)
+        self._composition = Composition.of(outputs, scene, truncate)
+        wanted = self._composition.outputs
+        self.request = Request(precision or default_precision(self.device), wanted, crop, truncate, keep)
         if self.precision != "single" and not self.device.has_double:
             raise DeviceError(
                 f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
@@ -213,7 +216,7 @@ class Renderer:
             arrays = executor.read(frame)
             end = time.perf_counter()
         seconds = self.seconds | {"kernel": done - start, "readback": end - done}
-        return Image(**arrays, seconds=seconds, frame=frame)
+        return Image(**self._composition.composed(arrays), seconds=seconds, frame=frame)
 
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.

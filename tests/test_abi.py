@@ -13,7 +13,7 @@ import cltrace
 from cltrace.picture.image import OUTPUTS
 from cltrace.plan import abi
 from cltrace.plan.plan import Plan
-from cltrace.plan.request import Request
+from cltrace.plan.request import COMPOSED, Request
 from cltrace.run import program
 from cltrace.run.devices import Device
 
@@ -77,7 +77,7 @@ def test_buffers_have_the_types_of_the_table() -> None:
 
 
 def test_an_image_has_a_place_for_each_output() -> None:
-    assert tuple(abi.OUTPUTS) == OUTPUTS
+    assert (*abi.OUTPUTS, *COMPOSED) == OUTPUTS
 
 
 def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
@@ -153,11 +153,11 @@ def test_features_are_only_those_that_the_scene_needs() -> None:
 
 # What each room may import.
 BELOW = {
-    "scene": {"scene", "blocks"},
+    "scene": {"scene", "blocks", "errors"},
     "formats": {"formats", "scene", "errors"},
     "plan": {"plan", "scene", "blocks"},
     "run": {"run", "plan", "scene", "blocks", "errors"},
-    "picture": {"picture"},
+    "picture": {"picture", "scene", "errors"},
     "reference": {"reference", "scene", "picture"},
     "explanation": {"explanation", "reference", "scene", "errors"},
     "oracle": {"oracle", "scene"},

@@ -22,6 +22,7 @@ import cltrace
 from cltrace import Image, Renderer
 from cltrace.picture.image import OUTPUTS
 from cltrace.plan import abi
+from cltrace.plan.request import COMPOSED
 from cltrace.run import devices, executor
 from cltrace.run.devices import Device
 
@@ -100,7 +101,7 @@ def test_an_image_is_an_array_of_its_bytes() -> None:
     assert np.asarray(image, float).tolist() == pixels.tolist()
     assert np.asarray(image, float).dtype == float
     assert np.array_equal(np.asarray(Picture.fromarray(np.asarray(image))), pixels)
-    with pytest.raises(ValueError, match=r"^copy: rgb8 is uint8, and cannot become float64 without a copy$"):
+    with pytest.raises(ValueError, match=r"^copy: its bytes are uint8, and cannot become float64 without a copy$"):
         image.__array__(float, copy=False)
     with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
         np.asarray(Image(depth=np.zeros((1, 2))))
@@ -234,7 +235,7 @@ def test_images_of_arrays() -> None:
 
 
 def test_outputs_are_those_of_the_plan() -> None:
-    assert tuple(abi.OUTPUTS) == OUTPUTS
+    assert (*abi.OUTPUTS, *COMPOSED) == OUTPUTS
 
 
 def test_what_is_no_path() -> None:

@@ -78,6 +78,7 @@ def _picture(group: Group) -> None:
         help="axes of normal and direction: world or camera (default: world)",
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
+    group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
 

@@ -56,6 +56,8 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
         return explain
     if args.space and args.show not in DIRECTED:
         raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
+    if args.transparent and args.show != "color":
+        raise UsageError("--transparent goes with --show color")
     if args.compare is not None:
         from cltrace.cli.questions import compare
 

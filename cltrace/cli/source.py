@@ -1,4 +1,4 @@
-"""Which scene is drawn: that of the file, with the camera that the command line asks for."""
+"""Which scene is drawn: that of the file, with the camera and background that the command line asks for."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ def scene_of(args: argparse.Namespace, say: Callable[[str], None], lines: bool =
 
 
 def adapted(scene: Scene, args: argparse.Namespace) -> Scene:
-    """The scene with the camera that the command line asks for."""
+    """The scene with the camera and the background that the command line asks for."""
     camera = scene.camera
     if args.size:
         camera = replace(camera, resolution=args.size)
     if args.square_pixels:
         camera = replace(camera, square_pixels=True)
-    return scene.seen_by(camera)
+    seen = scene.seen_by(camera)
+    return seen.in_front_of((*scene.background, 0.0)) if args.transparent else seen

@@ -14,7 +14,9 @@ from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
 from cltrace.picture.png import write_png
 
-Output = Literal["rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work"]
+Output = Literal[
+    "rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work", "rgba8", "alpha"
+]
 Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 SHOWS: tuple[Show, ...] = get_args(Show)
@@ -36,15 +38,21 @@ class Image:
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
         work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
+        rgba8        (h, w, 4) uint8    rgb8, and straight alpha: 255 on surfaces, elsewhere the background's
+        alpha        (h, w) float32     the same alpha, from 0 to 1
+
+    Alpha is 1 wherever the pixel's ray meets a surface, also one of glass, and the background's where it meets none.
+    Colours are those in front of an opaque background, and not multiplied by it.
 
     u and v, from the left and from the top, are 1 where a texture begins anew. On a sphere they are made of the unit
     normal n that it had before its transform: 1/2 + atan2(n.x, n.z) / (2 pi) and acos(n.y) / pi.
 
-    The last two outputs count what was done, also for rays of mirrors and glass. Faint ones of those may have been
+    shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.
 
     Asking for an output that it has not raises AttributeError, so hasattr(image, "depth") tells whether there is one.
-    Where numpy or a plotting library wants an array, an image counts as its rgb8: plt.imshow(image), np.asarray(image).
+    Where numpy or a plotting library wants an array, as in plt.imshow(image) and np.asarray(image), an image counts as
+    its rgba8, or else its rgb8.
 
     seconds: what took how long, in seconds, by name; frame: the buffers that the arrays live in, for
     Renderer.render(out), None in a copy that was pickled.
@@ -60,6 +68,8 @@ class Image:
     uv: NDArray[np.float32]
     shadow_rays: NDArray[np.int32]
     work: NDArray[np.int32]
+    rgba8: NDArray[np.uint8]
+    alpha: NDArray[np.float32]
 
     def __init__(
         self,
@@ -73,10 +83,12 @@ class Image:
         uv: NDArray[np.float32] | None = None,
         shadow_rays: NDArray[np.int32] | None = None,
         work: NDArray[np.int32] | None = None,
+        rgba8: NDArray[np.uint8] | None = None,
+        alpha: NDArray[np.float32] | None = None,
         seconds: dict[str, float] | None = None,
         frame: Any = None,
     ) -> None:
-        arrays = (rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays, work)
+        arrays = (rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays, work, rgba8, alpha)
         given = zip(OUTPUTS, arrays, strict=True)
         self.__dict__.update({name: array for name, array in given if array is not None})
         self.seconds = seconds or {}
@@ -104,7 +116,13 @@ class Image:
     @property
     def _shows(self) -> list[Show]:
         """What it can show."""
-        return [show for show in SHOWS if ("rgb8" if show == "color" else show) in self.outputs]
+        return [show for show in SHOWS if self._output_of(show) in self.outputs]
+
+    def _output_of(self, show: Show) -> Output:
+        """The output that a picture of this is made of."""
+        if show != "color":
+            return show
+        return "rgba8" if "rgba8" in self.outputs and "rgb8" not in self.outputs else "rgb8"
 
     @property
     def frame_seconds(self) -> float:
@@ -112,11 +130,11 @@ class Image:
         return self.seconds["kernel"] + self.seconds["readback"]
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """rgb8, for numpy.asarray(). Raises ValueError if the image has none, or if copy is False and it takes one."""
-        pixels = self.as_rgb8()
+        """rgba8 or rgb8, for numpy.asarray(). Raises ValueError without either, or if it takes a copy and may not."""
+        pixels = self._pixels()
         array: NDArray[Any] = pixels.astype(pixels.dtype if dtype is None else dtype, copy=bool(copy))
         if copy is False and array is not pixels:
-            raise ValueError(f"copy: rgb8 is uint8, and cannot become {array.dtype} without a copy")
+            raise ValueError(f"copy: its bytes are uint8, and cannot become {array.dtype} without a copy")
         return array
 
     def __getstate__(self) -> dict[str, Any]:
@@ -136,7 +154,7 @@ class Image:
         """
         if show not in SHOWS:
             raise ValueError(f"show: must be one of {', '.join(SHOWS)}, got {show!r}")
-        output: Output = "rgb8" if show == "color" else show
+        output = self._output_of(show)
         if output not in self.outputs:
             advice = f"; show={self._shows[0]!r} shows what it has" if self._shows else ""
             raise ValueError(f"show: the image has no {output}, only {', '.join(self.outputs) or 'nothing'}{advice}")
@@ -144,7 +162,7 @@ class Image:
             raise ValueError(f"axes: must be None for {show}, only {' and '.join(DIRECTED)} have axes")
         value = getattr(self, output)
         if show == "color":
-            return np.asarray(value, np.uint8)
+            return np.asarray(value if output == "rgb8" else value[..., :3], np.uint8)
         if show in DIRECTED:
             return palettes.directions(value, None if axes is None else np.asarray(axes, np.float64))
         if show == "depth":
@@ -153,8 +171,12 @@ class Image:
             return palettes.wrapped(np.asarray(value, np.float64))
         return palettes.distinct(np.asarray(value, np.int32))
 
+    def _pixels(self, show: Show = "color", axes: ArrayLike | None = None) -> NDArray[np.uint8]:
+        """rgba8 where that is the picture that is asked for, else as_rgb8()."""
+        return self.rgba8 if show == "color" and "rgba8" in self.outputs else self.as_rgb8(show, axes)
+
     def save(self, path: str | os.PathLike[str], show: Show = "color", axes: ArrayLike | None = None) -> None:
-        """Writes a PNG, completely or not at all. A link is written through.
+        """Writes a PNG, completely or not at all, with alpha if the image has rgba8. A link is written through.
 
         path: a name that ends in .png, in a folder that is there; show, axes: which output, and how, see as_rgb8().
         Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end in .png or the
@@ -174,8 +196,8 @@ class Image:
             self.write_png(file, show, axes)
 
     def write_png(self, file: BinaryIO, show: Show = "color", axes: ArrayLike | None = None) -> None:
-        """Writes a PNG to an open binary file. show, axes: see as_rgb8()."""
-        write_png(file, self.as_rgb8(show, axes))
+        """Writes a PNG to an open binary file, with alpha if the image has rgba8. show, axes: see as_rgb8()."""
+        write_png(file, self._pixels(show, axes))
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()

@@ -28,6 +28,8 @@ Keep = Literal[
     "branches",
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
+# What the host makes of outputs that the kernel writes, and of which.
+COMPOSED = {"rgba8": ("rgb8", "id"), "alpha": ("id",)}
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
 Crop = tuple[int, int, int, int]
 # x, y, width, height in pixels of the whole picture: what a Crop is turned into.
@@ -39,7 +41,8 @@ class Request:
     """What is wanted of a scene.
 
     precision: "accurate", "single" or "double", which arithmetic decides hits and computes colours (docs/accuracy.md);
-    outputs: one or more names of abi.OUTPUTS, kept in the table's order; crop: (x0, y0, x1, y1), a part of the picture
+    outputs: one or more names of abi.OUTPUTS and of COMPOSED, of which those are kept that the kernel writes, in the
+    table's order; crop: (x0, y0, x1, y1), a part of the picture
     in pixels, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead
     of rounded to the nearest.
 
@@ -74,7 +77,7 @@ class Request:
     def __post_init__(self) -> None:
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision: must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
-        for name, allowed, least in (("outputs", tuple(OUTPUTS), 1), ("keep", KEEPS, 0)):
+        for name, allowed, least in (("outputs", (*OUTPUTS, *COMPOSED), 1), ("keep", KEEPS, 0)):
             value = getattr(self, name)
             if isinstance(value, str) and value in allowed:
                 raise ValueError(f"{name}: must be a tuple, such as ({value!r},), got {value!r}")
@@ -84,7 +87,8 @@ class Request:
         if not isinstance(self.truncate, bool):
             raise ValueError(f"truncate: must be True or False, got {self.truncate!r}")
         also = PICTURES if "outputs" in self.keep else ()
-        object.__setattr__(self, "outputs", tuple(n for n in OUTPUTS if n in self.outputs or n in also))
+        written = {part for name in self.outputs for part in COMPOSED.get(name, (name,))} | {*also}
+        object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in written))
         object.__setattr__(self, "keep", tuple(self.keep))
 
     @property

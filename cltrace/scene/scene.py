@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
 from cltrace.scene.colormaps import colors_of
-from cltrace.scene.colors import color_numbers
+from cltrace.scene.colors import background_of
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
@@ -32,14 +32,11 @@ from cltrace.scene.materials import (
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
 from cltrace.scene.rules import (
     ANY,
-    NOT_NEGATIVE,
     POSITIVE,
     Vector,
-    check_not_bytes,
     check_rule,
     described,
     numbers,
-    vector,
 )
 from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
@@ -61,11 +58,12 @@ class Scene:
     `Scene.from_spheres` and `Scene.from_meshes` make one of plain arrays.
 
     camera: a Camera; lights: one (n,) LIGHT array or several, such as point_light() returns; spheres, materials: (n,)
-    arrays of the dtypes SPHERE and MATERIAL of cltrace.scene; background: the linear colour of rays that hit nothing,
-    3 numbers >= 0; output_file: the picture's name, without a folder; to_object: (k, 3, 3), the linear maps of the
-    ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index; meshes: of PlacedMesh, by
-    rising numbers; textures: (h, w, 3) arrays of uint8 or uint16, of which a material's `texture` is the index. The
-    arrays are copied, but for textures that are read-only and own their memory.
+    arrays of the dtypes SPHERE and MATERIAL of cltrace.scene; background: the linear colour of rays that hit nothing, 3
+    numbers >= 0; background_alpha: how much of it the picture shows, from 0, nothing, to 1; a fourth number of
+    background is the same; output_file: the picture's name, without a folder; to_object: (k, 3, 3), the linear maps of
+    the ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index; meshes: of
+    PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of uint8 or uint16, of which a material's `texture` is the
+    index. The arrays are copied, but for textures that are read-only and own their memory.
 
     Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
     mesh knows its number, and the spheres have those that the meshes leave.
@@ -86,6 +84,7 @@ class Scene:
     to_object: NDArray[np.float64]
     meshes: tuple[PlacedMesh, ...]
     textures: tuple[Texture, ...]
+    background_alpha: float
     source: Source | None = field(default=None, init=False)
 
     def __init__(
@@ -99,6 +98,7 @@ class Scene:
         to_object: ArrayLike = (),
         meshes: Iterable[PlacedMesh] = (),
         textures: Iterable[Texture] = (),
+        background_alpha: float = 1.0,
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
@@ -107,30 +107,29 @@ class Scene:
         check_materials(shades, len(images))
         placed = check_meshes(meshes, len(shades))
         surfaces = {"spheres": balls, "materials": shades}
-        self._fill(camera, joined(lights), surfaces, background, output_file, maps, placed, images)
+        surroundings = background_of(background, background_alpha)
+        self._fill(camera, joined(lights), surfaces, surroundings, output_file, maps, placed, images)
 
     def _fill(
         self,
         camera: Camera,
         lights: NDArray[np.void],
         surfaces: Mapping[str, Any],
-        background: ArrayLike,
+        background: tuple[Vector, float],
         output_file: str,
         to_object: NDArray[np.float64],
         meshes: tuple[PlacedMesh, ...],
         textures: tuple[Texture, ...],
     ) -> None:
-        """Takes these as they are, of which all but lights, background and output_file have been checked.
+        """Takes these as they are, of which all but lights and output_file have been checked.
 
-        surfaces: `spheres` and `materials`, or `columns` alone.
+        surfaces: `spheres` and `materials`, or `columns` alone; background: its colour and its alpha.
         """
         if not isinstance(output_file, str):
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
-        background = color_numbers("background", background)
-        color = vector("background", background, NOT_NEGATIVE)
-        check_not_bytes("background", background)
-        state = {"camera": camera, "lights": lights, **surfaces, "background": color, "output_file": output_file}
+        state = {"camera": camera, "lights": lights, **surfaces, "output_file": output_file}
+        state |= {"background": background[0], "background_alpha": background[1]}
         self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures, "source": None})
 
     def seen_by(self, camera: Camera) -> Scene:
@@ -140,6 +139,11 @@ class Scene:
         """
         _check_camera(camera)
         return self._with(camera=camera)
+
+    def in_front_of(self, background: ArrayLike) -> Scene:
+        """The same scene in front of another background, 3 numbers or with an alpha 4. It shares the arrays."""
+        color, alpha = background_of(background, 1.0)
+        return self._with(background=color, background_alpha=alpha)
 
     def read_from(self, source: Source) -> Scene:
         """The same scene, which knows the file that it was read from. It shares the arrays."""
@@ -229,7 +233,8 @@ class Scene:
         camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
         return; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
         colour, linear, 1 = full, white if there are none; background, output_file: see Scene. A colour may be a text:
-        a name of CSS or #rrggbb, whose bytes are divided by 255, and colors may be a list of such.
+        a name of CSS or #rrggbb, whose bytes are divided by 255, and colors may be a list of such. The background may
+        have a fourth number, its alpha: with (r, g, b, 0) or "#rrggbb00" it is transparent.
 
         values: (n,) numbers that are shown as colours, instead of colors; cmap: the colour map, by its name in
         matplotlib, viridis if it is None, or a callable, or an array of colours; clim: (low, high), the values at its
@@ -314,7 +319,7 @@ class Scene:
         check_size(placed)
         scene = cls.__new__(cls)
         surfaces = {"columns": replace(columns, rest=more)}
-        scene._fill(camera, lights, surfaces, background, output_file, to_object, placed, textures)
+        scene._fill(camera, lights, surfaces, background_of(background, 1.0), output_file, to_object, placed, textures)
         return scene
 
 

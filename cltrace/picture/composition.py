@@ -1,0 +1,44 @@
+"""What an image has beside the arrays that the kernel writes: made of these, on the host."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.scene import Scene
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Composition:
+    """How a Renderer makes its images.
+
+    outputs: what an image has; alpha: the background's, 0..1; truncate: whether bytes are cut instead of rounded.
+    """
+
+    outputs: tuple[str, ...]
+    alpha: float
+    truncate: bool
+
+    @classmethod
+    def of(cls, outputs: Any, scene: Scene, truncate: bool) -> Composition:
+        """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too."""
+        shown = "rgb8" in outputs and scene.background_alpha < 1 and not isinstance(outputs, str)
+        return cls((*outputs, "rgba8") if shown else outputs, scene.background_alpha, truncate)
+
+    def composed(self, written: Mapping[str, NDArray[Any]]) -> Arrays:
+        """The arrays of an image. written: those of the kernel, by the names of abi.OUTPUTS."""
+        found = {name: array for name, array in written.items() if name in self.outputs}
+        if "alpha" in self.outputs:
+            found["alpha"] = np.where(written["id"] >= 0, np.float32(1), np.float32(self.alpha))
+        if "rgba8" in self.outputs:
+            rgba8 = np.empty((*written["id"].shape, 4), np.uint8)
+            rgba8[..., :3] = written["rgb8"]
+            rgba8[..., 3] = np.where(written["id"] >= 0, 255, int(self.alpha * 255 + (0.0 if self.truncate else 0.5)))
+            found["rgba8"] = rgba8
+        return found
