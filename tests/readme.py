@@ -14,6 +14,15 @@ def blocks(file: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", file.read_text("utf-8"), re.MULTILINE | re.DOTALL)
 
 
+def outputs(file: Path) -> list[tuple[str, str]]:
+    """The file's bash blocks that a text block follows, each with that text, which is what the commands print."""
+    return re.findall(
+        r"^```bash\n((?:(?!```).*\n)*)```\n\n(?:(?!```).*\n)*?```text\n((?:(?!```).*\n)*)```$",
+        file.read_text("utf-8"),
+        re.MULTILINE,
+    )
+
+
 def commands(file: Path) -> str:
     """A shell script: the file's bash blocks, and then its Python blocks as one program, since they go together."""
     script = [f"echo '== {file.relative_to(ROOT)}'\n", *blocks(file, "bash")]

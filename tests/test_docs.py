@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from readme import FILES, ROOT, blocks, commands
+from readme import FILES, ROOT, blocks, commands, outputs
 
 import cltrace
 from cltrace import cli
@@ -74,5 +76,24 @@ def test_there_is_something_to_run_and_it_is_python() -> None:
     # What CI runs comes from fenced blocks: one that is spelt otherwise would be left out in silence.
     for file in FILES:
         fences = re.findall(r"^```(\w*)$", file.read_text("utf-8"), re.MULTILINE)
-        assert set(fences[0::2]) <= {"bash", "python"}
+        assert set(fences[0::2]) <= {"bash", "python", "text"}
         assert set(fences[1::2]) <= {""}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", [file for file in FILES if outputs(file)], ids=lambda file: file.name)
+def test_outputs_are_what_the_commands_print(file: Path, tmp_path: Path) -> None:
+    """A line of three dots stands for any number of lines."""
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    for name, module in (("python", ""), ("cltrace", "-m cltrace")):
+        script = tmp_path / ".venv" / "bin" / name
+        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {module} "$@"\n')
+        script.chmod(0o755)
+    for name in ("scenes", "tests"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    assert len(outputs(file)) == len(blocks(file, "text"))
+    for block, text in outputs(file):
+        run = ["bash", "-euo", "pipefail", "-c", block]
+        done = subprocess.run(run, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=True)
+        pattern = re.escape(text.strip()).replace(re.escape("\n...\n"), "\n(?:.*\n)*")
+        assert re.fullmatch(pattern, done.stdout.decode().strip()), f"{block}\n{done.stdout.decode()}"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -518,9 +519,12 @@ class TransformOrder(Tracer):
         tree = etree.parse(str(path), etree.XMLParser(load_dtd=False, no_network=True))
         for transform in tree.iter("transform"):
             self.steps(transform.getparent(), transform)
-        wrong = path.with_name(f"{path.stem}-{type(self).__name__}.xml")
-        tree.write(str(wrong))
-        return super().read(wrong)
+        wrong = path.with_name(f".{path.stem}-{os.getpid()}.xml")  # beside the files that it names
+        try:
+            tree.write(str(wrong))
+            return super().read(wrong)
+        finally:
+            wrong.unlink()
 
 
 class PositionLast(TransformOrder):
