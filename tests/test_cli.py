@@ -214,7 +214,7 @@ def test_no_driver_gives_advice(tmp_path: Path) -> None:
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
         (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
         (["{scene}", "-o", "."], "-o: '.' is a folder"),
-        (["{scene}", "-o", "x.jpg"], "-o: the picture is a PNG and its name must end in .png, got 'x.jpg'"),
+        (["{scene}", "-o", "x.jpg"], "-o: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
         (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
         (["nowhere.xml"], "nowhere.xml: "),
         (
@@ -226,7 +226,10 @@ def test_no_driver_gives_advice(tmp_path: Path) -> None:
             ["{scene}", "--keep", "lists,colour"],
             f"argument --keep: must be of {', '.join(KEEPS)}, got 'colour';",
         ),
-        (["{scene}", "-o", "/dev/stdout"], "must end in .png, got '/dev/stdout'; -o - writes it to stdout"),
+        (
+            ["{scene}", "-o", "/dev/stdout"],
+            "must end in .png, .exr, .npy or .npz, got '/dev/stdout'; -o - writes it to stdout",
+        ),
         (["-"], "a scene is not read from stdin: say the name of its file"),
         (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
         (["--list-devices", "x.xml"], "--list-devices takes no scene, got 'x.xml'"),

@@ -203,8 +203,8 @@ def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "error", "message"),
     [
-        ("x.jpg", ValueError, "path: the picture is a PNG and its name must end in .png, got 'x.jpg'"),
-        ("depth", ValueError, "path: the picture is a PNG and its name must end in .png, got 'depth'"),
+        ("x.jpg", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
+        ("depth", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'depth'"),
         ("x.png/", ValueError, "path: 'x.png/' is the name of a folder"),
         ("x.png/.", ValueError, "path: 'x.png/.' is the name of a folder"),
         ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),

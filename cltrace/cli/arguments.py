@@ -6,6 +6,7 @@ import re
 from argparse import ArgumentTypeError
 
 from cltrace.console import positive
+from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 
 
@@ -39,6 +40,15 @@ def keep(text: str) -> list[Keep]:
     for name in text.split(","):
         if name not in KEEPS:
             raise ArgumentTypeError(f"must be of {', '.join(KEEPS)}, got {name!r}")
+    return names
+
+
+def outputs(text: str) -> list[Output]:
+    """NAME,... of --outputs."""
+    names = [name for name in OUTPUTS if name in text.split(",")]
+    for name in text.split(","):
+        if name not in OUTPUTS:
+            raise ArgumentTypeError(f"must be of {', '.join(OUTPUTS)}, got {name!r}")
     return names
 
 

@@ -15,7 +15,8 @@ from cltrace import __version__
 from cltrace.cli import arguments
 from cltrace.console import Parser, picture_size
 from cltrace.errors import UsageError
-from cltrace.picture.image import SHOWS
+from cltrace.picture.image import SHOWS, USUAL
+from cltrace.picture.storing import SUFFIXES
 from cltrace.plan.request import PRECISIONS
 
 LIT = "lit"  # what --show has beside an image's outputs
@@ -61,7 +62,20 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
 
 
 def _picture(group: Group) -> None:
-    group.usual("-o", "--output", metavar="PNG", help="where to; - is stdout (default: the scene's output_file)")
+    group.usual(
+        "-o",
+        "--output",
+        action="append",
+        metavar="FILE",
+        help=f"where to: {', '.join(SUFFIXES)}; - is stdout; may be repeated (default: the scene's output_file)",
+    )
+    group.rare("--bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a PNG's channels (default: 8)")
+    group.rare(
+        "--outputs",
+        type=arguments.outputs,
+        metavar="NAME,...",
+        help=f"what .exr and .npz have (default: {','.join(USUAL)}, with meshes primitive)",
+    )
     group.usual("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
     group.usual("--crop", type=arguments.crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
     group.usual(

@@ -6,14 +6,18 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
 
 from cltrace.cli.source import scene_of
 from cltrace.cli.statistics import show_statistics, statistics
-from cltrace.cli.target import target_of, write
+from cltrace.cli.target import suffix_of, targets_of, write
 from cltrace.console import tell
 from cltrace.errors import UsageError
-from cltrace.picture.image import Image, Output
+from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
+from cltrace.picture.storing import CHANNELS
 from cltrace.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.scene import Scene
@@ -24,18 +28,19 @@ def draw(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     started = time.perf_counter()
     scene = scene_of(args, say)
     read_seconds = time.perf_counter() - started
-    target = target_of(scene, args)
-    renderer = renderer_of(scene, args)
+    files = Files.of(scene, args)
+    renderer = renderer_of(scene, args, files.needed)
     image = _fastest(renderer, args.repeat)
     image.seconds = {"read": read_seconds, **image.seconds}
 
     start = time.perf_counter()
-    write(image, target, args.show, scene.camera.basis() if args.space == "camera" else None)
+    files.write(image, scene.camera.basis() if args.space == "camera" else None)
     image.seconds["write"] = time.perf_counter() - start
     image.seconds["total"] = time.perf_counter() - started
-    if target != "-":
+    if written := [target for target in files.targets if target != "-"]:
         width, height = renderer.region[2:]
-        say(f"cltrace: wrote {target}, {width}x{height}, {renderer.precision} precision, on {renderer.device.name}")
+        how = f"{renderer.precision} precision, on {renderer.device.name}"
+        say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
     if args.show == "depth":
         say(f"cltrace: depth: {_depth_scale(image)}")
     if args.stats:
@@ -43,12 +48,59 @@ def draw(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     return 0 if args.check is None else _check(renderer, image, args, say)
 
 
-def renderer_of(scene: Scene, args: argparse.Namespace) -> Renderer:
-    """What draws the scene as the command line asks for it. Raises UsageError for options that make no sense."""
+@dataclass(frozen=True)
+class Files:
+    """What is written of a picture.
+
+    targets: where to; show: what PNG and NPY show; deep: the outputs that a PNG of 16 bits is made of, none if it has
+    8; stored: the outputs that EXR and NPZ have.
+    """
+
+    targets: list[str]
+    show: Show
+    deep: tuple[Output, ...]
+    stored: tuple[Output, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, args: argparse.Namespace) -> Files:
+        """What the command line asks for. Raises UsageError where that makes no sense or cannot work."""
+        targets = targets_of(scene, args)
+        kinds = set(map(suffix_of, targets))
+        if args.outputs and kinds.isdisjoint((".exr", ".npz")):
+            raise UsageError("--outputs goes with -o of an .exr or .npz")
+        if args.bits == 16 and (".png" not in kinds or args.show != "color"):
+            raise UsageError("--bits 16 goes with a PNG and --show color")
+        usual = (*USUAL, "primitive") if scene.triangles else USUAL
+        colors: tuple[Output, ...] = ("color", "alpha") if scene.background_alpha < 1 else ("color",)
+        files = cls(targets, args.show, colors if args.bits == 16 else (), tuple(args.outputs or usual))
+        if ".exr" in kinds and (strange := [name for name in files.stored if name not in CHANNELS]):
+            raise UsageError(f"--outputs: an .exr has none of {', '.join(strange)}, only of {', '.join(CHANNELS)}")
+        return files
+
+    @property
+    def needed(self) -> tuple[Output, ...]:
+        """The outputs that they are made of."""
+        shown: tuple[Output, ...] = ("rgb8",) if self.show == "color" else (self.show,)
+        parts = {".png": self.deep or shown, ".npy": shown, ".exr": self.stored, ".npz": self.stored}
+        return tuple(dict.fromkeys(name for target in self.targets for name in parts[suffix_of(target)]))
+
+    def write(self, image: Image, axes: ArrayLike | None) -> None:
+        """Writes them. axes: along which normals and directions are shown, see Image.as_rgb8()."""
+        for target in self.targets:
+            if suffix_of(target) in (".exr", ".npz"):
+                write(image, target, outputs=self.stored)
+            else:
+                write(image, target, self.show, axes, bits=16 if self.deep and suffix_of(target) == ".png" else 8)
+
+
+def renderer_of(scene: Scene, args: argparse.Namespace, needed: tuple[Output, ...]) -> Renderer:
+    """What draws the outputs of a scene that are needed. Raises UsageError for options that make no sense."""
     device = choose(args.device)
-    outputs: list[Output] = ["rgb8"] if args.show == "color" else [args.show]
+    outputs = list(needed)
     if args.check is not None:
         outputs += ["rgb8", "id"]
+    if args.show == "depth":
+        outputs.append("depth")  # whose scale is said
     keep = tuple(args.keep)
     try:
         return Renderer(scene, device, args.precision, tuple(outputs), args.crop, args.truncate, keep=keep)

@@ -40,7 +40,7 @@ def compare(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     taken = "output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"
     refuse_others(args, "--compare", *taken)
     scene = scene_of(args, say)
-    target = None if args.output is None else target_of(scene, args)
+    target = None if args.output is None else target_of(scene, args, "--compare")
     if sys.stdout is None:
         raise UsageError("stdout is closed")
     if target == "-" and args.json:
@@ -65,7 +65,7 @@ def compare(args: argparse.Namespace, say: Callable[[str], None]) -> int:
 def show_lit(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Writes a picture of which lights reach which pixels, and says what its colours are."""
     scene = scene_of(args, say)
-    target = target_of(scene, args)
+    target = target_of(scene, args, "--show lit")
     refuse_others(args, "--show lit", "show", "output", "size", "crop", "square_pixels", "device", "precision")
     count = int((scene.lights["kind"] != AMBIENT).sum())
     if count > MAX_LIGHTS:

@@ -6,46 +6,68 @@ import argparse
 import os
 import sys
 from pathlib import Path
-
-from numpy.typing import ArrayLike
+from typing import Any
 
 from cltrace.errors import UsageError
 from cltrace.picture.files import is_named_as_folder
-from cltrace.picture.image import Image, Show
+from cltrace.picture.image import Image
+from cltrace.picture.storing import SUFFIXES, check_format
 from cltrace.scene import Scene
 
 STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
-def target_of(scene: Scene, args: argparse.Namespace) -> str:
-    """Where the picture goes; what can be known to fail is found before the work."""
-    target: str = scene.output_file if args.output is None else args.output
+def targets_of(scene: Scene, args: argparse.Namespace, suffixes: tuple[str, ...] = SUFFIXES) -> list[str]:
+    """Where the picture goes; what can be known to fail is found before the work. suffixes: which formats there are."""
+    targets = [scene.output_file] if args.output is None else args.output
     origin = "output_file" if args.output is None else "-o"
-    if sys.stdout is None and (target == "-" or args.stats == "json"):
+    if sys.stdout is None and ("-" in targets or args.stats == "json"):
         raise UsageError("stdout is closed")
-    if target == "-":
-        if args.stats == "json":
-            raise UsageError("-o - and --stats=json both want stdout")
-        if sys.stdout.isatty():
-            raise UsageError("-o - writes a PNG: send stdout to a file or a program")
-        return target
-    try:
-        _check_target(target, origin, args.scene)
-    except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
-        raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
-    return target
+    if "-" in targets and args.stats == "json":
+        raise UsageError("-o - and --stats=json both want stdout")
+    if "-" in targets and sys.stdout.isatty():
+        raise UsageError("-o - writes a PNG: send stdout to a file or a program")
+    for i, target in enumerate(targets):
+        if any(_same(target, other) for other in targets[:i]):
+            raise UsageError(f"-o: {target!r} is there twice")
+        try:
+            if target != "-":
+                _check_target(target, origin, args.scene, suffixes)
+        except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
+            raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
+    return targets
 
 
-def _check_target(target: str, origin: str, scene: str) -> None:
+def target_of(scene: Scene, args: argparse.Namespace, option: str) -> str:
+    """The one PNG where the answer of an option goes."""
+    targets = targets_of(scene, args, (".png",))
+    if len(targets) > 1:
+        raise UsageError(f"{option} takes one -o")
+    return targets[0]
+
+
+def suffix_of(target: str) -> str:
+    """What says the format of a target: .png of stdout."""
+    return ".png" if target == "-" else Path(target).suffix.lower()
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two targets are one file."""
+    return one == other or os.path.realpath(one) == os.path.realpath(other)
+
+
+def _check_target(target: str, origin: str, scene: str, suffixes: tuple[str, ...]) -> None:
     """Raises UsageError, OSError or ValueError if no picture can or should be written to a file of this name."""
     path = Path(target)
     if not target:
         raise UsageError("-o: must not be empty")
     if path.is_dir() or is_named_as_folder(target):
         raise UsageError(f"{origin}: {target!r} is a folder")
-    if path.suffix.lower() != ".png":
+    try:
+        check_format(path, suffixes)
+    except ValueError as error:
         advice = "; -o - writes it to stdout" if target in STDOUT else ""
-        raise UsageError(f"-o: the picture is a PNG and its name must end in .png, got {target!r}{advice}")
+        raise UsageError(f"-o: {error}{advice}") from None
     if not path.parent.is_dir():
         raise UsageError(f"-o: there is no folder {str(path.parent)!r}")
     try:
@@ -56,14 +78,14 @@ def _check_target(target: str, origin: str, scene: str) -> None:
         raise UsageError(f"{origin}: {target!r} is the scene itself, which the picture would replace")
 
 
-def write(image: Image, target: str, show: Show, axes: ArrayLike | None = None) -> None:
-    """Writes a PNG to a file, or to stdout where the target is -. show, axes: see Image.as_rgb8()."""
+def write(image: Image, target: str, *shown: Any, **how: Any) -> None:
+    """Writes a picture to a file, or a PNG to stdout where the target is -. shown, how: as of Image.save()."""
     try:
         if target == "-":
-            image.write_png(sys.stdout.buffer, show, axes)
+            image.write(sys.stdout.buffer, ".png", *shown, **how)
             sys.stdout.buffer.flush()
         else:
-            image.save(target, show, axes)
+            image.save(target, *shown, **how)
     except BrokenPipeError:
         raise
     except (OSError, UnicodeError) as error:

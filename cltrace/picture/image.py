@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
 from cltrace.picture.png import write_png
+from cltrace.picture.storing import CHANNELS, check_format, levels16, write_exr, write_npy, write_npz
 
 Output = Literal[
     "rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work", "rgba8", "alpha"
@@ -20,6 +22,8 @@ Output = Literal[
 Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 SHOWS: tuple[Show, ...] = get_args(Show)
+# What the command writes into EXR and NPZ unless told otherwise.
+USUAL: tuple[Output, ...] = ("color", "alpha", "depth", "normal", "id")
 DIRECTED: tuple[Show, ...] = ("normal", "direction")
 
 
@@ -175,31 +179,100 @@ class Image:
         """rgba8 where that is the picture that is asked for, else as_rgb8()."""
         return self.rgba8 if show == "color" and "rgba8" in self.outputs else self.as_rgb8(show, axes)
 
-    def save(self, path: str | os.PathLike[str], show: Show = "color", axes: ArrayLike | None = None) -> None:
-        """Writes a PNG, completely or not at all, with alpha if the image has rgba8. A link is written through.
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        show: Show = "color",
+        axes: ArrayLike | None = None,
+        *,
+        bits: int = 8,
+        outputs: Sequence[Output] | None = None,
+    ) -> None:
+        """Writes a file, completely or not at all, in the format that its name ends in. A link is written through.
 
-        path: a name that ends in .png, in a folder that is there; show, axes: which output, and how, see as_rgb8().
-        Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end in .png or the
-        image does not have that output, and OSError if the file cannot be written. An old file of that name is then
-        untouched.
+            .png    one output as colours, see as_rgb8(); with alpha if that is the picture and the image has rgba8
+            .npy    the array of one output, such as depth; of color, rgba8 or else rgb8
+            .npz    the arrays of outputs, by their names, not compressed
+            .exr    outputs as channels of an OpenEXR file, see cltrace.picture.storing; takes the extra `exr`
+
+        path: a name in a folder that is there; show: which output a PNG or NPY has, and axes, along which it has
+        normals and directions; bits: of a PNG's channels, 8 or 16; 16 are made of the outputs color and, if it is
+        there, alpha; outputs: which ones an EXR or NPZ has, None for all. An EXR of all leaves out bytes and counts,
+        and the image must have color, if it has bytes.
+
+        Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end so or the image
+        does not have an output, MissingPackageError if an extra is missing, and OSError if the file cannot be written.
+        An old file of that name is then untouched.
         """
         if not isinstance(path, (str, os.PathLike)):
             raise TypeError(f"path: must be a str or a Path, got {path!r}")
         target = Path(path)
-        if target.suffix.lower() != ".png":
-            raise ValueError(f"path: the picture is a PNG and its name must end in .png, got {str(path)!r}")
+        try:
+            check_format(target)
+        except ValueError as error:
+            raise ValueError(f"path: {error}") from None
         if is_named_as_folder(os.fspath(path)):
             raise ValueError(f"path: {str(path)!r} is the name of a folder")
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no folder {str(target.parent)!r}; mkdir() of a Path makes one")
         with whole_file(target) as file:
-            self.write_png(file, show, axes)
+            self.write(file, target.suffix.lower(), show, axes, bits=bits, outputs=outputs)
 
-    def write_png(self, file: BinaryIO, show: Show = "color", axes: ArrayLike | None = None) -> None:
-        """Writes a PNG to an open binary file, with alpha if the image has rgba8. show, axes: see as_rgb8()."""
-        write_png(file, self._pixels(show, axes))
+    def write(
+        self,
+        file: BinaryIO,
+        suffix: str = ".png",
+        show: Show = "color",
+        axes: ArrayLike | None = None,
+        *,
+        bits: int = 8,
+        outputs: Sequence[Output] | None = None,
+    ) -> None:
+        """Writes what save() writes into a file with this suffix to an open binary one."""
+        if bits not in (8, 16) or (bits == 16 and (suffix != ".png" or show != "color")):
+            raise ValueError(f"bits: must be 8, or 16 in a PNG of color, got {bits!r}")
+        if suffix == ".png":
+            write_png(file, self._levels16() if bits == 16 else self._pixels(show, axes))
+        elif suffix == ".npy":
+            write_npy(file, self._array(show, axes))
+        elif suffix == ".npz":
+            write_npz(file, self._arrays(self.outputs if outputs is None else outputs))
+        else:
+            if outputs is None and not {"rgb8", "rgba8"}.isdisjoint(self.outputs):
+                self._need("color")
+            stored = [name for name in self.outputs if name in CHANNELS] if outputs is None else outputs
+            write_exr(file, self._arrays(stored))
+
+    def _need(self, name: Output) -> None:
+        """Raises ValueError if it has no such output."""
+        if name not in self.outputs:
+            raise ValueError(f"outputs: the image has no {name}; ask for it with outputs={(*self.outputs, name)}")
+
+    def _arrays(self, names: Sequence[Output]) -> dict[str, NDArray[Any]]:
+        """Some of its outputs, at least one. Raises ValueError if it has not all of them."""
+        if isinstance(names, str) or not names:
+            raise ValueError(f"outputs: must be some of {', '.join(self.outputs)}, got {names!r}")
+        for name in names:
+            self._need(name)
+        return {name: getattr(self, name) for name in names}
+
+    def _array(self, show: Show, axes: ArrayLike | None) -> NDArray[Any]:
+        """The array that is shown: bytes of colours, else the output itself, along the axes if there are some."""
+        if show == "color" or axes is not None or show not in self.outputs:
+            self.as_rgb8(show, axes)  # for its errors
+        if show == "color":
+            return self._pixels()
+        value: NDArray[Any] = getattr(self, show)
+        return value if axes is None else np.asarray(value @ np.asarray(axes, np.float64).T, value.dtype)
+
+    def _levels16(self) -> NDArray[np.uint16]:
+        """The picture with 16 bits for each channel."""
+        self._need("color")
+        if "alpha" not in self.outputs and "rgba8" in self.outputs:
+            return levels16(self.color, self.rgba8[..., 3] / np.float32(255))
+        return levels16(self.color, self.alpha if "alpha" in self.outputs else None)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
-        self.write_png(buffer, self._shows[0] if self._shows else "color")
+        self.write(buffer, show=self._shows[0] if self._shows else "color")
         return buffer.getvalue()

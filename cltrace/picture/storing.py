@@ -1,0 +1,86 @@
+"""The formats of files beside PNG with 8 bits, and what each of them holds.
+
+NPY is the array of one output, as the image has it, and NPZ has some of them by their names. An OpenEXR file has them
+as channels, whose names and units are those of CHANNELS.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.errors import MissingPackageError
+
+SUFFIXES = (".png", ".exr", ".npy", ".npz")
+# The channels of an EXR, by the output that they hold. R, G, B: linear light, 1 = full, times A if there is an A, as
+# the format has it; A: alpha, 0..1; Z: distance from the eye, scene units; N: unit normal in the world; D: direction of
+# the pixel's ray in the world; id, primitive: unsigned 32 bit, of which 4294967295 is what -1 is in the image, where
+# there is none; U, V: texture coordinates. All others are 32-bit floats.
+CHANNELS = {
+    "color": ("R", "G", "B"),
+    "alpha": ("A",),
+    "depth": ("Z",),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "direction": ("D.X", "D.Y", "D.Z"),
+    "id": ("id",),
+    "primitive": ("primitive",),
+    "uv": ("U", "V"),
+}
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def check_format(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
+    """Raises ValueError if no picture can have a file of this name, and MissingPackageError if that takes a package."""
+    if path.suffix.lower() not in suffixes:
+        names = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
+        raise ValueError(f"the name of a picture must end in {names}, got {str(path)!r}")
+    if path.suffix.lower() == ".exr" and not importlib.util.find_spec("OpenEXR"):
+        raise MissingPackageError("writing .exr", "OpenEXR", "exr")
+
+
+def levels16(color: NDArray[np.float32], alpha: NDArray[Any] | None) -> NDArray[np.uint16]:
+    """(h, w, 3), or with an alpha of (h, w) (h, w, 4): 65535 times linear colours and alpha, 0..1, rounded."""
+    parts = [color] if alpha is None else [color, alpha[..., None]]
+    values = np.concatenate(parts, axis=-1, dtype=np.float64)
+    return np.asarray(np.rint(np.clip(values, 0.0, 1.0) * 65535), np.uint16)
+
+
+def write_npy(file: BinaryIO, array: NDArray[Any]) -> None:
+    """Writes one array to an open binary file."""
+    # Of a real file numpy asks where it is, which a pipe does not know.
+    np.save(SimpleNamespace(write=file.write), array, allow_pickle=False)
+
+
+def write_npz(file: BinaryIO, arrays: Arrays) -> None:
+    """Writes arrays by their names to an open binary file, not compressed."""
+    np.savez(file, allow_pickle=False, **arrays)
+
+
+def write_exr(file: BinaryIO, arrays: Arrays) -> None:
+    """Writes outputs to an open binary file. Raises ValueError where CHANNELS has no such output."""
+    for name in arrays:
+        if name not in CHANNELS:
+            raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
+    channels: dict[str, NDArray[Any]] = {}
+    for name, array in arrays.items():
+        value = array
+        if name == "color" and "alpha" in arrays:
+            value = array * arrays["alpha"][..., None]
+        kind = np.uint32 if array.dtype.kind == "i" else np.float32
+        with np.errstate(over="ignore"):  # distances beyond float32's range are infinite there
+            planes = np.moveaxis(np.atleast_3d(value).astype(kind), -1, 0)
+        channels |= {c: np.ascontiguousarray(plane) for c, plane in zip(CHANNELS[name], planes, strict=True)}
+    openexr = importlib.import_module("OpenEXR")
+    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    buffer = io.BytesIO()  # the package goes back and forth in what it writes
+    openexr.File(header, channels).write(buffer)
+    file.write(buffer.getbuffer())
