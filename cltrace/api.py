@@ -21,6 +21,8 @@ from cltrace.explanation.pixel import explain
 from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
 from cltrace.lighting import lit
+from cltrace.movie.animate import animate
+from cltrace.movie.frames import orbit
 from cltrace.picture.colorbar import colorbar
 from cltrace.picture.image import Image
 from cltrace.rays import Hits, trace_rays
@@ -49,12 +51,14 @@ __all__ = [
     "TooManyRaysError",
     "UsageError",
     "ambient_light",
+    "animate",
     "colorbar",
     "compare",
     "devices",
     "explain",
     "lit",
     "load",
+    "orbit",
     "parallel_light",
     "point_light",
     "render",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from copy import copy
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -87,11 +87,22 @@ class Renderer:
         TypeError if camera is not a Camera, ValueError if the crop is not within its picture, and DeviceError and
         BuildError as Renderer does.
         """
+        return self.following(self.scene.seen_by(camera))
+
+    def following(self, scene: Scene) -> Renderer:
+        """Another Renderer of another scene, with the same outputs, precision and crop. This one stays as it is.
+
+        What both scenes have is kept, also on the device: the program, arrays that are the same objects, and the order
+        of the spheres while it is good. Another thread may render with this one meanwhile. Raises TypeError if scene is
+        not a Scene, and else what Renderer raises.
+        """
         check_process()
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene: must be a cltrace.Scene, got {scene!r}")
+        start = time.perf_counter()
         with self._lock:
             other = copy(self)
-        other._lock = threading.Lock()
-        other._see(other.scene.seen_by(camera), time.perf_counter(), other._executor)
+        other._follow(scene, start)
         return other
 
     def update(
@@ -134,13 +145,21 @@ class Renderer:
         given = {name: value for name, value in (places | others).items() if value is not None}
         with self._lock:
             start = time.perf_counter()
-            other, scene = copy(self), with_spheres(self.scene, given)
-            other._world = World.of(scene, self.request, Before(self.scene, self._world))
-            view = self._view if other._world.differs_in_materials(self._world) else None
-            other._see(scene, start, self._executor, view)
+            other = copy(self)
+            other._follow(with_spheres(self.scene, given), start)
             other._executor.take_over(self._executor)
-            self.__dict__.update(other.__dict__)
+            self.__dict__.update(other.__dict__ | {"_lock": self._lock})
         return self
+
+    def _follow(self, scene: Scene, start: float) -> None:
+        """Becomes a Renderer of another scene, and leaves alone what it shares with a copy. start: see _see()."""
+        old, world, executor, view = self.scene, self._world, self._executor, None
+        if not _is_seen_anew(old, scene):
+            alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
+            self._world = World.of(scene, self.request, Before(old, world) if alike else None)
+            if alike and scene.camera == old.camera and self._world.differs_in_materials(world):
+                view = self._view
+        self._see(scene, start, executor, view)
 
     def _see(self, scene: Scene, start: float, before: Executor | None = None, view: View | None = None) -> None:
         """Makes plan and executor for a scene.
@@ -187,7 +206,7 @@ class Renderer:
 
     def __copy__(self) -> Renderer:
         other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
+        other.__dict__.update(self.__dict__, _lock=threading.Lock())
         return other
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
@@ -227,6 +246,12 @@ class Renderer:
         check_process()
         with self._lock, self._executor.driver_errors():
             return self._executor.work()
+
+
+def _is_seen_anew(old: Scene, new: Scene) -> bool:
+    """Whether two scenes share all but the camera."""
+    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "spheres", "materials"}
+    return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
 
 
 def render(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from argparse import ArgumentTypeError
 
 from cltrace.console import positive
+from cltrace.movie.frames import AXES, range_of
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 
@@ -69,3 +71,51 @@ def form(text: str) -> str:
 def count(text: str) -> str | int:
     """N, all or default of --check."""
     return text if text in ("all", "default") else repeats(text)
+
+
+def several(text: str) -> int:
+    """N of --orbit, which has as many digits as a frame's number."""
+    if not re.fullmatch(r"[0-9]{1,6}", text) or int(text) < 1:
+        raise ArgumentTypeError(f"must be a whole number within 1..999999, got {text!r}")
+    return int(text)
+
+
+def axis(text: str) -> str | tuple[float, ...]:
+    """x, y, z or X,Y,Z of --axis."""
+    if text in AXES:
+        return text
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not 0 < math.hypot(*numbers) < math.inf:
+        raise ArgumentTypeError(f"must be x, y, z, or a direction X,Y,Z such as 0,1,0, got {text!r}")
+    return numbers
+
+
+def degrees(text: str) -> float:
+    """A of --degrees."""
+    return _number(text, "degrees, such as 360 or -90", -1e6, 1e6)
+
+
+def fps(text: str) -> float:
+    """F of --fps."""
+    return _number(text, "frames a second, within 0.001..1000", 0.001, 1000)
+
+
+def frames(text: str) -> slice:
+    """A:B:S of --frames."""
+    try:
+        return range_of(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def _number(text: str, what: str, least: float, most: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:
+        raise ArgumentTypeError(f"must be {what}, got {text!r}")
+    return value

@@ -46,15 +46,16 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     """The command line. whole: whether its help has all options, not only the usual ones."""
     p = Parser(
         prog="cltrace",
-        usage="cltrace SCENE.xml [options]",
+        usage="cltrace SCENE.xml ... [options]",
         description="Render a scene file of spheres and meshes with OpenCL.",
         epilog=EXAMPLES if whole else f"--help all shows all options.\n\n{EXAMPLES}",
         formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=26),
         allow_abbrev=False,
         add_help=False,
     )
-    p.add_argument("scene", nargs="?", metavar="SCENE.xml", help=argparse.SUPPRESS)
+    p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help=argparse.SUPPRESS)
     _picture(Group(p, "the picture", whole))
+    _movie(Group(p, "many pictures", whole))
     _device(Group(p, "the device", whole))
     _checks(Group(p, "checking and measuring", whole))
     _messages(Group(p, "messages", whole))
@@ -94,6 +95,25 @@ def _picture(group: Group) -> None:
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
+
+
+def _movie(group: Group) -> None:
+    group.usual(
+        "--orbit",
+        type=arguments.several,
+        metavar="N",
+        help="N frames around the scene: -o frame%%04d.png, .mp4, .gif or .apng",
+    )
+    group.rare("--axis", type=arguments.axis, metavar="x|y|z|X,Y,Z", help="of --orbit (default: the camera's up)")
+    group.rare("--degrees", type=arguments.degrees, metavar="A", help="of --orbit (default: 360)")
+    group.rare(
+        "--frames",
+        type=arguments.frames,
+        metavar="A:B:S",
+        help="only these of the frames, or of the scenes, from 0 on, B excluded; or one number",
+    )
+    group.rare("--fps", type=arguments.fps, metavar="F", help="frames a second of a movie (default: 25)")
+    group.rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
 
 
 def _device(group: Group) -> None:
@@ -176,6 +196,6 @@ def refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:
     """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
     p, own = parser(), option.removeprefix("--")
     for name, value in vars(args).items():
-        if name not in ("scene", "quiet", "verbose", own, *taken) and value != p.get_default(name):
+        if name not in ("scene", "scenes", "quiet", "verbose", own, *taken) and value != p.get_default(name):
             other = "-d" if name == "device" else "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} takes no {other}")

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -96,16 +97,26 @@ class Files:
 def renderer_of(scene: Scene, args: argparse.Namespace, needed: tuple[Output, ...]) -> Renderer:
     """What draws the outputs of a scene that are needed. Raises UsageError for options that make no sense."""
     device = choose(args.device)
+    try:
+        return Renderer(scene, device, **options_of(args, needed))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+
+
+def options_of(args: argparse.Namespace, needed: tuple[Output, ...]) -> dict[str, Any]:
+    """The arguments of Renderer, by their names, but for scene and device."""
     outputs = list(needed)
     if args.check is not None:
         outputs += ["rgb8", "id"]
     if args.show == "depth":
         outputs.append("depth")  # whose scale is said
-    keep = tuple(args.keep)
-    try:
-        return Renderer(scene, device, args.precision, tuple(outputs), args.crop, args.truncate, keep=keep)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
+    return {
+        "precision": args.precision,
+        "outputs": tuple(outputs),
+        "crop": args.crop,
+        "truncate": args.truncate,
+        "keep": tuple(args.keep),
+    }
 
 
 def _fastest(renderer: Renderer, repeat: int) -> Image:

@@ -13,16 +13,20 @@ from cltrace.errors import UsageError
 from cltrace.picture.image import DIRECTED
 from cltrace.run.devices import devices, where_drivers_are
 
+# Options that ask for more than one picture.
+MOVIE = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
+
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
     args = argparse.Namespace(verbose=False)
-    return command("cltrace", lambda: _run(parser().parse_args(argv, args)), verbose=lambda: args.verbose)
+    return command("cltrace", lambda: _run(parser().parse_intermixed_args(argv, args)), verbose=lambda: args.verbose)
 
 
 def _run(args: argparse.Namespace) -> int:
     if args.quiet:
         logging.getLogger("cltrace").setLevel(logging.WARNING)
+    args.scene = args.scenes[0] if args.scenes else None
     for option, given in (("--doctor", args.doctor), ("--list-devices", args.list_devices)):
         if given and args.scene is not None:
             raise UsageError(f"{option} takes no scene, got {args.scene!r}")
@@ -34,7 +38,7 @@ def _run(args: argparse.Namespace) -> int:
         return _list_devices(args)
     if args.scene is None:
         raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
-    if args.scene == "-" and not Path("-").exists():
+    if "-" in args.scenes and not Path("-").exists():
         raise UsageError("a scene is not read from stdin: say the name of its file")
     say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
     return _work(args)(args, say)
@@ -50,14 +54,16 @@ def _list_devices(args: argparse.Namespace) -> int:
 
 def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[str], None]], int]:
     """What is to be done with a scene: a function of the arguments, and of what says a message, to the exit status."""
+    if len(args.scenes) > 1 or any(getattr(args, name) != parser().get_default(name) for name in MOVIE):
+        from cltrace.cli.movie import movie
+
+        _check_show(args)
+        return movie
     if args.explain is not None:
         from cltrace.cli.questions import explain
 
         return explain
-    if args.space and args.show not in DIRECTED:
-        raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
-    if args.transparent and args.show != "color":
-        raise UsageError("--transparent goes with --show color")
+    _check_show(args)
     if args.compare is not None:
         from cltrace.cli.questions import compare
 
@@ -73,3 +79,11 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
     from cltrace.cli.picture import draw
 
     return draw
+
+
+def _check_show(args: argparse.Namespace) -> None:
+    """Raises UsageError for options that do not go with what is shown."""
+    if args.space and args.show not in DIRECTED:
+        raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
+    if args.transparent and args.show != "color":
+        raise UsageError("--transparent goes with --show color")

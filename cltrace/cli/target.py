@@ -19,7 +19,8 @@ STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 def targets_of(scene: Scene, args: argparse.Namespace, suffixes: tuple[str, ...] = SUFFIXES) -> list[str]:
     """Where the picture goes; what can be known to fail is found before the work. suffixes: which formats there are."""
-    targets = [scene.output_file] if args.output is None else args.output
+    stem = Path(args.scene).stem
+    targets = [scene.output_file] if args.output is None else [name.replace("{}", stem) for name in args.output]
     origin = "output_file" if args.output is None else "-o"
     if sys.stdout is None and ("-" in targets or args.stats == "json"):
         raise UsageError("stdout is closed")
@@ -30,11 +31,8 @@ def targets_of(scene: Scene, args: argparse.Namespace, suffixes: tuple[str, ...]
     for i, target in enumerate(targets):
         if any(_same(target, other) for other in targets[:i]):
             raise UsageError(f"-o: {target!r} is there twice")
-        try:
-            if target != "-":
-                _check_target(target, origin, args.scene, suffixes)
-        except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
-            raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
+        if target != "-":
+            check_target(target, origin, args.scene, suffixes)
     return targets
 
 
@@ -56,8 +54,18 @@ def _same(one: str, other: str) -> bool:
     return one == other or os.path.realpath(one) == os.path.realpath(other)
 
 
+def check_target(target: str, origin: str, scene: str, suffixes: tuple[str, ...] = (".png",)) -> None:
+    """Raises UsageError if no picture can or should be written to a file of this name.
+
+    origin: whose word the name is; scene: the file of the scene; suffixes: with which the name may end.
+    """
+    try:
+        _check_target(target, origin, scene, suffixes)
+    except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
+        raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
+
+
 def _check_target(target: str, origin: str, scene: str, suffixes: tuple[str, ...]) -> None:
-    """Raises UsageError, OSError or ValueError if no picture can or should be written to a file of this name."""
     path = Path(target)
     if not target:
         raise UsageError("-o: must not be empty")

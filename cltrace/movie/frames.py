@@ -1,0 +1,127 @@
+"""What the frames of a movie show."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cltrace.scene import Camera, Scene, colors_given, with_spheres
+from cltrace.scene.rules import Vector, is_whole, vector
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+# What a frame may change of the one before it, beside its camera: the arguments of Renderer.update().
+CHANGES = (
+    *("centers", "radii", "colors", "values", "cmap", "clim", "ka", "kd", "ks", "exponent"),
+    *("reflectance", "transmittance", "index"),
+)
+# Digits of a frame's number, so that no counting goes on for ever.
+RANGE = re.compile(r"([0-9]{0,9})(?::([0-9]{0,9}))?(?::([0-9]{0,9}))?")
+
+
+class Frame(NamedTuple):
+    """A frame of a movie: its number, from 0, and what it shows."""
+
+    number: int
+    scene: Scene
+
+
+def frames_of(
+    items: Iterable[Scene | Camera | Mapping[str, Any]], scene: Scene | None = None, select: slice = slice(None)
+) -> Iterator[Frame]:
+    """The frames that `select` picks, each from what was there before it.
+
+    items: a Scene takes the place of what was there; a Camera looks at it; a mapping changes its spheres, as
+    Renderer.update() takes it, and looks with another camera if it has one called "camera". scene: what is there
+    before the first of them; select: of the numbers of the frames, whose parts are None or not negative.
+
+    Raises TypeError for what is none of these, and for a first item that is no Scene where there is no scene, and
+    ValueError where an update has no such name or value. Both begin with the number of the frame.
+    """
+    start, stop, step = select.start or 0, select.stop, select.step or 1
+    for number, item in enumerate(items):
+        if stop is not None and number >= stop:
+            return
+        try:
+            scene = _after(scene, item)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"frames[{number}]: {error}") from None
+        if number >= start and (number - start) % step == 0:
+            yield Frame(number, scene)
+
+
+def _after(scene: Scene | None, item: object) -> Scene:
+    """The scene that an item makes of the one before it."""
+    if isinstance(item, Scene):
+        return item
+    if not isinstance(item, (Camera, Mapping)):
+        raise TypeError(f"must be a Scene, a Camera, or a dict of what update() takes, got {item!r}")
+    if scene is None:
+        raise TypeError("must be a Scene, since there is no scene=... that a camera or a dict could change")
+    if isinstance(item, Camera):
+        return scene.seen_by(item)
+    given = {name: value for name, value in item.items() if name != "camera" and value is not None}
+    unknown = [name for name in given if name not in CHANGES]
+    if unknown:
+        raise ValueError(f"must be of camera, {', '.join(CHANGES)}, got {unknown[0]!r}")
+    if given:
+        n = len(scene.columns if "centers" not in given else np.atleast_1d(given["centers"]))
+        colors = colors_given(n, *(given.pop(name, None) for name in ("colors", "values", "cmap", "clim")))
+        scene = with_spheres(scene, given if colors is None else {**given, "colors": colors})
+    return scene.seen_by(item["camera"]) if item.get("camera") is not None else scene
+
+
+def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: float = 360.0) -> list[Camera]:
+    """n cameras on a circle about the point that the scene's camera looks at; the first is the scene's own.
+
+    axis: that they turn about, as "x", "y", "z" or three numbers, None for the camera's up; degrees: from the first to
+    the one that would come after the last, so that a movie of 360 degrees can be repeated. It is the camera that turns,
+    counter-clockwise if the axis points at who looks. Raises ValueError, which names the argument.
+    """
+    camera = scene.camera
+    if not is_whole(n) or n < 1:
+        raise ValueError(f"n: must be a whole number >= 1, got {n!r}")
+    if not isinstance(degrees, (int, float)) or not math.isfinite(degrees):
+        raise ValueError(f"degrees: must be a finite number, got {degrees!r}")
+    if isinstance(axis, str) and axis not in AXES:
+        raise ValueError(f"axis: must be x, y, z or three numbers, got {axis!r}")
+    given = camera.up if axis is None else AXES[axis] if isinstance(axis, str) else vector("axis", axis)
+    length = math.hypot(*given)
+    if not 0 < length < math.inf:
+        raise ValueError(f"axis: must have a length, got {given}")
+    unit = np.array(given) / length
+    return [camera, *(_turned(camera, unit, math.radians(degrees * k / n)) for k in range(1, n))]
+
+
+def _turned(camera: Camera, axis: Any, angle: float) -> Camera:
+    """The camera, turned about an axis of length 1 through what it looks at; radians."""
+    middle = np.array(camera.lookat)
+    sine, cosine = math.sin(angle), math.cos(angle)
+
+    def turn(v: Any) -> Vector:  # Rodrigues' formula
+        x, y, z = (v * cosine + np.cross(axis, v) * sine + axis * (axis @ v) * (1 - cosine)).tolist()
+        return (x, y, z)
+
+    position = (middle + turn(np.array(camera.position) - middle)).tolist()
+    return replace(camera, position=tuple(position), up=turn(np.array(camera.up)))
+
+
+def range_of(text: str) -> slice:
+    """A:B:S, of which each part may be missing, or the number of one frame. Raises ValueError."""
+    match = RANGE.fullmatch(text)
+    if not match or not text:
+        raise ValueError(f"must be A:B or A:B:S, such as 0:100 or 3::10, or a number, got {text!r}")
+    start, stop, step = (int(part) if part else None for part in match.groups())
+    if ":" not in text:
+        assert start is not None
+        return slice(start, start + 1)
+    if step == 0:
+        raise ValueError(f"must have a step of 1 at least, got {text!r}")
+    if start is not None and stop is not None and stop <= start:
+        raise ValueError(f"must pick a frame, got {text!r}")
+    return slice(start, stop, step)
