@@ -63,7 +63,7 @@ class Renderer:
             raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
         self.device = device if isinstance(device, Device) else choose(device)
         self._composition = Composition.of(outputs, scene, truncate)
-        wanted = self._composition.outputs
+        wanted = self._composition.written
         self.request = Request(precision or default_precision(self.device), wanted, crop, truncate, keep)
         if self.precision != "single" and not self.device.has_double:
             raise DeviceError(
@@ -235,7 +235,8 @@ class Renderer:
             arrays = executor.read(frame)
             end = time.perf_counter()
         seconds = self.seconds | {"kernel": done - start, "readback": end - done}
-        return Image(**self._composition.composed(arrays), seconds=seconds, frame=frame)
+        found = self._composition.composed(arrays)
+        return Image(**found, seconds=seconds, frame=frame, transfer=self.scene.transfer)
 
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.

@@ -157,7 +157,7 @@ BELOW = {
     "formats": {"formats", "scene", "errors"},
     "plan": {"plan", "scene", "blocks"},
     "run": {"run", "plan", "scene", "blocks", "errors"},
-    "picture": {"picture", "scene", "errors"},
+    "picture": {"picture", "scene", "blocks", "errors"},
     "reference": {"reference", "scene", "picture"},
     "explanation": {"explanation", "reference", "scene", "errors"},
     "oracle": {"oracle", "scene"},

@@ -51,6 +51,8 @@ def compare(
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
+    if scene.transfer != "linear":
+        raise ValueError("scene: must have the transfer 'linear', as scene files have, got 'srgb'")
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
     mine = pixels_of(picture, scene.camera.resolution)

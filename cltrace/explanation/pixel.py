@@ -47,6 +47,7 @@ from cltrace.reference.bounce import refracted
 from cltrace.reference.texture import UV
 from cltrace.reference.trace import Pixel, bounces, follow
 from cltrace.scene import Scene
+from cltrace.scene.colors import encoded
 
 FAINT = 1 / 512  # weight of a ray below which even full white is less than half a level
 
@@ -89,7 +90,7 @@ class Explainer:
             color, _ = trace(self.world, primary_ray(camera, x, y))
         except ValueError:  # the only one: there is no end to the rays
             raise TooManyRaysError((x, y), Pixel.RAYS, camera.max_bounces) from None
-        red, green, blue = (byte_of(c, truncate) for c in color)
+        red, green, blue = (byte_of(c, truncate) for c in encoded(color, self.scene.transfer))
         return Explanation(
             path=self.scene.source.path if self.scene.source else "",
             x=x,
@@ -103,6 +104,7 @@ class Explainer:
             color=color,
             rgb8=(red, green, blue),
             truncate=truncate,
+            transfer=self.scene.transfer,
         )
 
     def _camera_ray(self, x: int, y: int) -> CameraRay:

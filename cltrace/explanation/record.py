@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from cltrace.explanation.words import line, text
+from cltrace.scene.colors import Transfer
 
 Triple = tuple[float, float, float]
 Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
@@ -277,7 +278,7 @@ class Explanation:
     path: of the scene's file, "" if it was made otherwise; x, y: the pixel's column and row, from the top left; width,
     height: of the picture; surfaces: how many the scene has; rays: the pixel's ray and after it those of mirrors and
     glass, each before those that go on from it; color: the pixel's, linear, not clamped; rgb8: its bytes, those of the
-    reference tracer; truncate: whether they are cut to a whole number instead of rounded.
+    reference tracer; truncate: whether they are cut to a whole number instead of rounded; transfer: the scene's curve.
     """
 
     path: str
@@ -292,6 +293,7 @@ class Explanation:
     color: Triple
     rgb8: tuple[int, int, int]
     truncate: bool
+    transfer: Transfer
 
     def __str__(self) -> str:
         return text(self)

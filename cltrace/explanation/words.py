@@ -6,8 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cltrace.errors import printable
 from cltrace.reference import byte_of
+from cltrace.scene.colors import encoded
 
 if TYPE_CHECKING:
     from cltrace.explanation.record import (
@@ -90,6 +93,9 @@ def text(e: Explanation) -> str:
     lines += [*_camera(e.camera, e), "", *_ray(e, 0, places)]
     red, green, blue = (min(1.0, max(0.0, c)) for c in e.color)
     lines.append(_row("clamped to 0..1", (red, green, blue), places))
+    if e.transfer != "linear":
+        red, green, blue = encoded((red, green, blue), e.transfer).tolist()
+        lines.append(_row("c, by the curve of sRGB", (red, green, blue), places))
     rule = "byte = trunc(255 c)" if e.truncate else "byte = trunc(255 c + 0.5)"
     lines.append(f"  {rule:<{LABEL}}" + "".join(f"{byte:>{places + 4}}" for byte in e.rgb8))
     return "\n".join(lines)
@@ -99,7 +105,8 @@ def _places(e: Explanation) -> int:
     """How many decimal places of the terms it takes for their sum, as printed, to give the bytes."""
     for places in (6, 9, 12):
         sums = [math.fsum(float(f"{term.color[i]:.{places}f}") for term in e.rays[0].terms) for i in range(3)]
-        if tuple(byte_of(c, e.truncate) for c in sums) == e.rgb8:
+        shown = encoded(np.maximum(sums, 0), e.transfer).tolist()
+        if tuple(byte_of(c, e.truncate) for c in shown) == e.rgb8:
             return places
     return 17
 

@@ -15,6 +15,7 @@ from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
 from cltrace.picture.png import write_png
 from cltrace.picture.storing import CHANNELS, check_format, levels16, write_exr, write_npy, write_npz
+from cltrace.scene.colors import Transfer
 
 Output = Literal[
     "rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work", "rgba8", "alpha"
@@ -32,7 +33,7 @@ class Image:
 
     It has those outputs that were asked for, each a numpy array:
 
-        rgb8         (h, w, 3) uint8    linear colour in bytes, without gamma
+        rgb8         (h, w, 3) uint8    colour in bytes: linear, without gamma, or as sRGB, as transfer says
         color        (h, w, 3) float32  linear colour, 1 is full, not clamped
         normal       (h, w, 3) float32  unit vector in the world, facing the camera; 0 where nothing was hit
         direction    (h, w, 3) float32  unit vector of the pixel's ray, in the world
@@ -58,8 +59,9 @@ class Image:
     Where numpy or a plotting library wants an array, as in plt.imshow(image) and np.asarray(image), an image counts as
     its rgba8, or else its rgb8.
 
-    seconds: what took how long, in seconds, by name; frame: the buffers that the arrays live in, for
-    Renderer.render(out), None in a copy that was pickled.
+    transfer: "linear", or "srgb" of a Scene that was made so; it is about rgb8, rgba8 and PNGs alone; seconds: what
+    took how long, in seconds, by name; frame: the buffers that the arrays live in, for Renderer.render(out), None in a
+    copy that was pickled.
     """
 
     rgb8: NDArray[np.uint8]
@@ -91,12 +93,14 @@ class Image:
         alpha: NDArray[np.float32] | None = None,
         seconds: dict[str, float] | None = None,
         frame: Any = None,
+        transfer: Transfer = "linear",
     ) -> None:
         arrays = (rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays, work, rgba8, alpha)
         given = zip(OUTPUTS, arrays, strict=True)
         self.__dict__.update({name: array for name, array in given if array is not None})
         self.seconds = seconds or {}
         self.frame = frame
+        self.transfer = transfer
 
     if not TYPE_CHECKING:  # a type checker would take any name for an attribute
 
@@ -269,8 +273,8 @@ class Image:
         """The picture with 16 bits for each channel."""
         self._need("color")
         if "alpha" not in self.outputs and "rgba8" in self.outputs:
-            return levels16(self.color, self.rgba8[..., 3] / np.float32(255))
-        return levels16(self.color, self.alpha if "alpha" in self.outputs else None)
+            return levels16(self.color, self.transfer, self.rgba8[..., 3] / np.float32(255))
+        return levels16(self.color, self.transfer, self.alpha if "alpha" in self.outputs else None)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.errors import MissingPackageError
+from cltrace.scene.colors import Transfer, encoded
 
 SUFFIXES = (".png", ".exr", ".npy", ".npz")
 # The channels of an EXR, by the output that they hold. R, G, B: linear light, 1 = full, times A if there is an A, as
@@ -47,11 +48,15 @@ def check_format(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
         raise MissingPackageError("writing .exr", "OpenEXR", "exr")
 
 
-def levels16(color: NDArray[np.float32], alpha: NDArray[Any] | None) -> NDArray[np.uint16]:
-    """(h, w, 3), or with an alpha of (h, w) (h, w, 4): 65535 times linear colours and alpha, 0..1, rounded."""
-    parts = [color] if alpha is None else [color, alpha[..., None]]
-    values = np.concatenate(parts, axis=-1, dtype=np.float64)
-    return np.asarray(np.rint(np.clip(values, 0.0, 1.0) * 65535), np.uint16)
+def levels16(color: NDArray[np.float32], transfer: Transfer, alpha: NDArray[Any] | None) -> NDArray[np.uint16]:
+    """(h, w, 3), or with an alpha of (h, w) (h, w, 4): 65535 times colours and alpha, 0..1, rounded.
+
+    transfer: the curve by which linear colours are written.
+    """
+    values = encoded(np.clip(color, 0.0, 1.0), transfer)
+    if alpha is not None:
+        values = np.concatenate([values, alpha[..., None]], axis=-1)
+    return np.asarray(np.rint(values * 65535), np.uint16)
 
 
 def write_npy(file: BinaryIO, array: NDArray[Any]) -> None:

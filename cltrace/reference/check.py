@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cltrace.picture.image import Image
 from cltrace.reference import byte_of, primary_ray, trace, world_of
 from cltrace.scene import Scene
+from cltrace.scene.colors import encoded
 
 # Of a sample: at most this share may differ in its bytes at all, and this share by more than one level. A surface's
 # number may never differ but in precision single, where float32 decides.
@@ -126,7 +127,7 @@ def check(
     for i, flat in enumerate(chosen.tolist()):
         y, x = divmod(flat, width)
         color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
-        levels[i] = [byte_of(c, truncate) for c in color]
+        levels[i] = [byte_of(c, truncate) for c in encoded(color, scene.transfer)]
         wrong[i] = (at.index if at else -1) != image.id[y, x]
         if i % 256 == 0:
             progress(i / len(chosen))

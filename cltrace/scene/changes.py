@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.colors import decoded
 from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
 from cltrace.scene.materials import check_index, packed
 from cltrace.scene.meshes import PlacedMesh
@@ -42,6 +43,8 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
         _check_extents(columns, scene.to_object)
     names = {ARGUMENTS[name]: name for name in ARGUMENTS}
     shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
+    if "color" in shade:
+        shade["color"] = decoded(shade["color"], scene.transfer)
     if len(columns) != len(scene.columns) or shade:
         columns, meshes = _shaded(columns, meshes, shade)
     return scene.with_columns(columns, meshes)

@@ -1,14 +1,16 @@
-"""Colours as users write them: numbers, names of CSS, #rrggbb."""
+"""Colours as users write them: numbers, names of CSS, #rrggbb; linear, or by the curve of sRGB."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.rules import NOT_NEGATIVE, Rule, Vector, check_not_bytes, checked, described, numbers, vector
 
+Transfer = Literal["linear", "srgb"]
+TRANSFERS: tuple[Transfer, ...] = get_args(Transfer)
 ALPHA = Rule("within 0..1, as it is an alpha", low=0, high=1)
 
 
@@ -34,14 +36,43 @@ def color_numbers(name: str, value: Any, alpha: bool = False) -> Any:
     return value
 
 
-def background_of(background: ArrayLike, alpha: ArrayLike) -> tuple[Vector, float]:
-    """The colour of a background and its alpha, which is its fourth number, or else this one. Raises ValueError."""
+def check_transfer(transfer: object) -> None:
+    """Raises ValueError if there is no such curve."""
+    if not isinstance(transfer, str) or transfer not in TRANSFERS:
+        raise ValueError(f"transfer: must be {' or '.join(TRANSFERS)}, got {described(transfer)}")
+
+
+def decoded(color: NDArray[Any], transfer: Transfer) -> NDArray[Any]:
+    """Linear colours of those that are written so, >= 0, of the same float type.
+
+    sRGB is that of IEC 61966-2-1: c / 12.92 up to 0.04045, and ((c + 0.055) / 1.055)^2.4 above, also beyond 1.
+    """
+    if transfer == "linear":
+        return color
+    c = color.astype(np.float64)
+    return np.asarray(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4), color.dtype)
+
+
+def encoded(color: ArrayLike, transfer: Transfer) -> NDArray[np.float64]:
+    """How linear colours >= 0 are written: what decoded() undoes. 1 stays 1."""
+    c = np.asarray(color, np.float64)
+    if transfer == "linear":
+        return c
+    return np.where(c <= 0.04045 / 12.92, 12.92 * c, 1 + 1.055 * (c ** (1 / 2.4) - 1))
+
+
+def background_of(background: ArrayLike, alpha: ArrayLike, transfer: Transfer = "linear") -> tuple[Vector, float]:
+    """The linear colour of a background and its alpha, which is its fourth number, or else this one.
+
+    transfer: how the colour is given. Raises ValueError.
+    """
     value = color_numbers("background", background, alpha=True)
     if numbers("background", value).shape == (4,):
         value, alpha = value[:3], value[3]
-    color = vector("background", value, NOT_NEGATIVE)
+    given = vector("background", value, NOT_NEGATIVE)
     check_not_bytes("background", value)
-    return color, float(checked("background_alpha", ALPHA, alpha, ()))
+    red, green, blue = decoded(np.array(given), transfer).tolist()
+    return (red, green, blue), float(checked("background_alpha", ALPHA, alpha, ()))
 
 
 def _of_text(name: str, text: str, alpha: bool = False) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.colors import color_numbers
+from cltrace.scene.colors import Transfer, color_numbers, decoded
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -163,6 +163,17 @@ def records(materials: Iterable[Material]) -> tuple[NDArray[np.void], tuple[Text
             record[name] = getattr(m, name)
         record["texture"] = place.get(id(m.texture), -1)
     return result, tuple(textures.values())
+
+
+def linear_texels(image: Texture, transfer: Transfer) -> Texture:
+    """A texture whose numbers are linear: of sRGB 16 bits each, read-only."""
+    if transfer == "linear":
+        return image
+    full = np.iinfo(image.dtype).max
+    table = np.rint(decoded(np.arange(full + 1) / full, transfer) * 65535).astype(np.uint16)
+    linear: Texture = table[image]
+    linear.flags.writeable = False
+    return linear
 
 
 def check_materials(materials: NDArray[np.void], textures: int) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.camera import Camera
 from cltrace.scene.colormaps import colors_of
-from cltrace.scene.colors import background_of
+from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import inverses, uniform_scales
@@ -27,6 +27,7 @@ from cltrace.scene.materials import (
     check_materials,
     check_texels,
     checked_textures,
+    linear_texels,
     records,
 )
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
@@ -65,6 +66,9 @@ class Scene:
     PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of uint8 or uint16, of which a material's `texture` is the
     index. The arrays are copied, but for textures that are read-only and own their memory.
 
+    transfer: how the picture's colours become bytes, "linear" or "srgb", see from_spheres(). The colours here are
+    linear with either.
+
     Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
     mesh knows its number, and the spheres have those that the meshes leave.
 
@@ -85,6 +89,7 @@ class Scene:
     meshes: tuple[PlacedMesh, ...]
     textures: tuple[Texture, ...]
     background_alpha: float
+    transfer: Transfer
     source: Source | None = field(default=None, init=False)
 
     def __init__(
@@ -99,16 +104,18 @@ class Scene:
         meshes: Iterable[PlacedMesh] = (),
         textures: Iterable[Texture] = (),
         background_alpha: float = 1.0,
+        transfer: Transfer = "linear",
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
         maps, images = checked_maps(to_object), checked_textures(textures)
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
+        check_transfer(transfer)
         placed = check_meshes(meshes, len(shades))
         surfaces = {"spheres": balls, "materials": shades}
         surroundings = background_of(background, background_alpha)
-        self._fill(camera, joined(lights), surfaces, surroundings, output_file, maps, placed, images)
+        self._fill(camera, joined(lights), surfaces, surroundings, output_file, maps, placed, images, transfer)
 
     def _fill(
         self,
@@ -120,6 +127,7 @@ class Scene:
         to_object: NDArray[np.float64],
         meshes: tuple[PlacedMesh, ...],
         textures: tuple[Texture, ...],
+        transfer: Transfer,
     ) -> None:
         """Takes these as they are, of which all but lights and output_file have been checked.
 
@@ -129,7 +137,7 @@ class Scene:
             raise TypeError(f"output_file: must be a text, got {described(output_file)}")
         check_lights(lights)
         state = {"camera": camera, "lights": lights, **surfaces, "output_file": output_file}
-        state |= {"background": background[0], "background_alpha": background[1]}
+        state |= {"background": background[0], "background_alpha": background[1], "transfer": transfer}
         self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures, "source": None})
 
     def seen_by(self, camera: Camera) -> Scene:
@@ -141,8 +149,11 @@ class Scene:
         return self._with(camera=camera)
 
     def in_front_of(self, background: ArrayLike) -> Scene:
-        """The same scene in front of another background, 3 numbers or with an alpha 4. It shares the arrays."""
-        color, alpha = background_of(background, 1.0)
+        """The same scene in front of another background, 3 numbers or with an alpha 4. It shares the arrays.
+
+        Like those of from_spheres(), its colour is by the scene's transfer curve.
+        """
+        color, alpha = background_of(background, 1.0, self.transfer)
         return self._with(background=color, background_alpha=alpha)
 
     def read_from(self, source: Source) -> Scene:
@@ -227,6 +238,7 @@ class Scene:
         meshes: Iterable[Mesh] | Mesh = (),
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
+        transfer: Transfer = "linear",
     ) -> Scene:
         """A scene of plain arrays.
 
@@ -256,6 +268,11 @@ class Scene:
 
         meshes: of cltrace.Mesh, whose numbers follow those of the spheres.
 
+        transfer: "linear" for colours that are linear and become bytes without gamma, as the course has it; "srgb" for
+        those that are given and written as sRGB, as other programs have it, while light adds up linearly between:
+        colors, the map's, those of meshes' materials and their textures, and the background, but not the lights', which
+        are amounts of light. Bytes that are given come back on unlit surfaces, with either.
+
         Raises ValueError, which names the argument and the index, TypeError as Scene does, and MissingPackageError if
         a map's name needs a package that is not there.
         """
@@ -275,7 +292,7 @@ class Scene:
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade, 1 if one else n, follows=ka is None)
-        return cls._made(camera, lights, found, background, output_file, maps, shapes)
+        return cls._made(camera, lights, found, background, output_file, maps, shapes, transfer)
 
     @classmethod
     def from_meshes(
@@ -286,17 +303,20 @@ class Scene:
         *,
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
+        transfer: Transfer = "linear",
     ) -> Scene:
         """A scene of meshes; with spheres, too, from_spheres makes it.
 
         camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; meshes: a cltrace.Mesh or several; background, output_file: see Scene.
+        return; meshes: a cltrace.Mesh or several; background, output_file: see Scene; transfer: see
+        from_spheres().
 
         Raises ValueError and TypeError, which name the argument and the index.
         """
         _check_camera(camera, "camera, lights, meshes")
         none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
-        return cls._made(camera, joined(lights), none, background, output_file, np.empty((0, 3, 3)), mesh_list(meshes))
+        shapes, maps = mesh_list(meshes), np.empty((0, 3, 3))
+        return cls._made(camera, joined(lights), none, background, output_file, maps, shapes, transfer)
 
     @classmethod
     def _made(
@@ -308,18 +328,27 @@ class Scene:
         output_file: str,
         to_object: NDArray[np.float64],
         meshes: list[Mesh],
+        transfer: Transfer,
     ) -> Scene:
-        """A scene of spheres and their materials, and of meshes after them with theirs."""
+        """A scene of spheres and their materials, and of meshes after them with theirs.
+
+        transfer: how the colours of materials, textures and background are given.
+        """
+        check_transfer(transfer)
         kinds = {id(mesh.material): mesh.material for mesh in meshes}
         place = {key: columns.count + i for i, key in enumerate(kinds)}
         more, textures = records(kinds.values())
         check_texels(textures)
+        more["color"] = decoded(more["color"], transfer)
+        shade = {**columns.shade, "color": decoded(columns.shade["color"], transfer)}
+        images = tuple(linear_texels(image, transfer) for image in textures)
         n = len(columns)
         placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
         scene = cls.__new__(cls)
-        surfaces = {"columns": replace(columns, rest=more)}
-        scene._fill(camera, lights, surfaces, background_of(background, 1.0), output_file, to_object, placed, textures)
+        surfaces = {"columns": replace(columns, shade=shade, rest=more)}
+        behind = background_of(background, 1.0, transfer)
+        scene._fill(camera, lights, surfaces, behind, output_file, to_object, placed, images, transfer)
         return scene
 
 
