@@ -6,7 +6,7 @@
 
 #ifdef WITH_TRIANGLES
 /* The index of the material of each lane's surface, -1 for none. */
-static INT materials_of(const Scene scene, const INT id) {
+static __attribute__((always_inline)) INT materials_of(const Scene scene, const INT id) {
     if (scene.materials == 1) return id < 0 ? (INT)-1 : (INT)0;
     const int one = common_of(id);
     if (one >= 0) return id < 0 ? (INT)-1 : (INT)scene.material_of[one];
@@ -129,7 +129,7 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     PUT_ON_FACES(here, start->p.z, (REAL)0);
     PUT_ON_FACES(here, start->support, (REAL)0);
     PUT_ON_FACES(here, start->side, side);
-    start->stretched = start->stretched | here;
+    PUT_ON_FACES(here, start->stretched, here);
     start->index = id;
     start->q = at->q;
 #if REAL_BYTES == 4
@@ -162,10 +162,6 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
     Intersection at = material_at(scene, hit.id);
 #ifdef WITH_NORMAL
 #ifdef ONLY_TRIANGLES
-    const Sphere none = {hit.id, {0, 0, 0}, 0, 0, 0};
-    const Real3 origin = {0, 0, 0};
-    at.normal = origin;
-    at.start = start_of(none, origin, 1, origin);
     const Real3 P = {hit.t * ray.d.x, hit.t * ray.d.y, -hit.t};
     flatten(frame, scene, hit.id, hit.shares, ray.d, P, &at);
 #else
@@ -228,10 +224,6 @@ static void flatten_from(const Frame frame, const Scene scene, const Leaving ray
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
     Intersection at = material_at(scene, met.id);
 #ifdef ONLY_TRIANGLES
-    const Sphere none = {met.id, {0, 0, 0}, 0, 0, 0};
-    const Real3 origin = {0, 0, 0};
-    at.normal = origin;
-    at.start = start_of(none, origin, 1, origin);
     flatten_from(frame, scene, ray, met, &at);
 #else
     const INT round = SPHERE_OR_NONE(scene.spheres, met.id);

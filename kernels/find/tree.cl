@@ -73,8 +73,9 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
 
 /* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how
  * far each ray has to look from now on. */
-static __attribute__((noinline)) void decide_all(const Scene scene, const Leaving *ray, const REAL scale, Search *search,
+static __attribute__((noinline)) void decide_all(const Scene *all, const Leaving *ray, const REAL scale, Search *search,
                                                  Met *met, Work *work) {
+    const Scene scene = *all;
     FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
     const INT left = LOAD_LANES(search->count);
     for (int k = 0; ANY(left > k); k++) {
@@ -186,8 +187,9 @@ static void add_children(const Scene scene, const int number, const Walker *walk
 #endif
 
 /* Looks for what the ray of a lane may meet, in the part of the tree below a child. */
-static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, const int lane, const int from,
+static void walk_alone(const Scene *all, const Leaving *ray, const REAL scale, const int lane, const int from,
                        Search *search, Met *met, Work *work) {
+    const Scene scene = *all;
     Walker walker = walker_of(search, lane);
 #ifdef WITH_TREE
     Stack stack;
@@ -207,7 +209,7 @@ static void walk_alone(const Scene scene, const Leaving *ray, const REAL scale, 
 #endif
         if (!make_room(search, lane, walker.reach)) {
             search->reach[lane] = walker.reach;
-            decide_all(scene, ray, scale, search, met, work);
+            decide_all(all, ray, scale, search, met, work);
             walker.reach = search->reach[lane];
         }
         add_leaf(scene, leaf, &walker, search);
@@ -262,8 +264,9 @@ static MASK entering(const Scene scene, const Bundle *bundle, const int number, 
 }
 
 /* Looks for what these rays may meet. Their directions have the same signs. */
-static void walk_together(const Scene scene, const Leaving *ray, const REAL scale, const MASK live, Search *search, Met *met,
+static void walk_together(const Scene *all, const Leaving *ray, const REAL scale, const MASK live, Search *search, Met *met,
                           Work *work) {
+    const Scene scene = *all;
     Bundle bundle;
     if (popcount(lane_bits(live)) > ALONE) bundle_rays(search, live, &bundle);
     FLOAT reach = LOAD_LANES(search->reach);
@@ -278,10 +281,10 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
             add_children_for_bundle(scene, child, &bundle, furthest, &stack);
         } else {
             if (popcount(bits) > ALONE) {
-                if (!make_room_for_packet(search, here)) decide_all(scene, ray, scale, search, met, work);
+                if (!make_room_for_packet(search, here)) decide_all(all, ray, scale, search, met, work);
                 add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search);
             } else {
-                for (; bits; bits &= bits - 1) walk_alone(scene, ray, scale, lowest_of(bits), child, search, met, work);
+                for (; bits; bits &= bits - 1) walk_alone(all, ray, scale, lowest_of(bits), child, search, met, work);
             }
             if (search->shorter) {
                 search->shorter = 0;
@@ -306,7 +309,8 @@ static void walk_together(const Scene scene, const Leaving *ray, const REAL scal
 
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
  * id. */
-static __attribute__((noinline)) Met closest_from(const Scene scene, const Leaving *ray, const MASK live, Work *work) {
+static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live, Work *work) {
+    const Scene scene = *all;
     Met met;
     met.t = INFINITY;
     met.id = -1;
@@ -350,7 +354,7 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
         const MASK like = (AS(int, wx) ^ as_int(search.w[0][lane])) | (AS(int, wy) ^ as_int(search.w[1][lane])) |
                           (AS(int, wz) ^ as_int(search.w[2][lane]));
         const MASK group = left & (like >= 0);
-        walk_together(scene, ray, scale, group, &search, &met, work);
+        walk_together(all, ray, scale, group, &search, &met, work);
         left &= ~group;
     }
 #else
@@ -362,9 +366,9 @@ static __attribute__((noinline)) Met closest_from(const Scene scene, const Leavi
     int wanted[W];
     STORE_LANES(live, wanted);
     for (int lane = 0; lane < W; lane++)
-        if (wanted[lane]) walk_alone(scene, ray, scale, lane, from, &search, &met, work);
+        if (wanted[lane]) walk_alone(all, ray, scale, lane, from, &search, &met, work);
 #endif
-    if (ANY(LOAD_LANES(search.count) > 0)) decide_all(scene, ray, scale, &search, &met, work);
+    if (ANY(LOAD_LANES(search.count) > 0)) decide_all(all, ray, scale, &search, &met, work);
     return met;
 }
 #endif

@@ -7,7 +7,7 @@
 static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
                     Work *work);
 #ifdef WITH_TRIANGLES
-static INT materials_of(const Scene scene, const INT id);
+static __attribute__((always_inline)) INT materials_of(const Scene scene, const INT id);
 #endif
 static Intersection intersection_from(const Frame frame, const Scene scene, const Leaving ray, const Met met);
 
@@ -244,7 +244,7 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
                 if (ANY(all.rays > MOST_RAYS)) return all;
 #endif
                 path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, EXACT_POINT(rays), rays.d);
-                met = closest_from(scene, &path, rays.live, work);
+                met = closest_from(&scene, &path, rays.live, work);
                 FETCH_SURFACES(scene, met.id);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);

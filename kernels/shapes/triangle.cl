@@ -652,7 +652,7 @@ static Place3 place_on(const Corners corners, const Real3 q) {
 }
 
 /* The same of the lanes whose surface is a triangle. */
-static Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
+static __attribute__((always_inline)) Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
     const INT number = index >= spheres.first ? index - spheres.first : (INT)-1;
     return place_on(corners_at(spheres.vertex, spheres.face, number), q);
 }
