@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+import time
 from typing import Any
 
 from cltrace.errors import MissingPackageError
+
+DELAY = 1.0  # seconds of work before anything is shown
 
 
 def bar(total: int | None, unit: str, wanted: bool | None = None) -> Any:
@@ -23,7 +26,33 @@ def bar(total: int | None, unit: str, wanted: bool | None = None) -> Any:
     looking = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     if wanted is False or (wanted is None and not looking):
         return _Nothing()
-    return importlib.import_module("tqdm.auto").tqdm(total=total, unit=unit, delay=1)
+    return _Bar(total, unit)
+
+
+class _Bar:
+    """A bar that is there after a second: most work has ended before that, and needs no tqdm."""
+
+    def __init__(self, total: int | None, unit: str) -> None:
+        self._options = {"total": total, "unit": unit}
+        self._start = time.time()
+        self._bar: Any = None
+        self._done: float = 0
+
+    def __enter__(self) -> _Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def update(self, n: float = 1) -> None:
+        """So much more is done."""
+        self._done += n
+        if self._bar is None and time.time() - self._start >= DELAY:
+            self._bar = importlib.import_module("tqdm.auto").tqdm(**self._options)
+            self._bar.start_t, n = self._start, self._done  # so that its rate is that of all
+        if self._bar is not None:
+            self._bar.update(n)
 
 
 class _Nothing:

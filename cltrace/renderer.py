@@ -17,6 +17,7 @@ from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Before, Plan, View, World
 from cltrace.plan.request import Crop, Keep, Region, Request
+from cltrace.progress import bar
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
 from cltrace.run.maker import Maker, maker_of
@@ -62,6 +63,7 @@ class Renderer:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
         self.device = device if isinstance(device, Device) else choose(device)
+        self._asked = outputs
         self._composition = Composition.of(outputs, scene, truncate)
         wanted = self._composition.written
         self.request = Request(precision or default_precision(self.device), wanted, crop, truncate, keep)
@@ -100,8 +102,13 @@ class Renderer:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, got {scene!r}")
         start = time.perf_counter()
+        composition = Composition.of(self._asked, scene, self.request.truncate)
+        if composition.written != self._composition.written:  # as where only one background is transparent
+            how = self.precision, self._asked, self.request.crop, self.request.truncate, self.width
+            return Renderer(scene, self.device, *how, self.request.keep)  # type: ignore[arg-type]
         with self._lock:
             other = copy(self)
+        other._composition = composition
         other._follow(scene, start)
         return other
 
@@ -215,12 +222,14 @@ class Renderer:
             "make a Renderer of that where it arrives"
         )
 
-    def render(self, out: Image | None = None) -> Image:
+    def render(self, out: Image | None = None, progress: bool | None = None) -> Image:
         """One frame, as an Image whose arrays have the region's height and width.
 
-        out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones.
-        Raises ValueError if `out` is no such image, TooManyRaysError if mirrors and glass make more than 2^20 rays of a
-        pixel, and DeviceError if the driver fails or in a forked process. What `out` holds after an error is undefined.
+        out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones;
+        progress: whether tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed. Raises
+        MissingPackageError if it is wanted and tqdm is missing, ValueError if `out` is no such image, TooManyRaysError
+        if mirrors and glass make more than 2^20 rays of a pixel, and DeviceError if the driver fails or in a forked
+        process. What `out` holds after an error is undefined.
         """
         check_process()
         with self._lock, (executor := self._executor).driver_errors():
@@ -230,7 +239,8 @@ class Renderer:
                 raise ValueError("out: must be an image that this Renderer has rendered")
             frame = executor.frame() if out is None else out.frame
             start = time.perf_counter()
-            executor.draw(frame)
+            with bar(self.region[3], "row", progress) as shown:
+                executor.draw(frame, shown.update)
             done = time.perf_counter()
             arrays = executor.read(frame)
             end = time.perf_counter()
@@ -262,6 +272,7 @@ def render(
     outputs: tuple[Output, ...] = ("rgb8",),
     crop: Crop | None = None,
     truncate: bool = False,
+    progress: bool | None = None,
 ) -> Image:
     """One picture of a scene. The arguments and what is raised are those of Renderer and its render()."""
-    return Renderer(scene, device, precision, outputs, crop, truncate).render()
+    return Renderer(scene, device, precision, outputs, crop, truncate).render(progress=progress)

@@ -158,7 +158,7 @@ BELOW = {
     "plan": {"plan", "scene", "blocks"},
     "run": {"run", "plan", "scene", "blocks", "errors"},
     "picture": {"picture", "scene", "blocks", "errors"},
-    "reference": {"reference", "scene", "picture"},
+    "reference": {"reference", "scene", "picture", "progress"},
     "explanation": {"explanation", "reference", "scene", "errors"},
     "oracle": {"oracle", "scene"},
     "rays": {"rays", "oracle", "plan", "scene", "blocks"},

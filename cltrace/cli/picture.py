@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ def draw(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     read_seconds = time.perf_counter() - started
     files = Files.of(scene, args)
     renderer = renderer_of(scene, args, files.needed)
-    image = _fastest(renderer, args.repeat)
+    image = _fastest(renderer, args.repeat, False if args.quiet else None)
     image.seconds = {"read": read_seconds, **image.seconds}
 
     start = time.perf_counter()
@@ -119,11 +118,11 @@ def options_of(args: argparse.Namespace, needed: tuple[Output, ...]) -> dict[str
     }
 
 
-def _fastest(renderer: Renderer, repeat: int) -> Image:
-    """The picture, with the seconds of the fastest of so many frames."""
-    image = best = renderer.render()
+def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:
+    """The picture, with the seconds of the fastest of so many frames. progress: as of Renderer.render()."""
+    image = best = renderer.render(progress=progress)
     for _ in range(repeat - 1):
-        image = renderer.render(image)
+        image = renderer.render(image, progress)
         if image.frame_seconds < best.frame_seconds:
             best = image
     return best
@@ -135,7 +134,7 @@ def _check(renderer: Renderer, image: Image, args: argparse.Namespace, say: Call
 
     pixels = {"all": renderer.region[2] * renderer.region[3], "default": None}.get(args.check, args.check)
     try:
-        origin, progress = renderer.region[:2], _progress(args.quiet)
+        origin, progress = renderer.region[:2], False if args.quiet else None
         report = check(renderer.scene, image, renderer.precision, pixels, origin, args.truncate, progress)
     except ValueError as error:  # the reference traces what the kernel proves to be too faint, and has the same ceiling
         raise UsageError(f"--check: {error}") from None
@@ -153,14 +152,3 @@ def _depth_scale(image: Image) -> str:
         f"{near} is white ({NEAR}), {far} is dark ({FAR}), nothing is black; in between, a grey is "
         f"{FAR} + {NEAR - FAR} (1/depth - 1/{far}) / (1/{near} - 1/{far})"
     )
-
-
-def _progress(quiet: bool) -> Callable[[float], None]:
-    """Shows the share done on a terminal, after the first second."""
-    start = time.monotonic()
-
-    def show(share: float) -> None:
-        if not quiet and sys.stderr.isatty() and time.monotonic() - start > 1:
-            print(f"\rcltrace: checking {100 * share:3.0f} %\r", end="", file=sys.stderr, flush=True)
-
-    return show

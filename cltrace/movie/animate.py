@@ -47,7 +47,7 @@ def images(frames: Iterable[Frame], first: Callable[[Scene], Renderer]) -> Gener
             renderer, drawn = job.result(), frame
             frame = next(iterator, None)
             job = pool.submit(prepared, frame, renderer) if frame else None
-            yield drawn, renderer.render()
+            yield drawn, renderer.render(progress=False)
 
 
 @overload

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.picture.image import Image
+from cltrace.progress import bar
 from cltrace.reference import byte_of, primary_ray, trace, world_of
 from cltrace.scene import Scene
 from cltrace.scene.colors import encoded
@@ -106,11 +106,12 @@ def check(
     pixels: int | None = None,
     origin: tuple[int, int] = (0, 0),
     truncate: bool = False,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: bool | None = None,
 ) -> Report:
     """Compares `pixels` pixels of an image with the reference. None: 20,000, but fewer of scenes with many surfaces.
 
-    image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: called with the share done.
+    image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: whether
+    tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed.
     """
     if not {"rgb8", "id"} <= set(image.outputs):
         raise ValueError("check: the image must have rgb8 and id")
@@ -124,13 +125,13 @@ def check(
     chosen = sample(image.id, pixels)
     levels = np.empty((len(chosen), 3), np.int64)
     wrong = np.empty(len(chosen), bool)
-    for i, flat in enumerate(chosen.tolist()):
-        y, x = divmod(flat, width)
-        color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
-        levels[i] = [byte_of(c, truncate) for c in encoded(color, scene.transfer)]
-        wrong[i] = (at.index if at else -1) != image.id[y, x]
-        if i % 256 == 0:
-            progress(i / len(chosen))
+    with bar(len(chosen), "pixel", progress) as shown:
+        for i, flat in enumerate(chosen.tolist()):
+            y, x = divmod(flat, width)
+            color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
+            levels[i] = [byte_of(c, truncate) for c in encoded(color, scene.transfer)]
+            wrong[i] = (at.index if at else -1) != image.id[y, x]
+            shown.update()
     seconds = time.perf_counter() - start
     levels -= image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
     error = np.abs(levels).max(axis=1)

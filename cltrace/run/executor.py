@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
@@ -127,11 +127,12 @@ class Executor:
         }
         return Frame(self.room, width, height, arrays, buffers)
 
-    def draw(self, frame: Frame) -> None:
+    def draw(self, frame: Frame, drawn: Callable[[int], object] = lambda rows: None) -> None:
         """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
-        frame begins with the size that was found. Raises TooManyRaysError after the strip in which that happened.
+        frame begins with the size that was found. drawn: called with how many rows a strip had. Raises TooManyRaysError
+        after the strip in which that happened.
         """
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
@@ -147,6 +148,7 @@ class Executor:
             seconds = time.perf_counter() - start
             if bounded:
                 self._check_overgrown()
+            drawn(min(row + rows, region[3]) - row)
             row += rows
             if seconds > PATIENCE:
                 self._rows = max(16, self._rows // 32 * 16)
