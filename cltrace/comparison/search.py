@@ -25,16 +25,18 @@ from cltrace.scene import Scene
 Levels = NDArray[np.int64]  # (n, 3), 0..255
 Bits = NDArray[np.bool_]
 
-WRONG, SOUND = 1200, 800  # pixels of a sample
-FEW = 240, 120  # of the first look at pairs
+USUAL = 1200, 800  # wrong and sound pixels of a sample
+LARGE = 6000, 2000  # of the one that shows what a mistake leaves
+FEW = 240, 120  # of the first look at mistakes
 _MOST = 20.0  # what is spoiled counts no more than so many times what is explained
 _FAR = 48  # levels from which on a pixel is just wrong
 _LIGHTS = 4  # up to which all choices among lights are tried
 _SPARED = 0.1  # of the wrong pixels, at least that acne beside another mistake leaves alone
 _FREE, _AMID, _SURE = 0.1, 0.2, 0.8  # see _is_speckled
 NAMED = 0.25  # what a cause must gain to be named
-PERFECT = 0.995  # a gain that leaves nothing to look for
+PERFECT, GOOD = 0.995, 0.95  # gains of one mistake, and of two, that leave nothing to look for
 BETTER, LEFT = 0.1, 0.4  # by how much two mistakes must gain more than one, or what share of the rest they may leave
+LEAST = 8  # wrong pixels that one mistake leaves, for a second one to be looked for
 FLEXIBLE = ("acne", "truncated")  # explain more than others by chance, and are asked for last
 
 
@@ -55,20 +57,25 @@ class Sample:
         return Sample(self.pixels[rows], self.mine[rows], self.right[rows], self.wrong[rows], self.weight)
 
     @classmethod
-    def of(cls, mine: Levels, right: Levels, tolerance: int) -> Sample:
+    def of(cls, mine: Levels, right: Levels, tolerance: int, counts: tuple[int, int] = USUAL) -> Sample:
         """Takes wrong and sound pixels of whole pictures, (h, w, 3), always the same ones of the same pictures."""
         wrong = np.abs(mine - right).max(axis=2) > tolerance
         rng = np.random.default_rng(0)
         bad, good = (rng.permutation(np.flatnonzero(which)) for which in (wrong, ~wrong))
-        y, x = np.divmod(np.sort(np.concatenate([bad[:WRONG], good[:SOUND]])), mine.shape[1])
+        y, x = np.divmod(np.sort(np.concatenate([bad[: counts[0]], good[: counts[1]]])), mine.shape[1])
         weight = min(len(good) / max(len(bad), 1), _MOST)
         return cls(np.stack([x, y], axis=1), mine[y, x], right[y, x], wrong[y, x], weight)
 
-    def few(self, wrong: Bits) -> Sample:
-        """A few of these pixels, which are wrong, and of others."""
+    def few(self) -> Sample:
+        """A few of these pixels."""
         rng = np.random.default_rng(1)
-        rows = [rng.permutation(np.flatnonzero(w))[:n] for w, n in ((wrong, FEW[0]), (~wrong, FEW[1]))]
+        rows = [rng.permutation(np.flatnonzero(w))[:n] for w, n in ((self.wrong, FEW[0]), (~self.wrong, FEW[1]))]
         return self.at(np.concatenate(rows))
+
+    def left(self, matched: Bits) -> Sample:
+        """The same pixels, of which those that are wrong and not matched count as wrong; (n,)."""
+        wrong = self.wrong & ~matched
+        return replace(self, wrong=wrong, weight=min(float((~wrong).sum()) / max(wrong.sum(), 1), _MOST))
 
 
 class Score(NamedTuple):
@@ -186,14 +193,22 @@ class Search:
         self.mine, self.tolerance = mine, tolerance
         self.base = Rules(rounding="down") if truncate else RIGHT
         self.tracer = Tracer(scene)
-        sample = Sample.of(mine, right, tolerance)
-        # Where doubles see something else than is there, they cannot judge.
-        off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base) - sample.right).max(axis=1)
-        sample = sample.at(np.flatnonzero(off <= 1))
-        self.fit, self.few = self._fit(sample), self._fit(sample.few(sample.wrong))
+        sample = self._sample(Sample.of(mine, right, tolerance))
+        self.fit, self.few = self._fit(sample), self._fit(sample.few())
+        self._all = Sample.of(mine, right, tolerance, LARGE)
+        self._rests: dict[tuple[str, ...], Fit | None] = {}
 
     def _fit(self, sample: Sample) -> Fit:
         return Fit(self.tracer, sample, self.tolerance, self.base)
+
+    def _sample(self, sample: Sample) -> Sample:
+        """Without the pixels where doubles see something else than is there, of which they cannot judge."""
+        off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base) - sample.right).max(axis=1)
+        return sample.at(np.flatnonzero(off <= 1))
+
+    @cached_property
+    def large(self) -> Fit:
+        return self._fit(self._sample(self._all))
 
     def cause(self) -> Trial | None:
         """The mistakes that explain the picture best, as few as do; None if none does."""
@@ -203,7 +218,7 @@ class Search:
             best = none
             for trial in self._looks():
                 best = trial if self._is_better(trial, best) else best
-                if best.score.gain >= PERFECT:
+                if self._is_enough(best):
                     break
             best = self._cut_off(best)
         return best if best.made else None
@@ -212,33 +227,53 @@ class Search:
         """The best of what takes longer and longer to look for."""
         yield from self.rigid[:1]
         yield from self.singles[:1]
+        for single in self.singles[:3]:
+            if single.score.gain > NAMED:
+                yield from self._with(single)[:1]
         yield from self.pairs[:1]
         yield from self.acne()
+
+    def _is_enough(self, best: Trial) -> bool:
+        """Whether there is no need to look further: nothing is left, or next to nothing by two mistakes."""
+        gain = best.score.gain
+        return gain >= GOOD if len(best.made) > 1 else gain >= PERFECT and self._rest(best) is None
 
     def _is_better(self, trial: Trial, best: Trial) -> bool:
         """Whether a further mistake is worth its name."""
         gain, before = trial.score.gain, best.score.gain
         if not best.made:
             return gain >= NAMED
-        return gain >= before + BETTER or (1 - gain <= LEFT * (1 - before) and gain > before)
+        if gain >= before + BETTER or (1 - gain <= LEFT * (1 - before) and gain > before):
+            return True
+        rest = self._rest(best) if gain >= before and not set(FLEXIBLE) & set(trial.made) else None
+        return rest is not None and rest.trial(trial.made).score.gain >= 1 - LEFT
+
+    def _rest(self, trial: Trial) -> Fit | None:
+        """How well rules fit what mistakes leave wrong in a large sample; None if that is next to nothing."""
+        if trial.names not in self._rests:
+            left = self.large.sample.left(self.large.matched(trial.changes))
+            self._rests[trial.names] = self._fit(left.few()) if left.wrong.sum() >= LEAST else None
+        return self._rests[trial.names]
 
     def explained(self, trial: Trial) -> float:
         """The share of the wrong pixels that mistakes explain together."""
-        wrong = self.fit.sample.wrong
-        return float(self.fit.matched(trial.changes)[wrong].mean()) if wrong.any() else 1.0
+        wrong = self.large.sample.wrong
+        return float(self.large.matched(trial.changes)[wrong].mean()) if wrong.any() else 1.0
 
     def explains(self, trial: Trial) -> dict[str, float]:
         """Of the wrong pixels, the share that the mistakes explain together and without this one do not, by name."""
-        sample, levels = self.fit.sample, self.fit.levels(trial.changes)
+        sample, levels = self.large.sample, self.large.levels(trial.changes)
         exact = (levels == sample.mine).all(axis=1)
         wrong = sample.wrong if sample.wrong.any() else (sample.mine != sample.right).any(axis=1)
         shares = {}
         for name in trial.made:
-            without = self.fit.levels(trial.without(name))
+            without = self.large.levels(trial.without(name))
             if name == "truncated":
                 part = exact & (without != sample.mine).any(axis=1)
             else:
-                part = self.fit.matched(trial.changes) & ~(np.abs(without - sample.mine).max(axis=1) <= self.tolerance)
+                part = self.large.matched(trial.changes) & ~(
+                    np.abs(without - sample.mine).max(axis=1) <= self.tolerance
+                )
             shares[name] = float(part[wrong].mean()) if wrong.any() else 1.0
         return shares
 
@@ -267,37 +302,49 @@ class Search:
 
     @cached_property
     def pairs(self) -> list[Trial]:
-        """Two mistakes at once, the best first: any two, and those that explain what one leaves wrong."""
-        twos = [{**a.made, **b.made} for a, b in combinations(self.singles, 2)]
-        found = self._refined(self.few, twos)
-        for single in self.singles[:3]:
-            if single.score.gain > NAMED:
-                found += self._refined(*self._besides(single))
-        return sorted(found, key=lambda trial: trial.score.order, reverse=True)
+        """Any two mistakes at once, the best first."""
+        # What fits best alone need not do so in company: the usual way to make a mistake is tried, too.
+        ways = [(name, way) for trial in self.singles for name in trial.names for way in self._usual(trial, name)]
+        twos = [{one: a, two: b} for (one, a), (two, b) in combinations(ways, 2) if one != two]
+        return self._refined(self.few, twos)
 
-    def _besides(self, single: Trial) -> tuple[Fit, list[Mapping[str, Changes]]]:
-        """A sample of what a mistake leaves wrong, and all others beside it, made in the ways that fit best there."""
-        rest = self._fit(self.fit.sample.few(self.fit.sample.wrong & ~self.fit.matched(single.changes)))
-        twos = []
+    def _usual(self, trial: Trial, name: str) -> list[Changes]:
+        """As a mistake fits best alone, and as it is usually made."""
+        usual = self._ways(name)[0]
+        return [trial.changes] if usual == trial.changes else [trial.changes, usual]
+
+    def _with(self, single: Trial) -> list[Trial]:
+        """A mistake and another one that explains what the first one leaves wrong, the best first."""
+        rest, twos = self._rest(single), []
+        if rest is None:
+            return []
         for other in self.singles:
             ways = [{**single.made, name: way} for name in other.names for way in self._ways(name)]
             ways = [way for way in ways if len(way) == 2 and _agree(way)]
             if ways:
                 twos.append(_best([rest.trial(way) for way in ways]).made)
-        return rest, twos
+        return self._refined(rest, twos)
 
     def _refined(self, fit: Fit, twos: Sequence[Mapping[str, Changes]]) -> list[Trial]:
         """The best of some pairs, each with both mistakes made in the ways that fit best together."""
-        trials = sorted((fit.trial(two) for two in twos if _agree(two)), key=lambda trial: trial.score.order)
-        found = []
-        for trial in trials[:-7:-1]:
-            (one, a), (two, b) = trial.made.items()
-            ways: list[Mapping[str, Changes]] = [
-                {one: x, two: y} for x in (a, *self._ways(one)) for y in (b, *self._ways(two))
-            ]
-            best = _best([self.few.trial(way) for way in ways if _agree(way)])
-            found.append(self.fit.trial(best.made))
-        return found
+        trials = [fit.trial(two) for two in twos if _agree(two)]
+        trials = [trial for trial in trials if trial.score.order > max(self._alone(fit, trial))]
+        found: dict[tuple[str, ...], Trial] = {}
+        for trial in sorted(trials, key=lambda trial: trial.score.order, reverse=True):
+            if len(found) < 6 and trial.names not in found:
+                found[trial.names] = self.fit.trial(self._adjusted(fit, trial).made)
+        return sorted(found.values(), key=lambda trial: trial.score.order, reverse=True)
+
+    def _alone(self, fit: Fit, trial: Trial) -> list[tuple[float, float, float]]:
+        """How well each of some mistakes fits without the others."""
+        return [fit.trial({name: changes}).score.order for name, changes in trial.made.items()]
+
+    def _adjusted(self, fit: Fit, trial: Trial) -> Trial:
+        """Two mistakes, of which each is made in the way that fits best beside the other."""
+        for name in trial.names:
+            ways = [{**trial.made, name: way} for way in self._ways(name)]
+            trial = _best([trial, *(fit.trial(way) for way in ways if _agree(way))])
+        return trial
 
     def _ways(self, name: str) -> list[Changes]:
         """How a mistake may be made; of one that is fitted, as it fits alone."""
