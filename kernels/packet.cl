@@ -97,7 +97,7 @@ typedef SHADE_INT SHADE_MASK;
 #else
 #ifdef __has_builtin
 #if __has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max)
-#if W == 16 && defined(WITH_TRIANGLES) && defined(__AVX512DQ__)
+#if W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_BLOCKS)) && defined(__AVX512DQ__)
 #define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
 #else
 #define ANY(mask) (__builtin_reduce_or(mask) != 0)

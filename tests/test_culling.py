@@ -12,6 +12,7 @@ from cltrace import Camera, Scene
 from cltrace.plan import features, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import cells, light_buffer, tiles
+from cltrace.run import executor
 from cltrace.run.devices import Device, choose
 
 TRACED, UNSTOPPABLE = COUNTERS["SHADOW_RAYS"], COUNTERS["UNSTOPPABLE"]
@@ -145,6 +146,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
             want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
                 patch.setattr(features, "PLENTY", 1)
+                patch.setattr(features, "VIEWS", 1)
                 patch.setattr(plan, "MANY", 1)
                 patch.setattr(cells, "SPARE", 1)
                 patch.setattr(light_buffer, "SAMPLE", 1)
@@ -155,6 +157,23 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                 image = drawn.render()
             for output in OUTPUTS:
                 assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
+
+
+def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole pictures and parts of them, of heights with and without a last block that is cut off, in several strips."""
+    rng = np.random.default_rng(8)
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=20, resolution=(71, 150))
+    scene = Scene.from_spheres(camera, [LAMP, SUN], rng.uniform(-3, 3, (80, 3)), 0.3, rng.uniform(0, 1, (80, 3)))
+    for crop in (None, (0, 0, 70, 144), (3, 5, 50, 22), (9, 131, 71, 150)):
+        want = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width).render()
+        with monkeypatch.context() as patch:
+            patch.setattr(features, "VIEWS", 1)
+            patch.setattr(executor, "FIRST_ROWS", 16)
+            drawn = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width)
+            assert "WITH_BLOCKS" in drawn.plan.features
+            image = drawn.render()
+        for output in ("rgb8", "id"):
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (crop, output)
 
 
 def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:

@@ -238,7 +238,9 @@ class Executor:
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
-        packets = (-(-frame.width // (self.packet.run * self.packet.columns)), -(-rows // self.packet.rows))
+        block = CONSTANTS["BLOCK"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
+        columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
+        packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
         values = self.plan.values | {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
         # An output that nobody asked for is never written, but must be some buffer.

@@ -87,17 +87,17 @@ static void fetch_ahead(const Spheres spheres, const Lists lists, __global const
 #if defined(WITH_BOUNCES) || !defined(ONLY_TRIANGLES)
 /* The same for the lists of all lanes' cells in a light's buffer. Points of different surfaces have lists that are far
  * apart, and what has to be waited for is there in three steps: where a list begins, its first entry, that sphere's
- * filter. */
-static void fetch_lists(const Scene scene, const int light, const INT cell) {
-    int each[W];
-    STORE_LANES(cell, each);
-    for (int lane = 0; lane < W; lane++)
-        if (each[lane] >= 0) FETCH(scene.lists.start, each[lane]);
-    for (int lane = 0; lane < W; lane++)
-        if (each[lane] >= 0) FETCH(scene.lists.entry, scene.lists.start[each[lane]]);
-    for (int lane = 0; lane < W; lane++) {
-        if (each[lane] < 0) continue;
-        const int index = scene.lists.entry[scene.lists.start[each[lane]]].x;
+ * filter. Few of the cells are different ones. */
+static void fetch_lists(const Scene scene, const int light, INT cell) {
+    int each[W], count = 0;
+    for (int c = LARGEST(cell); c >= 0; c = LARGEST(cell)) {
+        FETCH(scene.lists.start, c);
+        each[count++] = c;
+        cell = cell == c ? (INT)-1 : cell;
+    }
+    for (int k = 0; k < count; k++) FETCH(scene.lists.entry, scene.lists.start[each[k]]);
+    for (int k = 0; k < count; k++) {
+        const int index = scene.lists.entry[scene.lists.start[each[k]]].x;
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
             FETCH(scene.light_facet, 3 * ((long)light * scene.triangles + (index - scene.spheres.first)));
