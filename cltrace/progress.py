@@ -19,12 +19,12 @@ def bar(total: int | None, unit: str, wanted: bool | None = None) -> Any:
     wanted: whether there is one; None for one where stderr is a terminal, or in a notebook, if tqdm is installed.
     Raises MissingPackageError if it is wanted and tqdm is not installed.
     """
+    looking = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+    if wanted is False or (wanted is None and not looking):
+        return _Nothing()
     if importlib.util.find_spec("tqdm") is None:
         if wanted:
             raise MissingPackageError("a progress bar", "tqdm", "progress")
-        return _Nothing()
-    looking = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
-    if wanted is False or (wanted is None and not looking):
         return _Nothing()
     return _Bar(total, unit)
 

@@ -42,7 +42,13 @@ def bytes_shown(scene: cltrace.Scene, device: Device) -> np.ndarray:
 
 def test_names_are_those_of_css() -> None:
     red, teal = (1.0, 0.0, 0.0), (0, 128 / 255, 128 / 255)
-    for colors in (["red", "teal"], np.array(["red", "#008080"]), ("#f00", "rgb(0,128,128)"), ["red", teal]):
+    for colors in (
+        ["red", "teal"],
+        np.array(["red", "#008080"]),
+        np.array(["red", "teal"], object),
+        ("#f00", "rgb(0,128,128)"),
+        ["red", teal],
+    ):
         assert pair(colors=colors).materials["color"].tolist() == [list(red), list(teal)]
     assert pair(colors="TEAL").materials["color"].tolist() == [list(teal)]
     assert pair(background="red").background == red

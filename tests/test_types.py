@@ -20,6 +20,7 @@ from cltrace import (
     Mesh,
     Scene,
     ambient_light,
+    colorbar,
     explain,
     parallel_light,
     point_light,
@@ -54,6 +55,12 @@ def test_vectors_may_be_tuples_lists_and_arrays() -> None:
         index=1.5,
         transform=np.diag([1, 2, 3]),
     )
+    shown: Scene = Scene.from_spheres(
+        camera, [], np.zeros((2, 3)), 1, values=[1, 2], cmap="gray", clim=(0, 3), background="#fff0", transfer="srgb"
+    )
+    named: Scene = Scene.from_spheres(camera, ambient_light("white"), [(0, 0, 0)], 1, ["red"], background=(1, 1, 1, 0))
+    assert shown.in_front_of("white").background_alpha == 1 > named.background_alpha
+    assert_type(colorbar(clim=(0, 2), color="red"), NDArray[np.uint8])
     assert len(one.spheres) == 4
     assert len(two.lights) == 1
     assert_type(one.background, tuple[float, float, float])
@@ -103,6 +110,8 @@ REFUSED: list[Callable[[], Any]] = [
     lambda: render(SCENE, outputs=("rbg",)),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).as_rgb8("heat"),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).save("x.png", "rgb8"),  # type: ignore[arg-type]
+    lambda: Image(rgb8=RGB8).save("x.npz", outputs=("rbg",)),  # type: ignore[arg-type]
+    lambda: Scene.from_meshes(Camera(), [], [], transfer="gamma"),  # type: ignore[arg-type]
     lambda: Image(rgb8=RGB8).colour,  # type: ignore[attr-defined]
 ]
 

@@ -23,16 +23,14 @@ def color_numbers(name: str, value: Any, alpha: bool = False) -> Any:
     """
     if isinstance(value, str):
         return _of_text(name, value, alpha)
-    if isinstance(value, np.ndarray) and value.dtype.kind == "U" and value.ndim == 1:
-        texts, first, index = np.unique(value, return_index=True, return_inverse=True)
-        table = [_of_text(f"{name}[{i}]", str(text)) for i, text in zip(first, texts, strict=True)]
-        return np.array(table, np.float64).reshape(-1, 3)[index]
+    if isinstance(value, np.ndarray) and value.dtype.kind in "UTO":  # O: such as a table's column
+        value = value.tolist()
     if isinstance(value, (list, tuple)) and any(isinstance(color, str) for color in value):
-        known: dict[str, tuple[float, ...]] = {}
-        for i, color in enumerate(value):
-            if isinstance(color, str) and color not in known:
-                known[color] = _of_text(f"{name}[{i}]", color)
-        return [known[color] if isinstance(color, str) else color for color in value]
+        if not all(isinstance(color, str) for color in value):
+            return [_of_text(f"{name}[{i}]", c) if isinstance(c, str) else c for i, c in enumerate(value)]
+        place = {text: k for k, text in enumerate(dict.fromkeys(value))}
+        table = np.array([_of_text(f"{name}[{value.index(text)}]", text) for text in place])
+        return table[[place[text] for text in value]]
     return value
 
 
