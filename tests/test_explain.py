@@ -80,6 +80,12 @@ def test_the_printed_terms_add_up_to_the_pictures_bytes_everywhere(path: Path, d
     check_scene(path, device, 200 if path.stem in SLOW_SCENES else 1000)
 
 
+@pytest.mark.stress
+@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in SLOW_SCENES], ids=lambda path: path.stem)
+def test_the_printed_terms_of_slow_scenes_add_up_everywhere(path: Path, device: Device) -> None:
+    check_scene(path, device, 1000)
+
+
 def test_the_command_prints_what_python_has(capsys: pytest.CaptureFixture[str]) -> None:
     found = cltrace.explain(cltrace.load(FIRST), 400, 250)
     assert cli.main([str(FIRST), "--explain", "400,250"]) == 0

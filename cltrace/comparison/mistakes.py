@@ -133,7 +133,7 @@ MISTAKES = (
     Mistake(
         "integer-division",
         "whole numbers are divided where fractions are meant",
-        "divide floating point numbers: u / width, height / width, texel / 255 and c * 255",
+        "divide floating point numbers: u / width, height / width, texel / 255; mix the four texels around a place",
         (
             *_of(columns=("zero", "halves"), upside_down=(False, True)),
             *_of(aspect=("zero", "whole", "none")),
