@@ -24,7 +24,7 @@ from cltrace.renderer import default_precision
 from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
 
-ONE_PICTURE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs")
+ONE_PICTURE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch")
 
 Say = Callable[[str], None]
 

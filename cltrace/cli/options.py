@@ -114,6 +114,7 @@ def _movie(group: Group) -> None:
     )
     group.rare("--fps", type=arguments.fps, metavar="F", help="frames a second of a movie (default: 25)")
     group.rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
+    group.rare("--watch", action="store_true", help="do it again when the scene, a mesh or a texture is saved")
 
 
 def _device(group: Group) -> None:
@@ -196,6 +197,15 @@ def refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:
     """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
     p, own = parser(), option.removeprefix("--")
     for name, value in vars(args).items():
-        if name not in ("scene", "scenes", "quiet", "verbose", own, *taken) and value != p.get_default(name):
+        if name not in (
+            "scene",
+            "scenes",
+            "files",
+            "watch",
+            "quiet",
+            "verbose",
+            own,
+            *taken,
+        ) and value != p.get_default(name):
             other = "-d" if name == "device" else "-o" if name == "output" else f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} takes no {other}")

@@ -41,7 +41,14 @@ def _run(args: argparse.Namespace) -> int:
     if "-" in args.scenes and not Path("-").exists():
         raise UsageError("a scene is not read from stdin: say the name of its file")
     say: Callable[[str], None] = (lambda text: None) if args.quiet else tell
-    return _work(args)(args, say)
+    work = _work(args)
+    if not args.watch:
+        return work(args, say)
+    if args.output and "-" in args.output:
+        raise UsageError("--watch takes no -o -")
+    from cltrace.cli.watch import watch
+
+    return watch(work, args, say)
 
 
 def _list_devices(args: argparse.Namespace) -> int:

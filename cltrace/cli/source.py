@@ -5,17 +5,29 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 from cltrace.formats.xml_reader import read
 from cltrace.scene import Scene
 
 
 def scene_of(args: argparse.Namespace, say: Callable[[str], None], lines: bool = False) -> Scene:
-    """The scene to draw; its warnings are said. lines: whether surfaces and lights keep their lines in the file."""
+    """The scene to draw; its warnings are said. lines: whether surfaces and lights keep their lines in the file.
+
+    The files that it names are in args.files from then on, for --watch.
+    """
     scene, warnings = read(args.scene, lines=lines)
+    args.files = _named(scene, Path(args.scene).parent)
     for warning in warnings:
         say(warning)
     return adapted(scene, args)
+
+
+def _named(scene: Scene, folder: Path) -> list[Path]:
+    """The files of its meshes and textures."""
+    if scene.source is None:
+        return []
+    return [folder / name for name in (*(mesh.name for mesh in scene.source.meshes.values()), *scene.source.textures)]
 
 
 def adapted(scene: Scene, args: argparse.Namespace) -> Scene:
