@@ -350,18 +350,7 @@ MUTATIONS = [
         "the filter of edges meets",
         SHOWN,
     ),
-    Mutation(
-        "const REAL_MASK flip = (y.x < x.x) | ((y.x == x.x)",
-        "const REAL_MASK flip = (y.x < -x.x) | ((y.x == x.x)",
-        "edges from one end",
-        SHOWN,
-    ),
-    Mutation(
-        "REAL first = along_x != 0 ? along_x : along_y != 0 ? along_y : along_z;",
-        "REAL first = along_z != 0 ? along_z : along_y != 0 ? along_y : along_x;",
-        "who owns an edge, of rays that pairs decide",
-        BETWEEN,
-    ),
+    Mutation("return flip ? -sign : sign;", "return sign;", "edges from one end", SHOWN),
     Mutation(
         "if (sign_of(&cross[i], n) != 0) return sign_of(&cross[i], n);",
         "if (sign_of(&cross[2 - i], n) != 0) return sign_of(&cross[2 - i], n);",
