@@ -499,6 +499,80 @@ MUTATIONS = [
         "boxes, of single rays",
         f"{RAYS} many_surfaces",
     ),
+    Mutation(
+        '(written["id"] >= 0, np.uint8(255), level)',
+        '(written["id"] > 0, np.uint8(255), level)',
+        "alpha of surface 0",
+        "tests/test_alpha.py",
+    ),
+    Mutation(
+        "background_of(background, 1.0, self.transfer)",
+        "background_of(background, 1.0)",
+        "a background given as sRGB",
+        "tests/test_transfer.py",
+    ),
+    Mutation(
+        "color[rows]\n        bucket", "color[rows] * 1.002\n        bucket", "levels of sRGB", "tests/test_transfer.py"
+    ),
+    Mutation(
+        'more["color"] = decoded(more["color"], transfer)',
+        "",
+        "materials of meshes given as sRGB",
+        "tests/test_transfer.py",
+    ),
+    Mutation(
+        "images = tuple(linear_texels(image, transfer) for image in textures)",
+        "images = textures",
+        "textures given as sRGB",
+        "tests/test_transfer.py",
+    ),
+    Mutation(
+        'shade["color"] = decoded(shade["color"], scene.transfer)',
+        "pass",
+        "updated colours given as sRGB",
+        "tests/test_transfer.py",
+    ),
+    Mutation(
+        "(np.asarray(colormap.lut(256)) * 255).astype(np.uint8)",
+        "np.rint(np.asarray(colormap.lut(256)) * 255).astype(np.uint8)",
+        "bytes of the package cmap",
+        "tests/test_colors.py",
+    ),
+    Mutation(
+        "np.asarray(cmap(share, bytes=True))", "np.asarray(cmap(share))", "bytes of a map", "tests/test_colors.py"
+    ),
+    Mutation(
+        "layout.begin, layout.end)\n        pixels[: layout.bar, columns",
+        "layout.begin + 1, layout.end + 1)\n        pixels[: layout.bar, columns",
+        "a lying bar",
+        "tests/test_colors.py",
+    ),
+    Mutation(
+        'value = array * arrays["alpha"][..., None]',
+        "value = array",
+        "an EXR's colours times alpha",
+        "tests/test_outputs.py",
+    ),
+    Mutation("np.rint(values * 65535)", "np.rint(values * 65536 - 1)", "16 bits", "tests/test_outputs.py"),
+    Mutation(
+        "SimpleNamespace(write=file.write)",
+        "file",
+        "arrays into pipes",
+        "tests/test_outputs.py",
+    ),
+    Mutation(
+        "if any(_same(target, other) for other in targets[:i])",
+        "if False",
+        "one file for two",
+        "tests/test_outputs.py",
+    ),
+    Mutation(
+        "if composition.written != self._composition.written",
+        "if False",
+        "frames of another background's alpha",
+        "tests/test_progress.py",
+    ),
+    Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/test_progress.py"),
 ]
 
 
