@@ -28,7 +28,17 @@ from cltrace.picture.image import Image
 from cltrace.rays import Hits, trace_rays
 from cltrace.renderer import Renderer, render
 from cltrace.run.devices import Device, devices
-from cltrace.scene import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.scene import (
+    Camera,
+    Material,
+    Mesh,
+    Orthographic,
+    Scene,
+    ambient_light,
+    parallel_light,
+    point_light,
+    spot_light,
+)
 
 __all__ = [
     "BuildError",
@@ -44,6 +54,7 @@ __all__ = [
     "Material",
     "Mesh",
     "MissingPackageError",
+    "Orthographic",
     "Renderer",
     "Scene",
     "SceneError",

@@ -21,7 +21,7 @@ from cltrace.progress import bar
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor
 from cltrace.run.maker import Maker, maker_of
-from cltrace.scene import Camera, Scene, colors_given, with_spheres
+from cltrace.scene import AnyCamera, Scene, colors_given, with_spheres
 
 
 def default_precision(device: Device) -> Precision:
@@ -81,7 +81,7 @@ class Renderer:
         self._maker: Maker | None = None
         self._see(scene, start)
 
-    def look(self, camera: Camera) -> Renderer:
+    def look(self, camera: AnyCamera) -> Renderer:
         """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
 
         What no camera changes is kept, also on the device: the program, the order of the spheres and their materials.

@@ -10,7 +10,11 @@
  */
 #if REAL_BYTES == 8
 /* Room for what the last stage of sphere.cl computes at most: see there. */
+#ifdef WITH_PARALLEL_RAYS
+#define DIGITS 124
+#else
 #define DIGITS 108
+#endif
 
 typedef struct {
     uint digit[DIGITS];

@@ -162,7 +162,7 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
     Intersection at = material_at(scene, hit.id);
 #ifdef WITH_NORMAL
 #ifdef ONLY_TRIANGLES
-    const Real3 P = {hit.t * ray.d.x, hit.t * ray.d.y, -hit.t};
+    const Real3 P = POINT_OF(ray, hit.t);
     flatten(frame, scene, hit.id, hit.shares, ray.d, P, &at);
 #else
     const INT round = SPHERE_OR_NONE(scene.spheres, hit.id);
@@ -183,7 +183,7 @@ static Intersection intersection_at(const Frame frame, const Scene scene, const 
 #endif
 #ifdef WITH_TRIANGLES
     start_in_world(frame, scene, hit.id, &at);
-    const Real3 P = {hit.t * ray.d.x, hit.t * ray.d.y, -hit.t};
+    const Real3 P = POINT_OF(ray, hit.t);
     if (ANY(hit.id >= scene.spheres.first)) flatten(frame, scene, hit.id, hit.shares, ray.d, P, &at);
 #endif
 #endif
@@ -314,11 +314,13 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #endif
     if (tile_has_any(scene.lists, tile)) {
         Ray ray = primary_ray(frame, size, column, row);
-#ifdef WITH_ELLIPSOIDS
+#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
+        ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
+#elif defined(WITH_ELLIPSOIDS)
         ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
 #endif
 #ifdef WITH_TRIANGLES
-        ray.w = turned_to_world(frame, ray.d);
+        ray.w = turned_to_world(frame, OWN(ray));
 #endif
         pixels = trace(frame, scene, ray, tile, pixels, work);
     } else {

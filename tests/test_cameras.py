@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cltrace import Camera, Mesh, Scene
+from cltrace import Camera, Mesh, Orthographic, Scene
 from cltrace.scene.fit import VIEWS, reaches_of
 
 WIDE, HIGH = (640, 480), (480, 640)
@@ -100,6 +100,24 @@ def test_a_fitted_camera_sees_all_and_touches(kind: str, view: str | tuple[float
     assert any(-low > least and high > least for low, high in ends)  # on both sides: no nearer eye sees all
 
 
+@pytest.mark.parametrize("kind", ["spheres", "ellipsoids", "meshes", "all"])
+@pytest.mark.parametrize("view", [*VIEWS, (1, 2, -0.5)])
+@pytest.mark.parametrize("size", [(64, 40), (9, 30)])
+def test_a_fitted_orthographic_camera(kind: str, view: str | tuple[float, ...], size: tuple[int, int]) -> None:
+    """All is before its plane and out of the margin, in the middle, and along one axis as large as it can be."""
+    rng = np.random.default_rng(15)
+    scene = scene_of(kind, rng)
+    camera = Orthographic.fit(scene, view, 0.1, resolution=size)
+    x, y, z = np.array(camera.basis())
+    from_eye = points_of(scene, rng) - np.array(camera.position)
+    assert (from_eye @ z).max() == pytest.approx(-camera.height, rel=0.05)
+    ends = [((from_eye @ axis) / half) for axis, half in zip((x, y), camera.image_plane(), strict=True)]
+    for across in ends:
+        assert max(-across.min(), across.max()) < 0.8 + 1e-12
+        assert across.min() + across.max() == pytest.approx(0, abs=0.01)
+    assert max(np.ptp(across) for across in ends) > 1.58
+
+
 def test_reaches_are_those_of_the_surfaces_and_not_of_a_box() -> None:
     scene = Scene.from_spheres(Camera(), [], [(1, 2, 3), (0, 0, 0)], [1, 0.5])
     assert reaches_of(scene, [(1, 0, 0), (0, 0, -2), (1, 1, 1)]) == pytest.approx([2, 1, 6 + math.sqrt(3)])
@@ -137,3 +155,5 @@ def test_nothing_to_fit_to() -> None:
     line = Mesh([(0, 0, 0), (0, 0, 1), (0, 0, 2)], [(0, 1, 2)])
     with pytest.raises(ValueError, match="scene: must not be a single point"):
         Camera.fit(Scene.from_meshes(Camera(), [], line), "front")
+    with pytest.raises(ValueError, match="scene: must not be a single point"):
+        Orthographic.fit(Scene.from_meshes(Camera(), [], line), "front")

@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene import Camera, Scene, Vector, ambient_light, parallel_light, point_light, spot_light
+from cltrace.scene import AnyCamera, Camera, Scene, Vector, ambient_light, parallel_light, point_light, spot_light
 
 from .regimes import rays
 
@@ -61,7 +61,7 @@ def lit(camera: Camera, spheres: Iterable[Ball], point: Sequence[float], travels
     return balls(camera, spheres, lights, ka=0, kd=1, ks=0)
 
 
-def directions(camera: Camera) -> Floats:
+def directions(camera: AnyCamera) -> Floats:
     """(n, 3): the direction of every pixel's ray in the world, without a rounding."""
     return np.asarray(rays(camera) @ np.array(camera.basis()))
 

@@ -22,7 +22,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene import Camera, Scene
+from cltrace.scene import AnyCamera, Camera, Scene
 
 Size = tuple[int, int]
 Regime = Callable[..., Scene]
@@ -31,8 +31,8 @@ Floats = NDArray[np.float64]
 SIZE = (160, 120)
 
 
-def rays(camera: Camera) -> Floats:
-    """(n, 3): the direction of every pixel's ray in camera space, row by row from the top.
+def rays(camera: AnyCamera) -> Floats:
+    """(n, 3): the direction of every pixel's ray in camera space, row by row from the top. Of a Camera.
 
     Kernel and reference use the same numbers, bit for bit.
     """

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.oracle.spheres import closest, normal_high, occluded
 from cltrace.reference import Material, byte_of, cast_shadow_ray, illuminate, primary_ray, trace, world_of
-from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Camera, Scene
+from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, AnyCamera, Scene
 
 from .cases import directions
 
@@ -30,7 +30,7 @@ MANY = 128
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
 
 
-def looks_along_an_axis(camera: Camera) -> bool:
+def looks_along_an_axis(camera: AnyCamera) -> bool:
     """Whether turning the world into camera space rounds nothing."""
     return set(np.abs(np.ravel(camera.basis()))) == {0.0, 1.0}
 

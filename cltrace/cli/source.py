@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cltrace.formats.xml_reader import read
-from cltrace.scene import Scene
+from cltrace.scene import Camera, Scene
 
 
 def scene_of(args: argparse.Namespace, say: Callable[[str], None], lines: bool = False) -> Scene:
@@ -35,7 +35,7 @@ def adapted(scene: Scene, args: argparse.Namespace) -> Scene:
     camera = scene.camera
     if args.size:
         camera = replace(camera, resolution=args.size)
-    if args.square_pixels:
+    if args.square_pixels and isinstance(camera, Camera):  # no file has any other
         camera = replace(camera, square_pixels=True)
     seen = scene.seen_by(camera)
     return seen.in_front_of((*scene.background, 0.0)) if args.transparent else seen

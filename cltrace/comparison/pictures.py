@@ -23,7 +23,7 @@ from cltrace.picture.image import Image
 from cltrace.plan.abi import Precision
 from cltrace.renderer import render
 from cltrace.run.devices import Device
-from cltrace.scene import Scene
+from cltrace.scene import Camera, Scene
 
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
@@ -74,6 +74,7 @@ def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:
     options = [f"--explain {x},{y}"] + ["--truncate"] * truncate
     if (
         source is None
+        or not isinstance(camera, Camera)
         or replace(source.view, resolution=camera.resolution, square_pixels=camera.square_pixels) != camera
     ):
         return f"cltrace.explain(scene, {x}, {y}{', truncate=True' if truncate else ''})"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cltrace.comparison.rules import RIGHT, Rules
 from cltrace.comparison.shapes import Floats, Ints, Points, Rays, Shapes, dot, unit
-from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
+from cltrace.scene import AMBIENT, PARALLEL, SPOT, AnyCamera, Camera, Scene
 
 # Rays that count for less show nothing: half a level at most.
 _FAINT = 2.0**-13
@@ -49,9 +49,8 @@ class Tracer:
 
     def colors(self, pixels: Ints, rules: Rules = RIGHT) -> Floats:
         """(n, 3): the linear colours of pixels (n, 2), column and row, of which row 0 is the top; not clamped."""
-        directions = camera_rays(self.scene.camera, pixels, rules)
-        eye = np.broadcast_to(np.array(self.scene.camera.position), directions.shape)
-        rays = Rays(eye, directions, np.full(len(directions), -1))
+        origins, directions = camera_rays(self.scene.camera, pixels, rules)
+        rays = Rays(origins, directions, np.full(len(directions), -1))
         return self._trace(rays, np.ones(len(rays)), 0, rules)
 
     def _trace(self, rays: Rays, weights: Floats, depth: int, rules: Rules) -> Floats:
@@ -188,8 +187,8 @@ def _rows(at: Points, rows: Ints) -> Points:
     return Points(*(array[rows] for array in vars(at).values()))
 
 
-def camera_rays(camera: Camera, pixels: Ints, rules: Rules) -> Floats:
-    """Directions of length 1 in the world, (n, 3), through pixels (n, 2)."""
+def camera_rays(camera: AnyCamera, pixels: Ints, rules: Rules) -> tuple[Floats, Floats]:
+    """Origins and directions of length 1 in the world, (n, 3) each, of the rays of pixels (n, 2)."""
     width, height = camera.resolution
     column = width - 1 - pixels[:, 0] if rules.mirrored else pixels[:, 0]
     row = pixels[:, 1] if rules.upside_down else height - 1 - pixels[:, 1]  # from the bottom, as y
@@ -197,7 +196,10 @@ def camera_rays(camera: Camera, pixels: Ints, rules: Rules) -> Floats:
     x = across(column, width, rules.sample[0], rules.columns) * half_width
     y = across(row, height, rules.sample[1], rules.columns) * half_height
     right, up, back = (np.array(axis) for axis in camera.basis())
-    return unit(x[:, None] * right + y[:, None] * up - back)
+    place, eye = x[:, None] * right + y[:, None] * up, np.array(camera.position)
+    if camera.parallel:
+        return eye + place, np.broadcast_to(-back, place.shape)
+    return np.broadcast_to(eye, place.shape), unit(place - back)
 
 
 def across(number: Ints, count: int, sample: float, columns: str) -> Floats:
@@ -210,8 +212,10 @@ def across(number: Ints, count: int, sample: float, columns: str) -> Floats:
     return np.asarray(2 * share - 1, np.float64)
 
 
-def image_plane(camera: Camera, rules: Rules) -> tuple[float, float]:
-    """Half of the width and of the height of the image plane, at distance 1."""
+def image_plane(camera: AnyCamera, rules: Rules) -> tuple[float, float]:
+    """Half of the width and of the height of the image plane, at distance 1, or of an orthographic camera's picture."""
+    if not isinstance(camera, Camera):
+        return camera.image_plane()
     width, height = camera.resolution
     angle, short, long = camera.horizontal_fov, min(width, height), max(width, height)
     aspect: str = rules.aspect

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.explanation.space import triple
+from cltrace.explanation.space import Footprint, triple
 from cltrace.reference import Direction, Intersection, Point, Ray, ShadowRay, Sphere, Surface
 from cltrace.reference.crossing import Way, shadow_way, size, way_of
 from cltrace.reference.exact import Root
@@ -63,11 +63,11 @@ class Swarm(Surface):
         for row in rows.tolist():
             yield self.sphere(row)
 
-    def beside(self, o: Point, d: Direction, behind: float, share: float) -> Iterator[Sphere]:
-        """Those that a ray may pass by, at a distance t, by less than share (behind + t). d: of length 1."""
+    def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Sphere]:
+        """Those that a ray may pass by by less than a pixel's width there. d: of length 1."""
         f, w, R = self._centers - np.array(triple(o)), np.array(triple(d)), self._reach
         t = f @ w
-        close = (t > -R) & (_lengths(np.cross(f, w)) < R + share * (behind + np.abs(t) + R))
+        close = (t > -R) & (_lengths(np.cross(f, w)) < R + (pixel.width + pixel.more * (np.abs(t) + R)))
         for row in np.flatnonzero(close).tolist():
             yield self.sphere(row)
 

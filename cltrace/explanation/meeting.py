@@ -11,7 +11,7 @@ from cltrace.explanation.formulas import mesh_gaps, sphere_gap, sphere_test, tri
 from cltrace.explanation.many import Swarm
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import SphereTest, SurfaceTest, TriangleTest
-from cltrace.explanation.space import Space
+from cltrace.explanation.space import Footprint, Space
 from cltrace.explanation.words import number
 from cltrace.reference import Intersection, Mesh, Ray, Sphere, Start, Surface, Triangle, World
 from cltrace.reference.crossing import way_of
@@ -38,7 +38,7 @@ class Meetings:
     def __init__(self, world: World, space: Space, names: Names, ray: Ray, at: Intersection | None) -> None:
         """at: what the ray meets first."""
         self.world, self.names, self.ray, self.at = world, names, ray, at
-        self.o, self.d, self.pixel = space.start(ray), space.turned(ray.direction), space.pixel
+        self.o, self.d, self.space = space.start(ray), space.turned(ray.direction), space
         length = ray.direction.length()
         met = [(t * length, surface) for surface in single(world, ray) if (t := surface.intersect(ray)) is not None]
         first = at.surface if at else None
@@ -53,21 +53,21 @@ class Meetings:
 
         behind: how far it is from the eye to the ray's start, along the rays before.
         """
-        close = []
-        for surface in self._beside(behind):
+        close, pixel = [], self.space.footprint(behind)
+        for surface in self._beside(pixel):
             if surface.number in self._numbers or self._starts_on(surface):
                 continue
             gap, t, single = self._gap(surface)
-            pixels = gap / (self.pixel * (behind + t)) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
+            pixels = gap / pixel.at(t) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
             if 0 <= pixels < 1:
                 close.append((pixels, single))
         close.sort(key=lambda one: one[0])
         return tuple(self._test(surface, math.inf, pixels) for pixels, surface in close[:MOST])
 
-    def _beside(self, behind: float) -> Iterator[Surface]:
+    def _beside(self, pixel: Footprint) -> Iterator[Surface]:
         for surface in self.world.surfaces:
             if isinstance(surface, Swarm):
-                yield from surface.beside(self.o, self.d, behind, self.pixel)
+                yield from surface.beside(self.o, self.d, pixel)
             else:
                 yield surface
 

@@ -46,7 +46,7 @@ from cltrace.reference import (
 from cltrace.reference.bounce import refracted
 from cltrace.reference.texture import UV
 from cltrace.reference.trace import Pixel, bounces, follow
-from cltrace.scene import Scene
+from cltrace.scene import Camera, Orthographic, Scene
 from cltrace.scene.colors import encoded
 
 FAINT = 1 / 512  # weight of a ray below which even full white is less than half a level
@@ -67,7 +67,7 @@ def explain(scene: Scene, x: int, y: int, *, truncate: bool = False, square_pixe
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
-    if square_pixels:
+    if square_pixels and isinstance(scene.camera, Camera):
         scene = scene.seen_by(replace(scene.camera, square_pixels=True))
     return Explainer(scene).pixel(x, y, truncate)
 
@@ -114,8 +114,11 @@ class Explainer:
         u, v = x, height - 1 - y
         x_n, y_n = (u + 0.5) / width, (v + 0.5) / height
         x_i, y_i = (2 * x_n - 1) * half_width, (2 * y_n - 1) * half_height
-        d = Direction(x_i, y_i, -1.0).normalized()
-        fov_x, fov_y = camera.half_angles()
+        fov_x, fov_y, square = 0.0, 0.0, True
+        d = Direction(0.0, 0.0, -1.0)
+        if isinstance(camera, Camera):
+            (fov_x, fov_y), square = camera.half_angles(), camera.square_pixels
+            d = Direction(x_i, y_i, -1.0).normalized()
         return CameraRay(
             u=u,
             v=v,
@@ -123,7 +126,8 @@ class Explainer:
             y_n=y_n,
             fov_x=fov_x,
             fov_y=fov_y,
-            square_pixels=camera.square_pixels,
+            square_pixels=square,
+            height=camera.height if isinstance(camera, Orthographic) else None,
             x_i=x_i,
             y_i=y_i,
             direction=triple(d),

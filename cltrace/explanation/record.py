@@ -50,8 +50,10 @@ class CameraRay:
     """From the pixel to its ray.
 
     u, v: the pixel's column and row, as the tutorial counts them: v from the bottom; x_n, y_n: the same from 0 to 1;
-    fov_x, fov_y: half of the opening angles, in degrees; x_i, y_i: on the image plane at z = -1; direction: of the ray,
-    in camera space; axes: the camera's x, y and z in the world; line: of <camera>, 0 if it is not known.
+    fov_x, fov_y: half of the opening angles, in degrees, 0 of an orthographic camera; height: of what an orthographic
+    camera shows, in scene units, None of others; x_i, y_i: on the image plane at z = -1, or where the ray of an
+    orthographic camera starts; direction: of the ray, in camera space; axes: the camera's x, y and z in the world;
+    line: of <camera>, 0 if it is not known.
     """
 
     u: int
@@ -61,6 +63,7 @@ class CameraRay:
     fov_x: float
     fov_y: float
     square_pixels: bool
+    height: float | None
     x_i: float
     y_i: float
     direction: Triple

@@ -123,11 +123,18 @@ def _camera(c: CameraRay, e: Explanation) -> Iterator[str]:
     yield f"  v = height - 1 - {e.y} = {c.v}, the row from the bottom, as the tutorial's formulas have y upwards"
     yield f"  x_n = (u + 0.5) / width = {number(c.x_n)}"
     yield f"  y_n = (v + 0.5) / height = {number(c.y_n)}"
-    yield f"  {given} = {number(angles[given])} degrees, half of the opening angle"
-    yield f"  {other} = {rule} = {number(angles[other])} degrees"
-    yield f"  x_i = (2 x_n - 1) * {tan_x} = {number(c.x_i)}"
-    yield f"  y_i = (2 y_n - 1) * {tan_y} = {number(c.y_i)}"
-    yield f"  d = (x_i, y_i, -1), normalized = {vector(c.direction)}, in camera space"
+    if c.height is None:
+        yield f"  {given} = {number(angles[given])} degrees, half of the opening angle"
+        yield f"  {other} = {rule} = {number(angles[other])} degrees"
+        yield f"  x_i = (2 x_n - 1) * {tan_x} = {number(c.x_i)}"
+        yield f"  y_i = (2 y_n - 1) * {tan_y} = {number(c.y_i)}"
+        yield f"  d = (x_i, y_i, -1), normalized = {vector(c.direction)}, in camera space"
+    else:
+        yield f"  H = {number(c.height)}, the height of what the picture shows"
+        yield f"  W = H * width / height = {number(c.height * e.width / e.height)}"
+        yield f"  x_i = (2 x_n - 1) * W / 2 = {number(c.x_i)}"
+        yield f"  y_i = (2 y_n - 1) * H / 2 = {number(c.y_i)}"
+        yield "  all rays are parallel: (x_i, y_i, 0) is where this one starts, and d = (0, 0, -1), in camera space"
     yield "  the camera's axes in the world, normalized"
     for name, rule, axis in zip("xyz", ("up x z", "z x x", "position - lookat"), c.axes, strict=True):
         yield f"    {name} = {rule} = {vector(axis)}"
@@ -137,8 +144,12 @@ def _ray(e: Explanation, place: int, places: int) -> Iterator[str]:
     """A ray, what it meets, and its colour, with the rays that go on from it before the sum."""
     ray = e.rays[place]
     yield "Ray" if place == 0 else f"Ray {place}, {ray.kind}: {number(ray.weight)} of the pixel"
-    yield f"  o = {vector(ray.origin)}"
-    d = "x_i x + y_i y - z, normalized = " if place == 0 else ""
+    o, d = "", "x_i x + y_i y - z, normalized = "
+    if e.camera.height is not None:
+        o, d = "position + x_i x + y_i y = ", "-z = "
+    if place > 0:
+        o = d = ""
+    yield f"  o = {o}{vector(ray.origin)}"
     yield f"  d = {d}{vector(ray.direction)}, in the world"
     yield ""
     yield from _meetings(ray, e.surfaces)

@@ -24,7 +24,7 @@ from cltrace.picture.image import Image
 from cltrace.progress import bar
 from cltrace.renderer import Renderer, default_precision
 from cltrace.run.devices import Device, choose
-from cltrace.scene import Camera, Scene
+from cltrace.scene import AnyCamera, Scene
 
 FPS = 25.0
 
@@ -52,7 +52,7 @@ def images(frames: Iterable[Frame], first: Callable[[Scene], Renderer]) -> Gener
 
 @overload
 def animate(
-    frames: Iterable[Scene | Camera | Mapping[str, Any]],
+    frames: Iterable[Scene | AnyCamera | Mapping[str, Any]],
     output: None = None,
     *,
     scene: Scene | None = None,
@@ -64,7 +64,7 @@ def animate(
 
 @overload
 def animate(
-    frames: Iterable[Scene | Camera | Mapping[str, Any]],
+    frames: Iterable[Scene | AnyCamera | Mapping[str, Any]],
     output: str | os.PathLike[str],
     *,
     scene: Scene | None = None,
@@ -77,7 +77,7 @@ def animate(
 
 
 def animate(
-    frames: Iterable[Scene | Camera | Mapping[str, Any]],
+    frames: Iterable[Scene | AnyCamera | Mapping[str, Any]],
     output: str | os.PathLike[str] | None = None,
     *,
     scene: Scene | None = None,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cltrace.scene import Camera, Scene, colors_given, with_spheres
+from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, colors_given, with_spheres
 from cltrace.scene.rules import Vector, is_whole, vector
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -32,7 +32,7 @@ class Frame(NamedTuple):
 
 
 def frames_of(
-    items: Iterable[Scene | Camera | Mapping[str, Any]], scene: Scene | None = None, select: slice = slice(None)
+    items: Iterable[Scene | AnyCamera | Mapping[str, Any]], scene: Scene | None = None, select: slice = slice(None)
 ) -> Iterator[Frame]:
     """The frames that `select` picks, each from what was there before it.
 
@@ -59,11 +59,11 @@ def _after(scene: Scene | None, item: object) -> Scene:
     """The scene that an item makes of the one before it."""
     if isinstance(item, Scene):
         return item
-    if not isinstance(item, (Camera, Mapping)):
+    if not isinstance(item, (Camera, Orthographic, Mapping)):
         raise TypeError(f"must be a Scene, a Camera, or a dict of what update() takes, got {item!r}")
     if scene is None:
         raise TypeError("must be a Scene, since there is no scene=... that a camera or a dict could change")
-    if isinstance(item, Camera):
+    if isinstance(item, (Camera, Orthographic)):
         return scene.seen_by(item)
     given = {name: value for name, value in item.items() if name != "camera" and value is not None}
     unknown = [name for name in given if name not in CHANGES]
@@ -76,7 +76,7 @@ def _after(scene: Scene | None, item: object) -> Scene:
     return scene.seen_by(item["camera"]) if item.get("camera") is not None else scene
 
 
-def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: float = 360.0) -> list[Camera]:
+def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: float = 360.0) -> list[AnyCamera]:
     """n cameras on a circle about the point that the scene's camera looks at; the first is the scene's own.
 
     axis: that they turn about, as "x", "y", "z" or three numbers, None for the camera's up; degrees: from the first to
@@ -98,7 +98,7 @@ def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: fl
     return [camera, *(_turned(camera, unit, math.radians(degrees * k / n)) for k in range(1, n))]
 
 
-def _turned(camera: Camera, axis: Any, angle: float) -> Camera:
+def _turned(camera: AnyCamera, axis: Any, angle: float) -> AnyCamera:
     """The camera, turned about an axis of length 1 through what it looks at; radians."""
     middle = np.array(camera.lookat)
     sine, cosine = math.sin(angle), math.cos(angle)

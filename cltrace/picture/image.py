@@ -37,7 +37,8 @@ class Image:
         color        (h, w, 3) float32  linear colour, 1 is full, not clamped
         normal       (h, w, 3) float32  unit vector in the world, facing the camera; 0 where nothing was hit
         direction    (h, w, 3) float32  unit vector of the pixel's ray, in the world
-        depth        (h, w) float64     distance from the eye in scene units; inf where nothing was hit
+        depth        (h, w) float64     distance from the eye, or from an Orthographic camera's plane, in scene
+                                        units; inf where nothing was hit
         id           (h, w) int32       number of the surface in the scene; -1 where nothing was hit
         primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit

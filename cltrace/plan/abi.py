@@ -32,7 +32,11 @@ class Field(NamedTuple):
 # Only whole vectors of 4, so that there is nothing to pad.
 STRUCTS = {
     "Frame": (
-        Field("pixel", "real4", "x, y: half of a pixel's width and height on the image plane z = -1"),
+        Field(
+            "pixel",
+            "real4",
+            "x, y: half of a pixel's width and height on the image plane z = -1; of parallel rays, as lengths",
+        ),
         Field("right", "real4", "xyz: the camera's x axis in the world"),
         Field("up", "real4", "xyz: its y axis"),
         Field("back", "real4", "xyz: its z axis, against the view"),
@@ -216,7 +220,7 @@ ARGUMENTS = (
         ("color", "float", 3, "linear colour, not clamped"),
         ("normal", "float", 3, "unit vector in the world, facing the camera, 0 = nothing"),
         ("direction", "float", 3, "unit vector of the pixel's ray in the world"),
-        ("depth", "real", 1, "distance from the eye, infinite = nothing"),
+        ("depth", "real", 1, "distance from the eye, or from the plane of an orthographic camera, infinite = nothing"),
         ("id", "int", 1, "the surface's number in the scene, -1 = nothing"),
     ),
     *_outputs(
@@ -237,6 +241,9 @@ ARGUMENTS = (
         "Spheres",
         ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle"),
         needs="WITH_SHAPES",
+    ),
+    *_values(
+        "Spheres", ("ahead", "real4", "xyz: the direction of parallel rays, in the world"), needs="WITH_PARALLEL_RAYS"
     ),
     *_buffers(
         "Spheres",
@@ -358,6 +365,7 @@ FLAGS = {
     "WITH_NORMAL": "its normal is needed",
     "WITH_UV": "where it is on a texture is needed",
     "WITH_TEXTURES": "some surface has a texture",
+    "WITH_PARALLEL_RAYS": "the camera's rays are parallel",
     "WITH_INSIDE": "the eye is inside of a sphere or on it",
     "WITH_SHADING": "colours are wanted",
     "WITH_LIGHTS": "some light may add to them",

@@ -25,7 +25,7 @@ class Contents:
     spheres, triangles: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is
     inside of a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no
     light; textures: whether some surface has one; bounces: what surfaces do with rays; ellipsoids: whether there are
-    any; max_bounces: of the camera.
+    any; max_bounces: of the camera; parallel_rays: whether those of the camera are parallel.
     """
 
     spheres: int
@@ -38,6 +38,7 @@ class Contents:
     bounces: Bounces
     ellipsoids: bool
     max_bounces: int
+    parallel_rays: bool = False
 
 
 def features(contents: Contents, request: Request) -> frozenset[str]:
@@ -63,6 +64,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_TEXTURES": textures,
         "WITH_INSIDE": contents.inside or full,
         "WITH_SHADING": shading,
+        "WITH_PARALLEL_RAYS": contents.parallel_rays,
         "WITH_LIGHTS": lit,
         "WITH_PARALLEL": parallel,
         "WITH_POINT": point,

@@ -13,7 +13,7 @@ from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.accel.bvh import Balls, Tree, Triangles, build_tree
 from cltrace.plan.exact import Array
 from cltrace.plan.shapes.sphere import U
-from cltrace.scene import Camera
+from cltrace.scene import AnyCamera
 
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -84,7 +84,7 @@ class Paths:
             return {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block", "patch")}
         return {"node": self.tree.node, "block": self.tree.block, "patch": self.tree.patch}
 
-    def values(self, camera: Camera, exponent: int | None) -> dict[str, Any]:
+    def values(self, camera: AnyCamera, exponent: int | None) -> dict[str, Any]:
         """The kernel's arguments by name. exponent: of the float buffers, where `real` is float; else None."""
         middle, eye = (*self.middle.tolist(), math.ldexp(1.0, self.exponent)), np.array(camera.position)
         if exponent is not None:

@@ -19,7 +19,7 @@ from cltrace.plan import abi
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, whole_grid
 from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer, point_buffer
-from cltrace.plan.accel.tiles import Window, picture_tiles
+from cltrace.plan.accel.tiles import LOOSE, Window, picture_tiles
 from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
@@ -33,11 +33,11 @@ from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.polygon import Corners
-from cltrace.plan.shapes.sphere import Seen, filter_constant
+from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
 from cltrace.plan.shapes.triangle import Triangles, along_light, from_eye, from_light
 from cltrace.plan.space import Space
 from cltrace.plan.textures import NO_TEXTURES, Textures
-from cltrace.scene import AMBIENT, PARALLEL, Camera, Scene, Vector
+from cltrace.scene import AMBIENT, PARALLEL, AnyCamera, Scene, Vector
 
 # From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
 # 10,000 takes 10 either way, as all that a picture needs stays in a cache.
@@ -230,7 +230,7 @@ class View:
     sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists".
     """
 
-    camera: Camera
+    camera: AnyCamera
     region: Region
     exponent: int
     arrays: dict[str, NDArray[Any]]
@@ -240,7 +240,7 @@ class View:
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, world: World, camera: Camera, request: Request, methods: Methods | None = None) -> View:
+    def of(cls, world: World, camera: AnyCamera, request: Request, methods: Methods | None = None) -> View:
         """Moves the world into camera space, in more than double precision, and lists which surfaces a ray can meet.
 
         request: the one that the world was made for; methods: for what takes longest, None for numpy's. Raises
@@ -249,11 +249,13 @@ class View:
         basis = np.array(camera.basis())
         stretched = world.maps.of_sphere > 0 if world.maps else None
         space = Space.of(camera, world.center, world.reach, stretched, world.lights)
-        k = space.exponent(world.lights, from_point(world, basis, np.array(camera.position)))
+        vertex = from_point(world, basis, np.array(camera.position))
+        k = space.exponent(world.lights, vertex, max(camera.image_plane()) if camera.parallel else 0.0)
         small = space.times_two_to(k)
         lights = packed_lights(world, camera, request, k)
         base = cls.without_spheres(world, camera, request, k)
-        arrays, skipped = _spheres(world, space, small, request, k), dict(base.skipped)
+        seen = small.seen_along_view() if camera.parallel else small.seen_from_eye()
+        arrays, skipped = _spheres(world, space, small, camera, request, k), dict(base.skipped)
         seconds: dict[str, float] = {}
         views = LightViews.of(world.lights, lights, small, basis)
         if world.maps:
@@ -266,12 +268,12 @@ class View:
             methods = methods or Methods(mesh_views, lambda grids: build(grids, request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, k)
             arrays |= facets
-            window = Window.of(camera, base.region)
-            arrays |= _lists(world, small.seen_from_eye(), views.views, faces, window, request, methods.build, skipped)
+            window = Window.of(camera, base.region, k)
+            arrays |= _lists(world, seen, views.views, faces, window, request, methods.build, skipped)
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
-            inside=bool((space.power <= 0).any()),
+            inside=bool((seen.power <= 0).any()),
             skipped=skipped,
             seconds=seconds,
         )
@@ -285,7 +287,7 @@ class View:
         return replace(self, arrays=self.arrays | _not_empty(arrays))
 
     @classmethod
-    def without_spheres(cls, world: World, camera: Camera, request: Request, k: int) -> View:
+    def without_spheres(cls, world: World, camera: AnyCamera, request: Request, k: int) -> View:
         """All of a view but how spheres and triangles are seen from the eye and the lights, and the lists of them.
 
         k: lengths in scene units, times 2^k, are in the float buffers' unit. Raises ValueError as of() does.
@@ -311,6 +313,7 @@ class View:
             "materials": len(world.materials.packed),
             "unit": math.ldexp(1.0, unit),
             "bounces": camera.max_bounces,
+            "ahead": (*(-basis[2]).tolist(), 0.0),
             **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),
         }
         region, depths = request.region_of(camera.resolution), 0 if exponent is None else -k
@@ -351,6 +354,7 @@ class Plan:
             world.bounces,
             world.maps is not None,
             view.camera.max_bounces,
+            view.camera.parallel,
         )
         return cls(
             request,
@@ -394,7 +398,7 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = time.perf_counter() - start
 
 
-def packed_lights(world: World, camera: Camera, request: Request, k: int) -> NDArray[np.void]:
+def packed_lights(world: World, camera: AnyCamera, request: Request, k: int) -> NDArray[np.void]:
     """The world's lights as pack_lights() makes them. k: see View.without_spheres()."""
     space = Space.of(camera, world.center[:0], world.reach[:0], None, world.lights)
     place = space.times_two_to(k).position if request.precision == "single" else space.position
@@ -402,14 +406,21 @@ def packed_lights(world: World, camera: Camera, request: Request, k: int) -> NDA
     return pack_lights(world.lights, place, np.array(camera.basis()), request.precision, brightest)
 
 
-def _spheres(world: World, space: Space, small: Space, request: Request, k: int) -> dict[str, NDArray[Any]]:
+def _spheres(
+    world: World, space: Space, small: Space, camera: AnyCamera, request: Request, k: int
+) -> dict[str, NDArray[Any]]:
     """The buffers of spheres as the eye sees them.
 
     space: in scene units; small: in those of the float buffers, scene units times 2^k.
     """
     real = real_dtype(request.precision)
     eye_filter = np.empty((len(small.radius), 4), np.float32)
-    eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
+    if camera.parallel:
+        u, v = small.center[:, 0], small.center[:, 1]
+        eye_filter[:, 0], eye_filter[:, 1], eye_filter[:, 2] = u, v, disc_filter(u, v, small.radius, LOOSE)
+        eye_filter[:, 3] = 0
+    else:
+        eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
     if real.itemsize == 4:
         # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a sphere
         # is never hit.
@@ -437,7 +448,7 @@ def _not_empty(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     return {name: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for name, a in arrays.items()}
 
 
-def _in_world(world: World, camera: Camera, space: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
+def _in_world(world: World, camera: AnyCamera, space: Space, real: np.dtype[Any]) -> dict[str, NDArray[Any]]:
     """The buffers by which a ray from the eye is decided exactly; empty in single. space: in scene units."""
     if real.itemsize == 4:
         return {"world": np.zeros((0, 4), real), "camera": np.zeros((0, 4), real)}
@@ -493,7 +504,7 @@ class MeshView(NamedTuple):
 
 
 def mesh_views(
-    world: World, camera: Camera, lights: NDArray[np.void], k: int
+    world: World, camera: AnyCamera, lights: NDArray[np.void], k: int
 ) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
     """The views of the eye and of each light, and the kernel's buffers by name.
 
@@ -503,7 +514,11 @@ def mesh_views(
     facets = np.empty((1 + len(lights), 3 * len(triangles.face), 4), np.float32)
     near = np.ldexp(from_point(world, basis, np.array(camera.position)), k)
     face, first = world.triangles.face[:, :3], len(world.radius)
-    eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
+    if camera.parallel:
+        wide, high = camera.image_plane()
+        eye = along_light(near, triangles, np.eye(3), basis[2], facets[0], (math.ldexp(wide, k), math.ldexp(high, k)))
+    else:
+        eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
     found = [MeshView(Corners(near, face, first), eye.met)]
     for light, packed, out in zip(world.lights, lights, facets[1:], strict=True):
         if light["kind"] == PARALLEL:
@@ -523,7 +538,7 @@ class Methods(NamedTuple):
     see_meshes: see mesh_views(); build: makes the lists of grids, see Lists.
     """
 
-    see_meshes: Callable[[World, Camera, NDArray[np.void], int], tuple[list[MeshView], dict[str, NDArray[Any]]]]
+    see_meshes: Callable[[World, AnyCamera, NDArray[np.void], int], tuple[list[MeshView], dict[str, NDArray[Any]]]]
     build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]]
 
 
@@ -610,6 +625,8 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
     x, y = view.camera.image_plane()
     width, height = view.camera.resolution
     frame["pixel"][:2] = x / width, y / height
+    if view.camera.parallel:
+        frame["pixel"] = np.ldexp(frame["pixel"], -view.exponent)
     for name, axis in zip(("right", "up", "back"), view.camera.basis(), strict=True):
         frame[name][:3] = axis
     rounding = 0.0 if request.truncate else 0.5

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cltrace.plan.exact import Array, differences, dot_products, rotated, square_excess, two_sum
 from cltrace.plan.shapes.sphere import Seen
-from cltrace.scene import PARALLEL, Camera
+from cltrace.scene import PARALLEL, AnyCamera
 
 Mask = NDArray[np.bool_]
 
@@ -38,7 +38,7 @@ class Space:
     position_lo: Array
 
     @classmethod
-    def of(cls, camera: Camera, center: Array, radius: Array, loose: Mask | None, lights: NDArray[np.void]) -> Space:
+    def of(cls, camera: AnyCamera, center: Array, radius: Array, loose: Mask | None, lights: NDArray[np.void]) -> Space:
         """center (n, 3), radius (n,), loose (n,) and lights (m,) are in the world, in scene units."""
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, None, eye, None)
@@ -64,6 +64,14 @@ class Space:
     def seen_from_eye(self) -> Seen:
         """The spheres as the eye sees them."""
         return Seen(self.center, self.radius, self._known(self.power))
+
+    def seen_along_view(self) -> Seen:
+        """The spheres as parallel rays see them that start on the plane through the eye and lead along the view.
+
+        The power is 1 where that plane is clear of a sphere, and 0 where it may cut it. Lengths are about 1.
+        """
+        z, r = np.abs(self.center[:, 2]), self.radius
+        return Seen(self.center, r, np.where(z - r > 2.0**-20 * (z + r) + 2.0**-44, 1.0, 0.0))
 
     def seen_from_light(self, k: int, basis: Array) -> tuple[Seen, Array]:
         """The spheres as light k, at a point, sees them along the camera's axes; and (n,) the exact sign of its power.

@@ -15,11 +15,14 @@ from typing import TYPE_CHECKING
 
 from cltrace.reference.doubt import surely_misses
 from cltrace.reference.exact import Quadratic, Root, minus, product, vector
-from cltrace.reference.rays import EYE, Ray, Start
+from cltrace.reference.rays import EYE, OnPlane, Ray, Start
 from cltrace.reference.vectors import Direction
 
 if TYPE_CHECKING:
     from cltrace.reference.surfaces import Sphere
+
+
+AHEAD = Direction(0.0, 0.0, -1.0)
 
 
 def equation_of(sphere: Sphere, ray: Ray) -> Equation:
@@ -27,6 +30,8 @@ def equation_of(sphere: Sphere, ray: Ray) -> Equation:
     # Directions whose squares leave the range of double are for exact arithmetic.
     if ray.origin == EYE and sphere.ball.to_object is None and 2.0**-900 < a < 2.0**900:
         return FromEye(sphere, ray)
+    if isinstance(ray.origin, OnPlane) and ray.is_plain and sphere.ball.to_object is None and ray.direction == AHEAD:
+        return FromPlane(sphere, ray.origin, ray)
     return (FromSurface if ray.is_plain else FromAnywhere)(sphere, ray)
 
 
@@ -146,6 +151,62 @@ class FromEye(Equation):
 
     def distance(self, t: float) -> float:
         return t * math.sqrt(self.a)
+
+
+class FromPlane(Equation):
+    """The equation of a ray from o = (x, y, 0) along -z, to which a sphere is a disc.
+
+    With (x, y) from the ray to the centre C, D = r^2 - (x^2 + y^2), and the ends are at t = -C.z -/+ sqrt(D), from the
+    centre by (-x, -y, +/- sqrt(D)). kernels/shapes/sphere.cl derives the bounds beyond which doubles are sure of which
+    end is met, if any, and t and the normal are right to 2^-24.
+    """
+
+    def __init__(self, sphere: Sphere, o: OnPlane, ray: Ray) -> None:
+        super().__init__(sphere, ray)
+        C, r = sphere.center, sphere.radius
+        self.x, self.y, self.b = C.x - o.x, C.y - o.y, -C.z
+        rr, XX = r * r, self.x * self.x + self.y * self.y
+        self.discriminant = D = rr - XX
+        self.root = math.sqrt(max(D, 0.0))
+        first, last = self.b - self.root, self.b + self.root
+        e = 2.0**-48 * (((abs(C.x) + abs(C.y)) + abs(C.z)) + o.reach)
+        D_error = 2 * e * ((abs(self.x) + abs(self.y)) + e) + 2.0**-48 * (rr + XX)
+        least = min(abs(first), abs(last), r)
+        small = least * 2.0**-26
+        self.sure = D_error < -D or (D_error < D and D_error <= self.root * small and e <= small)
+        self.ends, self.hits = {-1: first, 1: last}, D >= 0
+        if not self.sure:
+            self._decide()
+
+    def _decide(self) -> None:
+        """The same from exact numbers: D, b and c rounded once."""
+        ball, frame, exact = self.sphere.ball, self.sphere.frame, self.exact
+        b, c = float(exact.b.p), float(exact.c.p)
+        self.discriminant = float(exact.discriminant.p)
+        self.root = math.sqrt(max(self.discriminant, 0.0))
+        q = abs(b) + self.root
+        other = c / q if q else 0.0
+        self.ends, self.hits = {-1: other, 1: q} if b >= 0 else {-1: -q, 1: -other}, exact.discriminant.sign() >= 0
+        start, w = self.ray.line(frame).start, frame.to_world(self.ray.direction)
+        k = exact.b.p / exact.a.p
+        x, y, z = (C - s.p - k * e for C, s, e in zip(ball.center, start, w, strict=True))
+        v = frame.to_camera((x, y, z))
+        self.x, self.y = float(v[0]), float(v[1])
+
+    def side(self) -> int | None:
+        return next((side for side in (-1, 1) if self._is_ahead(side)), None) if self.hits else None
+
+    def _is_ahead(self, side: int) -> bool:
+        return self.ends[side] > 0 if self.sure else self._root(side).is_between(0.0, math.inf)
+
+    def t(self, side: int) -> float:
+        return self.ends[side]
+
+    def normal(self, side: int, t: float) -> Direction:
+        return self._unit(Direction(-self.x, -self.y, -side * self.root))
+
+    def distance(self, t: float) -> float:
+        return t
 
 
 class FromSurface(Equation):

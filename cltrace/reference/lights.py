@@ -71,15 +71,21 @@ class ShadowRay:
     def t_max(self) -> float:
         return math.inf if self.light.parallel else 1.0
 
+    @property
+    def _skew(self) -> float:
+        surface = self.start.surface
+        assert surface is not None
+        return surface.frame.skew
+
     @cached_property
     def rough_start(self) -> RoughStart:
         """The start in doubles with bounds of their errors."""
-        return RoughStart(self.start, self.start.surface.frame.skew)
+        return RoughStart(self.start, self._skew)
 
     @cached_property
     def rough_line(self) -> RoughLine:
         """The way in doubles with bounds of their errors."""
-        skew = self.start.surface.frame.skew
+        skew = self._skew
         if self.light.towards is not None:
             return RoughLine(self.light.towards, 64 * U + 4 * skew, skew)
         assert self.light.position is not None

@@ -22,14 +22,16 @@ Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, whic
 class Start(ABC):
     """The point of a surface by which a ray leaves it: exactly, by numbers that put it on the surface.
 
+    Or a point of the plane where the rays of an orthographic camera start.
+
     Rounded coordinates would put it off the surface, and every ray from there would need an epsilon. Doubles reach it
     in two steps, of which the first one is exact: to a point nearby, the anchor, and from there.
     """
 
     @property
     @abstractmethod
-    def surface(self) -> Surface:
-        """The surface that the ray leaves."""
+    def surface(self) -> Surface | None:
+        """The surface that the ray leaves; None if it comes from the camera."""
 
     @property
     @abstractmethod
@@ -209,6 +211,58 @@ class OnTriangle(Start):
 
     def height(self, point: Point, n: Direction) -> float:
         return n.dot((point - self.anchor) - self.from_anchor)
+
+
+@dataclass(frozen=True)
+class OnPlane(Start):
+    """A point of the plane where the rays of an orthographic camera start: exactly the eye plus x and y times its axes.
+
+    The anchor is the eye. eye: in the world; frame: the camera's axes; x, y: scene units.
+    """
+
+    eye: Point
+    frame: Frame
+    x: float
+    y: float
+
+    @property
+    def surface(self) -> None:
+        return None
+
+    @property
+    def place(self) -> Point:
+        return self.eye
+
+    @property
+    def anchor(self) -> Point:
+        return EYE
+
+    @cached_property
+    def step(self) -> Direction:
+        return self.frame.B.T @ self.from_anchor
+
+    @property
+    def from_anchor(self) -> Direction:
+        return Direction(self.x, self.y, 0.0)
+
+    @property
+    def reach(self) -> float:
+        return abs(self.x) + abs(self.y)
+
+    @property
+    def error(self) -> float:
+        return 0.0
+
+    @property
+    def fits(self) -> bool:
+        return True
+
+    @cached_property
+    def exact_point(self) -> Vector:
+        return vector(self.frame.to_world(self.from_anchor))
+
+    def height(self, point: Point, n: Direction) -> float:
+        return n.dot(point - self.point)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,9 @@ class Intersection:
 
     @property
     def surface(self) -> Surface:
-        return self.start.surface
+        surface = self.start.surface
+        assert surface is not None
+        return surface
 
     @property
     def color(self) -> Color:

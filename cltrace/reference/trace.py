@@ -6,25 +6,28 @@ from collections.abc import Iterator
 
 from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
-from cltrace.reference.rays import EYE, Ray
+from cltrace.reference.rays import EYE, OnPlane, Ray
 from cltrace.reference.surfaces import Intersection, first_met
-from cltrace.reference.vectors import Color, Direction
-from cltrace.reference.world import World
-from cltrace.scene import Camera
+from cltrace.reference.vectors import Color, Direction, Point
+from cltrace.reference.world import World, frame_of
+from cltrace.scene import AnyCamera
 
 BLACK: Color = (0.0, 0.0, 0.0)
 
 
-def primary_ray(camera: Camera, u: int, v: int) -> Ray:
+def primary_ray(camera: AnyCamera, u: int, v: int) -> Ray:
     """The ray through the centre of the pixel in column u and row v; row 0 is the top.
 
     The tutorial's (2 (u + 0.5)/width - 1) tan(fov_x), as a whole number times the size of a pixel: symmetric pixels get
-    exactly symmetric rays. It is not normalised, so nothing is rounded that need not be.
+    exactly symmetric rays. It is not normalised, so nothing is rounded that need not be. A ray of an orthographic
+    camera starts there, and leads along -z.
     """
     width, height = camera.resolution
     half_width, half_height = camera.image_plane()
     x = (2 * u + 1 - width) * (half_width / width)
     y = (height - 1 - 2 * v) * (half_height / height)
+    if camera.parallel:
+        return Ray(OnPlane(Point(*camera.position), frame_of(camera), x, y), Direction(0.0, 0.0, -1.0))
     return Ray(EYE, Direction(x, y, -1.0))
 
 

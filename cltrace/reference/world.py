@@ -17,14 +17,14 @@ from cltrace.reference.surfaces import Ellipsoid, Material, Sphere, Surface
 from cltrace.reference.texture import Texture
 from cltrace.reference.triangles import Mesh
 from cltrace.reference.vectors import Color, Direction, Point
-from cltrace.scene import AMBIENT, PARALLEL, SPOT, Camera, Scene
+from cltrace.scene import AMBIENT, PARALLEL, SPOT, AnyCamera, Scene
 
 
 @dataclass(frozen=True)
 class World:
     """A scene in camera space. surfaces: in the order of their numbers."""
 
-    camera: Camera
+    camera: AnyCamera
     surfaces: Sequence[Surface]
     lights: Sequence[Light]
     ambient: Color
@@ -61,7 +61,8 @@ def world_of(scene: Scene, gathered: Callable[[Scene, Maker], Iterable[Surface]]
     return World(scene.camera, surfaces, lights, _color(ambient), _color(np.array(scene.background)))
 
 
-def frame_of(camera: Camera) -> Frame:
+@functools.lru_cache(maxsize=4)
+def frame_of(camera: AnyCamera) -> Frame:
     right, up, back = camera.basis()
     return Frame((rational(right), rational(up), rational(back)))
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from cltrace.plan.plan import View, World
 from cltrace.plan.request import Request
 from cltrace.run.devices import Device
-from cltrace.scene import Camera
+from cltrace.scene import AnyCamera
 
 # From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
 # 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080).
@@ -20,7 +20,7 @@ class Maker(Protocol):
     def fits(self, world: World) -> bool:
         """Whether a world has the same surfaces in the same places; their materials may be others."""
 
-    def view(self, world: World, camera: Camera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
         """The view of a camera, with the bits of View.of(), and buffers, by the names of abi.ARGUMENTS, that it lacks.
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.

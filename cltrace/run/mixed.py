@@ -22,7 +22,7 @@ from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Entries
 from cltrace.run.program import Announcement
 from cltrace.run.toolbox import Toolbox, is_exact, vector
-from cltrace.scene import PARALLEL, Camera
+from cltrace.scene import PARALLEL, AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.
 AT_POINT = (-1.0, -1.0)
@@ -52,7 +52,7 @@ class Mixed:
         """Whether a world has the same triangles."""
         return world.triangles is self._triangles
 
-    def view(self, world: World, camera: Camera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
         """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
@@ -63,11 +63,11 @@ class Mixed:
             return View.of(world, camera, self._request, methods), made
 
     def _see(
-        self, made: dict[str, Any], world: World, camera: Camera, lights: NDArray[np.void], k: int
+        self, made: dict[str, Any], world: World, camera: AnyCamera, lights: NDArray[np.void], k: int
     ) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
         """What mesh_views() returns, but for the buffers, which are in `made` then."""
         m, basis, tools = len(world.triangles.face), np.array(camera.basis()), self._tools
-        if not m:
+        if not m or camera.parallel:
             return mesh_views(world, camera, lights, k)
         made["facet"] = tools.room(12 * m, np.float32)
         if len(lights):

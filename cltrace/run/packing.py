@@ -38,7 +38,7 @@ from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Covers, Entries
 from cltrace.run.program import Announcement
 from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
-from cltrace.scene import PARALLEL, Camera
+from cltrace.scene import PARALLEL, AnyCamera
 
 # What a request may keep that changes nothing here.
 KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
@@ -82,14 +82,15 @@ class Packing:
         """Whether a world has the same spheres in the same places; their materials may be others."""
         return all(getattr(world, name) is getattr(self._world, name) for name in ("center", "radius", "again"))
 
-    def view(self, world: World, camera: Camera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
         """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
         """
         region = self.request.region_of(camera.resolution)
         window = Window.of(camera, region)
-        if min(window.step) <= TINY:  # The kernels' float32 is too coarse for such pixels.
+        # Of tiny pixels, the kernels' float32 is too coarse; and they know no parallel rays.
+        if min(window.step) <= TINY or camera.parallel:
             return View.of(world, camera, self.request), {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             return _Look(self, world, camera, window).view()
@@ -101,7 +102,7 @@ class _Look:
     seen: four columns of `pitch` doubles, see kernels/pack/space.cl; rows: the n spheres' arrays on the device.
     """
 
-    def __init__(self, packing: Packing, world: World, camera: Camera, window: Window) -> None:
+    def __init__(self, packing: Packing, world: World, camera: AnyCamera, window: Window) -> None:
         self.packing, self.world, self.camera, self.window = packing, world, camera, window
         self.tools = packing.tools
         self.n = len(self.world.radius)

@@ -1,6 +1,6 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
-from cltrace.scene.camera import MAX_BOUNCES, Camera, check_resolution
+from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
 from cltrace.scene.lights import (
     AMBIENT,
@@ -42,11 +42,13 @@ __all__ = [
     "POSITIVE",
     "SPHERE",
     "SPOT",
+    "AnyCamera",
     "Camera",
     "Geometry",
     "Material",
     "Mesh",
     "MeshFile",
+    "Orthographic",
     "PlacedMesh",
     "Rule",
     "Scene",

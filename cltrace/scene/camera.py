@@ -1,17 +1,17 @@
-"""The camera: where the eye is, where it looks, and the picture that it sees."""
+"""Cameras: where the eye is, where it looks, and the picture that it sees."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.fit import checked_margin, direction_of, reaches_of, up_for
-from cltrace.scene.rules import FOV, FULL_FOV, Vector, checked, described, is_whole, vector
+from cltrace.scene.rules import FOV, FULL_FOV, POSITIVE, Vector, checked, described, is_whole, vector
 
 if TYPE_CHECKING:
     from cltrace.scene.scene import Scene
@@ -21,8 +21,51 @@ MAX_BOUNCES = 100
 Axis = Literal["x", "y"]
 
 
+class Pose:
+    """What every camera has: where it is in the world, and how it is turned. The fields are those of Camera."""
+
+    position: Vector
+    lookat: Vector
+    up: Vector
+    resolution: tuple[int, int]
+    max_bounces: int
+    parallel: ClassVar[bool] = False  # whether all rays are
+
+    def basis(self) -> tuple[Vector, Vector, Vector]:
+        """The camera's x (right), y (up) and z (backward) axes in the world: unit and orthogonal to rounding.
+
+        They are multiples of 2^-300, so that exact arithmetic with them has an end: what is below 2^-247 is rounded.
+        Raises ValueError if they are undefined: position equals lookat, or up is 0 or parallel to the view.
+        """
+        eye, at = self.position, self.lookat
+        try:
+            z = _unit((eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]))
+        except ZeroDivisionError:
+            raise ValueError("camera.lookat: must differ from position") from None
+        try:
+            up = _unit(self.up)
+        except ZeroDivisionError:
+            raise ValueError("camera.up: must not be 0") from None
+        # The sine of the angle between up and the view is |up x z|. Both are rounded: below a few ulp it is noise.
+        x = _cross(up, z)
+        if math.hypot(*x) <= 2.0**-50:
+            raise ValueError("camera.up: must not be parallel to the view")
+        x = _unit(x)
+        # up x z is orthogonal to z to within a rounding error divided by that sine. Removing what is left along z once
+        # more makes x and y orthogonal to z to rounding, however nearly parallel up and the view are (Kahan: "twice is
+        # enough").
+        along = _dot(x, z)
+        x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
+        return _on_grid(x), _on_grid(_unit(_cross(z, x))), _on_grid(z)
+
+    def _fill(self, values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self.basis()
+
+
 @dataclass(frozen=True, init=False)
-class Camera:
+class Camera(Pose):
     """A pinhole camera in the world. Immutable; vectors are kept as tuples of floats.
 
     position: the eye, scene units; lookat: a point that is seen in the middle of the picture, scene units; up: a
@@ -61,21 +104,9 @@ class Camera:
     ) -> None:
         if not isinstance(square_pixels, (bool, np.bool_)):
             raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
-        if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
-            raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
-        size = check_resolution(resolution)
-        values = {
-            "position": vector("camera.position", position),
-            "lookat": vector("camera.lookat", lookat),
-            "up": vector("camera.up", up),
-            "horizontal_fov": _half_angle(horizontal_fov, fov, fov_axis, size, square_pixels),
-            "resolution": size,
-            "max_bounces": int(max_bounces),
-            "square_pixels": bool(square_pixels),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        self.basis()
+        values = _pose(position, lookat, up, resolution, max_bounces)
+        half = _half_angle(horizontal_fov, fov, fov_axis, values["resolution"], square_pixels)
+        self._fill(values | {"horizontal_fov": half, "square_pixels": bool(square_pixels)})
 
     @classmethod
     def fit(
@@ -123,33 +154,6 @@ class Camera:
         middle = eye - (distance - (near - far) / 2) * z
         return replace(camera, position=eye, lookat=middle)
 
-    def basis(self) -> tuple[Vector, Vector, Vector]:
-        """The camera's x (right), y (up) and z (backward) axes in the world: unit and orthogonal to rounding.
-
-        They are multiples of 2^-300, so that exact arithmetic with them has an end: what is below 2^-247 is rounded.
-        Raises ValueError if they are undefined: position equals lookat, or up is 0 or parallel to the view.
-        """
-        eye, at = self.position, self.lookat
-        try:
-            z = _unit((eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]))
-        except ZeroDivisionError:
-            raise ValueError("camera.lookat: must differ from position") from None
-        try:
-            up = _unit(self.up)
-        except ZeroDivisionError:
-            raise ValueError("camera.up: must not be 0") from None
-        # The sine of the angle between up and the view is |up x z|. Both are rounded: below a few ulp it is noise.
-        x = _cross(up, z)
-        if math.hypot(*x) <= 2.0**-50:
-            raise ValueError("camera.up: must not be parallel to the view")
-        x = _unit(x)
-        # up x z is orthogonal to z to within a rounding error divided by that sine. Removing what is left along z once
-        # more makes x and y orthogonal to z to rounding, however nearly parallel up and the view are (Kahan: "twice is
-        # enough").
-        along = _dot(x, z)
-        x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
-        return _on_grid(x), _on_grid(_unit(_cross(z, x))), _on_grid(z)
-
     def half_angles(self) -> tuple[float, float]:
         """Half of the horizontal and half of the vertical opening angle, degrees. The longer side has horizontal_fov.
 
@@ -172,6 +176,102 @@ class Camera:
             return (tan, other) if width >= height else (other, tan)
         x, y = self.half_angles()
         return math.tan(math.radians(x)), math.tan(math.radians(y))
+
+
+@dataclass(frozen=True, init=False)
+class Orthographic(Pose):
+    """A camera whose rays are parallel: things have the same size in the picture however far they are. Immutable.
+
+    Rays start on the plane through `position` that is across the view, and lead along the view. So only what lies
+    before that plane is seen, which is where t > 0; depth is the distance from the plane, and a surface that the plane
+    cuts is seen from inside.
+
+    position: what is seen in the middle of the picture where the plane is, scene units; lookat: a point that is seen
+    there, too, scene units; up: a direction of any length that is not parallel to the view; height: how much of the
+    world the picture is high, scene units, > 0; resolution: (width, height) in pixels; max_bounces: how often a ray may
+    be reflected or refracted, 0..100. Pixels are as wide as they are high.
+
+    Vectors are any three numbers: a tuple, a list, an array of numpy. Raises ValueError, which names the argument.
+    """
+
+    position: Vector
+    lookat: Vector
+    up: Vector
+    height: float
+    resolution: tuple[int, int]
+    max_bounces: int
+    parallel: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        lookat: ArrayLike = (0.0, 0.0, -1.0),
+        up: ArrayLike = (0.0, 1.0, 0.0),
+        height: float = 2.0,
+        resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
+        max_bounces: int = 8,
+    ) -> None:
+        values = _pose(position, lookat, up, resolution, max_bounces)
+        self._fill(values | {"height": float(checked("camera.height", POSITIVE, height, ()))})
+
+    @classmethod
+    def fit(
+        cls,
+        scene: Scene,
+        view: str | ArrayLike = "isometric",
+        margin: float = 0.05,
+        *,
+        up: ArrayLike | None = None,
+        resolution: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        max_bounces: int = 8,
+    ) -> Orthographic:
+        """The camera that sees all surfaces of a scene as large as it can, from before all of them.
+
+        Its plane is as far before the nearest surface as the picture is high. The arguments, and what is raised, are
+        those of Camera.fit().
+        """
+        back = direction_of(view)
+        share = checked_margin(margin)
+        size = scene.camera.resolution if resolution is None else resolution
+        ahead: Vector = (-back[0], -back[1], -back[2])
+        camera = cls((0.0, 0.0, 0.0), ahead, up_for(back, up), 1.0, size, max_bounces)
+        x, y, z = (np.array(axis) for axis in camera.basis())
+        right, left, above, below, near, far = reaches_of(scene, (x, -x, y, -y, z, -z)).tolist()
+        wide, high = camera.resolution
+        height = max(above + below, (right + left) * high / wide) / share
+        if not height > 0:
+            raise ValueError("scene: must not be a single point as the camera sees it")
+        middle = (right - left) / 2 * x + (above - below) / 2 * y
+        eye, at = middle + (near + height) * z, middle + (near - far) / 2 * z
+        return replace(camera, position=eye, lookat=at, height=height)
+
+    def image_plane(self) -> tuple[float, float]:
+        """Half of the width and half of the height of what the picture shows, scene units."""
+        width, height = self.resolution
+        half = self.height / 2
+        return half * width / height, half
+
+
+AnyCamera = Camera | Orthographic
+
+
+def _pose(
+    position: ArrayLike,
+    lookat: ArrayLike,
+    up: ArrayLike,
+    resolution: Sequence[int] | NDArray[np.integer[Any]],
+    max_bounces: int,
+) -> dict[str, Any]:
+    """The fields of a Pose, checked."""
+    if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
+        raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
+    return {
+        "position": vector("camera.position", position),
+        "lookat": vector("camera.lookat", lookat),
+        "up": vector("camera.up", up),
+        "resolution": check_resolution(resolution),
+        "max_bounces": int(max_bounces),
+    }
 
 
 def _half_angle(

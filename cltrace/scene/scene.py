@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.camera import Camera
+from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import colors_of
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
@@ -58,13 +58,14 @@ class Scene:
 
     `Scene.from_spheres` and `Scene.from_meshes` make one of plain arrays.
 
-    camera: a Camera; lights: one (n,) LIGHT array or several, such as point_light() returns; spheres, materials: (n,)
-    arrays of the dtypes SPHERE and MATERIAL of cltrace.scene; background: the linear colour of rays that hit nothing, 3
-    numbers >= 0; background_alpha: how much of it the picture shows, from 0, nothing, to 1; a fourth number of
-    background is the same; output_file: the picture's name, without a folder; to_object: (k, 3, 3), the linear maps of
-    the ellipsoids from the world to their own axes, of which a sphere's `to_object` is the index; meshes: of
-    PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of uint8 or uint16, of which a material's `texture` is the
-    index. The arrays are copied, but for textures that are read-only and own their memory.
+    camera: a Camera or an Orthographic, which does as well wherever a Camera is asked for; lights: one (n,) LIGHT array
+    or several, such as point_light() returns; spheres, materials: (n,) arrays of the dtypes SPHERE and MATERIAL of
+    cltrace.scene; background: the linear colour of rays that hit nothing, 3 numbers >= 0; background_alpha: how much of
+    it the picture shows, from 0, nothing, to 1; a fourth number of background is the same; output_file: the picture's
+    name, without a folder; to_object: (k, 3, 3), the linear maps of the ellipsoids from the world to their own axes, of
+    which a sphere's `to_object` is the index; meshes: of PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of
+    uint8 or uint16, of which a material's `texture` is the index. The arrays are copied, but for textures that are
+    read-only and own their memory.
 
     transfer: how the picture's colours become bytes, "linear" or "srgb", see from_spheres(). The colours here are
     linear with either.
@@ -79,7 +80,7 @@ class Scene:
     argument is something else altogether.
     """
 
-    camera: Camera
+    camera: AnyCamera
     lights: NDArray[np.void]
     spheres: NDArray[np.void]
     materials: NDArray[np.void]
@@ -94,7 +95,7 @@ class Scene:
 
     def __init__(
         self,
-        camera: Camera,
+        camera: AnyCamera,
         lights: Lights,
         spheres: NDArray[np.void],
         materials: NDArray[np.void],
@@ -119,7 +120,7 @@ class Scene:
 
     def _fill(
         self,
-        camera: Camera,
+        camera: AnyCamera,
         lights: NDArray[np.void],
         surfaces: Mapping[str, Any],
         background: tuple[Vector, float],
@@ -140,7 +141,7 @@ class Scene:
         state |= {"background": background[0], "background_alpha": background[1], "transfer": transfer}
         self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures, "source": None})
 
-    def seen_by(self, camera: Camera) -> Scene:
+    def seen_by(self, camera: AnyCamera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
 
         dataclasses.replace() gives the same, but copies and checks everything anew.
@@ -218,7 +219,7 @@ class Scene:
     @classmethod
     def from_spheres(
         cls,
-        camera: Camera,
+        camera: AnyCamera,
         lights: Lights,
         centers: ArrayLike,
         radii: ArrayLike,
@@ -297,7 +298,7 @@ class Scene:
     @classmethod
     def from_meshes(
         cls,
-        camera: Camera,
+        camera: AnyCamera,
         lights: Lights,
         meshes: Iterable[Mesh] | Mesh,
         *,
@@ -321,7 +322,7 @@ class Scene:
     @classmethod
     def _made(
         cls,
-        camera: Camera,
+        camera: AnyCamera,
         lights: NDArray[np.void],
         columns: Columns,
         background: ArrayLike,
@@ -371,7 +372,7 @@ def colors_given(
 
 def _check_camera(camera: object, order: str = "") -> None:
     """Raises TypeError, which says the order of the arguments, if this is no camera."""
-    if not isinstance(camera, Camera):
+    if not isinstance(camera, (Camera, Orthographic)):
         advice = f"; the order is {order}" if order else ""
         raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
 

@@ -11,7 +11,7 @@ typedef struct {
 #endif
 #ifdef WITH_TRIANGLES
     Shares shares; /* of a triangle */
-    /* While triangles are looked for: bounds of 1/t in the float buffers' unit, 0 where nothing was hit. Neither t nor shares
+    /* While triangles are looked for: bounds of 1/t, of an orthographic camera of -t, in the float buffers' unit, 0 where nothing was hit. Neither t nor shares
      * of a triangle are known then; `sure` as in triangle_meet(). */
     Bounds near;
     MASK sure;
@@ -23,6 +23,23 @@ typedef struct {
 #define REACH_SLACK (1.0f + 0x1p-20f)
 #else
 #define REACH_SLACK (1.0f + 0x1p-8f)
+#endif
+
+/* What lists are sorted by, at t = far: the squared distance from the eye; of an orthographic camera, the distance. */
+#ifdef WITH_PARALLEL_RAYS
+#define DEPTH_AT(far, a) far
+#define IMAGE_PLANE 1
+#else
+#define DEPTH_AT(far, a) far * far * a
+#define IMAGE_PLANE -1
+#endif
+
+/* What tells in float32 which triangle is nearer: 1/t, of which a triangle's plane is a linear function, or, of an
+ * orthographic camera, -t. t of the furthest end of such bounds. */
+#ifdef WITH_PARALLEL_RAYS
+#define FAR_OF(low) (low < 0 ? -low : (FLOAT)0.0f)
+#else
+#define FAR_OF(low) 1 / low
 #endif
 
 /* Where t is so close to the nearest one so far that they are to be compared exactly. */
@@ -39,9 +56,21 @@ static REAL_MASK too_close(const REAL t, const REAL best) {
 #ifdef WITH_TRIANGLES
 /* Bounds of 1/t from t, which is right to 2^-24. */
 static Bounds near_of(const REAL t, const real unit) {
+#ifdef WITH_PARALLEL_RAYS
+    const FLOAT far = TO_FLOAT(t * unit);
+    const Bounds bounds = {-far * (1 + 0x1p-20f), -far * (1 - 0x1p-20f)};
+    return bounds;
+}
+
+/* The same where rays meet a triangle's plane. That is known as along a parallel light, to 2^-27 beside the roundings. */
+static Bounds near_plane(const FLOAT x, const FLOAT y, __global const float4 *facet) {
+    const Bounds plane = plane_at(x, y, (FLOAT)1, facet), bounds = {-plane.high - 0x1p-26f, -plane.low + 0x1p-26f};
+    return bounds;
+#else
     const FLOAT near = 1 / TO_FLOAT(t * unit);
     const Bounds bounds = {near * (1 - 0x1p-20f), near * (1 + 0x1p-20f)};
     return bounds;
+#endif
 }
 
 /* t of the lanes that hit triangles. d, w: the direction in camera space and in the world; sure: as in Hit. */
@@ -104,7 +133,7 @@ static REAL_MASK closer_than_any(const Scene scene, const Ray ray, const Sphere 
     const REAL_MASK sure = TO_REAL_MASK(face) ? TO_REAL_MASK(nearer) : round;
     if (!RARELY(ANY(open))) return sure;
     const Scene all = scene;
-    const Real3 d = ray.d, w = ray.w;
+    const Real3 d = OWN(ray), w = ray.w;
     return TO_REAL_MASK(open) ? comes_before(&all, &d, &w, at.t, (INT)index, hit.t, hit.id, hit.sure) : sure;
 }
 #endif
@@ -130,20 +159,28 @@ static __attribute__((noinline)) Decision decide_triangle(const Scene *all, cons
     return decision;
 }
 
-/* Takes a triangle into account, and tells whether any lane hits it. x, y: where the rays cross the image plane, in float. */
+/* Takes a triangle into account, and tells whether any lane hits it. x, y: where the rays cross the image plane, in float;
+ * of an orthographic camera, the facets are lines there, as those of a parallel light are. */
 static __attribute__((always_inline)) int meet_triangle(const Scene scene, const Ray ray, const FLOAT x, const FLOAT y, const int index, Hit *hit,
                           Work *work) {
     MASK open = ALL_LANES, inside = 0;
 #ifdef WITH_FILTER
     __global const float4 *facet = scene.facet + 3 * (long)(index - scene.spheres.first);
-    const Sides sides = sides_of(x, y, (FLOAT)-1, 1, facet);
+    const Sides sides = sides_of(x, y, (FLOAT)IMAGE_PLANE, 1, facet);
     if (!ANY(sides.open)) {
         COUNT(FILTERED, ALL_LANES);
         return 0;
     }
+#ifdef WITH_PARALLEL_RAYS
+    /* It may be behind the plane where the rays start. */
+    const Bounds near = near_plane(x, y, facet);
+    const MASK nearer = sides.inside & (near.low > hit->near.high) & (near.high < 0);
+    open = sides.open & !nearer & !(near.high < hit->near.low) & !(near.low > 0);
+#else
     const Bounds near = plane_at(x, y, (FLOAT)-1, facet);
     const MASK nearer = sides.inside & (near.low > hit->near.high);
     open = sides.open & !nearer & !(near.high < hit->near.low);
+#endif
     inside = sides.inside;
     PUT_WHERE(nearer, hit->near.low, near.low);
     PUT_WHERE(nearer, hit->near.high, near.high);
@@ -153,7 +190,7 @@ static __attribute__((always_inline)) int meet_triangle(const Scene scene, const
 #endif
     COUNT(DECIDED, open);
     const Scene all = scene;
-    const Real3 d = ray.d, w = ray.w;
+    const Real3 d = OWN(ray), w = ray.w;
     const Decision is = decide_triangle(&all, &d, &w, index, open, inside, hit->t, hit->id, hit->sure);
     PUT_WHERE(is.nearer, hit->near.low, is.near.low);
     PUT_WHERE(is.nearer, hit->near.high, is.near.high);
@@ -167,14 +204,14 @@ static __attribute__((always_inline)) void settle(const Scene scene, const Ray r
     const MASK face = hit->id >= scene.spheres.first;
     const INT number = face ? hit->id - scene.spheres.first : (INT)-1;
     const REAL_MASK here = TO_REAL_MASK(face);
-    const Crossing at = triangle_meet_from_eye(scene.spheres, ray.d, ray.w, triangles_of(scene.spheres, number), number, here,
+    const Crossing at = triangle_meet_from_eye(scene.spheres, OWN(ray), ray.w, triangles_of(scene.spheres, number), number, here,
                                                TO_REAL_MASK(face & hit->sure));
     hit->shares = at.shares;
 #if REAL_BYTES == 8
     PUT_WHERE(here, hit->t, at.t);
 #else
     /* Where a triangle is seen all but from its edge, rounding may lose it. */
-    PUT_WHERE(here, hit->t, at.t < INFINITY ? at.t : 1 / hit->near.low);
+    PUT_WHERE(here, hit->t, at.t < INFINITY ? at.t : FAR_OF(hit->near.low));
 #endif
 }
 #endif
@@ -184,8 +221,15 @@ static __attribute__((always_inline)) void settle(const Scene scene, const Ray r
  */
 static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = {INFINITY, -1, {0, 0, 1}};
+#if defined(WITH_PARALLEL_RAYS) && defined(WITH_TRIANGLES)
+    hit.near.low = hit.near.high = -INFINITY;
+#endif
+#ifdef WITH_PARALLEL_RAYS
+    const FLOAT dx = TO_FLOAT(ray.o.x * scene.unit), dy = TO_FLOAT(ray.o.y * scene.unit);
+#else
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
     const FLOAT a = FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f));
+#endif
     int found = 0;          /* whether any lane may have a hit */
     float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
     const Grid grid = scene.lists.grid[0];
@@ -204,16 +248,24 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 #ifdef WITH_TRIANGLES
             if (index >= scene.spheres.first) {
                 if (!meet_triangle(scene, ray, dx, dy, index, &hit, work)) continue;
-                const FLOAT far = 1 / hit.near.low;
-                reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+                const FLOAT far = FAR_OF(hit.near.low);
+                reach = LARGEST_FLOAT(DEPTH_AT(far, a) * REACH_SLACK);
                 continue;
             }
 #endif
 #ifndef ONLY_TRIANGLES
 #ifdef WITH_FILTER
             const float4 s = scene.eye_filter[index];
+#ifdef WITH_PARALLEL_RAYS
+            /* The test of a parallel light, see filter_leaves(). The host has made the disc larger by what the axes of the
+             * camera are not orthonormal by. */
+            const FLOAT du = s.x - dx, dv = s.y - dy;
+            const MASK may_meet = FMA(du, du, dv * dv) <= s.z;
+            if (!ANY(may_meet)) {
+#else
             const FLOAT b = FMA(dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z));
             if (!ANY(sphere_may_meet(b, a, s))) {
+#endif
                 COUNT(FILTERED, ALL_LANES);
                 continue;
             }
@@ -253,11 +305,11 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const Bounds near = near_of(at.t, scene.unit);
             PUT_WHERE(TO_MASK(nearer), hit.near.low, near.low);
             PUT_WHERE(TO_MASK(nearer), hit.near.high, near.high);
-            const FLOAT far = 1 / hit.near.low;
+            const FLOAT far = FAR_OF(hit.near.low);
 #else
             const FLOAT far = TO_FLOAT(hit.t * scene.unit);
 #endif
-            reach = LARGEST_FLOAT(far * far * a * REACH_SLACK);
+            reach = LARGEST_FLOAT(DEPTH_AT(far, a) * REACH_SLACK);
 #endif
         }
     }

@@ -67,6 +67,11 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
     const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error) & (fabs(v.den) > 0x1p26 * v.den_error);
     at.unsure = wanted & !misses & !(meets & sure_t);
     at.t = (wanted & meets & sure_t) ? t : at.t;
+#ifdef WITH_PARALLEL_RAYS
+    /* Along parallel rays it is known that the volumes have one sign, and so that of N.w, not which: the triangle may be
+     * behind the plane where they start. */
+    at.t = t > 0 ? at.t : (REAL)INFINITY;
+#endif
 #else
     /* Float tells no ties apart: both triangles at an edge are met, and none is missed. */
     const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
@@ -80,7 +85,11 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
  * cannot tell is copied there: else compilers keep it in memory all the time. */
 static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Spheres spheres, const Real3 d, const Real3 w, const Triangle T,
                                        const INT number, const REAL_MASK wanted, const REAL_MASK inside) {
+#ifdef WITH_PARALLEL_RAYS
+    const Path path = path_of(from_eye(spheres, d, w));
+#else
     const Path path = {{spheres.eye.x, spheres.eye.y, spheres.eye.z}, {0, 0, 0}, w, 0, size_of(w)};
+#endif
     Crossing at = triangle_meet(path, T, wanted, inside);
 #if REAL_BYTES == 8
     if (RARELY(ANY(TO_MASK(at.unsure)))) {

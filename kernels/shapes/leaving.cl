@@ -149,6 +149,9 @@ static Pair3 fine_start(const Spheres spheres, const Leaving ray) {
     const Pair rest = minus(pair(1, 0), times(mm, two_product(guess, guess)));
     const Pair r = times(pair(ray.r, 0), two_sum(guess, (REAL)0.5 * guess * (rest.hi + rest.lo)));
     Pair3 step = {times(m.x, r), times(m.y, r), times(m.z, r)};
+#if defined(WITH_PARALLEL_RAYS) && defined(WITH_SHAPES)
+    if (ANY(ray.own < 0)) step = choose_pairs(TO_REAL_MASK(ray.own < 0), pairs_in_world(spheres, ray.q), step);
+#endif
 #ifdef WITH_TRIANGLES
     if (ANY(ray.own >= spheres.first))
         step = choose_pairs(TO_REAL_MASK(ray.own >= spheres.first), fine_step(spheres, ray.own - spheres.first, ray.q), step);

@@ -132,6 +132,9 @@ typedef struct {
     Pair3 w, X;
     Pair a, b, c, D;
     REAL b_error, D_error;
+#ifdef WITH_PARALLEL_RAYS
+    REAL c_error;
+#endif
 } Fine;
 
 /* The bounds. With u = 2^-53, a sum of pairs is off by 3 u^2 of itself and a product by 7 u^2, products of two doubles by
@@ -145,6 +148,11 @@ typedef struct {
  * The constants have room for the rounding of the bounds themselves. Nothing underflows that matters: f is a multiple of
  * 2^-201 and w of 2^-523 (see below), so products of two doubles lose nothing up to b and X; and what vanishes below
  * 2^-1074 in D is nothing beside a bound of 2^-98 a r^2 or a |c|, which are 0 or at least 2^-404.
+ *
+ * Of an orthographic camera, f = C - eye - B^T o, and w is the third axis but for its sign: exact, and not above 1 in any
+ * coordinate but for rounding. B^T o is off by 6 u^2 |o|_1 in each coordinate, and f, by that and 3 u^2 F, where F is |f|_1: below
+ * 2^-102 s with s = F + |o|_1. So b, and each coordinate of X, are off by that for each of up to two coordinates of f, and
+ * by 13 u^2 F: below e = 2^-100 s. D comes from X, as above. c is off by 2 F 2^-102 s, 13 u^2 F^2 and 3 u^2 (F^2 + r^2).
  */
 static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere) {
     Fine e;
@@ -158,10 +166,25 @@ static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, cons
         PUT_WHERE(here, z, (REAL)s.z);
         PUT_WHERE(here, rest, (REAL)s.w);
     }
+#ifdef WITH_PARALLEL_RAYS
+    const Pair3 o = pairs_in_world(spheres, ray.o);
+    const Pair3 f = {minus(two_sum(x, (REAL)-eye.x), o.x), minus(two_sum(y, (REAL)-eye.y), o.y),
+                     minus(two_sum(z, (REAL)-eye.z), o.z)};
+#else
     const Pair3 f = {two_sum(x, (REAL)-eye.x), two_sum(y, (REAL)-eye.y), two_sum(z, (REAL)-eye.z)};
+#endif
     e.w = pairs_in_world(spheres, ray.d);
     e.a = dot_pairs(e.w, e.w);
     e.b = dot_pairs(f, e.w);
+#ifdef WITH_PARALLEL_RAYS
+    e.X = cross_pairs(f, e.w);
+    const REAL F = (fabs(f.x.hi) + fabs(f.y.hi)) + fabs(f.z.hi), s = F + ray.reach, e1 = e.b_error = 0x1p-100 * s;
+    const Pair rr = two_product(sphere.r, sphere.r), arr = times(e.a, rr), XX = dot_pairs(e.X, e.X);
+    e.c = minus(dot_pairs(f, f), rr);
+    e.c_error = 0x1p-99 * (F * s + rr.hi);
+    e.D = minus(arr, XX);
+    e.D_error = (2 * ((fabs(e.X.x.hi) + fabs(e.X.y.hi)) + fabs(e.X.z.hi)) + 3 * e1) * e1 + 0x1p-99 * (arr.hi + XX.hi);
+#else
     e.c = pair(sphere.c, rest);
     e.X = cross_pairs(f, e.w);
     e.b_error = 0x1p-101 * ((fabs(f.x.hi) + fabs(f.y.hi)) + fabs(f.z.hi)) * ((fabs(ray.d.x) + fabs(ray.d.y)) + 1);
@@ -174,6 +197,7 @@ static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, cons
     e.D.hi = better ? by_b.hi : by_X.hi;
     e.D.lo = better ? by_b.lo : by_X.lo;
     e.D_error = better ? error_b : error_X;
+#endif
     return e;
 }
 
@@ -187,11 +211,90 @@ static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, cons
  * have the larger d, up to 2^53 from multiples of 2^-83 on. So with F and G bits for the coordinates of f and w,
  * F <= 129 + 201 = 330 and G <= 4 + 523. Then |b| < 2^(F + G + 2), |D| < 2^(2 (F + G) + 5), and what comes_first() compares
  * is below 2^(4 (F + G) + 15): with the sign at most 3444 bits: DIGITS.
+ *
+ * Of an orthographic camera, o is a multiple of half of a pixel's size, and that is 2^-219 at least by the same rules, o
+ * itself 2^144 at most. So f is a multiple of 2^-519, F <= 146 + 519 and G <= 2 + 300: at most 3,884 bits.
  */
 typedef struct {
     Integer w[3], a;
     int unit, unit_f, digits;
+#ifdef WITH_PARALLEL_RAYS
+    Integer o[3]; /* B^T o, in the unit of f */
+#endif
 } WholeRay;
+
+#ifdef WITH_PARALLEL_RAYS
+/* Of the ray from (x, y, 0). */
+static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const double x, const double y, const int first,
+                                                    const int second, const int squares) {
+    WholeRay ray;
+    Span f = span_of_both(span_of(spheres.center_radius[first].w), span_of(spheres.center_radius[second].w));
+    Span B = {INT_MAX, INT_MIN}, o = span_of_both(span_of(x), span_of(y));
+    for (int k = 0; k < 3; k++) {
+        const real4 axis = spheres.camera[k + 1], point = k == 0 ? spheres.camera[0] : spheres.world[k == 1 ? first : second];
+        B = span_of_both(B, span_of_both(span_of(axis.x), span_of_both(span_of(axis.y), span_of(axis.z))));
+        f = span_of_both(f, span_of_both(span_of(point.x), span_of_both(span_of(point.y), span_of(point.z))));
+    }
+    const int somewhere = x != 0 || y != 0;
+    ray.unit_f = somewhere ? min(f.low, B.low + o.low) : f.low;
+    const int high = somewhere ? max(f.high, B.high + o.high + 1) : f.high, bits = high - ray.unit_f + 2 + B.high - B.low + 2;
+    const int n = ray.digits = min(DIGITS, ((squares ? 4 * bits + 16 : 2 * bits + 6) + 31) / 32);
+    ray.unit = ray.unit_f + B.low;
+    set_to(&ray.a, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        const double right = i == 0 ? spheres.camera[1].x : i == 1 ? spheres.camera[1].y : spheres.camera[1].z;
+        const double up = i == 0 ? spheres.camera[2].x : i == 1 ? spheres.camera[2].y : spheres.camera[2].z;
+        const double back = i == 0 ? spheres.camera[3].x : i == 1 ? spheres.camera[3].y : spheres.camera[3].z;
+        Integer axis, along;
+        set_to(&ray.w[i], -back, B.low, n);
+        add_product(&ray.a, &ray.w[i], &ray.w[i], n);
+        set_to(&ray.o[i], 0, 0, n);
+        set_to(&axis, right, B.low, n);
+        set_to(&along, x, ray.unit_f - B.low, n);
+        add_product(&ray.o[i], &axis, &along, n);
+        set_to(&axis, up, B.low, n);
+        set_to(&along, y, ray.unit_f - B.low, n);
+        add_product(&ray.o[i], &axis, &along, n);
+    }
+    return ray;
+}
+
+/* b, D and c of one sphere. */
+static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, Integer *c, const Spheres spheres,
+                                                      const int index, const WholeRay *ray) {
+    const real4 eye = spheres.camera[0], center = spheres.world[index];
+    const int n = ray->digits;
+    Integer f, other;
+    set_to(b, 0, 0, n);
+    set_to(c, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        set_to(&f, i == 0 ? eye.x : i == 1 ? eye.y : eye.z, ray->unit_f, n);
+        add(&f, &ray->o[i], n);
+        negate(&f, n);
+        set_to(&other, i == 0 ? center.x : i == 1 ? center.y : center.z, ray->unit_f, n);
+        add(&f, &other, n);
+        add_product(b, &f, &ray->w[i], n);
+        add_product(c, &f, &f, n);
+    }
+    negate(c, n);
+    set_to(&f, spheres.center_radius[index].w, ray->unit_f, n);
+    add_product(c, &f, &f, n);
+    set_to(D, 0, 0, n);
+    add_product(D, b, b, n);
+    add_product(D, &ray->a, c, n);
+    negate(c, n);
+}
+
+/* D, b and c, correctly rounded, of the sphere `index` and the ray from (x, y, 0). */
+static __attribute__((noinline)) double3 rounded_quadratic(const Spheres spheres, const int index, const double x,
+                                                           const double y) {
+    const WholeRay ray = whole_ray(spheres, x, y, index, index, 0);
+    Integer b, D, c;
+    whole_quadratic(&b, &D, &c, spheres, index, &ray);
+    return (double3)(nearest_double(&D, 2 * ray.unit, ray.digits), nearest_double(&b, ray.unit, ray.digits),
+                     nearest_double(&c, 2 * ray.unit_f, ray.digits));
+}
+#else
 
 static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const double x, const double y, const int first,
                                                     const int second, const int squares) {
@@ -257,6 +360,7 @@ static __attribute__((noinline)) double2 rounded_quadratic(const Spheres spheres
     whole_quadratic(&b, &D, spheres, index, &ray);
     return (double2)(nearest_double(&D, 2 * ray.unit, ray.digits), nearest_double(&b, ray.unit, ray.digits));
 }
+#endif
 
 /* -1, 0, 1: whether the ray (x, y, -1), which meets both spheres, meets the first one before the second, at the same
  * point, or after it.
@@ -269,10 +373,18 @@ static __attribute__((noinline)) int order_of(const Spheres spheres, const int f
                                               const double y) {
     const WholeRay ray = whole_ray(spheres, x, y, first, second, 1);
     const int n = ray.digits;
+#ifdef WITH_PARALLEL_RAYS
+    Integer p, b, D, E, P;
+    whole_quadratic(&p, &D, &P, spheres, first, &ray);
+    const int s = sign_of(&P, n) > 0 ? -1 : 1;
+    whole_quadratic(&b, &E, &P, spheres, second, &ray);
+    const int t = sign_of(&P, n) > 0 ? -1 : 1;
+#else
     const int s = spheres.power[first].x > 0 ? -1 : 1, t = spheres.power[second].x > 0 ? -1 : 1;
     Integer p, b, D, E, P;
     whole_quadratic(&p, &D, spheres, first, &ray);
     whole_quadratic(&b, &E, spheres, second, &ray);
+#endif
     negate(&b, n);
     add(&p, &b, n);
     const int sign_D = sign_of(&D, n), sign_E = sign_of(&E, n), sign_p = sign_of(&p, n);
@@ -306,6 +418,7 @@ static REAL_MASK rounds_to_hi(const Pair x, const REAL error) {
     return (x.hi + (x.lo + 2 * error) == x.hi) & (x.hi + (x.lo - 2 * error) == x.hi);
 }
 
+#ifndef WITH_PARALLEL_RAYS
 /* D, b and v; the first two correctly rounded. */
 typedef struct {
     REAL discriminant, b;
@@ -342,7 +455,9 @@ static __attribute__((noinline)) Decided decide(const Spheres spheres, const Ray
     return decided;
 }
 #endif
+#endif
 
+#ifndef WITH_PARALLEL_RAYS
 /* The discriminant, in the form that is accurate here.
  *
  * c = |C|^2 - r^2 comes from the host, rounded once, so b^2 - a c has the error u (2 |b| |C| |d| + a |c|), while
@@ -404,11 +519,106 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
     return e;
 }
 
+#endif
+
 /* Where a ray meets a sphere: the smallest t > 0, INFINITY if it does not; and the way there from the centre. */
 typedef struct {
     REAL t;
     Real3 from_center; /* any, if there is no such t */
 } Meeting;
+
+#ifdef WITH_PARALLEL_RAYS
+#if REAL_BYTES == 8
+/* Puts what pairs and whole numbers say in place of a meeting, in the lanes of `wanted`: D, b and c are correctly rounded,
+ * and so no root cancels. */
+static __attribute__((noinline)) void decide_meeting(const Spheres spheres, const Ray ray, const Sphere sphere,
+                                                     const REAL_MASK wanted, Meeting *at) {
+    const Fine e = fine_quadratic(spheres, ray, sphere);
+    const Pair3 across = cross_pairs(e.w, e.X), v = {over(across.x, e.a), over(across.y, e.a), over(across.z, e.a)};
+    REAL D = e.D.hi, b = e.b.hi, c = e.c.hi;
+    const MASK unsure = TO_MASK(wanted & !(rounds_to_hi(e.D, e.D_error) & rounds_to_hi(e.b, e.b_error) &
+                                           rounds_to_hi(e.c, e.c_error)));
+    if (ANY(unsure)) {
+        int index[W], left[W];
+        double x[W], y[W], each_D[W], each_b[W], each_c[W];
+        STORE_LANES(sphere.index, index);
+        STORE_LANES(unsure, left);
+        STORE_LANES(ray.o.x, x);
+        STORE_LANES(ray.o.y, y);
+        STORE_LANES(D, each_D);
+        STORE_LANES(b, each_b);
+        STORE_LANES(c, each_c);
+        for (int lane = 0; lane < W; lane++) {
+            if (!left[lane] || index[lane] < 0) continue;
+            const double3 whole = rounded_quadratic(spheres, index[lane], x[lane], y[lane]);
+            each_D[lane] = whole.x;
+            each_b[lane] = whole.y;
+            each_c[lane] = whole.z;
+        }
+        D = LOAD_LANES(each_D);
+        b = LOAD_LANES(each_b);
+        c = LOAD_LANES(each_c);
+    }
+    /* With c > 0 the ray starts outside: it is c / (b + root) then. From inside it is b + root or -c / (root - b). */
+    const REAL root = sqrt(D), q = fabs(b) + root;
+    const REAL_MASK outside = c > 0;
+    const REAL t = outside ? c / q : b >= 0 ? q : -c / q;
+    const REAL_MASK hit = (D >= 0) & (t > 0) & (!outside | (b > 0));
+    at->t = wanted ? (hit ? t : (REAL)INFINITY) : at->t;
+    PUT_WHERE(wanted, at->from_center.x, -dot_axis(spheres.camera[1], v).hi);
+    PUT_WHERE(wanted, at->from_center.y, -dot_axis(spheres.camera[2], v).hi);
+    PUT_WHERE(wanted, at->from_center.z, outside ? root : -root);
+}
+#endif
+
+/* Of a ray from o = (x, y, 0) along -z, the sphere is a disc: with (x, y) from the ray to its centre C, the ray meets it if
+ * D = r^2 - (x^2 + y^2) >= 0, at t = b -/+ sqrt(D) with b = -C.z. The way from the centre to the point is (-x, -y, +/-
+ * sqrt(D)), so its z tells from which side the sphere is met.
+ *
+ * What is meant is exactly what fine_quadratic() says, f and w in the world. With f = p R + q U + g K along the camera's
+ * axes R, U and K, which are orthonormal but for k, 6 u of their squares and 4 u of their products, with u = 2^-53,
+ * X.X is (p^2 + q^2) (1 +/- 16 u), and p is f.R +/- (6 u |p| + 4 u |q| + 4 u |g|). f.R is C.x, which was rounded once, less o.x,
+ * but for 6 u |o.x| + 4 u |o.y|. All that, and the rounding of x, is below 23 u s, with s = |C|_1 + |o|_1, as |f|_1 is at most 1.8 s: x, y
+ * and b are off by less than e = 2^-48 s. So X.X is off by less than 2 e (|x| + |y| + e) and 19 u (x^2 + y^2), and
+ * D by that and 8 u r^2: D_error.
+ *
+ * Where D is above that, D_error and e are below 2^-26 of root m and m, with m the least of r and both |t|, roots are off by 2^-26 m
+ * and t by 2^-24.7 of itself. So it is known which t is met, and n is right to 2^-25. */
+static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sphere) {
+    const Real3 C = sphere.center;
+    const REAL x = C.x - ray.o.x, y = C.y - ray.o.y, b = -C.z, r = sphere.r, rr = r * r, XX = x * x + y * y;
+    Meeting at;
+#if REAL_BYTES == 8
+    const REAL D = rr - XX, root = sqrt(D), first = b - root, last = b + root;
+    const REAL_MASK outside = first > 0;
+    const REAL t = outside ? first : last;
+    at.t = ((D >= 0) & (t > 0)) ? t : (REAL)INFINITY;
+    at.from_center.z = outside ? root : -root;
+#else
+    /* |C|^2 - r^2 comes from the host: c is what the power of o has more than that. It serves where o is near the eye
+     * beside the sphere's size, which is where b - root cancels. */
+    const REAL c = sphere.c + (ray.o.x * (ray.o.x - 2 * C.x) + ray.o.y * (ray.o.y - 2 * C.y)), bb = b * b;
+    const REAL_MASK near_eye = ray.o.x * ray.o.x + ray.o.y * ray.o.y < rr;
+    const REAL D = (near_eye & (bb < rr)) ? bb - c : rr - XX, root = sqrt(D), q = fabs(b) + root;
+    const REAL_MASK outside = near_eye ? c > 0 : b > root;
+    const REAL robust = outside ? c / q : b >= 0 ? q : -c / q, direct = outside ? b - root : b + root;
+    const REAL t = near_eye ? robust : direct;
+    at.t = ((D >= 0) & (t > 0) & (!outside | (b > 0)) & (rr > 0)) ? t : (REAL)INFINITY;
+    at.from_center.z = outside ? root : -root;
+#endif
+    at.from_center.x = -x;
+    at.from_center.y = -y;
+#if REAL_BYTES == 8
+    const REAL e = 0x1p-48 * (((fabs(C.x) + fabs(C.y)) + fabs(C.z)) + ray.reach);
+    const REAL D_error = 2 * e * ((fabs(x) + fabs(y)) + e) + 0x1p-48 * (rr + XX);
+    const REAL near = fabs(first), far = fabs(last), least = near < far ? near : far, m = least < r ? least : r;
+    const REAL_MASK sure = (D > D_error) & (D_error <= 0x1p-26 * root * m) & (e <= 0x1p-26 * m);
+    const REAL_MASK unsure = !(sure | (D < -D_error));
+    if (RARELY(ANY(TO_MASK(unsure)))) decide_meeting(spheres, ray, sphere, unsure, &at);
+#endif
+    return at;
+}
+#else
 
 /* A discriminant of 0 is a hit. q = b + sign(b) sqrt(discriminant) does not cancel, and the roots are c/q and q/a. With
  * c > 0 the eye is outside: both roots have the sign of b, and c/q is the nearer one if b > 0. With c < 0 one root is
@@ -460,6 +670,7 @@ static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sp
     }
     return at;
 }
+#endif
 
 #if REAL_BYTES == 8
 /* t of a ray that is known to hit, in pairs, and a bound of its error. */
@@ -485,6 +696,11 @@ static __attribute__((noinline)) FineT fine_t(const Spheres spheres, const Ray r
     const REAL by_root = e.D_error / near, least = sqrt(e.D_error), root_error = by_root < least ? by_root : least;
     FineT t = {over(numerator, denominator), 0};
     t.error = 2 * fabs(t.t.hi) * ((e.b_error + root_error) / fabs(q.hi) + 0x1p-97);
+#ifdef WITH_PARALLEL_RAYS
+    /* The host knows no c of such a ray. */
+    t.error += first ? 2 * fabs(t.t.hi) * (e.c_error / fabs(e.c.hi)) : (REAL)0;
+    t.error = fabs(e.c.hi) > e.c_error ? t.error : (REAL)INFINITY;
+#endif
     return t;
 }
 
@@ -503,6 +719,10 @@ static REAL_MASK sphere_comes_first(const Spheres spheres, const Ray ray, const 
     STORE_LANES(ray.d.x, x);
     STORE_LANES(ray.d.y, y);
     STORE_LANES(gap, order);
+#ifdef WITH_PARALLEL_RAYS
+    STORE_LANES(ray.o.x, x);
+    STORE_LANES(ray.o.y, y);
+#endif
     for (int lane = 0; lane < W; lane++)
         if (left[lane] && second[lane] >= 0) order[lane] = order_of(spheres, first[lane], second[lane], x[lane], y[lane]);
     const REAL exact = LOAD_LANES(order);
@@ -558,8 +778,10 @@ static Start start_of(const Sphere own, const Real3 normal, const REAL side, con
 
 /* Where a ray from the eye meets its sphere at t. */
 static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
-    const Real3 point = {t * ray.d.x, t * ray.d.y, -t};
-#ifdef WITH_INSIDE
+    const Real3 point = POINT_OF(ray, t);
+#if defined(WITH_INSIDE) && defined(WITH_PARALLEL_RAYS)
+    return start_of(own, normal, normal.z >= 0 ? (REAL)1 : (REAL)-1, point);
+#elif defined(WITH_INSIDE)
     return start_of(own, normal, own.c > 0 ? (REAL)1 : (REAL)-1, point);
 #else
     return start_of(own, normal, 1, point);

@@ -303,17 +303,30 @@ static double coordinate(const real4 v, const int i) {
     return i == 0 ? v.x : i == 1 ? v.y : v.z;
 }
 
-/* Where a ray starts in whole numbers: anchor + u (next - anchor) + v (last - anchor). */
+/* Where a ray starts in whole numbers: anchor + u (next - anchor) + v (last - anchor); from the plane of an orthographic
+ * camera, anchor + u next + v last. */
 typedef struct {
     real4 anchor, next, last;
     double u, v;
     Span places, weights;
+#ifdef WITH_PARALLEL_RAYS
+    int on_plane;
+#endif
 } WholeStart;
 
 /* The start of a ray that leaves the point (u, v, k) of a triangle, or the eye where own < 0. */
 static WholeStart whole_start(const Spheres spheres, const int own, const double u,
                               const double v, const int k) {
     WholeStart start = {spheres.camera[0], spheres.camera[0], spheres.camera[0], 0, 0};
+#ifdef WITH_PARALLEL_RAYS
+    start.on_plane = own < 0;
+    if (own < 0) {
+        start.next = spheres.camera[1];
+        start.last = spheres.camera[2];
+        start.u = u;
+        start.v = v;
+    }
+#endif
     if (own >= 0) {
         const int4 face = spheres.face[own];
         const int corner[3] = {face.x, face.y, face.z};
@@ -340,6 +353,9 @@ static __attribute__((noinline)) void whole_offset(Integer *out, const WholeStar
         if (factor[k] == 0) continue;
         set_to(&way, coordinate(ends[k], i), unit, n);
         set_to(&from, -coordinate(start.anchor, i), unit, n);
+#ifdef WITH_PARALLEL_RAYS
+        if (k > 0 && start.on_plane) set_to(&from, 0, 0, n);
+#endif
         add(&way, &from, n);
         set_to(&weight, factor[k], scale, n);
         add_product(out, &way, &weight, n);

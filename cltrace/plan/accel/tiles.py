@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -23,13 +24,20 @@ from cltrace.plan.accel.cells import (
     outlines_of,
     sprawling,
 )
+from cltrace.plan.exact import rounded_down
 from cltrace.plan.request import Region
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
-from cltrace.plan.shapes.sphere import Seen, length, nearest, slopes
-from cltrace.scene import Camera
+from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
+from cltrace.scene import AnyCamera
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
 TINY = 2.0**-64
+# The same of parallel rays, in the float buffers' unit: there, the slack of float32 would be a few pixels.
+FINE = 2.0**-18
+# The same as SLACK, for arithmetic in double.
+FINE_SLACK = 2.0**-44
+# Of parallel rays, in the float buffers' unit: more than places on the plane are off by in double.
+LOOSE = 2.0**-44
 SHIFT = CONSTANTS["TILE"].bit_length() - 1
 
 
@@ -37,19 +45,22 @@ SHIFT = CONSTANTS["TILE"].bit_length() - 1
 class Window:
     """What of the image plane is to be drawn.
 
-    step: half of a pixel's width and height on the image plane z = -1; size: (width, height) of the whole picture in
-    pixels; region: the part of it that is wanted.
+    step: half of a pixel's width and height on the image plane z = -1, or, of parallel rays, in the float buffers'
+    unit; size: (width, height) of the whole picture in pixels; region: the part of it that is wanted; parallel: whether
+    rays are parallel.
     """
 
     step: tuple[float, float]
     size: tuple[int, int]
     region: Region
+    parallel: bool = False
 
     @classmethod
-    def of(cls, camera: Camera, region: Region) -> Window:
-        """The window of a part of a camera's picture."""
+    def of(cls, camera: AnyCamera, region: Region, k: int = 0) -> Window:
+        """The window of a part of a camera's picture. k: see View.without_spheres()."""
         (x, y), (width, height) = camera.image_plane(), camera.resolution
-        return cls((x / width, y / height), camera.resolution, region)
+        unit = 2.0**k if camera.parallel else 1.0
+        return cls((x * unit / width, y * unit / height), camera.resolution, region, camera.parallel)
 
     @property
     def axes(self) -> tuple[Axis, Axis]:
@@ -76,6 +87,51 @@ class Axis(NamedTuple):
     stop: int
 
 
+class _Discs(NamedTuple):
+    """n spheres in the picture.
+
+    edges: left, right, top and bottom, (n,) each; ahead: (n,), whether any of it may be before the rays' starts; slack,
+    loose: what the edges are off by, relative to both of an axis and beside that; near: the depth of the nearest points
+    of some, a lower bound.
+    """
+
+    edges: list[Reals]
+    ahead: Mask
+    slack: float
+    loose: float
+    near: Callable[[NDArray[np.intp]], NDArray[np.float32]]
+
+
+def _from_eye(seen: Seen, block: slice, real: type[np.floating[Any]]) -> _Discs:
+    """As slopes; depths are squared distances."""
+    exact, exact_r = np.ascontiguousarray(seen.center[block].T), seen.radius[block]
+    x, y, z = exact.astype(real)
+    r, gap = exact_r.astype(real), ((exact[2] - exact_r) * (exact[2] + exact_r)).astype(real)
+    # More than z < r, as the eye may be inside by less than the rounding of the centre.
+    ahead = exact[2] < exact_r * (1 + SLACK)
+    edges = slopes([x, -y], -z, r, gap)
+    return _Discs(edges, ahead, SLACK, 0.0, lambda i: nearest(length(x, y, z)[i], r[i], seen.power[block][i]))
+
+
+def _along_view(seen: Seen, block: slice, real: type[np.floating[Any]]) -> _Discs:
+    """Of parallel rays: as places on the plane where they start; depths are distances from there, if it is ahead.
+
+    The camera's axes are orthonormal but for a few roundings, and no place is further than FAR: LOOSE is more.
+    """
+    exact, exact_r = np.ascontiguousarray(seen.center[block].T), seen.radius[block]
+    z = exact[2]
+    ahead = z - exact_r < SLACK * exact_r + LOOSE
+    across, r = exact[:2].astype(real), exact_r.astype(real)
+    edges = [across[0] - r, across[0] + r, -across[1] - r, r - across[1]]
+    slack = SLACK if real is np.float32 else FINE_SLACK
+
+    def near(i: NDArray[np.intp]) -> NDArray[np.float32]:
+        depth, size = -(z[i] + exact_r[i]), np.abs(z[i]) + exact_r[i]
+        return rounded_down(depth - SLACK * size - LOOSE)
+
+    return _Discs(edges, ahead, slack, LOOSE, near)
+
+
 def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | None = None) -> CellGrid:
     """The picture's grid.
 
@@ -83,30 +139,25 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
     which of them to enter. Those that cannot be seen are left out: those behind the eye, beside the region, or between
     the centres of pixels.
     """
-    real = np.float32 if min(window.step) > TINY else np.float64
+    parallel = window.parallel
+    real = np.float32 if min(window.step) > (FINE if parallel else TINY) else np.float64
 
     def see(block: slice) -> tuple[NDArray[Any], ...]:
-        exact, exact_r = np.ascontiguousarray(seen.center[block].T), seen.radius[block]
-        x, y, z = exact.astype(real)
-        r, gap = exact_r.astype(real), ((exact[2] - exact_r) * (exact[2] + exact_r)).astype(real)
-        covers = np.empty((4, len(r)), np.int16)
-        # More than z < r, as the eye may be inside by less than the rounding of the centre.
-        visible = (exact[2] < exact_r * (1 + SLACK)) & among[block]
-        left, right, top, bottom = slopes([x, -y], -z, r, gap)
-        for k, (low, high, axis) in enumerate(((left, right, window.axes[0]), (top, bottom, window.axes[1]))):
-            slack = (np.abs(low) + np.abs(high)) * real(SLACK)
+        discs = _along_view(seen, block, real) if parallel else _from_eye(seen, block, real)
+        visible, covers = discs.ahead & among[block], np.empty((4, len(discs.ahead)), np.int16)
+        for k, (low, high, axis) in enumerate(zip(discs.edges[::2], discs.edges[1::2], window.axes, strict=True)):
+            slack = (np.abs(low) + np.abs(high)) * real(discs.slack) + real(discs.loose)
             begin = np.clip(np.ceil((low - slack) * axis.scale + axis.begin), axis.first, axis.stop)
             end = np.clip(np.floor((high + slack) * axis.scale + axis.end), axis.first - 1, axis.stop - 1)
             visible &= begin <= end
             covers[k] = begin.astype(np.int32) >> SHIFT
             covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
         which = np.flatnonzero(visible)
-        near = nearest(length(x, y, z)[which], r[which], seen.power[block][which])
-        return (block.start + which).astype(np.int32), covers.take(which, axis=1), near
+        return (block.start + which).astype(np.int32), covers.take(which, axis=1), discs.near(which)
 
     parts, outlines = blockwise(len(seen.center), see, BLOCK), []
     if corners:
-        for part, outline in _triangles(corners, among, window, real):
+        for part, outline in (_triangles_along if parallel else _triangles)(corners, among, window, real):
             outlines.append((sum(len(other[0]) for other in parts), outline))
             parts.append(part)
     member, covers, near = joined(parts)
@@ -172,3 +223,40 @@ def _triangles(
 
     found = polygons(View((x, y, z), (1, -1, -1)), corners.face, among[corners.first :], pane, real)
     return concurrently([partial(enter, part) for part in found])
+
+
+def _triangles_along(
+    corners: Corners, among: Mask, window: Window, real: type[np.floating[Any]]
+) -> list[tuple[tuple[NDArray[Any], ...], Outlines | None]]:
+    """The same for parallel rays, in double."""
+    (across, down), z = window.axes, corners.vertex[:, 2]
+    # A pixel's coordinates are its column and row.
+    places = [
+        c * axis.scale + (size - 1) / 2
+        for c, axis, size in zip(
+            (corners.vertex[:, 0], -corners.vertex[:, 1]), (across, down), window.size, strict=True
+        )
+    ]
+    off = 1 / 64 + LOOSE * max(across.scale, down.scale)
+
+    def see(block: slice) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
+        face = corners.face[block].T
+        corner = np.stack([[place[which] for which in face] for place in places])
+        depth = np.stack([z[which] for which in face])
+        covers = np.empty((4, len(face[0])), np.int16)
+        visible = among[corners.first :][block] & (depth.min(axis=0) < LOOSE)
+        for k, (values, axis) in enumerate(zip(corner, (across, down), strict=True)):
+            loose = off + FINE_SLACK * np.abs(values).max(axis=0)
+            begin = np.clip(np.ceil(values.min(axis=0) - loose), axis.first, axis.stop)
+            end = np.clip(np.floor(values.max(axis=0) + loose), axis.first - 1, axis.stop - 1)
+            visible &= begin <= end
+            covers[k] = begin.astype(np.int32) >> SHIFT
+            covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
+        which = np.flatnonzero(visible)
+        covers, most = covers.take(which, axis=1), depth.max(axis=0)[which]
+        at = sprawling(covers)
+        outline = outlines_of(at, corner.take(which.take(at), axis=2), off)
+        near = rounded_down(-most - SLACK * np.abs(most) - LOOSE)
+        return ((block.start + which + corners.first).astype(np.int32), covers, near), outline
+
+    return blockwise(len(corners.face), see)

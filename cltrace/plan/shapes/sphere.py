@@ -38,12 +38,13 @@ def filter_constant(seen: Seen) -> NDArray[np.float32]:
     return rounded_down(np.where(bound > 0, bound, -np.inf))
 
 
-def disc_filter(u: Array, v: Array, radius: Array) -> NDArray[np.float32]:
+def disc_filter(u: Array, v: Array, radius: Array, loose: float = 2.0**-60) -> NDArray[np.float32]:
     """(n,): the r'^2 of filter_leaves in kernels/find/stopped.cl, where it is derived.
 
-    u, v, radius: (n,), the coordinates of the centres across a parallel light, and the radii.
+    u, v, radius: (n,), the coordinates of the centres across a parallel light, and the radii; loose: what is to be
+    added to these.
     """
-    reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60
+    reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + loose
     return rounded_up(reach * reach)
 
 

@@ -171,11 +171,19 @@ def _facets(
     return Facets(out, met)
 
 
-def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array, out: Floats) -> Facets:
+def along_light(
+    vertex: Array,
+    triangles: Triangles,
+    axes: Array,
+    towards: Array,
+    out: Floats,
+    plane: tuple[float, float] = (FAR, FAR),
+) -> Facets:
     """As seen along a parallel light: lines in the plane across it, and how deep below the light the triangle is there.
 
     vertex: (v, 3), from the eye in camera space, in the float buffers' unit; axes: (3, 3), the two across and the one
-    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: as in from_eye().
+    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: as in from_eye();
+    plane: the largest |u| and |v|. Along an orthographic camera's view, it is the same as along light against that.
 
     A line is a (u, v) -> (b - a) x (p - a) for a point p of the plane. The axes are orthogonal and unit to 2^-48, and a
     point's coordinates are off by 2^-46 of FAR, beside what rounding them to float32 makes. Depth is a function of u
@@ -201,8 +209,13 @@ def along_light(vertex: Array, triangles: Triangles, axes: Array, towards: Array
         side[unsure] = [_exact_turn(triangles, rows.start + i, towards) for i in unsure.tolist()]
         met[rows] = side != 0
         for i, n in enumerate(lines):
-            length = np.abs(n[0]) + np.abs(n[1])
-            bound = FLOAT * (FAR * length + np.abs(n[2])) + 8 * TURNED * FAR * (length + FAR * TURNED) + LEAST
+            across, up = np.abs(n[0]), np.abs(n[1])
+            length = across + up
+            bound = (
+                FLOAT * ((plane[0] * across + plane[1] * up) + np.abs(n[2]))
+                + 8 * TURNED * FAR * (length + FAR * TURNED)
+                + LEAST
+            )
             factor = side / bound
             for k in range(3):
                 packed[rows, i, k] = n[k] * factor
