@@ -282,7 +282,7 @@ class Search:
     @cached_property
     def singles(self) -> list[Trial]:
         """Each mistake that changes anything, alone, made in the way that fits best; the best first."""
-        trials = self.rigid + self._made({"large-epsilon": self._epsilons()})
+        trials = self.rigid + self._made({"large-epsilon": self._epsilons(self.few, {})})
         return sorted(trials, key=lambda trial: trial.score.order, reverse=True)
 
     @cached_property
@@ -319,8 +319,10 @@ class Search:
         if rest is None:
             return []
         for other in self.singles:
-            ways = [{**single.made, name: way} for name in other.names for way in self._ways(name)]
-            ways = [way for way in ways if len(way) == 2 and _agree(way)]
+            (name,) = other.names
+            fitted = BY_NAME[name].fitted and name not in single.made
+            usual = self._epsilons(rest, single.made) if fitted else self._ways(name)
+            ways = [way for way in ({**single.made, name: way} for way in usual) if len(way) == 2 and _agree(way)]
             if ways:
                 twos.append(_best([rest.trial(way) for way in ways]).made)
         return self._refined(rest, twos)
@@ -352,20 +354,20 @@ class Search:
             return [changes for trial in self.singles for other, changes in trial.made.items() if other == name]
         return list(BY_NAME[name].variants)
 
-    def _epsilons(self) -> list[Changes]:
-        """Of each way to measure an epsilon, the one that fits best."""
+    def _epsilons(self, fit: Fit, others: Mapping[str, Changes]) -> list[Changes]:
+        """Of each way to measure an epsilon, the one that fits best beside other mistakes."""
         scale = 10.0 ** math.ceil(math.log10(self.tracer.shapes(self.base).size))
         ladder = [scale * 10.0**-k * x for k in range(5, 0, -1) for x in (1, 2, 5)]
         found = []
         for kind in BY_NAME["large-epsilon"].variants:
             if kind["spared"] and not self.tracer.bounces:
                 continue
-            tried = [self.few.trial({"large-epsilon": {**kind, "epsilon": epsilon}}) for epsilon in ladder]
+            tried = [fit.trial({**others, "large-epsilon": {**kind, "epsilon": epsilon}}) for epsilon in ladder]
             for ratio in (1.5, 1.2, 1.1, 1.05):
                 epsilon = _best(tried).changes["epsilon"]
                 for other in (epsilon / ratio, epsilon * ratio):
-                    tried.append(self.few.trial({"large-epsilon": {**kind, "epsilon": other}}))
-            found.append(_best(tried).changes)
+                    tried.append(fit.trial({**others, "large-epsilon": {**kind, "epsilon": other}}))
+            found.append(_best(tried).made["large-epsilon"])
         return found
 
     # Mistakes that explain much by chance
