@@ -112,13 +112,18 @@ class Trial:
     def changes(self) -> Changes:
         return {key: value for changes in self.made.values() for key, value in changes.items()}
 
+    @property
+    def order(self) -> tuple[tuple[float, float, float], int]:
+        """The larger, the better. Of what fits as well, what needs no fitting is better."""
+        return self.score.order, -sum(BY_NAME[name].fitted for name in self.made)
+
     def without(self, name: str) -> Changes:
         return Trial({other: changes for other, changes in self.made.items() if other != name}).changes
 
 
 def _best(trials: list[Trial]) -> Trial:
     """The best; of equally good ones the first."""
-    return max(trials, key=lambda trial: (trial.score.order, -trial.score.distance))
+    return max(trials, key=lambda trial: (trial.order, -trial.score.distance))
 
 
 class Fit:
@@ -283,14 +288,14 @@ class Search:
     def singles(self) -> list[Trial]:
         """Each mistake that changes anything, alone, made in the way that fits best; the best first."""
         trials = self.rigid + self._made({"large-epsilon": self._epsilons(self.few, {})})
-        return sorted(trials, key=lambda trial: trial.score.order, reverse=True)
+        return sorted(trials, key=lambda trial: trial.order, reverse=True)
 
     @cached_property
     def rigid(self) -> list[Trial]:
         """Those of which nothing is to be fitted."""
         ways = {mistake.name: mistake.variants for mistake in MISTAKES if mistake.name not in FLEXIBLE}
         del ways["large-epsilon"]
-        return sorted(self._made(ways), key=lambda trial: trial.score.order, reverse=True)
+        return sorted(self._made(ways), key=lambda trial: trial.order, reverse=True)
 
     def _made(self, ways: Mapping[str, Sequence[Changes]]) -> list[Trial]:
         """Each of some mistakes that changes anything, made in the way that fits best."""
@@ -332,10 +337,10 @@ class Search:
         trials = [fit.trial(two) for two in twos if _agree(two)]
         trials = [trial for trial in trials if trial.score.order > max(self._alone(fit, trial))]
         found: dict[tuple[str, ...], Trial] = {}
-        for trial in sorted(trials, key=lambda trial: trial.score.order, reverse=True):
+        for trial in sorted(trials, key=lambda trial: trial.order, reverse=True):
             if len(found) < 6 and trial.names not in found:
                 found[trial.names] = self.fit.trial(self._adjusted(fit, trial).made)
-        return sorted(found.values(), key=lambda trial: trial.score.order, reverse=True)
+        return sorted(found.values(), key=lambda trial: trial.order, reverse=True)
 
     def _alone(self, fit: Fit, trial: Trial) -> list[tuple[float, float, float]]:
         """How well each of some mistakes fits without the others."""
