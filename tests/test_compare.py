@@ -414,3 +414,14 @@ def test_the_call_of_scenes_that_are_not_as_in_a_file(pictures: Pictures) -> Non
     assert result.worst is not None
     x, y = result.worst
     assert result.ask == f"cltrace.explain(scene, {x}, {y})"
+
+
+def test_one_pixel_is_too_little_to_tell(pictures: Pictures) -> None:
+    """Rounding moves an outline by as much; it still counts as different."""
+    picture = cltrace.render(pictures.loaded["bright"]).rgb8.copy()
+    picture[3, 4] = 255 - picture[3, 4]
+    result = pictures.compared("bright", picture)
+    assert not result.same
+    assert result.worst == (4, 3)
+    assert list(result.causes) == []
+    assert "too few" in str(result)

@@ -11,6 +11,8 @@ from typing import Any
 
 Changes = dict[str, Any]  # of fields of Rules
 
+ENOUGH = 4  # wrong pixels to tell a mistake by: rounding at an outline makes one or two
+
 
 @dataclass(frozen=True)
 class Mistake:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.comparison.mistakes import BY_NAME
+from cltrace.comparison.mistakes import BY_NAME, ENOUGH
 from cltrace.picture.image import Image
 
 Bytes = NDArray[np.uint8]
@@ -118,6 +118,8 @@ class Comparison:
         return [f"{cause.name} explains {share}: {cause.what}", f"  {cause.change}"]
 
     def _rest(self) -> list[str]:
+        if not self.causes and (self.error > self.tolerance).sum() < ENOUGH:
+            return ["unknown: these are too few to tell a mistake by"]
         if not self.causes:
             return ["unknown: none of the usual mistakes explains the difference"]
         if self.explained >= 0.995:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.comparison.mistakes import BY_NAME, MISTAKES, Changes
+from cltrace.comparison.mistakes import BY_NAME, ENOUGH, MISTAKES, Changes
 from cltrace.comparison.rules import RIGHT, Rules
 from cltrace.comparison.shapes import Ints
 from cltrace.comparison.tracer import Tracer, to_bytes
@@ -219,7 +219,7 @@ class Search:
         """The mistakes that explain the picture best, as few as do; None if none does."""
         none = Trial({}, self.fit.trial({}).score)
         best = self._cut_off(none)
-        if best.score.gain < PERFECT and self.fit.sample.wrong.any():
+        if best.score.gain < PERFECT and self.fit.sample.wrong.sum() >= ENOUGH:
             best = none
             for trial in self._looks():
                 best = trial if self._is_better(trial, best) else best
