@@ -24,6 +24,15 @@ from cltrace.run.maker import Maker, maker_of
 from cltrace.scene import AnyCamera, Scene, colors_given, with_spheres
 
 
+def levels_of(antialias: bool | float) -> float | None:
+    """The levels of 255 that Request wants for this argument of Renderer."""
+    if isinstance(antialias, (bool, np.bool_)):
+        return 1.0 if antialias else None
+    if not isinstance(antialias, (int, float, np.integer, np.floating)):
+        raise ValueError(f"antialias: must be True, False or levels of 255, above 0, got {antialias!r}")
+    return float(antialias)
+
+
 def default_precision(device: Device) -> Precision:
     """What a device renders in if nothing else is asked for: accurate if it has double precision, else single."""
     return "accurate" if device.has_double else "single"
@@ -34,11 +43,13 @@ class Renderer:
 
     scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
     as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
-    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays,
-    work, rgba8 and alpha, which Image describes, and rgb8 brings rgba8 where the background has alpha; crop: (x0, y0,
-    x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it; truncate: whether a byte
-    is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a packet, 1, 4, 8 or 16, None
-    for what is best on the device; keep: what not to skip, for measuring, see Request.
+    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, error,
+    coverage, shadow_rays, work, rgba8 and alpha, which Image describes, and rgb8 brings rgba8 where the background has
+    alpha; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it;
+    truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a
+    packet, 1, 4, 8 or 16, None for what is best on the device; antialias: whether colours are means over pixels, with
+    an error of at most 1 level of 255, or of as many as this says, see Image; keep: what not to skip, for measuring,
+    see Request.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
@@ -57,6 +68,7 @@ class Renderer:
         crop: Crop | None = None,
         truncate: bool = False,
         width: int | None = None,
+        antialias: bool | float = False,
         keep: tuple[Keep, ...] = (),
     ) -> None:
         check_process()
@@ -65,8 +77,8 @@ class Renderer:
         self.device = device if isinstance(device, Device) else choose(device)
         self._asked = outputs
         self._composition = Composition.of(outputs, scene, truncate)
-        wanted = self._composition.written
-        self.request = Request(precision or default_precision(self.device), wanted, crop, truncate, keep)
+        wanted, levels = self._composition.written, levels_of(antialias)
+        self.request = Request(precision or default_precision(self.device), wanted, crop, truncate, levels, keep)
         if self.precision != "single" and not self.device.has_double:
             raise DeviceError(
                 f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
@@ -273,6 +285,7 @@ def render(
     crop: Crop | None = None,
     truncate: bool = False,
     progress: bool | None = None,
+    antialias: bool | float = False,
 ) -> Image:
     """One picture of a scene. The arguments and what is raised are those of Renderer and its render()."""
-    return Renderer(scene, device, precision, outputs, crop, truncate).render(progress=progress)
+    return Renderer(scene, device, precision, outputs, crop, truncate, antialias=antialias).render(progress=progress)

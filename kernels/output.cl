@@ -76,6 +76,9 @@ typedef struct {
     Shade3 color;
     Float3 normal; /* in the world, facing the ray; 0 where nothing was hit */
     INT rays;      /* shadow rays */
+#ifdef WITH_AVERAGE
+    FLOAT error, coverage; /* of the mean colour, in levels of 255; the share that surfaces have */
+#endif
 #ifdef OUT_PRIMITIVE
     INT primitive; /* a triangle's number within its mesh, -1 elsewhere */
 #endif
@@ -129,6 +132,12 @@ static void write(const Frame frame, const int2 size, const INT column, const IN
 #ifdef OUT_UV
     STORE(float, out.uv, first, pitch, 2, pixels.u);
     STORE(float, out.uv + 1, first, pitch, 2, pixels.v);
+#endif
+#ifdef OUT_ERROR
+    STORE(float, out.error, first, pitch, 1, pixels.error);
+#endif
+#ifdef OUT_COVERAGE
+    STORE(float, out.coverage, first, pitch, 1, pixels.coverage);
 #endif
 #ifdef OUT_SHADOW_RAYS
     STORE(int, out.shadow_rays, first, pitch, 1, pixels.rays);

@@ -36,6 +36,15 @@ def levels(text: str) -> int:
     return int(text)
 
 
+def antialias(text: str) -> float:
+    """LEVELS of --antialias."""
+    if text.endswith(".xml"):
+        raise ArgumentTypeError(f"put the scene first, or say --antialias=1; {text!r} is not a number")
+    if not re.fullmatch(r"[0-9]{0,9}(\.[0-9]{0,9})?", text) or text in ("", ".") or not 0 < float(text) <= 255:
+        raise ArgumentTypeError(f"must be levels of 255, above 0, such as 0.5, got {text!r}")
+    return float(text)
+
+
 def keep(text: str) -> list[Keep]:
     """NAME,... of --keep."""
     names = [name for name in KEEPS if name in text.split(",")]

@@ -94,6 +94,14 @@ def _picture(group: Group) -> None:
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
+    group.usual(
+        "--antialias",
+        nargs="?",
+        const=1.0,
+        type=arguments.antialias,
+        metavar="LEVELS",
+        help="colours are means over pixels, off by at most 1 level of 255, or LEVELS",
+    )
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
 

@@ -114,6 +114,7 @@ def options_of(args: argparse.Namespace, needed: tuple[Output, ...]) -> dict[str
         "outputs": tuple(outputs),
         "crop": args.crop,
         "truncate": args.truncate,
+        "antialias": args.antialias or False,
         "keep": tuple(args.keep),
     }
 

@@ -71,6 +71,9 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
 
         return explain
     _check_show(args)
+    if args.antialias is not None and (args.show != "color" or args.check is not None):
+        other = "--check" if args.check is not None else f"--show {args.show}"
+        raise UsageError(f"--antialias does not go with {other}, which is about the rays of pixels' middles")
     if args.compare is not None:
         from cltrace.cli.questions import compare
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cltrace.blocks import blockwise
 from cltrace.picture.levels import srgb_bytes
-from cltrace.scene import Scene
+from cltrace.scene import Scene, Vector
 from cltrace.scene.colors import Transfer
 
 Arrays = dict[str, NDArray[Any]]
@@ -21,11 +21,12 @@ Arrays = dict[str, NDArray[Any]]
 class Composition:
     """How a Renderer makes its images.
 
-    outputs: what an image has; alpha: the background's, 0..1; transfer: the scene's; truncate: whether bytes are cut
-    instead of rounded.
+    outputs: what an image has; background: linear (r, g, b); alpha: the background's, 0..1; transfer: the scene's;
+    truncate: whether bytes are cut instead of rounded.
     """
 
     outputs: tuple[str, ...]
+    background: Vector
     alpha: float
     transfer: Transfer
     truncate: bool
@@ -34,7 +35,13 @@ class Composition:
     def of(cls, outputs: Any, scene: Scene, truncate: bool) -> Composition:
         """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too."""
         shown = "rgb8" in outputs and scene.background_alpha < 1 and not isinstance(outputs, str)
-        return cls((*outputs, "rgba8") if shown else outputs, scene.background_alpha, scene.transfer, truncate)
+        return cls(
+            (*outputs, "rgba8") if shown else outputs,
+            scene.background,
+            scene.background_alpha,
+            scene.transfer,
+            truncate,
+        )
 
     @property
     def written(self) -> tuple[str, ...]:
@@ -47,12 +54,44 @@ class Composition:
         if self.transfer != "linear" and "rgb8" in written:
             written = {**written, "rgb8": srgb_bytes(written["color"], self.truncate)}
         found = {name: array for name, array in written.items() if name in self.outputs}
+        if "coverage" in written:
+            return found | self._of_means(written)
         if "alpha" in self.outputs:
             found["alpha"] = np.where(written["id"] >= 0, np.float32(1), np.float32(self.alpha))
         if "rgba8" in self.outputs:
             level = np.uint8(self.alpha * 255 + (0.0 if self.truncate else 0.5))
             found["rgba8"] = joined(written["rgb8"], np.where(written["id"] >= 0, np.uint8(255), level))
         return found
+
+    def _of_means(self, written: Mapping[str, NDArray[Any]]) -> Arrays:
+        """alpha and rgba8 of an antialiased picture, and with alpha below 1 straight colours, where they are wanted.
+
+        A mean colour is k S + (1 - k) B, for a share k of surfaces of the colour S. In front of nothing, with the
+        background's alpha a, it is (k S + (1 - k) a B) / alpha, and alpha is k + (1 - k) a.
+        """
+        found: Arrays = {}
+        rest = 1 - written["coverage"]
+        alpha = 1 - rest * np.float32(1 - self.alpha)
+        if "alpha" in self.outputs:
+            found["alpha"] = alpha
+        if "rgba8" not in self.outputs:
+            return found
+        behind = np.minimum(np.array(self.background, np.float32), 1)
+        missing = (rest * np.float32(1 - self.alpha))[..., None] * behind
+        seen = (written["color"] - missing) / np.maximum(alpha, np.float32(2.0**-24))[..., None]
+        straight: NDArray[np.float32] = np.clip(np.where(alpha[..., None] > 0, seen, behind), 0, 1).astype(np.float32)
+        level = (alpha * 255 + (0.0 if self.truncate else 0.5)).astype(np.uint8)
+        rgb8 = self._bytes(straight)
+        found["rgba8"] = joined(rgb8, level)
+        if self.alpha < 1:
+            found |= {name: a for name, a in (("rgb8", rgb8), ("color", straight)) if name in self.outputs}
+        return found
+
+    def _bytes(self, color: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """The bytes of linear colours, 0..1."""
+        if self.transfer != "linear":
+            return srgb_bytes(color, self.truncate)
+        return (color * 255 + (0.0 if self.truncate else 0.5)).astype(np.uint8)
 
 
 def joined(rgb8: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> NDArray[np.uint8]:

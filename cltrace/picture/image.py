@@ -18,7 +18,20 @@ from cltrace.picture.storing import CHANNELS, check_format, levels16, write_exr,
 from cltrace.scene.colors import Transfer
 
 Output = Literal[
-    "rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv", "shadow_rays", "work", "rgba8", "alpha"
+    "rgb8",
+    "color",
+    "normal",
+    "direction",
+    "depth",
+    "id",
+    "primitive",
+    "uv",
+    "error",
+    "coverage",
+    "shadow_rays",
+    "work",
+    "rgba8",
+    "alpha",
 ]
 Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
@@ -42,6 +55,8 @@ class Image:
         id           (h, w) int32       number of the surface in the scene; -1 where nothing was hit
         primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
+        error        (h, w) float32     what the mean colour is off by at most, in linear levels of 255: see below
+        coverage     (h, w) float32     the share of the pixel that surfaces cover: see below
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
         work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
         rgba8        (h, w, 4) uint8    rgb8, and straight alpha: 255 on surfaces, elsewhere the background's
@@ -52,6 +67,12 @@ class Image:
 
     u and v, from the left and from the top, are 1 where a texture begins anew. On a sphere they are made of the unit
     normal n that it had before its transform: 1/2 + atan2(n.x, n.z) / (2 pi) and acos(n.y) / pi.
+
+    error and coverage are there only with antialias. rgb8, color, rgba8 and alpha are then means over the pixel's
+    square, in which each colour counts up to 1, and no channel of color is further from the true mean than error / 255;
+    a byte is rounded besides. Of mirrors, glass and textures, and in scenes with meshes, ellipsoids or an orthographic
+    camera, there is no proof yet, and `error` is an estimate. The other outputs are those of the ray through the
+    pixel's middle.
 
     shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.
@@ -73,6 +94,8 @@ class Image:
     id: NDArray[np.int32]
     primitive: NDArray[np.int32]
     uv: NDArray[np.float32]
+    error: NDArray[np.float32]
+    coverage: NDArray[np.float32]
     shadow_rays: NDArray[np.int32]
     work: NDArray[np.int32]
     rgba8: NDArray[np.uint8]
@@ -88,6 +111,8 @@ class Image:
         id: NDArray[np.int32] | None = None,
         primitive: NDArray[np.int32] | None = None,
         uv: NDArray[np.float32] | None = None,
+        error: NDArray[np.float32] | None = None,
+        coverage: NDArray[np.float32] | None = None,
         shadow_rays: NDArray[np.int32] | None = None,
         work: NDArray[np.int32] | None = None,
         rgba8: NDArray[np.uint8] | None = None,
@@ -96,7 +121,22 @@ class Image:
         frame: Any = None,
         transfer: Transfer = "linear",
     ) -> None:
-        arrays = (rgb8, color, normal, direction, depth, id, primitive, uv, shadow_rays, work, rgba8, alpha)
+        arrays = (
+            rgb8,
+            color,
+            normal,
+            direction,
+            depth,
+            id,
+            primitive,
+            uv,
+            error,
+            coverage,
+            shadow_rays,
+            work,
+            rgba8,
+            alpha,
+        )
         given = zip(OUTPUTS, arrays, strict=True)
         self.__dict__.update({name: array for name, array in given if array is not None})
         self.seconds = seconds or {}

@@ -24,7 +24,8 @@ SUFFIXES = (".png", ".exr", ".npy", ".npz")
 # The channels of an EXR, by the output that they hold. R, G, B: linear light, 1 = full, times A if there is an A, as
 # the format has it; A: alpha, 0..1; Z: distance from the eye, scene units; N: unit normal in the world; D: direction of
 # the pixel's ray in the world; id, primitive: unsigned 32 bit, of which 4294967295 is what -1 is in the image, where
-# there is none; U, V: texture coordinates. All others are 32-bit floats.
+# there is none; U, V: texture coordinates; error: of R, G and B, in levels of 255; coverage: a pixel's share. All
+# others are 32-bit floats.
 CHANNELS = {
     "color": ("R", "G", "B"),
     "alpha": ("A",),
@@ -34,6 +35,8 @@ CHANNELS = {
     "id": ("id",),
     "primitive": ("primitive",),
     "uv": ("U", "V"),
+    "error": ("error",),
+    "coverage": ("coverage",),
 }
 
 Arrays = Mapping[str, NDArray[Any]]

@@ -174,6 +174,8 @@ COUNTERS = {
     "TOTAL": "refracted rays that total reflection makes one with the mirrored ray",
     "DROPPED": "branches too faint for any output",
     "RETRACED": "pixels traced again, as what was dropped might show",
+    "ESTIMATES": "pixels of which the error is an estimate",
+    "TOO_FAR": "pixels that would need more cells for the error that is wanted",
 }
 
 ARGUMENTS = (
@@ -228,6 +230,8 @@ ARGUMENTS = (
         needs="OUT_PRIMITIVE",
     ),
     *_outputs(("uv", "float", 2, "u, v: where the point is on a texture, 0 = nothing"), needs="OUT_UV"),
+    *_outputs(("error", "float", 1, "what the mean colour is off by at most, in levels of 255"), needs="OUT_ERROR"),
+    *_outputs(("coverage", "float", 1, "the share of the pixel that surfaces cover"), needs="OUT_COVERAGE"),
     *_outputs(
         ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
         ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
@@ -324,6 +328,11 @@ ARGUMENTS = (
         needs="WITH_DROPPING",
     ),
     *_values(
+        "Scene",
+        ("average", "float4", "rgb: no colour is above that; w: error in levels of 255 up to which no pixel is split"),
+        needs="WITH_AVERAGE",
+    ),
+    *_values(
         "Outputs",
         ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
         needs="WITH_CEILING",
@@ -390,6 +399,8 @@ FLAGS = {
     "ONLY_TRIANGLES": "there are no spheres",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
+    "WITH_AVERAGE": "colours are means over pixels",
+    "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",
     **{f"OUT_{name.upper()}": f"write {name}" for name in OUTPUTS},

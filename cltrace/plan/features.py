@@ -53,6 +53,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
     textures = shading and contents.textures
+    averaged = shading and request.antialias is not None
     uv = textures or "uv" in request.outputs
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
@@ -87,6 +88,8 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_CEILING": splits and (contents.bounces.overgrows(contents.max_bounces) or full),
         "PROVE_COLOR": drops and "color" in request.outputs,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
+        "WITH_AVERAGE": averaged,
+        "WITH_CENTRES": averaged and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }

@@ -24,7 +24,7 @@ from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
 from cltrace.plan.dropping import brightest, limits
-from cltrace.plan.exact import Array, rotated
+from cltrace.plan.exact import Array, rotated, rounded_up
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, dim_highlights, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
@@ -59,7 +59,8 @@ class World:
     is equal to a sphere with a lower number; lights: (m,) of the scene's records, those that can add to a
     colour, in the order parallel, point, spot; bounces: what surfaces do with rays; paths: what rays need that leave
     surfaces, None where there are neither ellipsoids nor such rays; background: linear (r, g, b); peak: (3,),
-    brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how often;
+    brightest() where a ray may become two or
+    pixels are antialiased, else 0; skipped: what the scene does not need, in words, and how often;
     seconds: what took how long: "tree".
     """
 
@@ -152,7 +153,7 @@ class World:
             bounces,
             paths,
             scene.background,
-            brightest(materials, of, lights, scene.background) if bounces.splits else np.zeros(3),
+            brightest(materials, of, lights, scene.background) if bounces.splits or request.antialias else np.zeros(3),
             {"lights that add nothing": useless} if useless else {},
             seconds,
         )
@@ -268,7 +269,7 @@ class View:
             methods = methods or Methods(mesh_views, lambda grids: build(grids, request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, k)
             arrays |= facets
-            window = Window.of(camera, base.region, k)
+            window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
             arrays |= _lists(world, seen, views.views, faces, window, request, methods.build, skipped)
         return replace(
             base,
@@ -365,6 +366,7 @@ class Plan:
             world.bounces.branches(view.camera.max_bounces),
             view.arrays,
             view.values
+            | _average(world, request)
             | limits(world.bounces, world.peak, request.outputs, request.precision)
             | {"frame": _frame(world, view, request), "size": view.camera.resolution},
             view.skipped,
@@ -567,7 +569,7 @@ def _lists(
     corners = faces[0].corners if total > n else None
     tiles = picture_tiles(seen, among, window, corners)
     # What is not in the picture itself may be seen in a mirror.
-    receiver = np.full(total, "receivers" in keep or world.bounces.any)
+    receiver = np.full(total, "receivers" in keep or world.bounces.any or request.antialias is not None)
     receiver[tiles.member] = True
     if "lists" in keep:
         tiles = whole_grid(among)
@@ -634,6 +636,12 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
     frame["background"][:3] = [_same_byte(c, rounding, shade) for c in world.background]
     frame["quantize"][0] = rounding
     return frame
+
+
+def _average(world: World, request: Request) -> dict[str, Any]:
+    """The kernel's argument `average`. Colours count up to 1, and rays that bounce may add up to that."""
+    peak = np.ones(3) if world.bounces.any else np.minimum(world.peak, 1)
+    return {"average": (*rounded_up(peak).tolist(), request.antialias or 0.0)}
 
 
 def _same_byte(c: float, rounding: float, shade: np.dtype[Any]) -> np.float32:

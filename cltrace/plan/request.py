@@ -30,6 +30,8 @@ Keep = Literal[
 KEEPS: tuple[Keep, ...] = get_args(Keep)
 # What the host makes of outputs that the kernel writes, and of which.
 COMPOSED = {"rgba8": ("rgb8", "id"), "alpha": ("id",)}
+# The same of antialiased pictures.
+MEANS = {"rgba8": ("color", "coverage"), "alpha": ("coverage",)}
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
 Crop = tuple[int, int, int, int]
 # x, y, width, height in pixels of the whole picture: what a Crop is turned into.
@@ -44,7 +46,8 @@ class Request:
     outputs: one or more names of abi.OUTPUTS and of COMPOSED, of which those are kept that the kernel writes, in the
     table's order; crop: (x0, y0, x1, y1), a part of the picture
     in pixels, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead
-    of rounded to the nearest.
+    of rounded to the nearest; antialias: colours are means over pixels, which are split until their error is at most so
+    many levels of 255; None: they are those of the pixels' middles.
 
     keep: names of KEEPS, what not to leave out, for measuring. No picture depends on it, but for those of some extreme
     scenes in single, as docs/speed.md says.
@@ -64,14 +67,15 @@ class Request:
         weightless: the own colour of surfaces that only mirror or let through
         branches: mirrored and refracted rays that no output shows
 
-    Raises ValueError, naming the field, for a precision, outputs, truncate or keep that is not allowed. A crop is
-    checked by region_of(), where the size of the picture is known.
+    Raises ValueError, naming the field, for a precision, outputs, truncate, antialias or keep that is not allowed. A
+    crop is checked by region_of(), where the size of the picture is known.
     """
 
     precision: Precision = "accurate"
     outputs: tuple[str, ...] = ("rgb8",)
     crop: Crop | None = None
     truncate: bool = False
+    antialias: float | None = None
     keep: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -86,15 +90,23 @@ class Request:
                 raise ValueError(f"{name}: must be some of {', '.join(allowed)}, got {value!r}")
         if not isinstance(self.truncate, bool):
             raise ValueError(f"truncate: must be True or False, got {self.truncate!r}")
+        if self.antialias is not None and not 0 < self.antialias <= 255:
+            raise ValueError(f"antialias: must be True, False or levels of 255, above 0, got {self.antialias!r}")
+        for name in ("error", "coverage"):
+            if name in self.outputs and self.antialias is None:
+                raise ValueError(f"outputs: {name} is of antialiasing, which is off: say antialias=True")
         also = PICTURES if "outputs" in self.keep else ()
-        written = {part for name in self.outputs for part in COMPOSED.get(name, (name,))} | {*also}
+        composed = COMPOSED if self.antialias is None else MEANS
+        if self.antialias is None:
+            also = tuple(name for name in also if name not in ("error", "coverage"))
+        written = {part for name in self.outputs for part in composed.get(name, (name,))} | {*also}
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in written))
         object.__setattr__(self, "keep", tuple(self.keep))
 
     @property
     def needs_colors(self) -> bool:
         """Whether some output depends on colours, or counts what is done for them."""
-        return not {"rgb8", "color", "shadow_rays", "work"}.isdisjoint(self.outputs)
+        return not {"rgb8", "color", "error", "coverage", "shadow_rays", "work"}.isdisjoint(self.outputs)
 
     def region_of(self, size: tuple[int, int]) -> Region:
         """The part that is wanted of a picture of this size, (width, height) in pixels.

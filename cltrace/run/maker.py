@@ -28,11 +28,11 @@ class Maker(Protocol):
 
 
 def maker_of(world: World, request: Request, device: Device) -> Maker | None:
-    """None if numpy packs this world: few surfaces, or a device that does not compute as numpy does.
+    """None if numpy packs this world: few surfaces, antialiasing, or a device that does not compute as numpy does.
 
     Raises BuildError and DeviceError as Executor does.
     """
-    if len(world.radius) + len(world.triangles.face) <= MANY:
+    if len(world.radius) + len(world.triangles.face) <= MANY or request.antialias is not None:
         return None
     # Small scenes start faster without these.
     from cltrace.run.mixed import Mixed

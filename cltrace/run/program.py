@@ -43,6 +43,11 @@ SOURCES = (
     "output.cl",
     "shade/tree_of_rays.cl",
     "trace.cl",
+    "average/models.cl",
+    "average/cells.cl",
+    "average/patch.cl",
+    "average/average.cl",
+    "render.cl",
 )
 
 

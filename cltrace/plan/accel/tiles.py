@@ -47,20 +47,22 @@ class Window:
 
     step: half of a pixel's width and height on the image plane z = -1, or, of parallel rays, in the float buffers'
     unit; size: (width, height) of the whole picture in pixels; region: the part of it that is wanted; parallel: whether
-    rays are parallel.
+    rays are parallel; spread: how far from a pixel's middle its rays are, in pixels: 0, or half a pixel where they fill
+    it.
     """
 
     step: tuple[float, float]
     size: tuple[int, int]
     region: Region
     parallel: bool = False
+    spread: float = 0
 
     @classmethod
-    def of(cls, camera: AnyCamera, region: Region, k: int = 0) -> Window:
+    def of(cls, camera: AnyCamera, region: Region, k: int = 0, spread: float = 0) -> Window:
         """The window of a part of a camera's picture. k: see View.without_spheres()."""
         (x, y), (width, height) = camera.image_plane(), camera.resolution
         unit = 2.0**k if camera.parallel else 1.0
-        return cls((x * unit / width, y * unit / height), camera.resolution, region, camera.parallel)
+        return cls((x * unit / width, y * unit / height), camera.resolution, region, camera.parallel, spread)
 
     @property
     def axes(self) -> tuple[Axis, Axis]:
@@ -70,7 +72,8 @@ class Window:
             # Pixel i is at slope (2i + 1 - n) step. The product and the sum of slopes are rounded, each by 2^-24 of up
             # to 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
             middle = (size - 1) / 2
-            found.append(Axis(0.5 / step, middle - 1 / 64, middle + 1 / 64, first, first + count))
+            off = 1 / 64 + self.spread
+            found.append(Axis(0.5 / step, middle - off, middle + off, first, first + count))
         return found[0], found[1]
 
 
@@ -203,7 +206,7 @@ def _triangles(
         SLACK * (s * p + n) + TURNED * s * (1 + p) ** 2
         for s, p, n in zip(scale, pane.largest, window.size, strict=True)
     ]
-    loose = 1 / 64 + max(off)
+    loose = 1 / 64 + window.spread + max(off)
 
     def enter(part: Polygons) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         covers, visible = np.empty((4, len(part.triangle)), np.int16), np.ones(len(part.triangle), bool)

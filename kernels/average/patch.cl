@@ -1,0 +1,340 @@
+/* patch.cl: the part of a surface that a cell shows, and the light on it. */
+#ifdef WITH_AVERAGE
+/* Points of a surface under cells. */
+typedef struct {
+    INT id;      /* which surface, -1 for none */
+    Model3 P, n; /* in camera space; the unit normal that faces the eye */
+    Model3 v;    /* the unit vector to the eye */
+    FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
+    FLOAT radius; /* no point is further from the middle, (P.x.v, P.y.v, P.z.v) */
+} Area;
+
+static Model3 constant_vector_in(const Real3 v, const real unit) {
+    const Model3 m = {narrowed(unit * v.x, 0, 0, 0), narrowed(unit * v.y, 0, 0, 0), narrowed(unit * v.z, 0, 0, 0)};
+    return m;
+}
+
+/* t is c / (b + sqrt(D)) from outside, and (b + sqrt(D)) / a or -c / (sqrt(D) - b) from inside, so that nothing cancels. */
+static Area patch_of_sphere(const Cells cells, const Sphere sphere, const Outline outline, const real unit) {
+    Area patch;
+    patch.id = sphere.index;
+    const MASK inside = outline.c <= 0;
+    patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
+    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), sum = plus_model(b, root_of(outline.D));
+    const MASK far = inside & (outline.b.v >= 0);
+    const Model over = reciprocal_of(choose_model(far, cells.a, sum));
+    const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
+    patch.P.x = times_model(t, cells.x);
+    patch.P.y = times_model(t, cells.y);
+    patch.P.z = scaled(t, -1);
+    const FLOAT over_r = patch.side * TO_FLOAT(sphere.over_r / unit);
+    const Model3 p = minus_vectors(patch.P, constant_vector_in(sphere.center, unit));
+    patch.n.x = scaled(p.x, over_r);
+    patch.n.y = scaled(p.y, over_r);
+    patch.n.z = scaled(p.z, over_r);
+    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
+    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
+    const Model over_d = over_root_of(cells.a);
+    patch.v.x = scaled(times_model(over_d, cells.x), -1);
+    patch.v.y = scaled(times_model(over_d, cells.y), -1);
+    patch.v.z = over_d;
+    return patch;
+}
+
+#ifdef WITH_LIGHTS
+#ifdef WITH_SHADOWS
+/* What is known of the light's way to a patch. */
+typedef struct {
+    Share blocked; /* the share of the points that the light does not reach */
+    INT only;      /* a surface of which that is counted, -1 for none */
+} Blocking;
+
+static void block(Blocking *blocking, const int index, const MASK here, const Share share) {
+    const MASK again = (blocking->only == index);
+    const FLOAT least = here ? share.least : (FLOAT)0, more = here & !again ? share.most : (FLOAT)0;
+    blocking->blocked.least = least > blocking->blocked.least ? least : blocking->blocked.least;
+    const FLOAT most = blocking->blocked.most + more;
+    blocking->blocked.most = most < 1 ? most : (FLOAT)1;
+    blocking->only = (here & (share.most > 0)) ? (INT)index : blocking->only;
+}
+
+/* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
+ * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
+ * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points.
+ *
+ * The way from a point P' that is no further than `radius` from P is nowhere further than that from the way from P. So
+ * what the distance of C from that way says of P', it says of all of the patch, but for `radius`. */
+static void block_by_sphere(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int index,
+                            const MASK may, Blocking *blocking) {
+    const real4 s = scene.spheres.center_radius[index];
+    const float4 ball = convert_float4(scene.unit * s);
+    const int light_side = scene.light_side[(long)number * scene.count + index];
+    const Float3 f0 = {ball.x - patch.P.x.v, ball.y - patch.P.y.v, ball.z - patch.P.z.v}, w0 = {w.x.v, w.y.v, w.z.v};
+    const FLOAT a0 = DOT(w0, w0), along = DOT(f0, w0) / a0;
+    const FLOAT low = along > 0 ? along : (FLOAT)0, x = ((FLOAT)kind != 0) & (low > 1) ? (FLOAT)1 : low;
+    const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
+    const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(f0.x) + fabs(f0.y) + fabs(f0.z)) +
+                                      x * (fabs(w0.x) + fabs(w0.y) + fabs(w0.z)));
+    const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = ball.w + reach;
+    const MASK near = may & !(gap > outer);
+    if (!ANY(near)) return;
+    const MASK outside = sqrt(DOT(f0, f0)) > outer;
+    const MASK wholly = near & (((gap + reach < ball.w) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
+    Share share = {0, 1};
+    if (light_side > 0 && ANY(near & !wholly)) {
+        const Model3 C = {with_rounding(constant_model(ball.x)), with_rounding(constant_model(ball.y)), with_rounding(constant_model(ball.z))};
+        const Model3 f = minus_vectors(C, patch.P);
+        const Model a = square_of_vector(w), b = dot_models(f, w), X = square_of_vector(cross_models(f, w));
+        const Model D = minus_model(scaled(a, ball.w * ball.w), X);
+        const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & outside;
+        const Share part = share_where_positive(D);
+        share.least = between ? part.least : (FLOAT)0;
+        share.most = between ? part.most : (FLOAT)1;
+    }
+    share.least = wholly ? (FLOAT)1 : share.least;
+    share.most = wholly ? (FLOAT)1 : share.most;
+    block(blocking, index, near, share);
+}
+
+/* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
+ * order, at most. */
+static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
+                          const int cell, const MASK in, Blocking *blocking) {
+    const int end = scene.lists.start[cell + 1];
+    for (int k = scene.lists.start[cell]; k < end; k++) {
+        const int2 entry = scene.lists.entry[k];
+        const int index = entry.x;
+        const MASK dark = blocking->blocked.least >= 1;
+        MASK may = in & (far > as_float(entry.y)) & (!dark);
+        if (!ANY(may)) break;
+        const MASK own = may & (patch.id == index);
+        if (ANY(own)) {
+            /* From inside, it stands before every light outside of it. */
+            const Share all = {1, 1};
+            const int light_side = scene.light_side[(long)number * scene.count + index];
+            block(blocking, index, (own) & (patch.side < 0) & ((FLOAT)light_side > 0), all);
+            may = may & (patch.id != index);
+        }
+        block_by_sphere(scene, number, kind, patch, w, index, (may), blocking);
+    }
+}
+
+/* The cells of level 0 of a light's grid on which a patch may lie. */
+typedef struct {
+    MASK here, unknown; /* whether there are any, and whether that cannot be told */
+    INT first_column, first_row, last_column, last_row;
+} Cover;
+
+/* A range of slopes or coordinates as columns or rows, 0 .. last. side, scale: of the grid's window. */
+static INT index_on(const FLOAT x, const float side, const float scale, const int last) {
+    const FLOAT place = (x + side) * scale, low = place > 0 ? place : (FLOAT)0;
+    return TO_INT(low < last ? low : (FLOAT)last);
+}
+
+static Cover cover_of(const Scene scene, const Grid grid, const int kind, const Area patch, const Model3 w, const MASK wanted) {
+    Cover cover = {wanted, 0, 0, 0, 0, 0};
+    if (grid.cells.x <= 1 && grid.cells.y <= 1) return cover;
+    const FLOAT k = kind == 0 ? 1 : -1;
+    const Model3 from = kind == 0 ? patch.P : w;
+    const Float3 m = {k * from.x.v, k * from.y.v, k * from.z.v};
+    const Float3 off = {fabs(k) * radius_of(from.x), fabs(k) * radius_of(from.y), fabs(k) * radius_of(from.z)};
+    const float4 right = fabs(grid.near_right), up = fabs(grid.near_up), ahead = fabs(grid.near_ahead);
+    const FLOAT x = DOT(m, grid.near_right) + grid.near_right.w, y = DOT(m, grid.near_up) + grid.near_up.w;
+    const FLOAT z = kind == 0 ? (FLOAT)1 : DOT(m, grid.near_ahead);
+    const FLOAT loose = 1 + 0x1p-20f, dx = DOT(off, right) * loose, dy = DOT(off, up) * loose, dz = kind == 0 ? (FLOAT)0 : DOT(off, ahead) * loose;
+    const FLOAT z0 = z - dz, z1 = z + dz, x0 = x - dx, x1 = x + dx, y0 = y - dy, y1 = y + dy;
+    const FLOAT X = grid.window.x * loose * z1, Y = grid.window.y * loose * z1;
+    cover.here = wanted & (z1 > 0) & (x0 <= X) & (x1 >= -X) & (y0 <= Y) & (y1 >= -Y);
+    cover.unknown = cover.here & !(z0 > 0);
+    cover.here = cover.here & (z0 > 0);
+    const FLOAT a = cover.here ? z0 : (FLOAT)1, b = cover.here ? z1 : (FLOAT)1;
+    const FLOAT slack = 0x1p-20f;
+    const int columns = grid.cells.x - 1, rows = grid.cells.y - 1;
+    const FLOAT left = x0 < 0 ? x0 / a : x0 / b, end = x1 < 0 ? x1 / b : x1 / a;
+    const FLOAT low = y0 < 0 ? y0 / a : y0 / b, high = y1 < 0 ? y1 / b : y1 / a;
+    cover.first_column = index_on(left - slack * fabs(left), grid.window.x, grid.window.z, columns);
+    cover.last_column = index_on(end + slack * fabs(end), grid.window.x, grid.window.z, columns);
+    cover.first_row = index_on(low - slack * fabs(low), grid.window.y, grid.window.w, rows);
+    cover.last_row = index_on(high + slack * fabs(high), grid.window.y, grid.window.w, rows);
+    return cover;
+}
+
+/* So many cells of a level, side by side, a patch's lists are looked at; where it lies on more, all may be blocked. */
+#define MOST_CELLS_A_SIDE 3
+
+/* The share of a patch's points that a light does not reach. w: from the points to it; far: see block_by_list(). */
+static Share blocked_share(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
+                           const MASK wanted) {
+    Blocking blocking = {{0, 0}, -1};
+    const int4 grids = scene.light_buffer[number];
+    for (int g = grids.x; g < grids.x + grids.y; g++) {
+        const Grid grid = scene.lists.grid[g];
+        const Cover cover = cover_of(scene, grid, kind, patch, w, wanted);
+        blocking.blocked.most = cover.unknown ? (FLOAT)1 : blocking.blocked.most;
+        if (!ANY((cover.here))) continue;
+        Level level = first_level(grid);
+        while (level.mask) {
+            level = next_level(grid, level);
+            const INT column = cover.first_column >> level.level, row = cover.first_row >> level.level;
+            const INT columns = (cover.last_column >> level.level) - column, rows = (cover.last_row >> level.level) - row;
+            const MASK many = (columns >= MOST_CELLS_A_SIDE) | (rows >= MOST_CELLS_A_SIDE);
+            blocking.blocked.most = (many) & cover.here ? (FLOAT)1 : blocking.blocked.most;
+            const MASK some = (cover.here) & !many;
+            for (int place = 0; place < MOST_CELLS_A_SIDE * MOST_CELLS_A_SIDE; place++) {
+                const int across = place % MOST_CELLS_A_SIDE, down = place / MOST_CELLS_A_SIDE;
+                const MASK inside = some & (columns >= across) & (rows >= down);
+                if (!ANY(inside)) continue;
+                INT pending = inside ? level.first + (row + down) * level.columns + (column + across) : (INT)-1;
+                for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
+                    const MASK in = pending == c;
+                    pending = in ? (INT)-1 : pending;
+                    block_by_list(scene, number, kind, patch, w, far, c, in, &blocking);
+                }
+            }
+        }
+    }
+    return blocking.blocked;
+}
+#endif
+
+/* max(0, 1 + z)^exponent of a model z, which is 0 at most; 0^0 = 1. Where the tangent's error is too large, it is what lies
+ * between the least and the largest power. f = c^e has the second derivative e (e - 1) c^(e - 2), which is largest at one of the
+ * ends. lobe() is right to 2^-15 of the power. */
+static Model highlight_power(const Model z, const FLOAT exponent) {
+    const FLOAT most = most_of(z), least = least_of(z);
+    const FLOAT high = most < 0 ? most : (FLOAT)0, low = least < high ? least : high, v = z.v < high ? z.v : high;
+    const SHADE e = TO_SHADE(exponent);
+    const FLOAT at_high = TO_FLOAT(lobe(TO_SHADE(high), e)), at_low = TO_FLOAT(lobe(TO_SHADE(low), e)), at = TO_FLOAT(lobe(TO_SHADE(v), e));
+    const FLOAT top = 1 + high, bottom = 1 + low;
+    const FLOAT bend = fabs(exponent * (exponent - 1)), up = at_high / (top * top), down = at_low / (bottom * bottom);
+    const FLOAT rad = radius_of(z), rest = 0.5f * rad * rad * bend * (up > down ? up : down) * (1 + 0x1p-12f);
+    const Model range = between_bounds(at_low, at_high);
+    const MASK curved = (bottom > 0) & (z.v <= high) & (rest < range.r);
+    const Model tangent = on_tangent(z, at, exponent * at / (1 + v), exponent >= 1 ? rest : -rest);
+    Model m = choose_model(curved, tangent, range);
+    m.r += at_high * 0x1p-14f;
+    return m;
+}
+
+#ifdef WITH_SPOT
+/* The share of a spot light that leaves along its rays. cosine: of the angle with its axis. */
+static Model spot_strength(const Light light, const Model cosine) {
+    const FLOAT most = most_of(cosine), least = least_of(cosine);
+    const FLOAT high = most < 1 ? most : (FLOAT)1, low = least > -1 ? least : (FLOAT)-1;
+    const FLOAT loose = 0x1p-20f;
+    const FLOAT first = atan2(sqrt((1 - high) * (1 + high)), high) - loose, last = atan2(sqrt((1 - low) * (1 + low)), low) + loose;
+    const FLOAT begin = light.cone.x, over = light.cone.y;
+    const FLOAT strong = 1 - (first - begin) * over, weak = 1 - (last - begin) * over;
+    const FLOAT top = strong < 1 ? strong : (FLOAT)1, bottom = weak > 0 ? weak : (FLOAT)0;
+    const Model range = between_bounds(bottom < 1 ? bottom : (FLOAT)1, top > 0 ? top : (FLOAT)0);
+    /* Where the light falls off all over the patch: the arc cosine has the slope -1 / sqrt(1 - c^2) and the second derivative
+     * -c / (1 - c^2)^(3/2). */
+    const MASK falls = (strong < 1) & (weak > 0) & (high < 1) & (low > -1);
+    const FLOAT v = cosine.v, sine = sqrt((1 - v) * (1 + v));
+    const FLOAT far = fabs(high) > fabs(low) ? fabs(high) : fabs(low), thin = 1 / ((1 - far) * (1 + far));
+    const FLOAT rad = radius_of(cosine), rest = (FLOAT)0.5f * rad * rad * far * thin * sqrt(thin) * over;
+    Model tangent = on_tangent(cosine, 1 - (atan2(sine, v) - begin) * over, over / sine, 0);
+    tangent.r += rest + loose * over;
+    return choose_model(falls & (tangent.r < range.r), tangent, range);
+}
+#endif
+
+/* Of a colour, for red, green and blue: v, its mean over the cell, off by at most e, and what it is within at all points. */
+typedef struct {
+    FLOAT v[3], e[3], least[3], most[3];
+} Tint;
+
+/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. lit: the share of the points where it does. */
+static void add_light(Tint *tint, const Light light, const Intersection at, const Model amount, const Model highlight, const Share lit,
+                      const MASK on) {
+    const float color[3] = {light.color.x, light.color.y, light.color.z};
+    const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
+    for (int k = 0; k < 3; k++) {
+        const Model m = scaled(plus_model(scaled(amount, kd[k]), highlight), (FLOAT)color[k]);
+        const FLOAT low = least_of(m), least = low > 0 ? low : (FLOAT)0, most = most_of(m);
+        const FLOAT dim = least * lit.least, bright = most * lit.most;
+        const MASK all = lit.least >= 1;
+        tint->v[k] += on ? (all ? m.v : (FLOAT)0.5f * (dim + bright)) : (FLOAT)0;
+        tint->e[k] += on ? (all ? m.r : (FLOAT)0.5f * (bright - dim)) : (FLOAT)0;
+        tint->least[k] += on & all ? least : (FLOAT)0;
+        tint->most[k] += on & (lit.most > 0) ? most : (FLOAT)0;
+    }
+}
+
+/* What one light adds to a patch: illuminate() for all points at once. */
+static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch, const Intersection at, Tint *tint,
+                             Work *work) {
+    const Light light = scene.light[number];
+    const Real3 to = {light.position.x, light.position.y, light.position.z};
+    const Model3 L = constant_vector_in(to, kind == 0 ? (real)1 : scene.unit), w = kind == 0 ? L : minus_vectors(L, patch.P);
+    const Model a = square_of_vector(w);
+    const Model over = kind == 0 ? constant_model(1) : over_root_of(a);
+    const Model3 l = kind == 0 ? w : times_vector(over, w);
+    const Model cosine = dot_models(patch.n, l);
+    MASK on = (patch.id >= 0) & !(most_of(cosine) < 0);
+    Model strength = constant_model(1);
+    Share lit = {1, 1};
+#ifdef WITH_SPOT
+    if (kind == 2) {
+        const Real3 axis = {-light.axis.x, -light.axis.y, -light.axis.z};
+        const Model angle = dot_models(l, constant_vector_in(axis, 1));
+        on = on & !(most_of(angle) < (float)light.axis.w);
+        if (light.cone.y > 0) {
+            strength = spot_strength(light, angle);
+        } else {
+            lit = share_where_positive(minus_model(angle, with_rounding(constant_model((FLOAT)(float)light.axis.w))));
+        }
+    }
+#endif
+#ifdef WITH_BLACK
+    on = on & (!at.black);
+#endif
+    if (!ANY((on))) return;
+#ifdef WITH_SHADOWS
+    const MASK unsure = on & (may_be_stopped(scene, number, patch.id));
+    if (ANY((unsure))) {
+        const FLOAT depth = kind == 0 ? -least_of(dot_models(patch.P, L)) : most_of(a);
+        const FLOAT far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
+        const Share blocked = blocked_share(scene, number, kind, patch, w, far, unsure);
+        const FLOAT least = lit.least - (unsure ? blocked.most : (FLOAT)0), most = 1 - (unsure ? blocked.least : (FLOAT)0);
+        lit.least = least > 0 ? least : (FLOAT)0;
+        lit.most = most < lit.most ? most : lit.most;
+    }
+#endif
+    const Model amount = times_model(positive_part(cosine), strength);
+    Model highlight = constant_model(0);
+#ifdef WITH_SPECULAR
+    const MASK shines = on & (at.hit) & (TO_FLOAT(at.ks) > 0);
+    if (ANY((shines))) {
+        /* As illuminate() has it: r = 2 (n.l) n - l, r.v = 1 - |r - v|^2 / 2. No highlight where n.l <= 0, but all of it beside. */
+        const Model3 e = minus_vectors(times_vector(scaled(cosine, 2), patch.n), plus_vectors(l, patch.v));
+        Model power = highlight_power(scaled(square_of_vector(e), -0.5f), TO_FLOAT(at.exponent));
+        const Model some = between_bounds(0, most_of(power));
+        power = choose_model(least_of(cosine) > 0, power, some);
+        highlight = choose_model(shines, scaled(times_model(power, strength), TO_FLOAT(at.ks)), highlight);
+    }
+#endif
+    add_light(tint, light, at, amount, highlight, lit, on);
+}
+#else
+typedef struct {
+    FLOAT v[3], e[3], least[3], most[3];
+} Tint;
+#endif
+
+/* The colour of patches. */
+static Tint tint_of(const Scene scene, const Area patch, Work *work) {
+    const Intersection at = material_at(scene, patch.id);
+    const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
+    Tint tint;
+    for (int k = 0; k < 3; k++) {
+        tint.v[k] = tint.least[k] = tint.most[k] = ambient[k];
+        tint.e[k] = 0;
+    }
+#ifdef WITH_LIGHTS
+    for (int number = 0; number < scene.lights.w; number++)
+        illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, &tint, work);
+#endif
+    return tint;
+}
+#endif

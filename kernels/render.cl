@@ -1,0 +1,96 @@
+/* render.cl: the kernel: packets of pixels, from their places in the picture to the outputs. */
+
+/* Renders the packet at (x, y) of a region (x, y, width, height) of a picture of this size, all in pixels. The region
+ * begins at a tile, so no packet is in two tiles. */
+static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x,
+                          const int y, const Outputs out) {
+    const INT column = region.x + x + LANE_COLUMN, row = region.y + y + LANE_ROW;
+    const int2 tile = {(region.x + x) / TILE, (region.y + y) / TILE};
+    Pixels pixels = {{INFINITY, -1, {0, 0, 1}},
+                     {frame.background.x, frame.background.y, frame.background.z},
+                     {0, 0, 0},
+                     0};
+#ifdef OUT_UV
+    pixels.u = pixels.v = 0;
+#endif
+    Work counts, *work = &counts;
+#ifdef OUT_WORK
+    for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
+#endif
+#ifdef WITH_CEILING
+    const int number = packet_number(size, region.x + x, region.y + y);
+    if (number > *out.overgrown / W) return;
+    pixels.wanted = (column >= region.x + out.margin.x) & (column < region.x + region.z) &
+                    (row >= region.y + out.margin.y) & (row < region.y + region.w);
+#endif
+#ifdef WITH_AVERAGE
+    if (tile_has_any(scene.lists, tile)) {
+#ifdef WITH_CEILING
+        const MASK within = pixels.wanted;
+#else
+        const MASK within = (column < region.x + region.z) & (row < region.y + region.w);
+#endif
+#ifdef WITH_CENTRES
+        Ray ray = primary_ray(frame, size, column, row);
+#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
+        ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
+#elif defined(WITH_ELLIPSOIDS)
+        ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
+#endif
+#ifdef WITH_TRIANGLES
+        ray.w = turned_to_world(frame, OWN(ray));
+#endif
+        pixels = trace(frame, scene, ray, tile, pixels, work);
+#endif
+        average_pixels(frame, scene, size, column, row, tile, within, &pixels, work);
+    } else {
+        COUNT(BACKGROUND, ALL_LANES);
+    }
+#else
+    if (tile_has_any(scene.lists, tile)) {
+        Ray ray = primary_ray(frame, size, column, row);
+#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
+        ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
+#elif defined(WITH_ELLIPSOIDS)
+        ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
+#endif
+#ifdef WITH_TRIANGLES
+        ray.w = turned_to_world(frame, OWN(ray));
+#endif
+        pixels = trace(frame, scene, ray, tile, pixels, work);
+    } else {
+        COUNT(BACKGROUND, ALL_LANES);
+    }
+#endif
+#ifdef OUT_PRIMITIVE
+#ifdef WITH_TRIANGLES
+    pixels.primitive = primitives_of(scene, pixels.hit.id);
+#else
+    pixels.primitive = -1;
+#endif
+#endif
+#ifdef OUT_ID
+    pixels.hit.id = ids_of(scene, pixels.hit.id);
+#endif
+    write(frame, size, column, row, pixels, work, out, y * out.pitch + x);
+#ifdef WITH_CEILING
+    note_overgrown(out, number, pixels.overgrown);
+#endif
+}
+
+/* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
+ * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
+ * there are BLOCK rows of them: what a packet has brought into the cache is still there for the packet below. */
+__kernel void render(RENDER_PARAMETERS) {
+    const Scene scene = SCENE_OF_PARAMETERS;
+    const Outputs out = OUTPUTS_OF_PARAMETERS;
+#if defined(WITH_BLOCKS) && W > 1
+    const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, top = row + (int)get_global_id(1) * BLOCK * PACKET_HEIGHT;
+    for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
+#else
+    const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
+    if (y >= region.w) return;
+#endif
+    for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
+        render_packet(frame, scene, size, region, x, y, out);
+}

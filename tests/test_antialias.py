@@ -1,0 +1,196 @@
+"""Antialiased pictures: every mean colour is within its error of what many rays say, in the same bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import cltrace
+from cltrace.run.devices import Device
+
+SCENES = Path(__file__).parent.parent / "scenes"
+SIZE = (20, 14)
+OUTPUTS = ("rgb8", "color", "error")
+Colors = NDArray[np.float64]
+
+
+def truth(scene: cltrace.Scene, device: Device, n: int, crop: tuple[int, int, int, int]) -> Colors:
+    """(h, w, 3): means of min(colour, 1) over n x n rays through each pixel of a crop, which are pixels' middles."""
+    width, height = scene.camera.resolution
+    larger = scene.seen_by(replace(scene.camera, resolution=(width * n, height * n)))
+    x0, y0, x1, y1 = (n * edge for edge in crop)
+    color = cltrace.render(larger, device, outputs=("color",), crop=(x0, y0, x1, y1)).color
+    parts = np.minimum(color.astype(np.float64), 1).reshape(crop[3] - crop[1], n, crop[2] - crop[0], n, 3)
+    return np.asarray(parts.mean(axis=(1, 3)))
+
+
+def assert_within(scene: cltrace.Scene, device: Device, image: cltrace.Image) -> None:
+    """No mean is further from the truth than `error`.
+
+    The truth itself is off where an edge runs along its rays' columns or rows: with n rays a side by up to half a ray's
+    share for each edge, 128 / n levels. Where the two differ by more than the error, 512 rays a side decide.
+    """
+    width, height = scene.camera.resolution
+    off = 255 * np.abs(image.color - truth(scene, device, 64, (0, 0, width, height))).max(axis=2)
+    for y, x in np.argwhere(off > image.error):
+        finer = truth(scene, device, 512, (x, y, x + 1, y + 1))[0, 0]
+        assert 255 * np.abs(image.color[y, x] - finer).max() <= image.error[y, x] + 128 / 512, (x, y)
+    assert np.abs(image.rgb8 / 255 - image.color).max() <= 0.5001 / 255
+
+
+def seen(name: str) -> cltrace.Scene:
+    scene = cltrace.load(SCENES / name)
+    return scene.seen_by(replace(scene.camera, resolution=SIZE))
+
+
+def lit(centers: object, radii: object, *lights: np.ndarray, **materials: object) -> cltrace.Scene:
+    """Spheres before a dark sky."""
+    camera = cltrace.Camera((0, 0, 0), (0, 0, -1), horizontal_fov=25, resolution=SIZE)
+    some = lights or (cltrace.parallel_light((1, -2, -1.5), (0.9, 0.8, 0.7)),)
+    every = [cltrace.ambient_light((0.5, 0.5, 0.5)), *some]
+    given = {"colors": (0.8, 0.6, 0.4), "ks": 0.3} | materials
+    return cltrace.Scene.from_spheres(camera, every, centers, radii, background=(0.1, 0.1, 0.3), **given)
+
+
+def cloud(seed: int, n: int, smallest: float, largest: float) -> tuple[Colors, Colors]:
+    """Centres and radii of spheres within sight."""
+    random = np.random.default_rng(seed)
+    z = -random.uniform(3, 9, n)
+    across = random.uniform(-0.45, 0.45, (n, 2)) * -z[:, None]
+    return np.column_stack([across, z]), random.uniform(smallest, largest, n)
+
+
+def joined(*clouds: tuple[Colors, Colors]) -> tuple[Colors, Colors]:
+    centers, radii = zip(*clouds, strict=True)
+    return np.concatenate(centers), np.concatenate(radii)
+
+
+HOSTILE = {
+    "crossing": lambda: lit([(-0.3, 0, -5), (0.4, 0.1, -5.1), (0, 0.5, -4.8)], [0.7, 0.6, 0.4]),
+    "behind edges": lambda: lit([(0, 0, -4), (0.99, 0, -6), (-0.5, 0.9, -5)], [0.6, 0.4, 0.5]),
+    "shadow rims": lambda: lit(
+        [(0, -101, -6), (0, 0.3, -5), (0.8, 0, -6), (-0.8, -0.4, -5)],
+        [100, 0.4, 0.3, 0.2],
+        cltrace.point_light((2, 4, -3)),
+        cltrace.parallel_light((3, -2, -1), (0.4, 0.4, 0.6)),
+    ),
+    "cones": lambda: lit(
+        [(0, -101, -6), (0, 0.2, -5)],
+        [100, 0.5],
+        cltrace.spot_light((0.5, 3, -4), (-0.1, -1, -0.2), 10, 16),
+        cltrace.spot_light((-2, 3, -5), (0.6, -1, 0), 12, 12, (1, 0.3, 0.2)),
+    ),
+    "inside": lambda: lit([(0, 0, 0), (0.5, 0, -4)], [8, 0.7], cltrace.point_light((1, 2, 0))),
+    "bright": lambda: lit([(0, 0, -4)], [1.2], cltrace.parallel_light((0, 0, -1), (2.5, 2, 1)), ks=1.0, exponent=8),
+    "sharp": lambda: lit([(0, 0, -4)], [1.2], cltrace.point_light((1, 1, 0)), ks=0.9, exponent=900),
+    "small": lambda: lit(*cloud(1, 200, 0.02, 0.1)),
+    "tiny": lambda: lit(*cloud(2, 300, 0.001, 0.004)),
+    "large and small": lambda: lit(
+        *map(np.concatenate, zip(cloud(3, 6, 0.4, 0.8), cloud(4, 60, 0.01, 0.1), strict=True))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_scenes(device: Device, name: str) -> None:
+    scene = HOSTILE[name]()
+    renderer = cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias=True)
+    assert_within(scene, device, renderer.render())
+    assert renderer.work()["pixels of which the error is an estimate"] == 0
+
+
+@pytest.mark.parametrize("name", ["first", "three-lights", "spot", "globe", "eclipse", "inside"])
+def test_scenes(device: Device, name: str) -> None:
+    scene = seen(f"{name}.xml")
+    image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=True)
+    assert_within(scene, device, image)
+
+
+def test_share_of_a_tiny_sphere(device: Device) -> None:
+    """A white sphere a fiftieth of a pixel wide, anywhere in the picture, brightens its pixel by its share of it."""
+    random = np.random.default_rng(5)
+    camera = cltrace.Camera((0, 0, 0), (0, 0, -1), horizontal_fov=20, resolution=(40, 40))
+    pixel, white = 2 * camera.image_plane()[0] / 40, cltrace.ambient_light((1, 1, 1))
+    for x, y in random.uniform(-0.3, 0.3, (5, 2)):
+        # The disc's share: its area on the image plane, wider by the slant of the rays.
+        d = np.sqrt(1 + x * x + y * y)
+        radius = 10 * pixel / 100
+        share = np.pi * (radius / 10) ** 2 * d / pixel**2
+        scene = cltrace.Scene.from_spheres(
+            camera, [white], [(10 * x, 10 * y, -10)], radius, (1, 1, 1), ka=1, kd=0, ks=0
+        )
+        image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=True)
+        shown = image.color[:, :, 0] > 0  # of one pixel, or of up to four
+        assert abs(image.color[:, :, 0].sum() - share) * 255 <= image.error[shown].sum() < 0.2
+
+
+def test_same_bits(device: Device) -> None:
+    """Of crops and of packets of one pixel."""
+    scene = HOSTILE["shadow rims"]()
+    whole = cltrace.render(scene, device, outputs=(*OUTPUTS, "coverage"), antialias=True)
+    width, height = SIZE
+    for crop in ((0, 0, 5, height), (5, 3, 18, 11), (18, 11, width, height)):
+        x0, y0, x1, y1 = crop
+        part = cltrace.render(scene, device, outputs=(*OUTPUTS, "coverage"), crop=crop, antialias=True)
+        for name in part.outputs:
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[y0:y1, x0:x1], name)
+    single = cltrace.Renderer(scene, device, outputs=OUTPUTS, width=1, antialias=True).render()
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(getattr(single, name), getattr(whole, name), name)
+
+
+def test_levels(any_device: Device) -> None:
+    """A smaller error takes more cells, and no pixel has more than what was asked for."""
+    scene = HOSTILE["behind edges"]()
+    errors = [cltrace.render(scene, any_device, outputs=("error",), antialias=levels).error for levels in (8, 2, 0.5)]
+    assert [bool((e <= most).all()) for e, most in zip(errors, (8, 2, 0.5), strict=True)] == [True, True, True]
+    assert errors[0].sum() > errors[1].sum() > errors[2].sum()
+
+
+def test_middles_stay(any_device: Device) -> None:
+    """What is no colour is that of the ray through the middle, as without antialiasing."""
+    scene = HOSTILE["behind edges"]()
+    names = ("normal", "depth", "id")
+    plain = cltrace.render(scene, any_device, outputs=names)
+    image = cltrace.render(scene, any_device, outputs=("rgb8", *names), antialias=True)
+    for name in names:
+        np.testing.assert_array_equal(getattr(image, name), getattr(plain, name))
+    assert (image.rgb8 != cltrace.render(scene, any_device).rgb8).any()
+
+
+def test_alpha(any_device: Device) -> None:
+    """Laid over black and over white, edges are those of a picture before these, but for roundings."""
+    scene = HOSTILE["behind edges"]()
+    image = cltrace.render(scene.in_front_of((0.1, 0.1, 0.3, 0)), any_device, outputs=("rgb8", "alpha"), antialias=0.25)
+    for behind in (0, 1):
+        opaque = cltrace.render(scene.in_front_of((behind, behind, behind, 1)), any_device, antialias=0.25)
+        alpha = image.rgba8[..., 3:].astype(np.float64) / 255
+        over = image.rgba8[..., :3] * alpha + 255 * behind * (1 - alpha)
+        assert np.abs(over - opaque.rgb8).max() < 1.6  # half a level each of two bytes, and of alpha
+
+
+def test_estimates_are_counted(any_device: Device) -> None:
+    """A mirror's pixels have an estimate, and no others."""
+    mirrors = np.array([0.8, 0.0])
+    scene = lit([(-0.5, 0, -4), (0.6, 0, -4)], [0.4, 0.4], reflectance=mirrors)
+    renderer = cltrace.Renderer(scene, any_device, outputs=OUTPUTS, antialias=True)
+    image, count = renderer.render(), renderer.work()["pixels of which the error is an estimate"]
+    ids = cltrace.render(scene, any_device, outputs=("id",)).id
+    assert (ids == 0).sum() <= count <= (ids == 0).sum() + 40  # and those at its edge
+    off = 255 * np.abs(image.color - truth(scene, any_device, 32, (0, 0, *SIZE))).max(axis=2)
+    assert np.mean(off <= image.error + 1) > 0.99
+
+
+@pytest.mark.parametrize("levels", [0, -1, 256, np.nan, "1"])
+def test_wrong_levels(any_device: Device, levels: object) -> None:
+    with pytest.raises(ValueError, match="antialias: must be True, False or levels"):
+        cltrace.render(HOSTILE["crossing"](), any_device, antialias=levels)  # type: ignore[arg-type]
+
+
+def test_error_needs_antialias(any_device: Device) -> None:
+    with pytest.raises(ValueError, match="outputs: error is of antialiasing, which is off"):
+        cltrace.render(HOSTILE["crossing"](), any_device, outputs=("error",))
