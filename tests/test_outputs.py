@@ -23,7 +23,7 @@ from cltrace.picture import storing
 from cltrace.picture.image import OUTPUTS
 
 SCENE = Path(__file__).parent.parent / "scenes" / "step4-meshes.xml"
-ALL = tuple(name for name in OUTPUTS if name not in ("work", "shadow_rays"))
+ALL = tuple(name for name in OUTPUTS if name not in ("work", "shadow_rays", "error", "coverage"))
 
 
 @pytest.fixture(scope="module")

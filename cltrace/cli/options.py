@@ -100,7 +100,7 @@ def _picture(group: Group) -> None:
         const=1.0,
         type=arguments.antialias,
         metavar="LEVELS",
-        help="colours are means over pixels, off by at most 1 level of 255, or LEVELS",
+        help="colours are means over pixels, off by 1 level of 255 at most, or LEVELS",
     )
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
@@ -144,7 +144,7 @@ def _checks(group: Group) -> None:
         const="default",
         type=arguments.count,
         metavar="N|all",
-        help="compare N pixels with the reference (default 20000, fewer of many spheres)",
+        help="compare N pixels with the reference (default 20000, or fewer)",
     )
     group.usual(
         "--explain",
