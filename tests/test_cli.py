@@ -160,7 +160,7 @@ def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
     assert b"only" not in call(FIRST, "--check", "--size=2x2", cwd=tmp_path).stderr
     text = " ".join(cli.parser().format_help().split())
-    assert "compare N pixels with the reference (default 20000, fewer of many spheres)" in text
+    assert "compare N pixels with the reference (default 20000, or fewer)" in text
 
 
 def test_other_ways_to_write_options(tmp_path: Path) -> None:
