@@ -52,7 +52,24 @@ BETWEEN = f"{MESHES} glass_show_of_spheres"
 REFERENCE = "-m slow tests/test_mesh_oracle.py -k reference"
 SMOOTH = "-m slow tests/test_attributes.py"
 
+FIT, PARALLEL = "tests/test_cameras.py", "tests/test_orthographic.py -k"
+
 MUTATIONS = [
+    Mutation("((fabs(x) + fabs(y)) + e) + 0x1p-48 * (rr + XX)", "0", "doubt about discs", f"{PARALLEL} grazing"),
+    Mutation("hit = (D >= 0) & (t > 0)", "hit = (D > 0) & (t > 0)", "tangents of discs", f"{PARALLEL} touch"),
+    Mutation("normal.z >= 0 ? (REAL)1 : (REAL)-1", "(REAL)1", "spheres cut by the plane", f"{PARALLEL} pictures"),
+    Mutation("start.on_plane = own < 0", "start.on_plane = 0", "triangles in whole numbers", f"{PARALLEL} triangles"),
+    Mutation("& (near.high < 0)", "", "triangles behind the plane", f"{PARALLEL} triangles"),
+    Mutation("hit.near.high = -INFINITY", "hit.near.high = 0", "the first triangle", f"{PARALLEL} triangles"),
+    Mutation(
+        "ahead = z - exact_r <", "ahead = z + exact_r <", "lists of spheres that are cut", f"{PARALLEL} plane_cuts"
+    ),
+    Mutation("across[0] + r, -across[1] - r", "across[0], -across[1] - r", "edges of discs", f"{PARALLEL} filter"),
+    Mutation(
+        "disc_filter(u, v, small.radius, LOOSE)", "disc_filter(u, v, 0.99 * small.radius)", "disc", f"{PARALLEL} touch"
+    ),
+    Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
+    Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant >= 0) & (t >= 0)", "root 0", STRESS),
     Mutation("bound = (bb + arr) * 0x1p-48", "bound = (bb + arr) * 0", "bound of doubt", f"{EXACT} {STRESS}"),
@@ -89,7 +106,7 @@ MUTATIONS = [
         "the filter's bound",
         STRESS,
     ),
-    Mutation("TO_REAL(size.y - 1 - 2 * row)", "TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
+    Mutation("d.y = TO_REAL(size.y - 1 - 2 * row)", "d.y = TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
     Mutation("far ? (enters & (b < a)) | leaves", "far ? enters | leaves", "what is beyond the light", STRESS),
     Mutation("leaves = (c < 0) | ((c == 0) & ahead)", "leaves = (c <= 0)", "a point on another sphere", STRESS),
     Mutation("enters = (c > 0) & meets & ahead", "enters = (c > 0) & meets", "what is behind the point", STRESS),
@@ -155,7 +172,7 @@ MUTATIONS = [
         "frame.right.y * v.x + frame.up.y * v.y", "frame.up.x * v.x + frame.up.y * v.y", "normals in the world", AGREE
     ),
     Mutation(
-        'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + 2.0**-60',
+        'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + loose',
         "reach = radius",
         "no slack in the filter",
         LISTS,
@@ -165,7 +182,7 @@ MUTATIONS = [
     Mutation("first) * scale + 1 / 64", "first) * scale + 1 / 3", "too many cells", LISTS),
     Mutation("(middle + 1 / 64)), first - 1", "(middle + 1.5)), first - 1", "too many tiles", LISTS),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
-    Mutation("slack = (np.abs(low) + np.abs(high)) * real(SLACK)", "slack = 0 * low", "edges in the picture", LISTS),
+    Mutation("(np.abs(low) + np.abs(high)) * real(discs.slack)", "0 * low", "edges in the picture", LISTS),
     Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),
     Mutation("gap * gap * (1 - 2.0**-19)", "gap * gap", "nearest points", LISTS),
     Mutation("-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100", "-(s + r)", "nearest ends", LISTS),
@@ -176,7 +193,7 @@ MUTATIONS = [
     Mutation("(distance + r) ** 2 * real(1 + 2.0**-10)", "distance**2", "furthest points", LISTS),
     Mutation("r * real(2**0.5 * (1 + SLACK))", "r", "sides of the cube", LISTS),
     Mutation("middle - half, middle + half", "middle - half, middle", "tangents of discs", LISTS),
-    Mutation("(exact[2] < exact_r * (1 + SLACK))", "(exact[2] < 0)", "spheres beside the eye", LISTS),
+    Mutation("exact[2] < exact_r * (1 + SLACK)", "exact[2] < 0", "spheres beside the eye", LISTS),
     Mutation("coarse = bool((window.half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS),
     Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
     Mutation("(r[1:] == r[:-1]) & (s[1:] == s[:-1])", "(s[1:] == s[:-1])", "equal spheres", CULLING),

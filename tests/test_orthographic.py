@@ -387,6 +387,13 @@ def test_the_camera() -> None:
         Scene.from_spheres("front", [], [], 1)  # type: ignore[arg-type]
 
 
+def test_it_goes_round_a_scene() -> None:
+    scene = plain(replace(TURNED, lookat=(0, 0, 0)))
+    around = cltrace.orbit(scene, 4, axis="y")
+    assert all(isinstance(camera, Orthographic) and camera.height == TURNED.height for camera in around)
+    assert np.array([camera.position for camera in around]).mean(axis=0) == pytest.approx((0, 2, 0))
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
