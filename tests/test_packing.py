@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from cltrace.plan.request import Request
 from cltrace.run import maker
 from cltrace.run.devices import Device
 from cltrace.run.packing import Packing
+from cltrace.run.toolbox import Toolbox
 
 Floats = NDArray[np.float64]
 
@@ -201,3 +204,22 @@ def test_pictures_of_updates(device: Device) -> None:
         for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
             expected = cltrace.Renderer(found.scene, device)
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)
+
+
+def test_memory_is_used_again_when_nobody_uses_it(device: Device) -> None:
+    if device.kind != "cpu":
+        pytest.skip("the memory is the device's")
+    tools = Toolbox(device, "accurate")
+
+    def address(buffer: Any) -> int:
+        return int(buffer.hostbuf.ctypes.data)
+
+    one, other = (tools.room(1000, np.float64, again=True) for _ in range(2))
+    first = address(one)
+    assert first != address(other)
+    del one
+    gc.collect()
+    assert address(tools.room(1000, np.float32, again=True)) != first
+    kept = tools.room(1000, np.float64, again=True)
+    assert address(kept) == first
+    assert address(tools.room(1000, np.float64, again=True)) not in (first, address(other))

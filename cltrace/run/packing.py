@@ -155,7 +155,8 @@ class _Look:
     def _see_from_eye(self) -> bool:
         """Makes what depends on the eye alone, and k. Returns whether the eye is inside of a sphere or on it."""
         n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
-        turned, rest = tools.room(4 * self.pitch, np.float64), tools.room(self.pitch, np.float64)
+        double = self.real.itemsize == 8
+        turned, rest = tools.room(4 * self.pitch, np.float64, again=double), tools.room(self.pitch, np.float64)
         tools.clear(self.unsure, 1)
         part = tools.noted(
             "see_from_eye",
@@ -171,11 +172,11 @@ class _Look:
             inside |= bool((space.power <= 0).any())
         self.k = self._few(slice(0)).exponent(self.world.lights, np.zeros((0, 3)), float(part[:, 0].max()))
         self.unit = np.float64(2.0**self.k)
-        double = self.real.itemsize == 8
-        made = {"power": tools.room(2 * self.pitch, self.real), "eye_filter": tools.room(4 * self.pitch, np.float32)}
-        made["center_radius"] = turned if double else tools.room(4 * self.pitch, self.real)
+        room = partial(tools.room, again=True)
+        made = {"power": room(2 * self.pitch, self.real), "eye_filter": room(4 * self.pitch, np.float32)}
+        made["center_radius"] = turned if double else room(4 * self.pitch, self.real)
         if double:
-            made["world"] = tools.room(4 * self.pitch, self.real)
+            made["world"] = room(4 * self.pitch, self.real)
         columns = (made["center_radius"], made["power"], made.get("world", turned), made["eye_filter"])
         tools.run("pack_eye", n, pitch, self.unit, packing.center, turned, rest, self.seen, *columns)
         self.made |= made
@@ -199,8 +200,8 @@ class _Look:
 
         m = len(self.world.lights)
         if m:
-            self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32)
-            self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8)
+            self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
+            self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
         buffers, idle = np.zeros((max(1, m), 4), np.int32), 0
         # Parallel lights come first, as `seen` is what the eye sees until then.
         for light, kind in enumerate(self.world.lights["kind"]):

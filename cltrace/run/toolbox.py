@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 import pyopencl as cl
@@ -27,6 +28,8 @@ SOURCES = (
 )
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
+# One camera's Views have at most so many buffers of one size.
+SPARE = 2
 # Eight doubles are as wide as the widest registers.
 WIDEST = 8
 # Work-items of a kernel that goes through all spheres, and in a group. On a CPU each one takes spheres that are
@@ -57,6 +60,8 @@ class Toolbox:
         self._kernels: dict[tuple[str, int], Any] = {}
         # What commands in the queue still use, even if nobody else does: drivers do not keep the memory of arrays.
         self._in_use: list[Any] = []
+        # Memory of buffers that are gone, by their sizes in bytes.
+        self._spare: dict[int, list[NDArray[np.uint8]]] = {}
 
     def run(self, name: str, *arguments: Any, items: int = 0, edge: EdgeType = np.float32) -> None:
         """Starts a kernel. items: how many work-items; edge: the type of a disc's edges.
@@ -70,16 +75,29 @@ class Toolbox:
         self._in_use += arguments
         self._kernels[key](self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), *arguments)
 
-    def room(self, count: int, dtype: Any, name: str = "spheres") -> Any:
-        """A buffer of so many numbers, at least one. They are undefined. name: for a message if it is too large."""
+    def room(self, count: int, dtype: Any, name: str = "spheres", again: bool = False) -> Any:
+        """A buffer of so many numbers, at least one. They are undefined.
+
+        name: for a message if it is too large; again: whether a CPU keeps its memory for a later one of this size.
+        """
         size = max(1, count) * np.dtype(dtype).itemsize
         check_sizes(self._device, {name: (count, size)})
         if self.kind == "cpu":
-            # numpy asks the system for large pages. To fill an array for the first time then takes half as long.
-            memory = np.empty(size + PAGE, np.uint8)
-            memory = memory[-memory.ctypes.data % PAGE :][:size]
+            memory = self._memory_again(size) if again else _memory(size)
             return cl.Buffer(self.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, size)
+
+    def _memory_again(self, size: int) -> NDArray[np.uint8]:
+        """So many bytes, which are spare again when nobody uses them any longer.
+
+        To get memory from the system can take longer than to fill it: of another camera for six million spheres, it was
+        2.5 of 3.9 seconds of a busy machine's processors.
+        """
+        spare = self._spare.setdefault(size, [])
+        memory = spare.pop() if spare else _memory(size)
+        lent = memory[:]
+        finalize(lent, _take_back, spare, memory).atexit = False
+        return lent
 
     def noted(
         self, name: str, *arguments: Any, columns: int, dtype: Any, items: int = 0, edge: EdgeType = np.float32
@@ -124,6 +142,18 @@ class Toolbox:
             cl.enqueue_copy(self.queue, out, buffer, src_offset=first * out.itemsize)
             self._in_use.clear()
         return out
+
+
+def _memory(size: int) -> NDArray[np.uint8]:
+    """So many bytes, which begin on a page."""
+    # numpy asks the system for large pages. To fill an array for the first time then takes half as long.
+    memory = np.empty(size + PAGE, np.uint8)
+    return memory[-memory.ctypes.data % PAGE :][:size]
+
+
+def _take_back(spare: list[NDArray[np.uint8]], memory: NDArray[np.uint8]) -> None:
+    if len(spare) < SPARE:
+        spare.append(memory)
 
 
 def _program(device: Device, single: bool, edge_bytes: int) -> Any:
