@@ -116,8 +116,9 @@ class Renderer:
         start = time.perf_counter()
         composition = Composition.of(self._asked, scene, self.request.truncate)
         if composition.written != self._composition.written:  # as where only one background is transparent
-            how = self.precision, self._asked, self.request.crop, self.request.truncate, self.width
-            return Renderer(scene, self.device, *how, self.request.keep)  # type: ignore[arg-type]
+            asked, levels = self.request, self.request.antialias
+            how = self.precision, self._asked, asked.crop, asked.truncate, self.width, levels or False
+            return Renderer(scene, self.device, *how, asked.keep)  # type: ignore[arg-type]
         with self._lock:
             other = copy(self)
         other._composition = composition

@@ -15,6 +15,7 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import cli
 from cltrace.run.devices import Device
+from cltrace.scene.colors import encoded
 
 SCENE = Path(__file__).parent.parent / "scenes" / "step3-shadows.xml"
 
@@ -98,3 +99,70 @@ def test_transparent_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
     capsys.readouterr()
     assert cli.main([str(SCENE), "--transparent", "--show", "depth", "-o", str(target)]) == 2
     assert capsys.readouterr().err == "cltrace: --transparent goes with --show color\n"
+
+
+def balls(**given: Any) -> cltrace.Scene:
+    random = np.random.default_rng(7)
+    camera = cltrace.Camera((0, 0, 6), (0, 0, 0), horizontal_fov=20, resolution=(60, 44))
+    lights = [cltrace.ambient_light(), cltrace.point_light((4, 7, 9))]
+    centers, colors = random.uniform(-1.5, 1.5, (30, 3)), random.uniform(0, 1, (30, 3))
+    return cltrace.Scene.from_spheres(camera, lights, centers, random.uniform(0.02, 0.5, 30), colors, **given)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.4])
+@pytest.mark.parametrize("transfer", ["linear", "srgb"])
+def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any, any_device: Device) -> None:
+    """A cut-out, laid on a colour in linear light, is the picture with that colour behind the background's share."""
+    clear = balls(background=(0.2, 0.5, 0.3, alpha), transfer=transfer)
+    outputs: Any = ("color", "alpha", "rgba8", "rgb8", "error")
+    image = cltrace.render(clear, any_device, outputs=outputs, antialias=True)
+    assert (image.alpha > 0.01).any()
+    assert ((alpha + 0.01 < image.alpha) & (image.alpha < 0.99)).sum() > 200
+    assert np.array_equal(image.rgba8[..., :3], image.rgb8)
+    assert np.abs(image.rgba8[..., 3] - 255.0 * image.alpha).max() < 0.51
+    shown = 255 * encoded(image.color, transfer)
+    assert np.abs(image.rgb8 - shown).max() < 0.51
+    for ground in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
+        behind = alpha * np.array(clear.background) + (1 - alpha) * np.array(ground)
+        whole = replace(clear, background=tuple(behind), background_alpha=1.0, transfer="linear")
+        right = cltrace.render(whole, any_device, outputs=("color", "rgb8", "error"), antialias=True)
+        laid = image.color * image.alpha[..., None] + (1 - image.alpha[..., None]) * ground
+        assert np.abs(laid - right.color).max() <= 2.01 / 255  # each is off by a level at most
+        assert np.abs(laid - right.color).mean() <= 0.2 / 255
+        if transfer == "linear":
+            share = image.rgba8[..., 3:] / 255
+            assert np.abs(image.rgb8 * share + 255 * (1 - share) * ground - 255 * laid).max() <= 1
+
+
+def test_alone_colours_are_straight_too(any_device: Device) -> None:
+    clear = balls(background="#33804d00")
+    both = cltrace.render(clear, any_device, outputs=("color", "rgba8"), antialias=True)
+    alone = cltrace.render(clear, any_device, outputs=("color",), antialias=True)
+    assert alone.outputs == ("color",)
+    assert np.array_equal(alone.color, both.color)
+    opaque = cltrace.render(clear.in_front_of("#33804d"), any_device, outputs=("rgb8", "rgba8"), antialias=True)
+    assert np.array_equal(opaque.rgba8[..., :3], opaque.rgb8)
+    assert (opaque.rgba8[..., 3] == 255).all()
+
+
+def test_a_following_renderer_is_antialiased_as_the_first(any_device: Device) -> None:
+    first = cltrace.Renderer(balls(background="white"), any_device, antialias=2)
+    clear = balls(background="#ffffff00")
+    found, fresh = first.following(clear).render(), cltrace.render(clear, any_device, antialias=2)
+    assert found.outputs == fresh.outputs == ("rgb8", "rgba8")
+    assert np.array_equal(found.rgba8, fresh.rgba8)
+
+
+def test_the_error_of_srgb_is_about_its_bytes(any_device: Device) -> None:
+    scene = balls(background="#101010", transfer="srgb")
+    image = cltrace.render(scene, any_device, outputs=("color", "error"), antialias=True)
+    linear = cltrace.render(replace(scene, transfer="linear"), any_device, outputs=("color", "error"), antialias=True)
+    assert np.array_equal(image.color, linear.color)
+    e = linear.error.astype(float)[..., None] / 255
+    # Whatever the true mean is within the linear bound, its sRGB is within the other.
+    for share in (-1, -0.5, 0.5, 1):
+        true = np.clip(linear.color + share * e, 0, 1)
+        off = 255 * np.abs(encoded(true, "srgb") - encoded(linear.color, "srgb")).max(axis=-1)
+        assert (off <= image.error).all()
+    assert (image.error >= linear.error * 0.42).all()  # the curve's least slope is 0.44
+    assert image.error.max() < 13 * linear.error.max() + 1e-6

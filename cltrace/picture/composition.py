@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.blocks import blockwise
-from cltrace.picture.levels import srgb_bytes
+from cltrace.picture.levels import srgb_bytes, srgb_error
 from cltrace.scene import Scene, Vector
 from cltrace.scene.colors import Transfer
 
@@ -46,14 +46,19 @@ class Composition:
     @property
     def written(self) -> tuple[str, ...]:
         """What the kernel is asked for. It knows linear bytes only, so others are made of its colours."""
-        curved = self.transfer != "linear" and not {"rgb8", "rgba8"}.isdisjoint(self.outputs)
-        return (*self.outputs, "color") if curved and not isinstance(self.outputs, str) else self.outputs
+        curved = self.transfer != "linear" and not {"rgb8", "rgba8", "error"}.isdisjoint(self.outputs)
+        straight = self.alpha < 1 and "color" in self.outputs
+        if isinstance(self.outputs, str):
+            return self.outputs
+        return (*self.outputs, *(("color",) if curved else ()), *(("alpha",) if straight else ()))
 
     def composed(self, written: Mapping[str, NDArray[Any]]) -> Arrays:
         """The arrays of an image. written: those of the kernel, by the names of abi.OUTPUTS."""
         if self.transfer != "linear" and "rgb8" in written:
             written = {**written, "rgb8": srgb_bytes(written["color"], self.truncate)}
         found = {name: array for name, array in written.items() if name in self.outputs}
+        if self.transfer != "linear" and "error" in found:
+            found["error"] = srgb_error(written["color"], written["error"])
         if "coverage" in written:
             return found | self._of_means(written)
         if "alpha" in self.outputs:
@@ -70,21 +75,22 @@ class Composition:
         background's alpha a, it is (k S + (1 - k) a B) / alpha, and alpha is k + (1 - k) a.
         """
         found: Arrays = {}
-        rest = 1 - written["coverage"]
-        alpha = 1 - rest * np.float32(1 - self.alpha)
+        rest = (1 - written["coverage"]) * np.float32(1 - self.alpha)
+        alpha = 1 - rest
         if "alpha" in self.outputs:
             found["alpha"] = alpha
-        if "rgba8" not in self.outputs:
+        if "color" not in written:
             return found
-        behind = np.minimum(np.array(self.background, np.float32), 1)
-        missing = (rest * np.float32(1 - self.alpha))[..., None] * behind
-        seen = (written["color"] - missing) / np.maximum(alpha, np.float32(2.0**-24))[..., None]
-        straight: NDArray[np.float32] = np.clip(np.where(alpha[..., None] > 0, seen, behind), 0, 1).astype(np.float32)
-        level = (alpha * 255 + (0.0 if self.truncate else 0.5)).astype(np.uint8)
-        rgb8 = self._bytes(straight)
-        found["rgba8"] = joined(rgb8, level)
+        color = written["color"]
         if self.alpha < 1:
-            found |= {name: a for name, a in (("rgb8", rgb8), ("color", straight)) if name in self.outputs}
+            behind = np.minimum(np.array(self.background, np.float32), 1)
+            seen = (color - rest[..., None] * behind) / np.maximum(alpha, np.float32(2.0**-24))[..., None]
+            color = np.clip(np.where(alpha[..., None] > 0, seen, behind), 0, 1, dtype=np.float32)
+            found |= {"color": color} if "color" in self.outputs else {}
+        if "rgba8" in self.outputs:
+            level = (alpha * 255 + (0.0 if self.truncate else 0.5)).astype(np.uint8)
+            rgb8 = written["rgb8"] if self.alpha == 1 and "rgb8" in written else self._bytes(color)
+            found |= {"rgba8": joined(rgb8, level)} | ({"rgb8": rgb8} if "rgb8" in self.outputs else {})
         return found
 
     def _bytes(self, color: NDArray[np.float32]) -> NDArray[np.uint8]:

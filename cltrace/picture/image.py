@@ -55,7 +55,7 @@ class Image:
         id           (h, w) int32       number of the surface in the scene; -1 where nothing was hit
         primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
-        error        (h, w) float32     what the mean colour is off by at most, in linear levels of 255: see below
+        error        (h, w) float32     what the mean colour is off by at most, in levels of 255: see below
         coverage     (h, w) float32     the share of the pixel that surfaces cover: see below
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
         work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
@@ -70,9 +70,10 @@ class Image:
 
     error and coverage are there only with antialias. rgb8, color, rgba8 and alpha are then means over the pixel's
     square, in which each colour counts up to 1, and no channel of color is further from the true mean than error / 255;
-    a byte is rounded besides. Of mirrors, glass and textures, and in scenes with meshes, ellipsoids or an orthographic
-    camera, there is no proof yet, and `error` is an estimate. The other outputs are those of the ray through the
-    pixel's middle.
+    a byte is rounded besides. Where bytes are sRGB, error is about colours by that curve, times 255; and it is always
+    about those in front of an opaque background. Of mirrors, glass and textures, and in scenes with meshes, ellipsoids
+    or an orthographic camera, there is no proof yet, and `error` is an estimate. The other outputs are those of the ray
+    through the pixel's middle.
 
     shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.

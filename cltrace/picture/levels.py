@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.blocks import blockwise
-from cltrace.scene.colors import decoded
+from cltrace.scene.colors import decoded, encoded
 
 # A float's bits without the last 15 rise with it, and say in which of these buckets it is: from 2^-13 to 1, where the
 # curve has no two levels in one.
@@ -32,6 +32,24 @@ def srgb_bytes(color: NDArray[np.float32], truncate: bool) -> NDArray[np.uint8]:
 
     blockwise(len(color), convert, max(1, 2**18 // max(1, color[:1].size)))
     return levels
+
+
+def srgb_error(color: NDArray[np.float32], error: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w): what sRGB colours are off by at most, in levels of 255, if no channel of linear ones (h, w, 3) is off by
+    more than `error` levels (h, w).
+
+    The curve rises, so what is farthest off is an end of what the linear colour may be.
+    """
+    off = np.empty(error.shape, np.float32)
+
+    def convert(rows: slice) -> None:
+        c, e = color[rows].astype(np.float64), error[rows].astype(np.float64)[..., None] / 255
+        low, mean, high = (encoded(np.clip(x, 0, 1), "srgb") for x in (c - e, c, c + e))
+        most = 255 * np.maximum(mean - low, high - mean).max(axis=-1)
+        off[rows] = np.nextafter(most.astype(np.float32), np.float32(np.inf))
+
+    blockwise(len(color), convert, max(1, 2**16 // max(1, color[:1].size)))
+    return off
 
 
 @functools.cache

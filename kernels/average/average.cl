@@ -126,6 +126,12 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
         out->e[k] = mixed ? (FLOAT)0.5f * (high - low) : tints[0].e[k];
         known = known & (out->e[k] < 1);
     }
+#ifdef OUT_COVERAGE
+    /* What is cut out by its coverage may be laid on any colour, so the coverage is to be as near as a colour. */
+    const FLOAT off = mixed & (view.cover < 0) & (!view.of_front.covers) ? 0.5f * (share.most - share.least) : (FLOAT)0;
+    out->e[0] = off > out->e[0] ? off : out->e[0];
+    known = known & (off < 1);
+#endif
     return known;
 }
 
@@ -159,6 +165,13 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
         const FLOAT below = TO_FLOAT(means->color[k]), above = peak[k] - below, far = below > above ? below : above;
         most = far > most ? far : most;
     }
+#ifdef OUT_COVERAGE
+#ifdef WITH_SHAPES
+    most = 1 > most ? (FLOAT)1 : most;
+#else
+    most = (view.cover < 0) & (1 > most) ? (FLOAT)1 : most;
+#endif
+#endif
     means->error = estimated | open ? most * 255.0f + 0x1p-12f : means->error;
 }
 
@@ -190,6 +203,9 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
                 continue;
             }
             for (int k = 0; k < 3; k++) most = fmax(most, fabs(group->color[k][cell] - group->color[k][4 * row + column]));
+#ifdef OUT_COVERAGE
+            most = fmax(most, fabs(group->coverage[cell] - group->coverage[4 * row + column]));
+#endif
         }
         group->error[cell] = most * 127.5f;
     }
