@@ -42,6 +42,8 @@ STRIP = 2**22
 # A launch takes about so many seconds at most, so that Ctrl-C is heard. A first one, which may turn out to be slow, has
 # so many rows; where a pixel may take many rays, a quarter of them.
 PATIENCE, FIRST_ROWS = 0.25, 64
+# The flags of kernels by which a pixel may take long.
+SLOW = frozenset(("WITH_SPLITS", "WITH_AVERAGE"))
 # What is noted where no pixel is overgrown: later than any.
 NOTHING = np.iinfo(np.int32).max
 
@@ -83,7 +85,7 @@ class Executor:
         self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
         self.room = object()
-        self._rows = FIRST_ROWS // 4 if "WITH_SPLITS" in plan.features else FIRST_ROWS
+        self._rows = FIRST_ROWS // 4 if SLOW.intersection(plan.features) else FIRST_ROWS
         self._move_to(plan.region)
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._context: Any = context_of(device.cl)
