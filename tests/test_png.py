@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -44,6 +45,21 @@ def test_sixteen_bits() -> None:
     grey = written(pixels[..., 0])
     with Picture.open(io.BytesIO(grey)) as picture:
         assert np.array_equal(np.asarray(picture), pixels[..., 0])
+
+
+def test_rows_may_come_in_any_pieces() -> None:
+    """More than a chunk of compressed bytes, in pieces of one row, of blocks and of more than that."""
+    pixels = np.random.default_rng(4).integers(0, 256, (900, 700, 3), np.uint8)
+    whole, cuts = written(pixels), [0, 1, 2, 250, 251, 899, 900]
+    file = io.BytesIO()
+    rows = png.Rows(file, pixels.shape, pixels.dtype)
+    for begin, end in pairwise(cuts):
+        rows.add(pixels[begin:end])
+    rows.close()
+    assert file.getvalue() == whole
+    assert whole.count(b"IDAT") > 1
+    with Picture.open(file) as picture:
+        assert np.array_equal(np.asarray(picture), pixels)
 
 
 def test_text() -> None:

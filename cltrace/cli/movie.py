@@ -16,7 +16,7 @@ from cltrace.cli.source import scene_of
 from cltrace.cli.target import check_target
 from cltrace.console import tell
 from cltrace.errors import SceneError, UsageError
-from cltrace.movie.animate import FPS, Target
+from cltrace.movie.animate import FPS, Target, marks_of, pictures
 from cltrace.movie.frames import Frame, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image, Output
@@ -178,13 +178,19 @@ class _Work:
     def _write(self, target: Target, frames: Iterator[Frame], count: int) -> list[str]:
         show, camera_axes = self.args.show, self.args.space == "camera"
 
-        def pixels(image: Image, scene: Scene) -> Any:
+        def shown(image: Image, scene: Scene) -> Any:
             if show == "color":
                 return np.asarray(image)
             return image.as_rgb8(show, scene.camera.basis() if camera_axes else None)
 
-        progress = False if self.args.quiet else None
-        return target.write(frames, self.device, self.options, pixels, (show, self.args.space), progress, count)
+        return target.write(
+            frames,
+            lambda todo: pictures(todo, self.device, self.options, shown),
+            marks_of(self.device, self.options, (show, self.args.space)),
+            self.args.crop,
+            False if self.args.quiet else None,
+            count,
+        )
 
     def _tell(self, target: Target, names: list[str]) -> None:
         if not names:

@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cltrace.movie.encoders import Apng, Drawn, Encoder, Gif, PngFiles, Writer
 from cltrace.movie.fingerprint import Fingerprints, shows
 from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image
+from cltrace.plan.request import Crop
 from cltrace.progress import bar
 from cltrace.renderer import Renderer, default_precision
 from cltrace.run.devices import Device, choose
@@ -48,6 +50,28 @@ def images(frames: Iterable[Frame], first: Callable[[Scene], Renderer]) -> Gener
             frame = next(iterator, None)
             job = pool.submit(prepared, frame, renderer) if frame else None
             yield drawn, renderer.render(progress=False)
+
+
+def pictures(
+    frames: Iterable[Frame],
+    device: Device,
+    options: Mapping[str, Any],
+    pixels: Callable[[Image, Scene], NDArray[np.uint8]] = lambda image, scene: np.asarray(image),
+) -> Generator[tuple[Frame, NDArray[np.uint8]], None, None]:
+    """Each frame with what of its Image is shown. options: the Renderer's."""
+    with closing(images(frames, lambda scene: Renderer(scene, device, **options))) as drawn:
+        for frame, image in drawn:
+            yield frame, pixels(image, frame.scene)
+
+
+def marks_of(device: Device, options: Mapping[str, Any], look: object = "") -> Fingerprints:
+    """Fingerprints of pictures. options: the Renderer's; look: what else tells what is shown from others.
+
+    In single, the device decides some bits.
+    """
+    precision = options.get("precision") or default_precision(device)
+    bits = {"precision": precision, "device": device.name if precision == "single" else ""}
+    return Fingerprints({**options, **bits, "look": look})
 
 
 @overload
@@ -116,7 +140,14 @@ def animate(
     if not folder.is_dir():
         raise FileNotFoundError(f"output: there is no folder {str(folder)!r}; mkdir() of a Path makes one")
     device = device if isinstance(device, Device) else choose(device)
-    return target.write(frames_of(frames, scene), device, options, progress=progress, total=_length(frames))
+    return target.write(
+        frames_of(frames, scene),
+        lambda todo: pictures(todo, device, options),
+        marks_of(device, options),
+        options.get("crop"),
+        progress,
+        _length(frames),
+    )
 
 
 def _images(
@@ -151,16 +182,16 @@ class Target:
     def write(
         self,
         frames: Iterable[Frame],
-        device: Device,
-        options: Mapping[str, Any],
-        pixels: Callable[[Image, Scene], Any] = lambda image, scene: np.asarray(image),
-        look: object = "",
+        draw: Callable[[Iterator[Frame]], Generator[tuple[Frame, NDArray[np.uint8]], None, None]],
+        marks: Fingerprints,
+        crop: Crop | None = None,
         progress: bool | None = None,
         total: int | None = None,
     ) -> list[str]:
-        """Draws the frames and writes them. Returns the names of the files, those that were kept among them.
+        """Has the frames drawn and writes them. Returns the names of the files, those that were kept among them.
 
-        options: the Renderer's; pixels: what of an Image is shown, and look: what tells that from others.
+        draw: turns frames into pixels (h, w, 3) or (h, w, 4), in the same order; marks: of scenes and options; crop: as
+        Renderer has it; progress, total: of bar().
         """
         names: list[str] = []
         numbered = self.pattern.suffix not in MOVIES
@@ -175,20 +206,15 @@ class Target:
                     else:
                         yield frame
 
-            marks = Fingerprints({**options, **_bits(device, options), "look": look})
             todo = wanted()
             first = next(todo, None)
             if first is None:
                 return names
-            size = _size(first.scene, options)
-            todo = chain([first], todo if numbered else _alike(todo, size, options))
-            with (
-                Writer(self._encoder(size)) as writer,
-                closing(images(todo, lambda scene: Renderer(scene, device, **options))) as drawn,
-            ):
-                for frame, image in drawn:
-                    mark = marks.of(frame.scene) if numbered else ""
-                    writer.add(Drawn(frame.number, pixels(image, frame.scene), mark))
+            size = _size(first.scene, crop)
+            todo = chain([first], todo if numbered else _alike(todo, size, crop))
+            with Writer(self._encoder(size)) as writer, closing(draw(todo)) as drawn:
+                for frame, pixels in drawn:
+                    writer.add(Drawn(frame.number, pixels, marks.of(frame.scene) if numbered else ""))
                     shown.update()
         return names if numbered else names[:1]
 
@@ -204,26 +230,17 @@ class Target:
         return (Gif if self.pattern.suffix == ".gif" else Apng)(path, self.fps)
 
 
-def _size(scene: Scene, options: Mapping[str, Any]) -> tuple[int, int]:
+def _size(scene: Scene, crop: Crop | None) -> tuple[int, int]:
     """(width, height) of a scene's picture, in pixels."""
-    if options.get("crop") is None:
-        return scene.camera.resolution
-    x0, y0, x1, y1 = options["crop"]
-    return x1 - x0, y1 - y0
+    return scene.camera.resolution if crop is None else (crop[2] - crop[0], crop[3] - crop[1])
 
 
-def _alike(frames: Iterable[Frame], size: tuple[int, int], options: Mapping[str, Any]) -> Iterator[Frame]:
+def _alike(frames: Iterable[Frame], size: tuple[int, int], crop: Crop | None) -> Iterator[Frame]:
     """The frames. Raises ValueError for one that is of another size."""
     for frame in frames:
-        if _size(frame.scene, options) != size:
-            found = _size(frame.scene, options)
+        found = _size(frame.scene, crop)
+        if found != size:
             raise ValueError(
                 f"frames[{frame.number}]: must be {size} pixels, as the first one of the movie, got {found}"
             )
         yield frame
-
-
-def _bits(device: Device, options: Mapping[str, Any]) -> dict[str, str]:
-    """What decides the bits of a picture: the precision, and where that is single, the device, too."""
-    precision = options.get("precision") or default_precision(device)
-    return {"precision": precision, "device": device.name if precision == "single" else ""}

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from fractions import Fraction
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 KINDS = {1: 0, 3: 2, 4: 6}  # the format's number for grey, RGB and RGBA, by channels
 UP = 2  # the format's number for the filter that subtracts the row above
 # So many bytes are filtered at a time, which stay in a processor's cache.
 BLOCK = 2**19
+# So many compressed bytes are in a chunk of the file.
+CHUNK = 2**20
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -30,26 +33,68 @@ def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None
     pixels: (h, w), (h, w, 3) or (h, w, 4) of uint8 or uint16; the fourth is alpha, not multiplied. text: Latin-1, by
     names of at most 79 letters, which say something of the picture.
     """
-    file.write(SIGNATURE + _header(pixels))
-    for name, value in (text or {}).items():
-        file.write(_chunk(b"tEXt", name.encode("latin-1") + b"\0" + value.encode("latin-1")))
-    file.write(_chunk(b"IDAT", packed(pixels)) + _chunk(b"IEND"))
+    rows = Rows(file, pixels.shape, pixels.dtype, text)
+    rows.add(pixels)
+    rows.close()
+
+
+class Rows:
+    """A PNG that is written rows by rows, from the top. How they are cut does not change a byte of the file.
+
+    shape, dtype, text: of the whole, see write_png(). close() ends it.
+    """
+
+    def __init__(
+        self, file: BinaryIO, shape: tuple[int, ...], dtype: DTypeLike, text: dict[str, str] | None = None
+    ) -> None:
+        self._file, self._packer, self._ready = file, _Packer(), bytearray()
+        file.write(SIGNATURE + _header(shape, np.dtype(dtype)))
+        for name, value in (text or {}).items():
+            file.write(_chunk(b"tEXt", name.encode("latin-1") + b"\0" + value.encode("latin-1")))
+
+    def add(self, pixels: Pixels) -> None:
+        """Some rows, with the shape of the whole but for their number."""
+        for part in self._packer.add(pixels):
+            self._ready += part
+            while len(self._ready) >= CHUNK:
+                self._file.write(_chunk(b"IDAT", bytes(self._ready[:CHUNK])))
+                del self._ready[:CHUNK]
+
+    def close(self) -> None:
+        self._ready += self._packer.end()
+        self._file.write(_chunk(b"IDAT", bytes(self._ready)) + _chunk(b"IEND"))
+
+
+class _Packer:
+    """Rows, each less the one above it, compressed: what is in a PNG's IDAT."""
+
+    def __init__(self) -> None:
+        self._compress = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
+        self._above: NDArray[np.uint8] | None = None
+
+    def add(self, pixels: Pixels) -> Iterator[bytes]:
+        big = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">"))
+        rows = big.view(np.uint8).reshape(len(pixels), -1)
+        above = np.zeros_like(rows[:1]) if self._above is None else self._above
+        step = max(1, BLOCK // rows.shape[1])
+        for i in range(0, len(rows), step):
+            block = rows[i : i + step]
+            filtered = np.empty((len(block), 1 + rows.shape[1]), np.uint8)
+            filtered[:, 0] = UP
+            np.subtract(block[:1], above, out=filtered[:1, 1:])
+            np.subtract(block[1:], block[:-1], out=filtered[1:, 1:])
+            above = block[-1:]
+            yield self._compress.compress(filtered.data)
+        self._above = above.copy()
+
+    def end(self) -> bytes:
+        return self._compress.flush()
 
 
 def packed(pixels: Pixels) -> bytes:
-    """The rows, each less the one above it, compressed: what is in a PNG's IDAT."""
-    big = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">"))
-    rows = big.view(np.uint8).reshape(len(pixels), -1)
-    compress = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
-    parts, step = [], max(1, BLOCK // rows.shape[1])
-    for i in range(0, len(rows), step):
-        block = rows[i : i + step]
-        filtered = np.empty((len(block), 1 + rows.shape[1]), np.uint8)
-        filtered[:, 0] = UP
-        above = rows[i - 1 : i + len(block) - 1] if i else np.concatenate([np.zeros_like(rows[:1]), block[:-1]])
-        np.subtract(block, above, out=filtered[:, 1:])
-        parts.append(compress.compress(filtered.data))
-    return b"".join([*parts, compress.flush()])
+    """What is in the IDAT of a PNG, in one piece."""
+    packer = _Packer()
+    return b"".join([*packer.add(pixels), packer.end()])
 
 
 def text_of(file: BinaryIO, name: str) -> str | None:
@@ -85,7 +130,7 @@ class Animation:
         """Adds a frame, all of the same shape. compressed: packed(pixels), if that is there already."""
         height, width = pixels.shape[:2]
         if not self._count:
-            self._file.write(SIGNATURE + _header(pixels))
+            self._file.write(SIGNATURE + _header(pixels.shape, pixels.dtype))
             self._place = self._file.tell()
             self._file.write(_control(0))
         place = struct.pack(">IIIIIHHBB", self._next(), width, height, 0, 0, *self._delay, 0, 0)
@@ -119,10 +164,9 @@ def _delay(fps: float) -> tuple[int, int]:
     return (seconds.numerator, seconds.denominator) if seconds.numerator <= 65535 else (round(seconds), 1)
 
 
-def _header(pixels: Pixels) -> bytes:
-    height, width = pixels.shape[:2]
-    kind = KINDS[pixels.shape[2] if pixels.ndim == 3 else 1]
-    return _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * pixels.dtype.itemsize, kind, 0, 0, 0))
+def _header(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
+    kind = KINDS[shape[2] if len(shape) == 3 else 1]
+    return _chunk(b"IHDR", struct.pack(">IIBBBBB", shape[1], shape[0], 8 * dtype.itemsize, kind, 0, 0, 0))
 
 
 def _chunk(kind: bytes, data: bytes = b"") -> bytes:
