@@ -125,6 +125,19 @@ class Renderer:
         other._follow(scene, start)
         return other
 
+    def cropped(self, crop: Crop | None) -> Renderer:
+        """Another part of the same picture, as another Renderer; the world and the program are kept.
+
+        Raises ValueError if the crop is not within the picture, and else what Renderer raises.
+        """
+        check_process()
+        start = time.perf_counter()
+        with self._lock:
+            other = copy(self)
+        other.request, other._maker = replace(self.request, crop=crop), None
+        other._see(self.scene, start, self._executor)
+        return other
+
     def update(
         self,
         centers: ArrayLike | None = None,

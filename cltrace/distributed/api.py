@@ -1,0 +1,170 @@
+"""What a user calls: one picture in tiles, and the frames of a movie."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from contextlib import closing
+from copy import copy
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from distributed import Client
+from numpy.typing import NDArray
+
+from cltrace.distributed.farm import Farm, Task
+from cltrace.movie.animate import FPS, Target
+from cltrace.movie.fingerprint import Fingerprints
+from cltrace.movie.frames import Frame, frames_of
+from cltrace.movie.names import pattern_of
+from cltrace.picture.files import whole_file
+from cltrace.picture.image import Image
+from cltrace.picture.png import Rows
+from cltrace.plan.request import Crop, Request
+from cltrace.progress import bar
+from cltrace.scene import Camera, Scene
+
+Pixels = NDArray[np.uint8]
+# Tiles for each worker: enough that none waits long for the last one, and few, as each is packed anew.
+TILES = 4
+
+
+def render(
+    scene: Scene,
+    client: Client,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    tiles: int | None = None,
+    device: str | None = None,
+    crop: Crop | None = None,
+    progress: bool | None = None,
+    shown: Callable[[Image], Pixels] = np.asarray,
+    **options: Any,
+) -> Image | str:
+    """One picture, drawn by the workers of a dask cluster in tiles, which are rows of the whole width.
+
+    client: a distributed.Client; output: a PNG, which is assembled on disk, so that it may be larger than the memory
+    here; None for an Image. tiles: how many there are, None for 4 for each worker; device: as --device has it, on each
+    worker, None for what its PYOPENCL_CTX says, or its fastest CPU driver; shown: what of an Image the PNG shows. The
+    other arguments are those of Renderer. Returns the Image, or the name of the file.
+
+    The bytes are those of cltrace.render(), in accurate and double on any mixture of drivers. Raises FarmError if the
+    cluster has no device, a tile fails three times, or the scheduler goes, and else what Renderer raises. A file is
+    there as a whole or not at all.
+    """
+    options.setdefault("outputs", ("rgb8",))
+    region = Request(crop=crop).region_of(scene.camera.resolution)
+    if tiles is not None and (isinstance(tiles, bool) or not isinstance(tiles, int) or tiles < 1):
+        raise ValueError(f"tiles: must be a whole number >= 1, got {tiles!r}")
+    if output is not None and Path(output).suffix.lower() != ".png":
+        raise ValueError(f"output: must end in .png, got {os.fspath(output)!r}")
+    with Farm(client, device, options) as farm:
+        parts = _tiles(region, tiles or TILES * len(farm.devices))
+        tasks = [Task(f"rows {y0} to {y1 - 1}", scene, (x0, y0, x1, y1)) for x0, y0, x1, y1 in parts]
+        with closing(farm.drawn(tasks)) as drawn, bar(len(tasks), "tile", progress) as shown_bar:
+            images = (_counted(image, shown_bar) for _, image in drawn)
+            if output is None:
+                return _joined(images, region[2:])
+            with whole_file(Path(output)) as file:
+                _write(images, shown, file, region[2:])
+    return os.fspath(output)
+
+
+def animate(
+    frames: Iterable[Scene | Camera | Mapping[str, Any]],
+    client: Client,
+    output: str | os.PathLike[str],
+    *,
+    scene: Scene | None = None,
+    device: str | None = None,
+    fps: float = FPS,
+    skip_existing: bool = False,
+    progress: bool | None = None,
+    **options: Any,
+) -> list[str]:
+    """Draws the frames of a movie on the workers of a dask cluster, and writes them here, in order.
+
+    client, device: see render(); the other arguments, what is returned, and the files are those of cltrace.animate().
+    A scene is sent to the workers once, however many cameras look at it. Raises what render() raises; frames that are
+    written by then are whole, and skip_existing continues.
+    """
+    try:
+        pattern = pattern_of(os.fspath(output), "frame", frames=True)
+    except ValueError as error:
+        raise ValueError(f"output: {error}") from None
+    target = Target(pattern, fps, skip_existing)
+    total = len(frames) if isinstance(frames, Sized) else None
+    with Farm(client, device, options) as farm:
+        todo = frames_of(frames, scene)
+        crop = options.get("crop")
+        return target.write(todo, lambda left: pictures(farm, left), marks(farm), crop, progress, total)
+
+
+def pictures(
+    farm: Farm,
+    frames: Iterable[Frame],
+    shown: Callable[[Image, Scene], Pixels] = lambda image, scene: np.asarray(image),
+) -> Generator[tuple[Frame, Pixels], None, None]:
+    """Each frame with what of its Image is shown."""
+    crop = farm.options.pop("crop", None)
+    known: dict[str, Frame] = {}
+
+    def tasks() -> Iterator[Task]:
+        for frame in frames:
+            task = Task(f"frame {frame.number}", frame.scene, crop)
+            known[task.label] = frame
+            yield task
+
+    with closing(farm.drawn(tasks())) as drawn:
+        for task, image in drawn:
+            frame = known.pop(task.label)
+            yield frame, shown(image, frame.scene)
+
+
+def marks(farm: Farm, look: object = "") -> Fingerprints:
+    """Fingerprints of the pictures, which are those of one process."""
+    device = " ".join(sorted(set(farm.devices.values()))) if farm.options["precision"] == "single" else ""
+    return Fingerprints({**farm.options, "device": device, "look": look})
+
+
+def _tiles(region: tuple[int, int, int, int], count: int) -> list[Crop]:
+    """Rows of a region, as crops of about the same height, from the top."""
+    x, y, width, height = region
+    edges = [y + height * k // count for k in range(count + 1)]
+    return [(x, a, x + width, b) for a, b in pairwise(edges) if b > a]
+
+
+def _counted(image: Image, shown: Any) -> Image:
+    shown.update()
+    return image
+
+
+def _joined(images: Iterator[Image], size: tuple[int, int]) -> Image:
+    """The whole Image, of (width, height) pixels."""
+    whole, row = None, 0
+    for image in images:
+        if whole is None:
+            whole = copy(image)
+            for name in image.outputs:
+                part = getattr(image, name)
+                setattr(whole, name, np.empty((size[1], *part.shape[1:]), part.dtype))
+        for name in image.outputs:
+            part = getattr(image, name)
+            getattr(whole, name)[row : row + len(part)] = part
+        row += len(part)
+    assert whole
+    return whole
+
+
+def _write(images: Iterator[Image], shown: Callable[[Image], Pixels], file: Any, size: tuple[int, int]) -> None:
+    """A PNG of the tiles, of which few are in memory at a time."""
+    rows: Rows | None = None
+    for image in images:
+        pixels = shown(image)
+        if rows is None:
+            rows = Rows(file, (size[1], *pixels.shape[1:]), pixels.dtype)
+        rows.add(pixels)
+    assert rows
+    rows.close()

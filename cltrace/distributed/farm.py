@@ -1,0 +1,168 @@
+"""Hands out work to a dask cluster, and takes the results in again in order; few are on their way at a time."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter, deque
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from distributed import Client
+
+from cltrace.distributed.workers import RESOURCE, OneDevice, WorkerError, devices_here, draw
+from cltrace.errors import DeviceError
+from cltrace.picture.image import Image
+from cltrace.plan.request import Crop
+from cltrace.scene import Camera, Scene
+
+# Seconds after which it is looked whether the scheduler is still there.
+PATIENCE = 2.0
+# Tasks that a worker has beside the one that it does, so that it never waits for the client.
+AHEAD = 1
+
+
+class FarmError(DeviceError):
+    """A cluster has no worker with a device, or has gone, or a task has failed on it again and again."""
+
+
+class Task(NamedTuple):
+    """A picture, or a part of one: what it is called in messages, the scene, and the part, None for all of it."""
+
+    label: str
+    scene: Scene
+    crop: Crop | None = None
+
+
+class _Base(NamedTuple):
+    """A scene that is on the workers."""
+
+    scene: Scene
+    future: Any
+
+
+class Farm:
+    """A cluster that draws. client: of the cluster; device: as --device has it, on each worker, None for what the
+    worker's environment names, or its fastest CPU driver; options: the Renderer's, but for crop.
+
+    For use in a `with` block, at whose end what is not done is cancelled. Raises FarmError if no worker has a device.
+    """
+
+    def __init__(self, client: Client, device: str | None, options: Mapping[str, Any], retries: int = 2) -> None:
+        self._client: Any = client
+        self._options, self._retries = dict(options), retries
+        self._pending: deque[tuple[Task, Any]] = deque()
+        self._base: _Base | None = None
+        with self._gone():
+            client.wait_for_workers(1, timeout=60)
+            hosts = Counter(address.rpartition(":")[0] for address in self._workers())
+            client.register_plugin(OneDevice(device, hosts))
+            found = client.run(devices_here)
+        self.devices = {address: name for address, (_, name, _) in found.items() if name}
+        if not self.devices:
+            where = ", ".join(sorted({host for host, _, _ in found.values()}))
+            raise FarmError(f"no worker has an OpenCL device ({where}); `cltrace --doctor` there says why")
+        doubles = {double for _, name, double in found.values() if name}
+        if self._options.get("precision") is None:
+            # The same on all of them.
+            self._options["precision"] = "accurate" if doubles == {True} else "single"
+        self.lacking = sorted(address for address, (_, name, _) in found.items() if not name)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The Renderer's, with the precision that all workers have."""
+        return self._options
+
+    def __enter__(self) -> Farm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with contextlib.suppress(Exception):
+            self._client.cancel([future for _, future in self._pending], force=True)
+        self._pending.clear()
+        self._base = None
+
+    def drawn(self, tasks: Iterable[Task]) -> Generator[tuple[Task, Image], None, None]:
+        """The Image of each task, in their order. Raises FarmError for one that fails or whose workers die."""
+        iterator, more = iter(tasks), True
+        while more or self._pending:
+            while more and len(self._pending) < (1 + AHEAD) * max(1, len(self._workers())):
+                task = next(iterator, None)
+                more = task is not None
+                if task:
+                    self._pending.append((task, self._handed_out(task)))
+            if self._pending:
+                task, future = self._pending.popleft()
+                image = self._result(task, future)
+                future.release()
+                yield task, image
+
+    def _workers(self) -> list[str]:
+        return list(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def _handed_out(self, task: Task) -> Any:
+        """A future of the task's Image. A scene is sent once, however many cameras look at it."""
+        camera: Camera | None = task.scene.camera
+        with self._gone():
+            if self._base is None or not _differ_in_cameras(self._base.scene, task.scene):
+                self._base = _Base(task.scene, self._client.scatter(task.scene, hash=False))
+            base = self._base
+            return self._client.submit(
+                draw,
+                base.future.key,
+                base.future,
+                camera,
+                self._options,
+                task.crop,
+                pure=False,
+                retries=self._retries,
+                resources={RESOURCE: 1},
+            )
+
+    def _result(self, task: Task, future: Any) -> Image:
+        from distributed.scheduler import KilledWorker
+
+        try:
+            with self._gone():
+                while True:
+                    try:
+                        image: Image = future.result(timeout=PATIENCE)
+                        return image
+                    except TimeoutError:
+                        if self._client.status != "running":
+                            raise OSError("no answer") from None
+        except KilledWorker as error:
+            words = self._last_words()
+            last = f"; the last words there: {words}" if words else ""
+            died = f"{error.allowed_failures + 1} workers have died over it, at last {error.last_worker}"
+            raise FarmError(f"{task.label}: {died}{last}") from None
+        except WorkerError as error:
+            raise FarmError(f"{task.label}: {error}") from None
+
+    def _last_words(self) -> str:
+        """What the nannies say of workers that have died."""
+        with contextlib.suppress(Exception):
+            logs = self._client.get_worker_logs(n=20, nanny=True)
+            lines = [message for log in logs.values() for _, message in log]
+            dead = [line for line in lines if "died" in line or "killed" in line or "exit" in line.lower()]
+            return str(dead[-1]) if dead else ""
+        return ""
+
+    @contextlib.contextmanager
+    def _gone(self) -> Iterator[None]:
+        """Makes FarmErrors of what happens when the scheduler has gone."""
+        from concurrent.futures import CancelledError
+
+        from distributed import CancelledError as Cancelled
+        from distributed.comm.core import CommClosedError
+
+        try:
+            yield
+        except (CancelledError, Cancelled, CommClosedError, OSError, TimeoutError) as error:
+            raise FarmError(f"the cluster has gone, or has no workers: {error or type(error).__name__}") from None
+
+
+def _differ_in_cameras(old: Scene, new: Scene) -> bool:
+    """Whether two scenes share all but the camera."""
+    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "spheres", "materials"}
+    return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))

@@ -1,0 +1,93 @@
+"""What runs in a worker: it starts OpenCL there, and keeps a Renderer from task to task."""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from distributed import Worker, WorkerPlugin
+
+from cltrace.blocks import processors
+from cltrace.errors import CltraceError
+from cltrace.picture.image import Image
+from cltrace.plan.request import Crop
+from cltrace.renderer import Renderer
+from cltrace.run.devices import Device, choose
+from cltrace.scene import Camera, Scene
+
+# A worker has one of these if it has a device, and a task takes it: so one draws at a time, whatever threads it has.
+RESOURCE = "cltrace"
+# How PoCL of several ages, and Intel's driver, are told how many threads they may have.
+THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "DPCPP_CPU_NUM_CUS")
+
+
+class WorkerError(Exception):
+    """What went wrong in a worker, and where."""
+
+
+log = logging.getLogger("distributed.worker")
+
+_device: list[Device] = []
+_kept: dict[str, Renderer] = {}  # one Renderer at most, by what it was made for
+
+
+class OneDevice(WorkerPlugin):
+    """Chooses a worker's device, with as many threads as it is to have, and says to the scheduler that there is one.
+
+    spec: as --device has it, None for the worker's environment or its fastest CPU driver; share: on how many workers of
+    each host, by its address, the processors are shared out.
+    """
+
+    name = "cltrace"
+
+    def __init__(self, spec: str | None, share: Mapping[str, int]) -> None:
+        self.spec, self.share = spec, dict(share)
+
+    async def setup(self, worker: Worker) -> None:
+        """A worker without a device says so in its log, and gets no task."""
+        host = worker.address.rpartition(":")[0]
+        threads = max(1, processors() // self.share.get(host, 1))
+        for name in THREADS:
+            os.environ.setdefault(name, str(threads))
+        try:
+            _device[:] = [choose(self.spec)]
+        except CltraceError as error:
+            log.error("cltrace: no device here: %s", str(error).splitlines()[0])
+            return
+        await worker.set_resources(**{RESOURCE: 1})
+
+
+def devices_here() -> tuple[str, str, bool]:
+    """The host, and the device or an empty text, and whether it has doubles. For Client.run()."""
+    device = _device[0] if _device else None
+    return socket.gethostname(), device.name if device else "", bool(device and device.has_double)
+
+
+def draw(key: str, base: Scene, camera: Camera | None, options: Mapping[str, Any], crop: Crop | None) -> Image:
+    """The Image of a scene as the worker's device draws it, or of a crop of it.
+
+    key: of the base, which names what may be kept; camera: that looks at it, None for its own.
+    """
+    scene = base if camera is None else base.seen_by(camera)
+    name = f"{key} {sorted(options.items())!r}"
+    kept = _kept.get(name)
+    _kept.clear()  # before another one takes as much memory
+    try:
+        if kept is None:
+            renderer = Renderer(scene, _device[0], crop=crop, **options)
+        else:
+            renderer = kept if crop == kept.request.crop else kept.cropped(crop)
+            if scene.camera != renderer.scene.camera:
+                renderer = renderer.following(renderer.scene.seen_by(scene.camera))
+        image = renderer.render()
+    except Exception as error:
+        # What a driver raises may not be what another machine can read, and the machine's name helps.
+        raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None
+    _kept[name] = renderer
+    for name in image.outputs:  # without the margin of the buffers that they are in
+        setattr(image, name, np.ascontiguousarray(getattr(image, name)))
+    return image
