@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cltrace.cli.options import LIT, parser
 from cltrace.cli.picture import options_of
@@ -17,6 +19,7 @@ from cltrace.cli.target import check_target
 from cltrace.console import tell
 from cltrace.errors import SceneError, UsageError
 from cltrace.movie.animate import FPS, Target, marks_of, pictures
+from cltrace.movie.fingerprint import Fingerprints
 from cltrace.movie.frames import Frame, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image, Output
@@ -27,21 +30,20 @@ from cltrace.scene import Scene
 ONE_PICTURE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch")
 
 Say = Callable[[str], None]
+Shown = Callable[[Image, Scene], NDArray[np.uint8]]
+Pictures = Generator[tuple[Frame, NDArray[np.uint8]], None, None]
 
 
 def movie(args: argparse.Namespace, say: Say) -> int:
     """Draws all frames of all scenes. Returns 0, or 2 where a scene has a fault; the others are drawn all the same."""
     args = argparse.Namespace(**{**vars(args), "output": _output(args)})
     _check(args)
-    device = choose(args.device)
     outputs: tuple[Output, ...] = ("rgb8",) if args.show == "color" else (args.show,)
-    work = _Work(args, say, device, options_of(args, outputs))
+    work = _Work(args, say, options_of(args, outputs))
     work.check_names()
     try:
-        if args.orbit is None:
-            work.draw_scenes()
-        else:
-            work.draw_orbits()
+        with work.begun():
+            work.draw()
     except ValueError as error:
         raise UsageError(str(error)) from None
     except OSError as error:
@@ -63,6 +65,8 @@ def _check(args: argparse.Namespace) -> None:
     for name in ONE_PICTURE:
         if getattr(args, name) != parser().get_default(name):
             raise UsageError(f"--{name} is for one picture, of one scene")
+    if args.tiles is not None:
+        raise UsageError("--tiles is for one picture, of one scene")
     if args.show == LIT:
         raise UsageError("--show lit is for one picture, of one scene")
     if args.output == "-":
@@ -79,15 +83,64 @@ def _check(args: argparse.Namespace) -> None:
         raise UsageError("--skip-existing goes with PNGs, as a movie is there as a whole or not at all")
 
 
+class _Artist(Protocol):
+    """What draws. how: the precision and the device, for messages."""
+
+    how: str
+
+    def pictures(self, frames: Iterator[Frame], shown: Shown) -> Pictures:
+        """Each frame with what of its Image is shown."""
+
+    def marks(self, look: object) -> Fingerprints:
+        """Fingerprints of the pictures."""
+
+
+class _Here:
+    """This process."""
+
+    def __init__(self, device: Device, options: dict[str, Any]) -> None:
+        self._device, self._options = device, options
+        self.how = f"{options['precision'] or default_precision(device)} precision, on {device.name}"
+
+    def pictures(self, frames: Iterator[Frame], shown: Shown) -> Pictures:
+        return pictures(frames, self._device, self._options, shown)
+
+    def marks(self, look: object) -> Fingerprints:
+        return marks_of(self._device, self._options, look)
+
+
 @dataclass
 class _Work:
     """What is drawn, and what came of it. status: the exit status."""
 
     args: argparse.Namespace
     say: Say
-    device: Device
     options: dict[str, Any]
     status: int = 0
+
+    @contextmanager
+    def begun(self) -> Iterator[None]:
+        """Starts what draws: the device, or a cluster."""
+        if self.args.cluster is None:
+            self.artist: _Artist = _Here(choose(self.args.device), self.options)
+            yield
+            return
+        from cltrace.cli.cluster import client_of
+
+        with client_of(self.args.cluster) as client:
+            from cltrace.distributed.api import FarmArtist
+            from cltrace.distributed.farm import Farm
+
+            with Farm(client, self.args.device, self.options) as farm:
+                self.artist = FarmArtist(farm)
+                yield
+
+    def draw(self) -> None:
+        """Everything that is asked for."""
+        if self.args.orbit is None:
+            self.draw_scenes()
+        else:
+            self.draw_orbits()
 
     def check_names(self) -> None:
         """Raises UsageError where -o makes no sense, or two scenes have the same name."""
@@ -185,8 +238,8 @@ class _Work:
 
         return target.write(
             frames,
-            lambda todo: pictures(todo, self.device, self.options, shown),
-            marks_of(self.device, self.options, (show, self.args.space)),
+            lambda todo: self.artist.pictures(todo, shown),
+            self.artist.marks((show, self.args.space)),
             self.args.crop,
             False if self.args.quiet else None,
             count,
@@ -195,10 +248,9 @@ class _Work:
     def _tell(self, target: Target, names: list[str]) -> None:
         if not names:
             return
-        precision = self.options["precision"] or default_precision(self.device)
         which = names[0] if len(names) == 1 else f"{len(names) - target.kept} pictures, {names[0]} to {names[-1]}"
         kept = f", {target.kept} were there," if target.kept else ","
-        self.say(f"cltrace: wrote {which}{kept} {precision} precision, on {self.device.name}")
+        self.say(f"cltrace: wrote {which}{kept} {self.artist.how}")
 
     def _tell_even(self, scene: Scene) -> None:
         """Says what an mp4 does to odd sizes."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from cltrace import __version__
 from cltrace.cli import arguments
-from cltrace.console import Parser, picture_size
+from cltrace.console import Parser, picture_size, positive
 from cltrace.errors import UsageError
 from cltrace.picture.image import SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
@@ -57,6 +57,7 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     _picture(Group(p, "the picture", whole))
     _movie(Group(p, "many pictures", whole))
     _device(Group(p, "the device", whole))
+    _cluster(Group(p, "many machines", whole))
     _checks(Group(p, "checking and measuring", whole))
     _messages(Group(p, "messages", whole))
     return p
@@ -135,6 +136,15 @@ def _device(group: Group) -> None:
     )
     group.usual("--list-devices", action="store_true", help="list the devices and stop")
     group.usual("--doctor", action="store_true", help="check the installation and each device, and stop")
+
+
+def _cluster(group: Group) -> None:
+    group.rare(
+        "--cluster",
+        metavar="SCHEDULER",
+        help="draw on a dask cluster: its scheduler's address or file, or local:N for N processes here",
+    )
+    group.rare("--tiles", type=positive, metavar="N", help="of one picture on a cluster (default: 4 for each worker)")
 
 
 def _checks(group: Group) -> None:

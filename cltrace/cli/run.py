@@ -66,6 +66,8 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
 
         _check_show(args)
         return movie
+    if args.tiles is not None and args.cluster is None:
+        raise UsageError("--tiles goes with --cluster")
     if args.explain is not None:
         from cltrace.cli.questions import explain
 
@@ -82,6 +84,10 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
         raise UsageError("--tolerance goes with --compare")
     if args.json:
         raise UsageError("--json goes with --explain and --compare; times and counts are --stats=json")
+    if args.cluster is not None:
+        from cltrace.cli.cluster import draw_tiles
+
+        return draw_tiles
     if args.show == LIT:
         from cltrace.cli.questions import show_lit
 

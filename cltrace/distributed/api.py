@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from contextlib import closing
 from copy import copy
@@ -97,36 +98,43 @@ def animate(
     target = Target(pattern, fps, skip_existing)
     total = len(frames) if isinstance(frames, Sized) else None
     with Farm(client, device, options) as farm:
-        todo = frames_of(frames, scene)
-        crop = options.get("crop")
-        return target.write(todo, lambda left: pictures(farm, left), marks(farm), crop, progress, total)
+        artist, todo = FarmArtist(farm), frames_of(frames, scene)
+
+        def draw(left: Iterator[Frame]) -> Generator[tuple[Frame, Pixels], None, None]:
+            return artist.pictures(left, lambda image, scene: np.asarray(image))
+
+        return target.write(todo, draw, artist.marks(""), options.get("crop"), progress, total)
 
 
-def pictures(
-    farm: Farm,
-    frames: Iterable[Frame],
-    shown: Callable[[Image, Scene], Pixels] = lambda image, scene: np.asarray(image),
-) -> Generator[tuple[Frame, Pixels], None, None]:
-    """Each frame with what of its Image is shown."""
-    crop = farm.options.pop("crop", None)
-    known: dict[str, Frame] = {}
+class FarmArtist:
+    """Draws the frames of a movie on a farm. how: the precision and the devices, for messages."""
 
-    def tasks() -> Iterator[Task]:
-        for frame in frames:
-            task = Task(f"frame {frame.number}", frame.scene, crop)
-            known[task.label] = frame
-            yield task
+    def __init__(self, farm: Farm) -> None:
+        self._farm, self._options = farm, dict(farm.options)
+        self._crop: Crop | None = farm.options.pop("crop", None)  # which a task has
+        names = sorted(set(farm.devices.values()))
+        self.how = f"{farm.options['precision']} precision, on {len(farm.devices)} workers with {', '.join(names)}"
+        self._device = " ".join(names) if farm.options["precision"] == "single" else ""
 
-    with closing(farm.drawn(tasks())) as drawn:
-        for task, image in drawn:
-            frame = known.pop(task.label)
-            yield frame, shown(image, frame.scene)
+    def pictures(
+        self, frames: Iterable[Frame], shown: Callable[[Image, Scene], Pixels]
+    ) -> Generator[tuple[Frame, Pixels], None, None]:
+        """Each frame with what of its Image is shown, in order."""
+        waiting: deque[Frame] = deque()
 
+        def tasks() -> Iterator[Task]:
+            for frame in frames:
+                waiting.append(frame)
+                yield Task(f"frame {frame.number}", frame.scene, self._crop)
 
-def marks(farm: Farm, look: object = "") -> Fingerprints:
-    """Fingerprints of the pictures, which are those of one process."""
-    device = " ".join(sorted(set(farm.devices.values()))) if farm.options["precision"] == "single" else ""
-    return Fingerprints({**farm.options, "device": device, "look": look})
+        with closing(self._farm.drawn(tasks())) as drawn:
+            for _, image in drawn:
+                frame = waiting.popleft()
+                yield frame, shown(image, frame.scene)
+
+    def marks(self, look: object) -> Fingerprints:
+        """Fingerprints of the pictures, which are those of one process."""
+        return Fingerprints({**self._options, "device": self._device, "look": look})
 
 
 def _tiles(region: tuple[int, int, int, int], count: int) -> list[Crop]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import threading
+import time
+import warnings
 from collections import Counter, deque
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 from distributed import Client
 
@@ -14,16 +18,28 @@ from cltrace.distributed.workers import RESOURCE, OneDevice, WorkerError, device
 from cltrace.errors import DeviceError
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
-from cltrace.scene import Camera, Scene
+from cltrace.scene import Scene
 
 # Seconds after which it is looked whether the scheduler is still there.
 PATIENCE = 2.0
+# Seconds after which a cluster without a worker is given up.
+ALONE = 60.0
+# How often a task is done again.
+RETRIES = 2
 # Tasks that a worker has beside the one that it does, so that it never waits for the client.
 AHEAD = 1
 
 
 class FarmError(DeviceError):
     """A cluster has no worker with a device, or has gone, or a task has failed on it again and again."""
+
+
+class _LostError(Exception):
+    """A task's scene was lost with a worker."""
+
+
+class _NobodyError(Exception):
+    """All workers have died."""
 
 
 class Task(NamedTuple):
@@ -34,11 +50,13 @@ class Task(NamedTuple):
     crop: Crop | None = None
 
 
-class _Base(NamedTuple):
-    """A scene that is on the workers."""
+@dataclass
+class _Base:
+    """A scene that tasks look at. key: its own; future: of it on all workers, once a second task needs it."""
 
     scene: Scene
-    future: Any
+    key: str = field(default_factory=lambda: uuid4().hex)
+    future: Any = None
 
 
 class Farm:
@@ -48,9 +66,9 @@ class Farm:
     For use in a `with` block, at whose end what is not done is cancelled. Raises FarmError if no worker has a device.
     """
 
-    def __init__(self, client: Client, device: str | None, options: Mapping[str, Any], retries: int = 2) -> None:
+    def __init__(self, client: Client, device: str | None, options: Mapping[str, Any]) -> None:
         self._client: Any = client
-        self._options, self._retries = dict(options), retries
+        self._options = dict(options)
         self._pending: deque[tuple[Task, Any]] = deque()
         self._base: _Base | None = None
         with self._gone():
@@ -90,54 +108,87 @@ class Farm:
                 task = next(iterator, None)
                 more = task is not None
                 if task:
-                    self._pending.append((task, self._handed_out(task)))
+                    with self._gone():
+                        self._pending.append((task, self._handed_out(task)))
             if self._pending:
-                task, future = self._pending.popleft()
-                image = self._result(task, future)
-                future.release()
-                yield task, image
+                yield self._next()
 
     def _workers(self) -> list[str]:
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _handed_out(self, task: Task) -> Any:
-        """A future of the task's Image. A scene is sent once, however many cameras look at it."""
-        camera: Camera | None = task.scene.camera
-        with self._gone():
-            if self._base is None or not _differ_in_cameras(self._base.scene, task.scene):
-                self._base = _Base(task.scene, self._client.scatter(task.scene, hash=False))
-            base = self._base
-            return self._client.submit(
-                draw,
-                base.future.key,
-                base.future,
-                camera,
-                self._options,
-                task.crop,
-                pure=False,
-                retries=self._retries,
-                resources={RESOURCE: 1},
-            )
+        """A future of the task's Image. A scene is sent to all workers once, however many cameras look at it."""
+        if self._base is None or not _differ_in_cameras(self._base.scene, task.scene):
+            self._base = _Base(task.scene)
+            data: Any = task.scene  # goes with the task, and is not lost with a worker
+        else:
+            if self._base.future is None:
+                self._base.future = self._client.scatter(self._base.scene, broadcast=True, hash=False)
+            data = self._base.future
+        how = {"pure": False, "retries": RETRIES, "resources": {RESOURCE: 1}}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # dask advises against what is done here on purpose
+            return self._client.submit(draw, self._base.key, data, task.scene.camera, self._options, task.crop, **how)
 
-    def _result(self, task: Task, future: Any) -> Image:
+    def _next(self) -> tuple[Task, Image]:
+        """The first of the tasks that were handed out, when it is done."""
         from distributed.scheduler import KilledWorker
 
-        try:
-            with self._gone():
-                while True:
-                    try:
-                        image: Image = future.result(timeout=PATIENCE)
-                        return image
-                    except TimeoutError:
-                        if self._client.status != "running":
-                            raise OSError("no answer") from None
-        except KilledWorker as error:
-            words = self._last_words()
-            last = f"; the last words there: {words}" if words else ""
-            died = f"{error.allowed_failures + 1} workers have died over it, at last {error.last_worker}"
-            raise FarmError(f"{task.label}: {died}{last}") from None
-        except WorkerError as error:
-            raise FarmError(f"{task.label}: {error}") from None
+        task, future = self._pending.popleft()
+        for _ in range(1 + RETRIES):
+            try:
+                return task, self._result(future)
+            except (KilledWorker, _NobodyError):
+                break
+            except WorkerError as error:
+                raise FarmError(f"{task.label}: {error}") from None
+            except _LostError:  # with the worker that had the scene
+                self._base = None
+                with self._gone():
+                    future = self._handed_out(task)
+        words = self._last_words()
+        last = f"; the last words there: {words}" if words else ""
+        raise FarmError(f"{task.label}: workers have died over it again and again{last}")
+
+    def _result(self, future: Any) -> Image:
+        from concurrent.futures import CancelledError
+
+        done, begun = threading.Event(), time.monotonic()
+        future.add_done_callback(lambda _: done.set())
+        with self._gone():
+            while not done.wait(PATIENCE):
+                self._check_scheduler()
+                if self._workers():
+                    begun = time.monotonic()
+                elif time.monotonic() > begun + ALONE:
+                    raise _NobodyError
+                if self._is_left_alone(future.key):
+                    self._client.cancel([future], force=True)
+                    raise _LostError
+            try:
+                image: Image = future.result()
+            except CancelledError:
+                self._check_scheduler()
+                raise _LostError from None
+            future.release()
+            return image
+
+    def _is_left_alone(self, key: str) -> bool:
+        """Whether a task found no worker, and will find none.
+
+        Where all workers have died, a scheduler looks once more when a new one arrives; but that has no device then, as
+        it takes a moment until OneDevice says so.
+        """
+        state = self._client.run_on_scheduler(
+            lambda dask_scheduler: getattr(dask_scheduler.tasks.get(key), "state", "")
+        )
+        workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        return state == "no-worker" and any(worker["resources"].get(RESOURCE) for worker in workers)
+
+    def _check_scheduler(self) -> None:
+        """Raises OSError if the scheduler has gone."""
+        if self._client.status != "running":
+            raise OSError("its scheduler does not answer")
 
     def _last_words(self) -> str:
         """What the nannies say of workers that have died."""
@@ -153,12 +204,11 @@ class Farm:
         """Makes FarmErrors of what happens when the scheduler has gone."""
         from concurrent.futures import CancelledError
 
-        from distributed import CancelledError as Cancelled
         from distributed.comm.core import CommClosedError
 
         try:
             yield
-        except (CancelledError, Cancelled, CommClosedError, OSError, TimeoutError) as error:
+        except (CancelledError, CommClosedError, OSError, TimeoutError) as error:
             raise FarmError(f"the cluster has gone, or has no workers: {error or type(error).__name__}") from None
 
 
