@@ -55,14 +55,15 @@ for lights in (1, 4):
 FLAT = """
 renderer = Renderer(Scene.from_spheres(camera, lamps(1), *balls(40_000)), sys.argv[1])
 centers, _, colors = balls(40_000)
+sizes = []
 for k in range(int(sys.argv[2])):
-    if k == 50:
-        before = status("VmRSS")
+    if k % 50 == 0:
+        sizes.append(status("VmRSS"))
     t = k % 50  # the same scene, 50 frames later
     renderer.look(Camera((t / 100, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))).render()
     changed = {"centers": centers * (1 + t / 1000)} if k % 2 else {"colors": np.roll(colors, t, axis=0)}
     renderer.update(**changed).render()
-print(status("VmRSS") / before)
+print(status("VmRSS") / sizes[1])
 for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240)))):
     assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()
 """
