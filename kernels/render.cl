@@ -44,6 +44,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #endif
         average_pixels(frame, scene, size, column, row, tile, within, &pixels, work);
     } else {
+        pixels.color.x = pixels.color.x < 1 ? pixels.color.x : (SHADE)1;
+        pixels.color.y = pixels.color.y < 1 ? pixels.color.y : (SHADE)1;
+        pixels.color.z = pixels.color.z < 1 ? pixels.color.z : (SHADE)1;
         COUNT(BACKGROUND, ALL_LANES);
     }
 #else

@@ -151,6 +151,14 @@ def test_levels(any_device: Device) -> None:
     assert errors[0].sum() > errors[1].sum() > errors[2].sum()
 
 
+def test_bright_background(any_device: Device) -> None:
+    """A background counts up to 1, whether or not a surface is near."""
+    scene = HOSTILE["behind edges"]().in_front_of((1.5, 0.5, 1, 1))
+    color = cltrace.render(scene, any_device, outputs=("color",), antialias=True).color
+    assert color.max() == 1
+    assert color[0, 0].tolist() == [1, 0.5, 1]
+
+
 def test_middles_stay(any_device: Device) -> None:
     """What is no colour is that of the ray through the middle, as without antialiasing."""
     scene = HOSTILE["behind edges"]()
