@@ -115,7 +115,7 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
             PUT_WHERE(none, tint->most[k], c);
         }
     }
-    *coverage = (view.cover >= 0) | (mixed & view.of_front.covers) ? (FLOAT)1 : (mixed ? 0.5f * (share.least + share.most) : (FLOAT)0);
+    *coverage = ((view.cover >= 0) | (mixed & view.of_front.covers)) ? (FLOAT)1 : (mixed ? 0.5f * (share.least + share.most) : (FLOAT)0);
     MASK known = ALL_LANES;
     for (int k = 0; k < 3; k++) {
         /* Of s f + (1 - s) b, with the share s of the front: it is linear in s. */
@@ -128,7 +128,7 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
     }
 #ifdef OUT_COVERAGE
     /* What is cut out by its coverage may be laid on any colour, so the coverage is to be as near as a colour. */
-    const FLOAT off = mixed & (view.cover < 0) & (!view.of_front.covers) ? 0.5f * (share.most - share.least) : (FLOAT)0;
+    const FLOAT off = (mixed & (view.cover < 0) & (!view.of_front.covers)) ? 0.5f * (share.most - share.least) : (FLOAT)0;
     out->e[0] = off > out->e[0] ? off : out->e[0];
     known = known & (off < 1);
 #endif
@@ -169,7 +169,7 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
 #ifdef WITH_SHAPES
     most = 1 > most ? (FLOAT)1 : most;
 #else
-    most = (view.cover < 0) & (1 > most) ? (FLOAT)1 : most;
+    most = ((view.cover < 0) & (1 > most)) ? (FLOAT)1 : most;
 #endif
 #endif
     means->error = estimated | open ? most * 255.0f + 0x1p-12f : means->error;

@@ -110,7 +110,7 @@ static Extent extent_of(const Cells cells, const Outline outline) {
     const FLOAT least = outside ? c / (b1 + s1) : (ahead ? (b0 + s0) / most_of(cells.a) : -c / (s1 - b0));
     const FLOAT most = outside ? c / (b0 + s0) : (ahead ? (b1 + s1) / least_of(cells.a) : -c / (s0 - b1));
     extent.least = least > 0 ? least * (1 - loose) : (FLOAT)0;
-    extent.most = (most > 0) & (ahead | (!outside & (s0 > b1))) ? most * (1 + loose) : (FLOAT)INFINITY;
+    extent.most = ((most > 0) & (ahead | (!outside & (s0 > b1)))) ? most * (1 + loose) : (FLOAT)INFINITY;
     return extent;
 }
 
@@ -167,8 +167,8 @@ static Share share_of_disc(const Cells cells, const Sphere sphere, const Outline
     const REAL_MASK whole = (fabs(x) + wide < h * (1 - loose)) & (fabs(y) + high < k * (1 - loose)), ahead = (C.z < -r) & (gap > r * r * loose);
     const FLOAT most = TO_FLOAT(area * (1 + loose)), least = TO_FLOAT(area * (1 - loose));
     const MASK known = clear & TO_MASK(ahead), all = known & TO_MASK(whole);
-    share.most = known & (most < share.most) ? most : share.most;
-    share.least = all & (least > share.least) ? least : share.least;
+    share.most = (known & (most < share.most)) ? most : share.most;
+    share.least = (all & (least > share.least)) ? least : share.least;
     return share;
 }
 

@@ -196,7 +196,7 @@ static Share share_where_positive(const Model m) {
     const MASK known = is_known(m);
     const FLOAT more = 16 * ROUNDING;
     const FLOAT least = share.least - more, most = share.most + more;
-    const Share safe = {known & (least > 0) ? least : (FLOAT)0, known & (most < 1) ? most : (FLOAT)1};
+    const Share safe = {(known & (least > 0)) ? least : (FLOAT)0, (known & (most < 1)) ? most : (FLOAT)1};
     return safe;
 }
 #endif

@@ -51,7 +51,7 @@ typedef struct {
 
 static void block(Blocking *blocking, const int index, const MASK here, const Share share) {
     const MASK again = (blocking->only == index);
-    const FLOAT least = here ? share.least : (FLOAT)0, more = here & !again ? share.most : (FLOAT)0;
+    const FLOAT least = here ? share.least : (FLOAT)0, more = (here & !again) ? share.most : (FLOAT)0;
     blocking->blocked.least = least > blocking->blocked.least ? least : blocking->blocked.least;
     const FLOAT most = blocking->blocked.most + more;
     blocking->blocked.most = most < 1 ? most : (FLOAT)1;
@@ -71,7 +71,7 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const int light_side = scene.light_side[(long)number * scene.count + index];
     const Float3 f0 = {ball.x - patch.P.x.v, ball.y - patch.P.y.v, ball.z - patch.P.z.v}, w0 = {w.x.v, w.y.v, w.z.v};
     const FLOAT a0 = DOT(w0, w0), along = DOT(f0, w0) / a0;
-    const FLOAT low = along > 0 ? along : (FLOAT)0, x = ((FLOAT)kind != 0) & (low > 1) ? (FLOAT)1 : low;
+    const FLOAT low = along > 0 ? along : (FLOAT)0, x = (((FLOAT)kind != 0) & (low > 1)) ? (FLOAT)1 : low;
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
     const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(f0.x) + fabs(f0.y) + fabs(f0.z)) +
                                       x * (fabs(w0.x) + fabs(w0.y) + fabs(w0.z)));
@@ -178,7 +178,7 @@ static Share blocked_share(const Scene scene, const int number, const int kind, 
             const INT column = cover.first_column >> level.level, row = cover.first_row >> level.level;
             const INT columns = (cover.last_column >> level.level) - column, rows = (cover.last_row >> level.level) - row;
             const MASK many = (columns >= MOST_CELLS_A_SIDE) | (rows >= MOST_CELLS_A_SIDE);
-            blocking.blocked.most = (many) & cover.here ? (FLOAT)1 : blocking.blocked.most;
+            blocking.blocked.most = ((many) & cover.here) ? (FLOAT)1 : blocking.blocked.most;
             const MASK some = (cover.here) & !many;
             for (int place = 0; place < MOST_CELLS_A_SIDE * MOST_CELLS_A_SIDE; place++) {
                 const int across = place % MOST_CELLS_A_SIDE, down = place / MOST_CELLS_A_SIDE;
@@ -256,8 +256,8 @@ static void add_light(Tint *tint, const Light light, const Intersection at, cons
         const MASK all = lit.least >= 1;
         tint->v[k] += on ? (all ? m.v : (FLOAT)0.5f * (dim + bright)) : (FLOAT)0;
         tint->e[k] += on ? (all ? m.r : (FLOAT)0.5f * (bright - dim)) : (FLOAT)0;
-        tint->least[k] += on & all ? least : (FLOAT)0;
-        tint->most[k] += on & (lit.most > 0) ? most : (FLOAT)0;
+        tint->least[k] += (on & all) ? least : (FLOAT)0;
+        tint->most[k] += (on & (lit.most > 0)) ? most : (FLOAT)0;
     }
 }
 
