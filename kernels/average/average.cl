@@ -153,7 +153,7 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
         means->color[k] = TO_SHADE(tint.v[k]);
         error = tint.e[k] > error ? tint.e[k] : error;
     }
-    /* Besides, for colours in float. */
+    /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them. */
     means->error = error * 255.0f * 1.0001f + 0x1p-12f;
 #endif
     means->state = estimated ? (INT)ESTIMATED : open ? (INT)OPEN : (INT)SURE;
