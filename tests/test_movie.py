@@ -553,9 +553,10 @@ import sys
 import numpy as np
 import cltrace
 rng = np.random.default_rng(0)
-centers, colors = rng.uniform(-1, 1, (40_000, 3)), rng.uniform(0, 1, (40_000, 3))
-camera = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))
+centers, colors = rng.uniform(-1, 1, (4_000, 3)), rng.uniform(0, 1, (4_000, 3))
+camera = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(160, 120))
 scene = cltrace.Scene.from_spheres(camera, [cltrace.point_light((5, 8, 9))], centers, 0.02, colors)
+cameras = cltrace.orbit(scene, 1000)
 def memory():
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmRSS"))
 def frames():
@@ -563,7 +564,7 @@ def frames():
         if k == 200:
             global before
             before = memory()
-        yield {"centers": centers * (1 + k / 1000)} if k % 2 else cltrace.orbit(scene, 1000)[k]
+        yield {"centers": centers * (1 + k / 1000)} if k % 2 else cameras[k]
 cltrace.animate(frames(), sys.argv[1], scene=scene)
 print(memory() / before)
 """
