@@ -134,6 +134,7 @@ def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any
             assert np.abs(image.rgb8 * share + 255 * (1 - share) * ground - 255 * laid).max() <= 1
 
 
+@pytest.mark.slow
 def test_alone_colours_are_straight_too(any_device: Device) -> None:
     clear = balls(background="#33804d00")
     both = cltrace.render(clear, any_device, outputs=("color", "rgba8"), antialias=True)
@@ -145,6 +146,7 @@ def test_alone_colours_are_straight_too(any_device: Device) -> None:
     assert (opaque.rgba8[..., 3] == 255).all()
 
 
+@pytest.mark.slow
 def test_a_following_renderer_is_antialiased_as_the_first(any_device: Device) -> None:
     first = cltrace.Renderer(balls(background="white"), any_device, antialias=2)
     clear = balls(background="#ffffff00")

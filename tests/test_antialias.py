@@ -95,7 +95,9 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name", ["tiny", *(pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE if name != "tiny")]
+)
 def test_hostile_scenes(device: Device, name: str) -> None:
     scene = HOSTILE[name]()
     renderer = cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias=True)
@@ -103,6 +105,7 @@ def test_hostile_scenes(device: Device, name: str) -> None:
     assert renderer.work()["pixels of which the error is an estimate"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first", "three-lights", "spot", "globe", "eclipse", "inside"])
 def test_scenes(device: Device, name: str) -> None:
     scene = seen(f"{name}.xml")
@@ -128,6 +131,7 @@ def test_share_of_a_tiny_sphere(device: Device) -> None:
         assert abs(image.color[:, :, 0].sum() - share) * 255 <= image.error[shown].sum() < 0.2
 
 
+@pytest.mark.slow
 def test_same_bits(device: Device) -> None:
     """Of crops and of packets of one pixel."""
     scene = HOSTILE["shadow rims"]()
@@ -181,6 +185,7 @@ def test_alpha(any_device: Device) -> None:
         assert np.abs(over - opaque.rgb8).max() < 1.6  # half a level each of two bytes, and of alpha
 
 
+@pytest.mark.slow
 def test_estimates_are_counted(any_device: Device) -> None:
     """A mirror's pixels have an estimate, and no others."""
     mirrors = np.array([0.8, 0.0])

@@ -46,6 +46,7 @@ def every_pixel(scene: Scene) -> np.ndarray:
 # ---------------------------------------------------------------------------------------------------------- the parts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first", "three-lights", "spot-colours", "inside", "transforms"])
 def test_the_textbook_draws_what_cltrace_draws(device: Device, name: str) -> None:
     scene = cltrace.load(SCENES / f"{name}.xml")
@@ -268,7 +269,7 @@ def test_a_peer(tmp_path: Path) -> None:
 
 # --------------------------------------------------------------------------------------------------------- the report
 
-STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5")), "R3", "L6", "P3"]
+STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5", "L6")), "R3", "P3"]
 
 
 @pytest.mark.parametrize("name", STRESS_CASES)

@@ -91,6 +91,7 @@ def shells(apart: str) -> list[Ball]:
 GREYS = [(k % 5 / 4, k % 7 / 8, k % 11 / 16) for k in range(64)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", ["ulp", "64th"])
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_shells_from_their_centre(device: Device, apart: str, index: float) -> None:
@@ -144,6 +145,7 @@ def test_weights_that_grow(device: Device) -> None:
         assert (channel(image, "rgb8") == [byte_of(c) for c in want]).all(), (r, n)
 
 
+@pytest.mark.slow
 def test_sums_that_grow(device: Device) -> None:
     """r = t = 2^30 between glass balls: many contributions, each of which is the largest that there is."""
     balls = [((0, 0, -5), 1), ((0, 0, -8), 1), ((0, 0, 3), 1), ((0, 0, 0), 30)]
@@ -251,6 +253,7 @@ def test_the_focus_of_a_ball_lens(device: Device) -> None:
         assert (color == 1).all() == full
 
 
+@pytest.mark.slow
 def test_orders_of_the_rainbow(device: Device) -> None:
     """Within glass of r = t = 1/2 a ray goes round and round, and some of it leaves at every turn.
 
@@ -305,6 +308,7 @@ def test_glass_within_glass(device: Device) -> None:
     assert (show(scene, device) == colors).all()
 
 
+@pytest.mark.slow
 def test_mirrors_around_corners(device: Device) -> None:
     """From the eye to ball 0, which it meets at 30 degrees, from there to ball 1, from there to a pea."""
     first, second, camera = ((0, 0, -6), 1.0), ((0, 5.7, -2.1), 1.5), eye(2, tan=0.004, at=(0, 0.5, 0))
@@ -492,6 +496,7 @@ def test_index_1_changes_nothing(device: Device) -> None:
         assert (np.abs(one.rgb8.astype(int) - two.rgb8).max(axis=2) > 1).mean() <= 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_glass_that_rays_graze(device: Device, index: float) -> None:
     """Rays that pass at r (1 +/- 2^-50 .. 2^-56): n.d is noise. What enters leaves, as the reference says, too."""

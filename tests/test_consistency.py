@@ -82,7 +82,7 @@ def test_kernel_agrees_with_the_reference_in_programs_of_their_own(device: Devic
     agree(device, device.width, "accurate", sorted(OWN_PROGRAM & set(NAMES)))
 
 
-@pytest.mark.parametrize("precision", ["accurate", "double", "single"])
+@pytest.mark.parametrize("precision", ["accurate", pytest.param("double", marks=pytest.mark.slow), "single"])
 def test_kernel_agrees_with_the_reference(device: Device, width: int, precision: str) -> None:
     agree(device, width, precision, [name for name in NAMES if name not in OWN_PROGRAM])
 
@@ -107,7 +107,7 @@ def agree(device: Device, width: int, precision: str, names: list[str]) -> None:
         assert differing <= 1e-4 * total
 
 
-@pytest.mark.parametrize("precision", ["accurate", "double"])
+@pytest.mark.parametrize("precision", ["accurate", pytest.param("double", marks=pytest.mark.slow)])
 def test_normals_and_directions(device: Device, precision: str) -> None:
     for name in [*(path.stem for path in SCENES[:6]), *map(str, range(6))]:
         scene, want = load(name), expected(name)

@@ -159,6 +159,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                 assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
 
 
+@pytest.mark.slow
 def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole pictures and parts of them, of heights with and without a last block that is cut off, in several strips."""
     rng = np.random.default_rng(8)

@@ -194,6 +194,7 @@ def test_how_many_rays_are_too_many(device: Device) -> None:
     assert str(error.value) == text
 
 
+@pytest.mark.slow
 def test_which_pixel_it_is(device: Device, width: int) -> None:
     """In a picture of 24x18 with one such pixel, in any part of it that has the pixel; other parts can be drawn."""
     scene = shells(22, (24, 18), small=True)

@@ -158,6 +158,7 @@ def test_an_ellipsoid_in_a_mirror(device: Device) -> None:
     assert (show(scene, device) == colors).all()
 
 
+@pytest.mark.slow
 def test_ellipsoids_close_their_rooms(device: Device) -> None:
     """Within mirrors that are eggs, needles and discs no ray gets out; alone outside, each mirrors the night once."""
     for k, (name, L) in enumerate(SHAPES.items()):

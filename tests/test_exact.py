@@ -116,6 +116,7 @@ def far_and_small(seed: int) -> Scene:
     return Scene.from_spheres(moved, [], [center], 2.0 ** rng.uniform(-26, -22))
 
 
+@pytest.mark.slow
 def test_far_and_small_spheres_by_turned_cameras(device: Device, width: int) -> None:
     """To the bit as the reference, which decides in exact arithmetic; about half of the spheres are hit."""
     hits = 0

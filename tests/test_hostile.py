@@ -149,6 +149,7 @@ def test_no_diffuse_light_beyond_full(device: Device) -> None:
     assert color.max() <= np.float32(0.8)
 
 
+@pytest.mark.slow
 def test_tiny_things_in_a_large_scene(device: Device) -> None:
     """A ball of 1e-24 and its light beside one at a distance of 1: squares of such lengths are nothing in float32."""
     colors = []
@@ -164,6 +165,7 @@ def test_tiny_things_in_a_large_scene(device: Device) -> None:
     assert np.abs(colors[0] - colors[1]).max() <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("R", [1e2, 1e5, 1e9, 1e11, 1e13])
 def test_shadows_within_a_huge_shell(device: Device, R: float) -> None:
     """docs/accuracy.md says up to which ratio of sizes shadows are right: this far, by the exact reference."""

@@ -150,7 +150,7 @@ MISTAKES: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: Scene.from_meshes(Camera(), Mesh(V, F), []), TypeError, "lights"),  # type: ignore[arg-type]
     (lambda: Scene.from_spheres(Camera(), [], [], 1, meshes=[3]), TypeError, "meshes[0]"),  # type: ignore[list-item]
     (lambda: Material(color=(255, 0, 0)), ValueError, "material.color"),
-    (lambda: Material(color="red"), ValueError, "material.color"),
+    (lambda: Material(color="reddish"), ValueError, "material.color"),
     (lambda: Material(color=(-1, 0, 0)), ValueError, "material.color[0]"),
     (lambda: Material(ka=-1), ValueError, "material.ka"),
     (lambda: Material(kd=-1), ValueError, "material.kd"),

@@ -247,6 +247,7 @@ def test_pixels_are_offered_all_that_they_meet(
     check_pixels(make())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tan", "size", "reach"),
     [(1.0, (64, 48), 32), (40.0, (64, 48), 32), (1e-8, (64, 48), 32), (0.5, (16384, 4), 30), (0.5, (4, 16384), 30)],

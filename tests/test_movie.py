@@ -417,7 +417,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(
-    "number", [signal.SIGKILL, signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+    "number",
+    [signal.SIGKILL, *(pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGINT, signal.SIGTERM))],
 )
 def test_a_run_that_is_killed_and_continued(number: signal.Signals, tmp_path: Path, whole: dict[str, bytes]) -> None:
     """At frame 37 of 100: what is there then is whole, and at the end it is what one run leaves."""

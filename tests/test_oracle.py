@@ -911,6 +911,7 @@ def bounced_rays(name, seed, count):
     return leaving.Shapes.of(scene), bounced_regimes.rays_of(scene, count, seed)
 
 
+@pytest.mark.slow
 @each_bounced
 def test_the_filter_of_bounced_rays_is_right_where_it_is_sure(name):
     seen = set()

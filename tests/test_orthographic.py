@@ -122,6 +122,7 @@ def test_cameras_that_are_far_away(device: Device, width: int) -> None:
         compare(scene.seen_by(replace(camera, height=distance)), device, width)
 
 
+@pytest.mark.slow
 def test_spheres_that_the_plane_cuts_or_touches(device: Device, width: int) -> None:
     """Rays start inside of some, on some, and just before or behind others; those behind are not seen."""
     camera = Orthographic((0, 0, 0), (0, 0, -1), height=7, resolution=(9, 7))
@@ -166,6 +167,7 @@ def test_triangles(device: Device, width: int, offset: float) -> None:
             compare(Scene.from_meshes(camera, [], mesh), device, width)
 
 
+@pytest.mark.slow
 def test_ellipsoids(device: Device, width: int) -> None:
     rng = np.random.default_rng(6)
     maps = rng.normal(size=(15, 3, 3))
@@ -242,7 +244,7 @@ def plain(camera: Camera | Orthographic, n: int = 60) -> Scene:
     return Scene.from_spheres(camera, LIGHTS, centers, radii, rng.uniform(size=(n, 3)), background=(1, 1, 1))
 
 
-@pytest.mark.parametrize("kind", [plain, everything])
+@pytest.mark.parametrize("kind", [plain, pytest.param(everything, marks=pytest.mark.slow)])
 def test_pictures_are_those_of_the_reference(device: Device, kind: type) -> None:
     for camera in (
         replace(TURNED, resolution=(40, 30)),
@@ -263,6 +265,7 @@ def test_pictures_are_those_of_the_reference(device: Device, kind: type) -> None
             assert np.abs(image.normal[y, x] - normal).max() < 2.0**-22
 
 
+@pytest.mark.slow
 def test_no_list_and_no_filter_changes_a_picture(device: Device) -> None:
     """Also where the plane cuts spheres, where pixels are far smaller than spheres, and with all in one pixel."""
     rng = np.random.default_rng(9)

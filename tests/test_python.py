@@ -325,6 +325,7 @@ def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pyt
     assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 20, 5000])
 def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int) -> None:
     """The picture is that of a Renderer made from scratch, to the bit; the eye of the last camera is in a sphere."""

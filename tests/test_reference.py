@@ -480,6 +480,7 @@ def test_exact_numbers_are_told_apart_by_squaring() -> None:
         root2 + Surd(Fraction(0), Fraction(1), Fraction(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bent", [False, True])
 def test_bounds_of_doubles_hold(bent: bool) -> None:
     """What doubles are certain about is what exact arithmetic says, for starts and spheres of very different sizes.
@@ -779,6 +780,7 @@ def hostile_direction(rng: np.random.Generator, n: np.ndarray, to: np.ndarray, r
     return np.asarray(directions[rng.integers(5)] * 10.0 ** rng.uniform(-3, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["random", "far from the origin", "shells", "touching", "tiny beside a huge one"])
 def test_doubles_are_sure_of_rays_from_a_sphere_only_where_they_are_right(kind: str) -> None:
     rng = np.random.default_rng(23)
@@ -937,6 +939,7 @@ def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
         assert (trace(world, AHEAD)[0][0] > 0) is lit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["round", "long", "flat", "very long", "far from the origin", "shells"])
 def test_doubles_are_sure_of_ellipsoids_only_where_they_are_right(kind: str) -> None:
     """Rays from ellipsoids, a sphere and the eye: anywhere, along the surface, all but touching another one."""

@@ -164,6 +164,7 @@ def test_rays_from_spheres(seed: int) -> None:
             assert (got.primitive if got else None) == (want[2] if want else None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e7])
 def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
     """Of rays from the eye, from spheres, ellipsoids and triangles: and in most cases they are."""
@@ -463,6 +464,7 @@ def test_what_is_behind_a_light_or_touches_the_point_does_not_stop_it() -> None:
     assert lit(scene_of(*again, camera=ABOVE, lights=LAMP)) == ["#" * 9] * 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_shadows_among_whole_numbers(seed: int) -> None:
     """At corners, along edges, in planes: from points of triangles and of spheres."""

@@ -21,7 +21,13 @@ FOLDER = SCENES[0].parent
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param("dusk", marks=pytest.mark.slow), "spot-colours", "three-lights", "step4-meshes"]
+    "name",
+    [
+        pytest.param("dusk", marks=pytest.mark.slow),
+        "spot-colours",
+        "three-lights",
+        pytest.param("step4-meshes", marks=pytest.mark.slow),
+    ],
 )
 def test_lit_is_what_the_reference_finds(name: str, device: Device) -> None:
     scene = cltrace.load(FOLDER / f"{name}.xml")

@@ -547,6 +547,8 @@ def test_N1_camera(field: str, value: object, text: str) -> None:
     """Something that is no number reaches the kernel: speckles, or a hang."""
     if field == "square_pixels" and isinstance(value, bool):
         pytest.skip("the one field that a bool is right for")
+    if field == "horizontal_fov" and value is None:
+        pytest.skip("which says that there is none, as fov may be given")
     vector = field in ("position", "lookat", "up")
     given = {"resolution": (8, value)}.get(field, (0.5, 0.25, value) if vector else value)
     with pytest.raises(ValueError) as caught:
@@ -602,6 +604,8 @@ def test_N1_a_bool_among_numbers() -> None:
 @pytest.mark.parametrize(("value", "text"), BAD)
 def test_N1_background(value: object, text: str) -> None:
     """As for the camera."""
+    if isinstance(value, str):
+        text = "must be numbers, the name of a colour in CSS, or #rrggbb, got "
     with pytest.raises(ValueError) as caught:
         balls(Camera(), [((0, 0, -5), 1)], background=(0, 0.5, value))  # type: ignore[arg-type]
     refused("background", "[2]", text, caught.value)

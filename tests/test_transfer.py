@@ -66,6 +66,7 @@ def test_bytes_that_are_given_come_back(device: Device) -> None:
     assert (cltrace.render(scene.in_front_of("#0a0b0c"), device).rgb8[image.id < 0] == (10, 11, 12)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_materials_and_textures_of_meshes(dtype: Any, any_device: Device) -> None:
     camera = cltrace.Camera((0, 0, 6), (0, 0, 0), horizontal_fov=9, resolution=(8, 8))

@@ -227,6 +227,7 @@ def test_the_tree_misses_none_of_many_triangles(device: Device) -> None:
     check_shards(device, range(40), ("accurate", "double"))
 
 
+@pytest.mark.slow
 def test_a_lean_program_draws_the_same(device: Device) -> None:
     """Without the code that a scene does not need, in the usual outputs: the same bytes."""
     scene = random_tree(0)
@@ -400,6 +401,7 @@ def test_no_nan_in_many_scenes(device: Device) -> None:
     look_for_nan(device, range(100, 20_000))
 
 
+@pytest.mark.slow
 def test_single_precision_draws_numbers(device: Device) -> None:
     """No NaN in trees of any depth; of scenes that float32 can hold, most pixels are as they should be."""
     for seed in TREES:
@@ -451,6 +453,7 @@ def written(folder: Path, scene: Scene) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_command_draws_and_checks_trees(device: Device, tmp_path: Path) -> None:
     """From a file to a picture, which is that of Python, and held against the reference by --check."""
     scene = bare(random_tree(0))
@@ -482,6 +485,7 @@ def test_fewer_bounces_are_drawn(device: Device) -> None:
         assert (one.color == 1).all()
 
 
+@pytest.mark.slow
 def test_many_branches_that_are_faint(device: Device) -> None:
     """From the centre of 9 concentric white shells of glass, r = t = 1/4, where a ray meets all of them straight on.
 
@@ -538,6 +542,7 @@ def test_dropped_branches_change_no_byte_of_many(device: Device) -> None:
     check_dropped(device, range(16, 200), 8)
 
 
+@pytest.mark.slow
 def test_white_is_never_less_than_white(device: Device) -> None:
     """A byte that no number of rays can prove is an error and no byte; 100 bounces, cut instead of rounded."""
     for truncate in (False, True):

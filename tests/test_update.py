@@ -53,7 +53,7 @@ def same(renderer: Renderer, scene: Scene, outputs: tuple[Any, ...] = OUTPUTS) -
         pytest.param(1, "accurate", (), marks=pytest.mark.slow),
         pytest.param(2, "double", TRIANGLE, marks=pytest.mark.slow),
         pytest.param(12, "single", (), marks=pytest.mark.slow),
-        (600, "accurate", TRIANGLE),
+        pytest.param(600, "accurate", TRIANGLE, marks=pytest.mark.slow),
         pytest.param(600, "single", (), marks=pytest.mark.slow),
         (5000, "accurate", ()),
         pytest.param(5000, "single", TRIANGLE, marks=pytest.mark.slow),
@@ -161,6 +161,7 @@ def test_what_look_made_stays_as_it_is(device: Device) -> None:
     same(other.update(radii=0.2), Scene.from_spheres(camera, LIGHTS, values["centers"], 0.2, (1.0, 0.0, 0.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_scenes_of_files_and_ellipsoids(device: Device, seed: int) -> None:
     """Shared materials, maps and meshes stay; the same scene of records is drawn alike."""
@@ -247,6 +248,7 @@ def test_bad_arguments_change_nothing(device: Device, changed: Any, error: type[
     same(renderer, scene)
 
 
+@pytest.mark.slow
 def test_ellipsoids_and_meshes_between_spheres_keep_their_number(device: Device) -> None:
     bent = Scene.from_spheres(CAMERA, LIGHTS, **spheres(4), transform=np.diag([1, 2, 1]))
     with pytest.raises(ValueError, match=r"^centers: must be 4, as ellipsoids keep their shapes, got 3$"):

@@ -64,6 +64,8 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
     if len(args.scenes) > 1 or any(getattr(args, name) != parser().get_default(name) for name in MOVIE):
         from cltrace.cli.movie import movie
 
+        if args.watch:
+            raise UsageError("--watch is for one picture, of one scene")
         _check_show(args)
         return movie
     if args.tiles is not None and args.cluster is None:
