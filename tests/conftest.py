@@ -19,7 +19,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """A test that takes `device` runs once on each device; with `width`, also as the packets of one that GPUs get."""
+    """A test that takes `device` runs once on each device; with `width`, also as the packets of one that GPUs get.
+
+    Those are other kernels, so an ordinary run has them in few tests only.
+    """
     names = metafunc.fixturenames
     if "device" not in names:
         return
@@ -27,7 +30,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     found = [cltrace.run.devices.choose(wanted)] if wanted else cltrace.devices()
     if "width" in names:
         cases = [(d, w) for d in found for w in sorted({d.width, 1}, reverse=True)]
-        metafunc.parametrize(("device", "width"), cases, ids=[f"{d.spec}-{d.driver}-W{w}" for d, w in cases])
+        usual = metafunc.module.__name__ in ("test_consistency", "test_exact")
+        values = [pytest.param(d, w, marks=() if usual or w == d.width else pytest.mark.slow) for d, w in cases]
+        metafunc.parametrize(("device", "width"), values, ids=[f"{d.spec}-{d.driver}-W{w}" for d, w in cases])
     else:
         metafunc.parametrize("device", found, ids=[f"{d.spec}-{d.driver}" for d in found])
 

@@ -90,7 +90,7 @@ def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
 
 
-@pytest.mark.parametrize("show", ["normal", "direction", "depth", "id", "uv"])
+@pytest.mark.parametrize("show", ["normal", pytest.param("direction", marks=pytest.mark.slow), "depth", "id", "uv"])
 def test_show(tmp_path: Path, show: str) -> None:
     got = pixels(call(FIRST, "-o", "-", "--show", show, cwd=tmp_path).stdout)
     image = cltrace.render(cltrace.load(FIRST), outputs=(show,))

@@ -152,7 +152,7 @@ def test_spheres_that_are_met_at_one_point(device: Device, width: int) -> None:
         compare(Scene.from_spheres(TURNED, [], centers @ turn, radii), device, width)
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e3])
+@pytest.mark.parametrize("offset", [0.0, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_triangles(device: Device, width: int, offset: float) -> None:
     """Of whole numbers, with edges and corners on pixels' centres, and needles; before, on and behind the plane."""
     rng = np.random.default_rng(5)
@@ -304,7 +304,7 @@ def test_crops_widths_and_pickles(device: Device) -> None:
         assert np.array_equal(getattr(whole, name), getattr(one, name)), name
 
 
-@pytest.mark.parametrize("n", [60, 2**15 + 1])
+@pytest.mark.parametrize("n", [60, pytest.param(2**15 + 1, marks=pytest.mark.slow)])
 def test_look_and_update(device: Device, n: int) -> None:
     """From one kind of camera to the other and back, and with other spheres: always the picture of a new Renderer."""
     size = (64, 48)
