@@ -219,7 +219,9 @@ class Search:
         """The mistakes that explain the picture best, as few as do; None if none does."""
         none = Trial({}, self.fit.trial({}).score)
         best = self._cut_off(none)
-        if best.score.gain < PERFECT and self.fit.sample.wrong.sum() >= ENOUGH:
+        # A picture of one colour says nothing: what makes all black, or all white, would fit whatever was done.
+        says_something = np.ptp(self.mine, axis=(0, 1)).any() and self.fit.sample.wrong.sum() >= ENOUGH
+        if best.score.gain < PERFECT and says_something:
             best = none
             for trial in self._looks():
                 best = trial if self._is_better(trial, best) else best
