@@ -32,4 +32,5 @@ def commands(file: Path) -> str:
 
 
 if __name__ == "__main__":
-    print("\n".join(map(commands, FILES)))
+    # tests/test_docs.py runs those of wrong-picture.md, and looks at what they print.
+    print("\n".join(commands(file) for file in FILES if file.name != "wrong-picture.md"))

@@ -154,7 +154,7 @@ TWOS = [(NAMES[i % len(NAMES)], pair) for i, pair in enumerate(PAIRS)]
 
 @pytest.mark.parametrize(
     "cases",
-    [pytest.param(TWOS[::4], marks=pytest.mark.slow), pytest.param(TWOS, marks=pytest.mark.stress)],
+    [pytest.param(TWOS[::6], marks=pytest.mark.slow), pytest.param(TWOS, marks=pytest.mark.stress)],
     ids=["some", "all"],
 )
 def test_pairs_are_found(pictures: Pictures, cases: list[tuple[str, tuple[str, str]]]) -> None:
