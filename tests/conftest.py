@@ -30,7 +30,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     found = [cltrace.run.devices.choose(wanted)] if wanted else cltrace.devices()
     if "width" in names:
         cases = [(d, w) for d in found for w in sorted({d.width, 1}, reverse=True)]
-        usual = metafunc.module.__name__ in ("test_consistency", "test_exact")
+        usual = metafunc.module.__name__ == "test_exact"
         values = [pytest.param(d, w, marks=() if usual or w == d.width else pytest.mark.slow) for d, w in cases]
         metafunc.parametrize(("device", "width"), values, ids=[f"{d.spec}-{d.driver}-W{w}" for d, w in cases])
     else:

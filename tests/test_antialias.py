@@ -147,6 +147,7 @@ def test_same_bits(device: Device) -> None:
         np.testing.assert_array_equal(getattr(single, name), getattr(whole, name), name)
 
 
+@pytest.mark.slow
 def test_levels(any_device: Device) -> None:
     """A smaller error takes more cells, and no pixel has more than what was asked for."""
     scene = HOSTILE["behind edges"]()
@@ -163,6 +164,7 @@ def test_bright_background(any_device: Device) -> None:
     assert color[0, 0].tolist() == [1, 0.5, 1]
 
 
+@pytest.mark.slow
 def test_middles_stay(any_device: Device) -> None:
     """What is no colour is that of the ray through the middle, as without antialiasing."""
     scene = HOSTILE["behind edges"]()

@@ -169,6 +169,7 @@ def furnace(scene: Scene) -> Scene:
     return replace(scene, materials=materials, lights=ambient_light((1, 1, 1)), background=WHITE)
 
 
+@pytest.mark.slow
 def test_white_furnace(device: Device) -> None:
     """Weights that add up to 1 at every branch add up to 1 at the end: energy is neither lost nor made."""
     for seed in range(30):

@@ -47,6 +47,7 @@ def drawn(scene: Scene, device: Device, outputs: tuple[str, ...], *keep: str, **
     return Renderer(scene, device, outputs=outputs, keep=keep, **options).render()  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outputs", [BYTES, pytest.param(FLOATS, marks=pytest.mark.stress)])
 def test_no_output_changes(device: Device, outputs: tuple[str, ...]) -> None:
     for seed in range(96):

@@ -129,6 +129,7 @@ def look_for_nan(scenes: range) -> None:
             assert np.array_equal(np.isfinite(image.depth), image.id >= 0), (seed, precision)
 
 
+@pytest.mark.slow
 def test_no_nan() -> None:
     look_for_nan(range(250))
 
