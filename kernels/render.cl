@@ -31,16 +31,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
         const MASK within = (column < region.x + region.z) & (row < region.y + region.w);
 #endif
 #ifdef WITH_CENTRES
-        Ray ray = primary_ray(frame, size, column, row);
-#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
-        ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
-#elif defined(WITH_ELLIPSOIDS)
-        ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
-#endif
-#ifdef WITH_TRIANGLES
-        ray.w = turned_to_world(frame, OWN(ray));
-#endif
-        pixels = trace(frame, scene, ray, tile, pixels, work);
+        pixels = trace(frame, scene, for_shapes(frame, scene, primary_ray(frame, size, column, row)), tile, pixels, work);
 #endif
         average_pixels(frame, scene, size, column, row, tile, within, &pixels, work);
     } else {
@@ -51,16 +42,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     }
 #else
     if (tile_has_any(scene.lists, tile)) {
-        Ray ray = primary_ray(frame, size, column, row);
-#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
-        ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
-#elif defined(WITH_ELLIPSOIDS)
-        ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
-#endif
-#ifdef WITH_TRIANGLES
-        ray.w = turned_to_world(frame, OWN(ray));
-#endif
-        pixels = trace(frame, scene, ray, tile, pixels, work);
+        pixels = trace(frame, scene, for_shapes(frame, scene, primary_ray(frame, size, column, row)), tile, pixels, work);
     } else {
         COUNT(BACKGROUND, ALL_LANES);
     }

@@ -295,3 +295,16 @@ static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const i
 #endif
     return pixels;
 }
+
+/* A ray of the camera with all that ellipsoids and triangles need of it. */
+static inline __attribute__((always_inline)) Ray for_shapes(const Frame frame, const Scene scene, Ray ray) {
+#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
+    ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
+#elif defined(WITH_ELLIPSOIDS)
+    ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
+#endif
+#ifdef WITH_TRIANGLES
+    ray.w = turned_to_world(frame, OWN(ray));
+#endif
+    return ray;
+}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from cltrace.explanation.many import Swarm
 from cltrace.explanation.meeting import single
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import AmbientTerm, Fate, LightTerm, Met, Triple
 from cltrace.explanation.space import Space, triple
-from cltrace.reference import Direction, Intersection, Light, Mesh, Ray, ShadowRay, Surface, World, illuminate
+from cltrace.reference import Direction, Intersection, Light, Ray, ShadowRay, Surface, World, illuminate
 from cltrace.reference.crossing import shadow_way
+from cltrace.reference.groups import Group
 from cltrace.reference.surfaces import first_met
 from cltrace.reference.trace import BLACK, faces
 from cltrace.scene import AMBIENT, Scene
@@ -98,7 +98,7 @@ class _Lamp:
 
     def _single(self, shadow: ShadowRay) -> Iterator[Surface]:
         for surface in self.world.surfaces:
-            if isinstance(surface, (Mesh, Swarm)):
+            if isinstance(surface, Group):
                 yield from surface.near(shadow_way(shadow))
             else:
                 yield surface

@@ -13,25 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.explanation.space import Footprint, triple
-from cltrace.reference import Direction, Intersection, Point, Ray, ShadowRay, Sphere, Surface
-from cltrace.reference.crossing import Way, shadow_way, size, way_of
-from cltrace.reference.exact import Root
-from cltrace.reference.surfaces import first_met
+from cltrace.reference import Direction, Point, Sphere, Surface
+from cltrace.reference.crossing import Way, size
+from cltrace.reference.groups import Group
 from cltrace.reference.world import Maker, frame_of
 from cltrace.scene import Scene, inverses
 
 MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
 
 
-class Swarm(Surface):
+class Swarm(Group):
     """Spheres and ellipsoids with numbers that follow each other, each of which is made when a ray may meet it.
 
     number: the first one's; places: of these spheres among the scene's.
     """
 
     def __init__(self, scene: Scene, make: Maker, places: range) -> None:
-        self.number, self.frame = int(scene.sphere_numbers[places[0]]), frame_of(scene.camera)
-        self.eye = Point(*scene.camera.position)
+        super().__init__(int(scene.sphere_numbers[places[0]]), Point(*scene.camera.position), frame_of(scene.camera))
         self._make, self._places, self._made = make, places, dict[int, Sphere]()
         part = scene.spheres[places.start : places.stop]
         self._centers, self._reach = part["center"], part["radius"].copy()
@@ -70,28 +68,6 @@ class Swarm(Surface):
         close = (t > -R) & (_lengths(np.cross(f, w)) < R + (pixel.width + pixel.more * (np.abs(t) + R)))
         for row in np.flatnonzero(close).tolist():
             yield self.sphere(row)
-
-    def intersect(self, ray: Ray) -> float | None:
-        met = self._met(ray)
-        return met[0] if met else None
-
-    def exact_t(self, ray: Ray) -> Root:
-        return self._met_by(ray).exact_t(ray)
-
-    def intersection_at(self, ray: Ray, t: float) -> Intersection:
-        return self._met_by(ray).intersection_at(ray, t)
-
-    def blocks(self, ray: ShadowRay) -> bool:
-        return any(sphere.blocks(ray) for sphere in self.near(shadow_way(ray)))
-
-    def _met(self, ray: Ray) -> tuple[float, Surface] | None:
-        return first_met(self.near(way_of(ray, self.frame, self.eye)), ray)
-
-    def _met_by(self, ray: Ray) -> Surface:
-        met = self._met(ray)
-        if met is None:
-            raise ValueError("the ray does not hit the surface")
-        return met[1]
 
 
 def swarms(scene: Scene, make: Maker) -> Iterator[Surface]:

@@ -15,6 +15,7 @@ from cltrace.explanation.space import Footprint, Space
 from cltrace.explanation.words import number
 from cltrace.reference import Intersection, Mesh, Ray, Sphere, Start, Surface, Triangle, World
 from cltrace.reference.crossing import way_of
+from cltrace.reference.groups import Group
 
 MOST = 8  # surfaces that are listed of a ray
 TIED = "exactly as near as the closest one, which is seen because of its lower number, or that of its triangle"
@@ -23,7 +24,7 @@ TIED = "exactly as near as the closest one, which is seen because of its lower n
 def single(world: World, ray: Ray) -> Iterator[Surface]:
     """The spheres and triangles that a ray may meet."""
     for surface in world.surfaces:
-        if isinstance(surface, (Mesh, Swarm)):
+        if isinstance(surface, Group):
             yield from surface.near(way_of(ray, surface.frame, surface.eye))
         else:
             yield surface

@@ -4,59 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from cltrace.reference.crossing import Crossing, Way, shadow_way, size, way_of
 from cltrace.reference.exact import Across, Face, Frame, Rational, Root, rational
+from cltrace.reference.groups import Group
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import OnTriangle, Ray, Weights
-from cltrace.reference.surfaces import Intersection, Material, Surface, first_met
+from cltrace.reference.surfaces import Intersection, Material, Surface
 from cltrace.reference.texture import UV
 from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import PlacedMesh
 
 
-class Mesh(Surface):
+class Mesh(Group):
     """Triangles, of which a ray meets the nearest one; of equally near ones, the one of the lowest number.
 
     of: the scene's; eye: in the world; frame: the camera's axes.
     """
 
     def __init__(self, of: PlacedMesh, eye: Point, frame: Frame, material: Material) -> None:
-        self.of, self.eye, self.frame, self.material, self.number = of, eye, frame, material, of.number
+        super().__init__(of.number, eye, frame)
+        self.of, self.material = of, material
         self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
         self._triangles: dict[int, Triangle] = {}
-        # It is asked about a ray twice: first where it meets the mesh, then what is there.
-        self._first = lru_cache(maxsize=1)(self._find)
 
     def triangle(self, primitive: int) -> Triangle:
         if primitive not in self._triangles:
             self._triangles[primitive] = Triangle(self, primitive)
         return self._triangles[primitive]
-
-    def intersect(self, ray: Ray) -> float | None:
-        met = self._first(ray)
-        return met[0] if met else None
-
-    def exact_t(self, ray: Ray) -> Root:
-        return self._met_by(ray).exact_t(ray)
-
-    def intersection_at(self, ray: Ray, t: float) -> Intersection:
-        return self._met_by(ray).intersection_at(ray, t)
-
-    def blocks(self, ray: ShadowRay) -> bool:
-        return any(triangle.blocks(ray) for triangle in self.near(shadow_way(ray)))
-
-    def _find(self, ray: Ray) -> tuple[float, Surface] | None:
-        return first_met(self.near(way_of(ray, self.frame, self.eye)), ray)
-
-    def _met_by(self, ray: Ray) -> Surface:
-        met = self._first(ray)
-        if met is None:
-            raise ValueError("the ray does not hit the surface")
-        return met[1]
 
     def near(self, way: Way | None) -> Iterator[Triangle]:
         """The triangles that a ray may meet, in order. All others it surely passes by.

@@ -52,15 +52,7 @@ static Ray middle_rays(const Frame frame, const Scene scene, const Cells cells) 
     ray.a = (ray.d.x * ray.d.x + ray.d.y * ray.d.y) + 1;
     ray.over_a = 1 / ray.a;
 #endif
-#if defined(WITH_ELLIPSOIDS) && defined(WITH_PARALLEL_RAYS)
-    ray.leaving = from_eye(scene.spheres, ray.o, turned_to_world(frame, ray.o));
-#elif defined(WITH_ELLIPSOIDS)
-    ray.leaving = leaving_eye(frame, scene.spheres, ray.d);
-#endif
-#ifdef WITH_TRIANGLES
-    ray.w = turned_to_world(frame, OWN(ray));
-#endif
-    return ray;
+    return for_shapes(frame, scene, ray);
 }
 
 /* A sphere over cells: b = C.d and D = b^2 - a c, which is positive inside of its outline. c: the power of the eye. Lengths are
