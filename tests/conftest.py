@@ -9,6 +9,7 @@ import pytest
 
 import cltrace
 from cltrace import reference
+from cltrace.run import maker
 from cltrace.run.devices import Device
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
@@ -71,6 +72,12 @@ def pytest_report_header() -> list[str]:
 def any_device() -> Device:
     """The device that a user gets without asking for one."""
     return cltrace.run.devices.choose()
+
+
+@pytest.fixture
+def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device packs scenes of any number of surfaces."""
+    monkeypatch.setattr(maker, "MANY", 0)
 
 
 @functools.cache

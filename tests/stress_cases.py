@@ -81,6 +81,17 @@ def hits(scene: Scene) -> truth.Hits:
     return truth.hits(scene)
 
 
+def pairs_on_a_plane(rng: np.random.Generator, x: float, huge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (10, 3) and radii (10) of spheres that rest on the plane at x, from tiny to huge: pairs, an ulp apart."""
+    centers, radii = [], []
+    for r in (huge / 2, 1.5 * x, 1.1, 1e20, 1e-20):
+        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, x]))
+        for k in (0, 1):
+            centers.append((r * rng.choice([-1, 1]), 0 if k else x, z))
+            radii.append(r)
+    return np.array(centers), np.array(radii)
+
+
 @remembered
 def normals_of(scene: Scene, count: int) -> dict[int, tuple[Fraction, ...]]:
     """The exact normals of some pixels that hit: limbs first, where a normal loses its digits."""

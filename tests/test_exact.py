@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pyopencl as cl
 import pytest
+from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Scene
@@ -184,14 +185,8 @@ def extreme(seed: int) -> Scene:
     camera = Camera(
         (tiny, 0, tiny), (2.0**-149 * 3, 2.0**-149, -huge), up, 2.0**-149 * 1.3, (9, 7), square_pixels=False
     )
-    # Each rests on the plane x = tiny, which is about the middle column's, and each is there twice, but for an ulp.
-    centers, radii = [], []
-    for r in (huge / 2, 1.5 * tiny, 1.1, 1e20, 1e-20):
-        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, tiny]))
-        for k in (0, 1):
-            centers.append((r * rng.choice([-1, 1]), 0 if k else tiny, z))
-            radii.append(r)
-    return Scene.from_spheres(camera, [], centers, radii)
+    # The plane is about the middle column's.
+    return Scene.from_spheres(camera, [], *pairs_on_a_plane(rng, tiny, huge))
 
 
 @pytest.mark.slow

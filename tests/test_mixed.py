@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from device_views import LIGHTS, check_same_view
 from numpy.typing import NDArray
 
 import cltrace
@@ -17,17 +18,7 @@ from cltrace.run.devices import Device
 from cltrace.run.mixed import Mixed
 
 Floats = NDArray[np.float64]
-LIGHTS = [
-    cltrace.ambient_light(),
-    cltrace.parallel_light((-1, -2, -0.5)),
-    cltrace.point_light((3, 4, 5)),
-    cltrace.spot_light((0.1, 2.0, -0.3), (0, -1, 0), 20, 30),
-]
-
-
-@pytest.fixture(autouse=True)
-def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(maker, "MANY", 0)
+pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 
 
 def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
@@ -35,13 +26,8 @@ def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
     world = World.of(scene, request)
     mixed = Mixed.of(world, request, device)
     assert mixed is not None
-    expected = View.of(world, scene.camera, request)
     view, made = mixed.view(world, scene.camera)
-    assert made.keys() | view.arrays.keys() == expected.arrays.keys()
-    for name, array in expected.arrays.items():
-        found = mixed._tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
-        assert found.tobytes() == array.tobytes(), name
-    assert (view.skipped, view.inside, view.values) == (expected.skipped, expected.inside, expected.values)
+    check_same_view(view, made, mixed.tools, View.of(world, scene.camera, request))
 
 
 def scene(vertices: Floats, triangles: NDArray[np.int64], lights: object = LIGHTS, shift: float = 0) -> cltrace.Scene:

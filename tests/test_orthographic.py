@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from rational_meshes import doubles_mesh, exactly, grid_mesh, nearest
+from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Orthographic, Scene
@@ -190,13 +191,7 @@ def extreme(seed: int) -> Scene:
     camera = Orthographic(
         (tiny, 0, tiny), (2.0**-149 * 3, 2.0**-149, -huge), (0, 1, 2.0**-149), height, resolution=(9, 7)
     )
-    centers, radii = [], []
-    for r in (huge / 2, 1.5 * tiny, 1.1, 1e20, 1e-20):
-        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, tiny]))
-        for k in (0, 1):
-            centers.append((r * rng.choice([-1, 1]), 0 if k else tiny, z))
-            radii.append(r)
-    return Scene.from_spheres(camera, [], centers, radii)
+    return Scene.from_spheres(camera, [], *pairs_on_a_plane(rng, tiny, huge))
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from device_views import LIGHTS, check_same_view
 from numpy.typing import NDArray
 
 import cltrace
@@ -21,11 +22,7 @@ from cltrace.run.packing import Packing
 from cltrace.run.toolbox import Toolbox
 
 Floats = NDArray[np.float64]
-
-
-@pytest.fixture(autouse=True)
-def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(maker, "MANY", 0)
+pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 
 
 def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
@@ -33,27 +30,13 @@ def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
     world = World.of(scene, request)
     packing = Packing.of(world, request, device)
     assert packing is not None
-    expected = View.of(world, scene.camera, request)
     view, made = packing.view(world, scene.camera)
-    assert made.keys() | view.arrays.keys() == expected.arrays.keys()
-    for name, array in expected.arrays.items():
-        found = packing.tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
-        assert found.tobytes() == array.tobytes(), name
-    assert (view.skipped, view.inside, view.values) == (expected.skipped, expected.inside, expected.values)
-    assert (view.region, view.exponent) == (expected.region, expected.exponent)
+    check_same_view(view, made, packing.tools, View.of(world, scene.camera, request))
 
 
 def camera(**changes: object) -> cltrace.Camera:
     arguments = {"position": (0.1, 0.2, 3.0), "lookat": (0, 0, 0), "horizontal_fov": 50.0, "resolution": (97, 61)}
     return cltrace.Camera(**(arguments | changes))  # type: ignore[arg-type]
-
-
-LIGHTS = [
-    cltrace.ambient_light(),
-    cltrace.parallel_light((-1, -2, -0.5)),
-    cltrace.point_light((3, 4, 5)),
-    cltrace.spot_light((0.1, 2.0, -0.3), (0, -1, 0), 20, 30),
-]
 
 
 def balls(n: int = 300, size: float = 0.1, seed: int = 1) -> tuple[Floats, Floats]:

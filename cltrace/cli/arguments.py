@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 import re
 from argparse import ArgumentTypeError
+from collections.abc import Collection
+from typing import TypeVar
 
 from cltrace.console import positive
 from cltrace.movie.frames import AXES, range_of
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
+
+Name = TypeVar("Name", bound=str)
 
 
 def crop(text: str) -> Crop:
@@ -47,20 +51,21 @@ def antialias(text: str) -> float:
 
 def keep(text: str) -> list[Keep]:
     """NAME,... of --keep."""
-    names = [name for name in KEEPS if name in text.split(",")]
-    for name in text.split(","):
-        if name not in KEEPS:
-            raise ArgumentTypeError(f"must be of {', '.join(KEEPS)}, got {name!r}")
-    return names
+    return _some_of(KEEPS, text)
 
 
 def outputs(text: str) -> list[Output]:
     """NAME,... of --outputs."""
-    names = [name for name in OUTPUTS if name in text.split(",")]
-    for name in text.split(","):
-        if name not in OUTPUTS:
-            raise ArgumentTypeError(f"must be of {', '.join(OUTPUTS)}, got {name!r}")
-    return names
+    return _some_of(OUTPUTS, text)
+
+
+def _some_of(names: Collection[Name], text: str) -> list[Name]:
+    """Those that a text with commas between them has, in the order of `names`."""
+    named = text.split(",")
+    for name in named:
+        if name not in names:
+            raise ArgumentTypeError(f"must be of {', '.join(names)}, got {name!r}")
+    return [name for name in names if name in named]
 
 
 def repeats(text: str) -> int:

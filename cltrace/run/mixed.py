@@ -36,8 +36,8 @@ class Mixed:
 
     def __init__(self, world: World, request: Request, device: Device) -> None:
         self._triangles, self._request, self._device = world.triangles, request, device
-        self._tools = Toolbox(device, request.precision)
-        self._face, self._lock = self._tools.share(world.triangles.face), threading.Lock()
+        self.tools = Toolbox(device, request.precision)
+        self._face, self._lock = self.tools.share(world.triangles.face), threading.Lock()
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device) -> Mixed | None:
@@ -66,7 +66,7 @@ class Mixed:
         self, made: dict[str, Any], world: World, camera: AnyCamera, lights: NDArray[np.void], k: int
     ) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
         """What mesh_views() returns, but for the buffers, which are in `made` then."""
-        m, basis, tools = len(world.triangles.face), np.array(camera.basis()), self._tools
+        m, basis, tools = len(world.triangles.face), np.array(camera.basis()), self.tools
         if not m or camera.parallel:
             return mesh_views(world, camera, lights, k)
         made["facet"] = tools.room(12 * m, np.float32)
@@ -92,7 +92,7 @@ class Mixed:
 
     def _build(self, made: dict[str, Any], grids: list[CellGrid]) -> dict[str, NDArray[Any]]:
         """Makes the lists of grids, which are in `made` then, and returns the records."""
-        entries = Entries(self._tools, self._request.precision)
+        entries = Entries(self.tools, self._request.precision)
         for grid in grids:
             entries.add_members(grid)
         lists, records = entries.joined()
@@ -104,7 +104,7 @@ class Mixed:
 
         near: (v, 3), the corners from a point of the world, along the camera's axes; pane: of the kernel.
         """
-        tools, m = self._tools, len(self._triangles.face)
+        tools, m = self.tools, len(self._triangles.face)
         met, unsure = tools.room(m, np.int8), tools.room(1 + m, np.int32)
         tools.clear(unsure, 1)
         common, vertex = (vector(pane), np.int64(first)), tools.share(near)
