@@ -5,10 +5,12 @@ This imports nothing of cltrace, so that it is there before numpy and the OpenCL
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 # Those of the signals that end a program which a user, a terminal or a batch system sends; Windows lacks some.
@@ -25,12 +27,24 @@ def start(module: str) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     try:
-        status = importlib.import_module(module).main()
+        status = _main_of(module)()
     except SystemExit as end:  # argparse, after --help and --version
         status = end.code
         if sys.stdout is not None:
             sys.stdout.flush()
     os._exit(status or 0)
+
+
+def _main_of(module: str) -> Callable[[], int]:
+    """main() of a module, imported in less of a processor's time."""
+    # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing. Nor do
+    # threads that numpy starts for products of large matrices, and that wait for work by spinning: there are none.
+    gc.disable()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    main = importlib.import_module(module).main
+    gc.freeze()
+    gc.enable()
+    return main  # type: ignore[no-any-return]
 
 
 def _leave(number: int, _: object) -> NoReturn:
