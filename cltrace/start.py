@@ -27,7 +27,7 @@ def start(module: str) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     try:
-        status = _main_of(module)()
+        status: str | int | None = _main_of(module)()
     except SystemExit as end:  # argparse, after --help and --version
         status = end.code
         if sys.stdout is not None:
