@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 # Those of the signals that end a program which a user, a terminal or a batch system sends; Windows lacks some.
 ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if hasattr(signal, name)]
@@ -27,7 +27,7 @@ def start(module: str) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     try:
-        status: str | int | None = _main_of(module)()
+        status = _main_of(module)()
     except SystemExit as end:  # argparse, after --help and --version
         status = end.code
         if sys.stdout is not None:
@@ -35,7 +35,7 @@ def start(module: str) -> NoReturn:
     os._exit(status or 0)
 
 
-def _main_of(module: str) -> Callable[[], int]:
+def _main_of(module: str) -> Callable[[], Any]:
     """main() of a module, imported in less of a processor's time."""
     # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing. Nor do
     # threads that numpy starts for products of large matrices, and that wait for work by spinning: there are none.
