@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.blocks import blockwise
 from cltrace.scene.maps import affine, inverses, whole_inverse
 from cltrace.scene.materials import Material
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
@@ -142,16 +143,24 @@ class PlacedMesh(_Frozen):
         the sum lies in the triangle's plane, it is the side of N in the object's space.
         """
         shape = self.geometry
-        side = np.ones(len(shape.faces), np.int8)
-        given = np.flatnonzero(shape.normal_of[:, 0] >= 0)
-        if len(given):
-            a, b, c = (shape.vertices[shape.faces[given, k]] for k in range(3))
-            x, y, z = (shape.normals[shape.normal_of[given, k]] for k in range(3))
-            flat, mean = _cross(b - a, c - a), (x + y) + z
-            dot = (flat[:, 0] * mean[:, 0] + flat[:, 1] * mean[:, 1]) + flat[:, 2] * mean[:, 2]
-            side[given[dot < 0]] = -1
         _, determinant = whole_inverse(self.to_world[:, :3].tolist())
-        return _read_only(-side if determinant < 0 else side)
+        outward = -1 if determinant < 0 else 1
+        side = np.full(len(shape.faces), outward, np.int8)
+
+        def turn(rows: slice) -> None:
+            given = np.flatnonzero(shape.normal_of[rows, 0] >= 0)
+            corners, directions = shape.faces[rows].take(given, axis=0), shape.normal_of[rows].take(given, axis=0)
+            a, b, c = (_columns(shape.vertices, which) for which in corners.T)
+            e, f = ([q - p for p, q in zip(a, other, strict=True)] for other in (b, c))
+            flat = (e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0])
+            x, y, z = (_columns(shape.normals, which) for which in directions.T)
+            mean = [(p + q) + r for p, q, r in zip(x, y, z, strict=True)]
+            dot = (flat[0] * mean[0] + flat[1] * mean[1]) + flat[2] * mean[2]
+            side[rows.start + given[dot < 0]] = -outward
+
+        if len(shape.normals):
+            blockwise(len(side), turn)
+        return _read_only(side)
 
     def of(self, material: int, number: int) -> PlacedMesh:
         """The same with another material and number; shares the arrays."""
@@ -371,9 +380,9 @@ def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what
     return array
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+def _columns(rows: NDArray[np.float64], which: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(3, n): the coordinates of some rows (k, 3)."""
+    return np.ascontiguousarray(rows.take(which, axis=0).T)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
