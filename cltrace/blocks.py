@@ -50,6 +50,15 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     return room[start : start + count].view(kind).reshape(shape)
 
 
+def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays one after the other, along their first axis. It begins on a page if it is large, or is the only one."""
+    some = [array for array in arrays if len(array)] or arrays[:1]
+    if len(some) == 1:
+        return some[0]
+    out = empty((sum(map(len, some)), *some[0].shape[1:]), some[0].dtype)
+    return np.concatenate(some, out=out)
+
+
 def begins_on_page(array: NDArray[Any]) -> bool:
     """Whether an array is as those of empty() that are large."""
     return array.flags.c_contiguous and array.nbytes >= LARGE and array.ctypes.data % PAGE == 0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, empty, joined
 from cltrace.plan.abi import Precision, dtype_of, real_dtype
 from cltrace.plan.shapes.triangle import Triangles
 from cltrace.scene import PlacedMesh
@@ -41,7 +42,7 @@ class Attributes:
             shape = placed.geometry
             for name, row in zip(("normal_x", "normal_y", "normal_z"), placed.normal_to_world, strict=True):
                 record[name][:3] = row
-            normals.add(id(shape), _scaled(shape.normals), shape.normal_of)
+            normals.add(id(shape), shape.normals, shape.normal_of, _size(shape.normals))
             if with_uv:
                 uvs.add(id(shape), shape.uv, shape.uv_of)
         return cls(mesh, *normals.arrays(triangles), *uvs.arrays(triangles))
@@ -60,12 +61,20 @@ class _Table:
         self._count = 0
         self._begin: dict[int, int] = {}
 
-    def add(self, key: int, rows: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
-        """Adds a mesh: its rows unless those of this key are there, and which ones its triangles have, -1 for none."""
+    def add(self, key: int, rows: NDArray[np.float64], faces: NDArray[np.int32], size: int = 0) -> None:
+        """Adds a mesh: its rows unless those of this key are there, and which ones its triangles have, -1 for none.
+
+        size: the rows are divided by 2^size.
+        """
         if key not in self._begin:
             self._begin[key] = self._count
-            wide = np.zeros((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
-            wide[:, : rows.shape[1]] = rows
+            wide = empty((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
+
+            def fill(some: slice) -> None:
+                wide[some, : rows.shape[1]] = np.ldexp(rows[some], -size) if size else rows[some]
+                wide[some, rows.shape[1] :] = 0
+
+            blockwise(len(rows), fill)
             self._rows.append(wide)
             self._count += len(rows)
         begin = np.int32(self._begin[key])
@@ -73,18 +82,22 @@ class _Table:
 
     def arrays(self, triangles: Triangles) -> tuple[NDArray[Any], NDArray[np.int32]]:
         """The rows, and for each of t triangles three of them and its mesh, or -1. If nothing was added, none."""
-        rows = np.concatenate(self._rows)
+        rows = joined(self._rows)
         if not len(rows):
             return rows, np.full((len(triangles.face) if self._faces else 0, 4), (0, 0, 0, -1), np.int32)
-        mesh = triangles.face[:, 3] >> 1
+        faces, out = joined(self._faces), empty((len(triangles.face), 4), np.int32)
         begin = np.cumsum([0, *(len(faces) for faces in self._faces)])[:-1]
-        three = np.concatenate(self._faces).take(begin.take(mesh) + triangles.number, axis=0)
-        some = three[:, 0] >= 0
-        out = np.zeros((len(mesh), 4), np.int32)
-        out[:, :3], out[:, 3] = np.where(some[:, None], three, 0), np.where(some, mesh, -1)
+
+        def fill(some: slice) -> None:
+            mesh = triangles.face[some, 3] >> 1
+            three = faces.take(begin.take(mesh) + triangles.number[some], axis=0)
+            given = three[:, 0] >= 0
+            out[some, :3], out[some, 3] = np.where(given[:, None], three, 0), np.where(given, mesh, -1)
+
+        blockwise(len(out), fill)
         return rows, out
 
 
-def _scaled(normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Divided by a power of two, so that the largest number is less than 1, and at least 1/2 if there is one but 0."""
-    return np.asarray(np.ldexp(normals, -np.frexp(np.abs(normals).max(initial=0))[1]))
+def _size(normals: NDArray[np.float64]) -> int:
+    """The k for which the largest number, divided by 2^k, is less than 1, and at least 1/2 unless all are 0."""
+    return int(np.frexp(max(normals.max(initial=0), -normals.min(initial=0)))[1])

@@ -15,13 +15,17 @@ from cltrace.blocks import BLOCK, blockwise, concurrently, empty, processors
 SAMPLE = 16
 
 
-def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
+def spatial_order(center: NDArray[Any], which: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
     """The indices (n,) of points (n, 3) in the order of a curve through space, of which neighbours are near each other.
 
-    That is Morton's order (1966).
+    That is Morton's order (1966). which: (n,), the rows of `center` that are the points; None for all of them.
     """
-    n = len(center)
-    ends = blockwise(n, lambda block: [(x.min(), x.max()) for x in _axes(center[block])])
+    n = len(center) if which is None else len(which)
+
+    def axes(block: slice) -> NDArray[np.float64]:
+        return _axes(center[block] if which is None else center.take(which[block], axis=0))
+
+    ends = blockwise(n, lambda block: [(x.min(), x.max()) for x in axes(block)])
     low, high = np.min(ends, axis=0)[:, 0].tolist(), np.max(ends, axis=0)[:, 1].tolist()
     # Halves, as the difference of two doubles may overflow.
     size = max(1e-300, *(most / 2 - least / 2 for most, least in zip(high, low, strict=True)))
@@ -35,7 +39,7 @@ def spatial_order(center: NDArray[Any]) -> NDArray[np.int32]:
     scale, key = (2**bits - 1) / size, np.arange(n)
 
     def interleave(block: slice) -> None:
-        for k, x in enumerate(_axes(center[block])):
+        for k, x in enumerate(axes(block)):
             place = (x / 2 - low[k] / 2) * scale
             key[block] |= every_third.take(place.astype(np.int32)) << k
 

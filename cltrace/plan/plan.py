@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, empty, joined
 from cltrace.plan import abi
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, whole_grid
@@ -24,7 +25,7 @@ from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
 from cltrace.plan.dropping import brightest, limits
-from cltrace.plan.exact import Array, rotated, rounded_up
+from cltrace.plan.exact import Array, rounded_up
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, dim_highlights, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
@@ -116,7 +117,7 @@ class World:
             number = order if not scene.meshes else scene.sphere_numbers.take(order)
             shape = columns.to_object.take(order) if columns.to_object.ndim else columns.to_object
             again = repeated(center, radius, shape, number, places.by_place)
-            number = np.concatenate([number, triangles.surface]) if scene.meshes else number
+            number = joined([number, triangles.surface]) if scene.meshes else number
             maps, reach, core = None, radius, radius
             if (shape >= 0).any():
                 maps = Maps.of(shape, scene.to_object)
@@ -218,7 +219,7 @@ def _materials(
     of = order if columns.material is None else gathered(columns.material, order, (n,), np.int32)
     if columns.materials_count > n // 2 and not scene.meshes:
         return Materials.of(scene, request, of), np.arange(n, dtype=np.int32)
-    return Materials.of(scene, request, None), np.concatenate([of, triangles.material])
+    return Materials.of(scene, request, None), joined([of, triangles.material])
 
 
 @dataclass(frozen=True)
@@ -250,8 +251,9 @@ class View:
         basis = np.array(camera.basis())
         stretched = world.maps.of_sphere > 0 if world.maps else None
         space = Space.of(camera, world.center, world.reach, stretched, world.lights)
-        vertex = from_point(world, basis, np.array(camera.position))
-        k = space.exponent(world.lights, vertex, max(camera.image_plane()) if camera.parallel else 0.0)
+        near = from_point(world, basis, np.array(camera.position))
+        k = space.exponent(world.lights, near, max(camera.image_plane()) if camera.parallel else 0.0)
+        near *= 2.0**k
         small = space.times_two_to(k)
         lights = packed_lights(world, camera, request, k)
         base = cls.without_spheres(world, camera, request, k)
@@ -267,7 +269,7 @@ class View:
         arrays |= {"light_filter": views.filter.reshape(-1, 4), "light_side": views.side.reshape(-1)}
         with _timed(seconds, "lists"):
             methods = methods or Methods(mesh_views, lambda grids: build(grids, request.precision).arrays())
-            faces, facets = methods.see_meshes(world, camera, lights, k)
+            faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
             arrays |= _lists(world, seen, views.views, faces, window, request, methods.build, skipped)
@@ -486,13 +488,33 @@ def _vertices(world: World, exponent: int | None, real: np.dtype[Any]) -> dict[s
         places = [np.ldexp(place - world.paths.middle, exponent) for place in places]
         towards = towards / np.maximum(np.abs(towards).max(axis=1, keepdims=True, initial=0), 2.0**-200)
     lamp = np.where(parallel[:, None], towards, places[1])
-    vertex, lamp = (np.concatenate([v, np.zeros((len(v), 1))], axis=1).astype(real) for v in (places[0], lamp))
+    vertex, lamp = (_four_wide(v, real) for v in (places[0], lamp))
     return {"vertex": vertex, "lamp": lamp, "face": triangles.face, "number_of": triangles.number}
 
 
-def from_point(world: World, basis: Array, point: Array) -> Array:
-    """(v, 3): from a point of the world to the corners of triangles, along the camera's axes, in scene units."""
-    return rotated(basis, world.triangles.vertex - point)
+def _four_wide(rows: Array, real: np.dtype[Any]) -> NDArray[Any]:
+    """(n, 4): rows of three numbers and a 0."""
+    out = empty((len(rows), 4), real)
+
+    def fill(some: slice) -> None:
+        out[some, :3], out[some, 3] = rows[some], 0
+
+    blockwise(len(rows), fill)
+    return out
+
+
+def from_point(world: World, basis: Array, point: Array, k: int = 0) -> Array:
+    """(v, 3): from a point of the world to the corners of triangles, along the camera's axes, in 2^-k scene units."""
+    vertex, unit = world.triangles.vertex, 2.0**k
+    out = np.empty_like(vertex)
+
+    def turn(block: slice) -> None:
+        x, y, z = (c - o for c, o in zip(vertex[block].T, point, strict=True))
+        for i, row in enumerate(basis):
+            out[block, i] = (row[0] * x + row[1] * y + row[2] * z) * unit
+
+    blockwise(len(vertex), turn)
+    return out
 
 
 class MeshView(NamedTuple):
@@ -506,15 +528,14 @@ class MeshView(NamedTuple):
 
 
 def mesh_views(
-    world: World, camera: AnyCamera, lights: NDArray[np.void], k: int
+    world: World, camera: AnyCamera, lights: NDArray[np.void], near: Array, k: int
 ) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
     """The views of the eye and of each light, and the kernel's buffers by name.
 
-    lights: of pack_lights(); k: see View.without_spheres().
+    lights: of pack_lights(); near: of from_point() for the eye; k: see View.without_spheres().
     """
     triangles, basis = world.triangles, np.array(camera.basis())
     facets = np.empty((1 + len(lights), 3 * len(triangles.face), 4), np.float32)
-    near = np.ldexp(from_point(world, basis, np.array(camera.position)), k)
     face, first = world.triangles.face[:, :3], len(world.radius)
     if camera.parallel:
         wide, high = camera.image_plane()
@@ -528,7 +549,7 @@ def mesh_views(
             facet = along_light(near, triangles, axes, -light["direction"], out)
             found.append(MeshView(found[0].corners, facet.met))
         else:
-            place = np.ldexp(from_point(world, basis, light["position"]), k)
+            place = from_point(world, basis, light["position"], k)
             facet = from_light(place, triangles, light["position"], out)
             found.append(MeshView(Corners(place, face, first), facet.met))
     return found, {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
@@ -540,7 +561,9 @@ class Methods(NamedTuple):
     see_meshes: see mesh_views(); build: makes the lists of grids, see Lists.
     """
 
-    see_meshes: Callable[[World, AnyCamera, NDArray[np.void], int], tuple[list[MeshView], dict[str, NDArray[Any]]]]
+    see_meshes: Callable[
+        [World, AnyCamera, NDArray[np.void], Array, int], tuple[list[MeshView], dict[str, NDArray[Any]]]
+    ]
     build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]]
 
 

@@ -59,7 +59,8 @@ class Space:
         vertex: (v, 3), corners of triangles in camera space; least: the largest one of spheres that are not here.
         """
         parts = (self.center, self.radius, self.position[lights["kind"] != PARALLEL], vertex)
-        return -math.frexp(max(least, *(float(np.abs(part).max(initial=0)) for part in parts)))[1]
+        ends = (float(end) for part in parts for end in (part.max(initial=0), -part.min(initial=0)))
+        return -math.frexp(max(least, *ends))[1]
 
     def seen_from_eye(self) -> Seen:
         """The spheres as the eye sees them."""

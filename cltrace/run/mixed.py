@@ -63,18 +63,17 @@ class Mixed:
             return View.of(world, camera, self._request, methods), made
 
     def _see(
-        self, made: dict[str, Any], world: World, camera: AnyCamera, lights: NDArray[np.void], k: int
+        self, made: dict[str, Any], world: World, camera: AnyCamera, lights: NDArray[np.void], near: Array, k: int
     ) -> tuple[list[MeshView], dict[str, NDArray[Any]]]:
         """What mesh_views() returns, but for the buffers, which are in `made` then."""
         m, basis, tools = len(world.triangles.face), np.array(camera.basis()), self.tools
         if not m or camera.parallel:
-            return mesh_views(world, camera, lights, k)
+            return mesh_views(world, camera, lights, near, k)
         made["facet"] = tools.room(12 * m, np.float32)
         if len(lights):
             made["light_facet"] = tools.room(12 * m * len(lights), np.float32)
         face, first = world.triangles.face[:, :3], len(world.radius)
         eye = np.array(camera.position)
-        near = np.ldexp(from_point(world, basis, eye), k)
         found = [MeshView(Corners(near, face, first), self._facets(near, eye, camera.image_plane(), made["facet"], 0))]
         for light, (record, packed) in enumerate(zip(world.lights, lights, strict=True)):
             if record["kind"] == PARALLEL:
@@ -84,7 +83,7 @@ class Mixed:
                 tools.copy(tools.upload(out), made["light_facet"], 48 * m * light, 48 * m)
                 found.append(MeshView(found[0].corners, facets.met))
             else:
-                place = np.ldexp(from_point(world, basis, record["position"]), k)
+                place = from_point(world, basis, record["position"], k)
                 met = self._facets(place, record["position"], AT_POINT, made["light_facet"], m * light)
                 found.append(MeshView(Corners(place, face, first), met))
         tools.finish()

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise
+from cltrace.blocks import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.exact import Array
 from cltrace.plan.order import spatial_order
@@ -48,25 +48,31 @@ class Triangles:
     @classmethod
     def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool) -> Triangles:
         """by_place: whether to sort them by place, so that neighbours are near each other in memory."""
-        vertices, faces, numbers, first = [np.zeros((0, 3))], [np.zeros((0, 4), np.int32)], [np.zeros(0, np.int32)], 0
+        vertices, corners, backs = [np.zeros((0, 3))], [np.zeros((0, 3), np.int32)], [np.zeros(0, np.int32)]
+        begin, first = [0], 0
         for k, mesh in enumerate(meshes):
-            corners = mesh.geometry.faces
-            face = np.empty((len(corners), 4), np.int32)
-            face[:, :3] = corners + np.int32(first)
-            face[:, 3] = 2 * k + (mesh.front < 0)
-            faces.append(face)
+            corners.append(mesh.geometry.faces + np.int32(first) if first else mesh.geometry.faces)
+            backs.append(2 * k + (mesh.front < 0).astype(np.int32))
             vertices.append(mesh.vertices)
-            numbers.append(np.arange(len(corners), dtype=np.int32))
+            begin.append(begin[-1] + len(mesh.geometry.faces))
             first += len(mesh.vertices)
-        vertex, face, number = np.concatenate(vertices), np.concatenate(faces), np.concatenate(numbers)
-        if by_place:
-            order = spatial_order(vertex.take(face[:, 0], axis=0))
-            face, number = face.take(order, axis=0), number.take(order)
-        of = face[:, 3] >> 1
-        surface, material = (
-            np.array([getattr(mesh, name) for mesh in meshes], np.int32).take(of) if meshes else of
-            for name in ("number", "material")
+        vertex, corner, back, m = joined(vertices), joined(corners), joined(backs), begin[-1]
+        order = spatial_order(vertex, corner[:, 0]) if by_place else np.arange(m, dtype=np.int32)
+        face, number, surface, material = empty((m, 4), np.int32), *(empty((m,), np.int32) for _ in range(3))
+        first_of, surface_of, material_of = (
+            np.array(values, np.int32)
+            for values in (begin, [mesh.number for mesh in meshes], [mesh.material for mesh in meshes])
         )
+
+        def fill(rows: slice) -> None:
+            which = order[rows]
+            face[rows, :3], face[rows, 3] = corner.take(which, axis=0), back.take(which)
+            of = face[rows, 3] >> 1
+            number[rows] = which - first_of.take(of)
+            surface[rows], material[rows] = surface_of.take(of), material_of.take(of)
+
+        if m:
+            blockwise(m, fill)
         return cls(vertex, face, number, surface, material)
 
 
