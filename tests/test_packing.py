@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,16 @@ Floats = NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 
 
-def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
-    """Asserts that the device's view of a scene is numpy's."""
+def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: cltrace.Camera) -> None:
+    """Asserts that the device's views of a scene are numpy's: by its own camera, and by others after it."""
     world = World.of(scene, request)
     packing = Packing.of(world, request, device)
     assert packing is not None
-    view, made = packing.view(world, scene.camera)
-    check_same_view(view, made, packing.tools, View.of(world, scene.camera, request))
+    # On the device, shadow rays may end on all spheres.
+    plain = replace(request, keep=(*request.keep, "receivers"))
+    for by in (scene.camera, *cameras):
+        view, made = packing.view(world, by)
+        check_same_view(view, made, packing.tools, View.of(world, by, plain))
 
 
 def camera(**changes: object) -> cltrace.Camera:
@@ -148,6 +152,28 @@ def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     for make in (crowded, touching, mirrors, few_in_light):
         for precision in ("accurate", "single"):
             both(make(), device, Request(precision))
+
+
+@pytest.mark.parametrize("precision", ["accurate", "single"])
+def test_bits_of_other_cameras(device: Device, precision: Precision) -> None:
+    """They have what lights see in common, unless lengths have another unit, or the eye is within what hides others."""
+    lights = LIGHTS[:1] + LIGHTS[2:]
+    centers, radii = balls(300, 0.02)
+    centers, radii = np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6])
+    cameras = [camera(position=p) for p in ((0.1, 0.21, 3.0), (3, 2, -1), (0.2, 0.3, 0.1), (70, 0, 90), (0, 0, 3))]
+    for at in (LIGHTS, lights):
+        both(scene(centers, radii, at), device, Request(precision), *cameras)
+
+
+def test_what_lights_see_is_made_once(device: Device) -> None:
+    world = World.of(scene(*balls(), LIGHTS[2:]), Request())
+    packing = Packing.of(world, Request(), device)
+    assert packing is not None
+    _, first = packing.view(world, camera())
+    _, other = packing.view(world, camera(position=(0.1, 0.21, 3.0)))
+    assert other["light_side"] is first["light_side"]
+    _, far = packing.view(world, camera(position=(70, 0, 90)))
+    assert far["light_side"] is not first["light_side"]
 
 
 def test_bits_of_a_crop(device: Device) -> None:

@@ -37,8 +37,9 @@ def shells(radius: Array) -> NDArray[np.intp]:
 def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
     """Which spheres lie inside a larger one, one of the SHELLS largest, that has the eye and all lights outside of it.
 
-    All spheres are opaque, so eye and lights see the larger sphere in place of what is inside of it. center: (n, 3),
-    lengths at most 4; outside: (n,), whether the eye and all lights are outside of this sphere; slack: as in larger().
+    All spheres are opaque, so eye and lights see the larger sphere in place of what is inside of it. center: (n, 3), no
+    two further apart than 4; outside: (n,), whether the eye and all lights are outside of this sphere; slack: as in
+    larger().
     """
     out = np.zeros(len(radius), bool)
     roomy = larger(radius, slack)

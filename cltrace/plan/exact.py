@@ -49,18 +49,14 @@ def total(terms: list[Array]) -> Pair:
     return two_sum(hi, low + lower)
 
 
-def differences(hi: Array, lo: Array | None, point_hi: Array, point_lo: Array | None) -> Pair:
-    """From a point to points hi + lo, (n, 3): a pair of (n, 3), exact but for what is 2^-106 of it; None is zero."""
-    out, rest = np.empty_like(hi), np.empty_like(hi)
+def differences(points: Array, point: Array) -> Pair:
+    """From a point to points (n, 3): a pair of (n, 3), exact."""
+    out, rest = np.empty_like(points), np.empty_like(points)
 
     def subtract(block: slice) -> None:
-        near, error = two_sum(hi[block], -point_hi)
-        if lo is not None and point_lo is not None:
-            low, e = two_sum(lo[block], -point_lo)
-            near, error = two_sum(near, error + low + e)
-        out[block], rest[block] = near, error
+        out[block], rest[block] = two_sum(points[block], -point)
 
-    blockwise(len(hi), subtract)
+    blockwise(len(points), subtract)
     return out, rest
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import Precision, dtype_of, shade_dtype
-from cltrace.plan.exact import Array, along
+from cltrace.plan.exact import Array, along, rotated
 from cltrace.plan.materials import finite32
 from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
 from cltrace.plan.space import Space
@@ -84,12 +84,13 @@ def _unit(v: Array) -> Array:
 class LightView:
     """The n spheres as one light sees them.
 
-    axes: (3, 3), the two across a parallel light and the one towards it, None for a light at a point; seen: from the
-    light, or from the eye for a parallel one, lengths in the float buffers' unit; side: (n,) int8, abi's
-    light_side.
+    axes: (3, 3), the two across a parallel light and the one towards it, None for a light at a point; basis: (3, 3),
+    the camera's axes in the world; seen: from the light along the world's axes, or from the eye along the camera's for
+    a parallel one, lengths in the float buffers' unit; side: (n,) int8, abi's light_side.
     """
 
     axes: Array | None
+    basis: Array
     seen: Seen
     side: NDArray[np.int8]
 
@@ -119,7 +120,7 @@ class LightViews:
                 u, v = along(axes[:2], seen.center)
                 filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, space.radius)
             else:
-                seen, side[:] = space.seen_from_light(k, basis)
-                filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(seen)
-            views.append(LightView(axes, seen, side))
+                seen, side[:] = space.seen_from_light(k)
+                filter_[:, :3], filter_[:, 3] = -rotated(basis, seen.center), filter_constant(seen)
+            views.append(LightView(axes, basis, seen, side))
         return cls(views, filters, sides)

@@ -272,7 +272,7 @@ class View:
             faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
-            arrays |= _lists(world, seen, views.views, faces, window, request, methods.build, skipped)
+            arrays |= _lists(world, small, seen, views.views, faces, window, request, methods.build, skipped)
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
@@ -569,6 +569,7 @@ class Methods(NamedTuple):
 
 def _lists(
     world: World,
+    space: Space,
     seen: Seen,
     lights: list[LightView],
     faces: list[MeshView],
@@ -577,7 +578,10 @@ def _lists(
     build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]],
     skipped: dict[str, int],
 ) -> dict[str, NDArray[Any]]:
-    """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them."""
+    """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them.
+
+    space: in the float buffers' unit; seen: its spheres from the eye.
+    """
     n, keep = len(seen.radius), request.keep
     slack = SLACK if request.precision == "single" else FINE_SLACK
     visible = np.ones(n, bool)
@@ -585,7 +589,7 @@ def _lists(
         outside = (seen.power > 0) & np.all([light.side > 0 for light in lights], axis=0) & world.opaque
         if world.maps:
             outside &= world.maps.of_sphere == 0
-        visible = ~(world.again | hidden(seen.center, seen.radius, outside, slack))
+        visible = ~(world.again | hidden(space.place, space.radius, outside, slack))
         skipped["spheres inside others, or the same"] = n - int(visible.sum())
     among = np.concatenate([visible, faces[0].met])
     total = len(among)
@@ -630,7 +634,7 @@ def _light_buffer(
     # takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
     if n > CONSTANTS["FEW"] or corners:
         if light.axes is None:
-            return point_buffer(light.seen, who, corners), -1
+            return _point_buffer(light, corners, who), -1
         return parallel_buffer(light.axes, light.seen, who, corners), -1
     if light.axes is None:
         shadows = point_shadows(light.seen, who.slack)
@@ -642,6 +646,17 @@ def _light_buffer(
     casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
     stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
     return [whole_grid(casting)] if casting.any() else [], stops
+
+
+def _point_buffer(light: LightView, corners: Corners | None, who: Shadows) -> list[CellGrid]:
+    """The grids of a light at a point, along the camera's axes. corners: as of _light_buffer().
+
+    Spheres are in the same cells for each camera.
+    """
+    if corners:
+        return point_buffer(replace(light.seen, center=rotated(light.basis, light.seen.center)), who, corners)
+    grids = point_buffer(light.seen, who)
+    return [replace(grid, axes=rotated(light.basis, grid.axes)) for grid in grids]
 
 
 def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:

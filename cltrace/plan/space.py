@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.exact import Array, differences, dot_products, rotated, square_excess, two_sum
+from cltrace.plan.exact import Array, differences, dot_products, square_excess, two_sum
 from cltrace.plan.shapes.sphere import Seen
 from cltrace.scene import PARALLEL, AnyCamera
 
@@ -22,8 +22,7 @@ class Space:
     center (n, 3) and position (m, 3): along the camera's axes, each coordinate rounded once; power (n,): |C|^2 - r^2
     for the exact offset C of the centre from the eye, rounded once, so that no rounding of centres enters it;
     power_rest (n,): what that rounding cut off; loose (n,): which surfaces only lie within their spheres, None for
-    none; center_hi + center_lo (n, 3) and position_hi + position_lo (m, 3): the exact offsets from the eye, along the
-    world's axes.
+    none; place (n, 3) and lamp (m, 3): centres and lights in the world.
     """
 
     center: Array
@@ -31,21 +30,20 @@ class Space:
     power: Array
     power_rest: Array
     loose: Mask | None
-    center_hi: Array
-    center_lo: Array
+    place: Array
     position: Array
-    position_hi: Array
-    position_lo: Array
+    lamp: Array
 
     @classmethod
     def of(cls, camera: AnyCamera, center: Array, radius: Array, loose: Mask | None, lights: NDArray[np.void]) -> Space:
         """center (n, 3), radius (n,), loose (n,) and lights (m,) are in the world, in scene units."""
         eye, basis = np.array(camera.position), np.array(camera.basis())
-        hi, lo = differences(center, None, eye, None)
+        hi, lo = differences(center, eye)
         at_hi, at_lo = two_sum(lights["position"], -eye)
-        place, _ = dot_products(basis, at_hi, at_lo)
+        position, _ = dot_products(basis, at_hi, at_lo)
         turned, _ = dot_products(basis, hi, lo)
-        return cls(turned, radius, *square_excess(hi, lo, radius), loose, hi, lo, place, at_hi, at_lo)
+        excess = square_excess(hi, lo, radius)
+        return cls(turned, radius, *excess, loose, center, position, lights["position"])
 
     def times_two_to(self, k: int) -> Space:
         """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
@@ -74,16 +72,15 @@ class Space:
         z, r = np.abs(self.center[:, 2]), self.radius
         return Seen(self.center, r, np.where(z - r > 2.0**-20 * (z + r) + 2.0**-44, 1.0, 0.0))
 
-    def seen_from_light(self, k: int, basis: Array) -> tuple[Seen, Array]:
-        """The spheres as light k, at a point, sees them along the camera's axes; and (n,) the exact sign of its power.
+    def seen_from_light(self, k: int) -> tuple[Seen, Array]:
+        """The spheres as light k, at a point, sees them along the world's axes; and (n,) the exact sign of its power.
 
-        basis: (3, 3), the camera's axes in the world. The sign is 1 where the light is outside of a sphere, 0 where it
-        is on it, -1 where it is inside.
+        The sign is 1 where the light is outside of a sphere, 0 where it is on it, -1 where it is inside. No camera
+        changes any of it, but by the unit.
         """
-        # From the light to the centre: the eye cancels, exactly.
-        hi, lo = differences(self.center_hi, self.center_lo, self.position_hi[k], self.position_lo[k])
+        hi, lo = differences(self.place, self.lamp[k])
         power, _ = square_excess(hi, lo, self.radius)
-        return Seen(rotated(basis, hi), self.radius, self._known(power)), np.sign(power)
+        return Seen(hi, self.radius, self._known(power)), np.sign(power)
 
     def _known(self, power: Array) -> Array:
         """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,13 +50,32 @@ class _Layout:
     near_bits: int
 
 
+@dataclass(frozen=True)
+class Listed:
+    """Where the lists of one grid are.
+
+    start, entry: buffers; cell, filled: of the grid, the first cell in `start` and the first entry in `entry`; cells,
+    entries: how many there are; begins: where, as `start` says, the first list begins; mask: of its record.
+    """
+
+    start: Any
+    cell: int
+    cells: int
+    entry: Any
+    filled: int
+    entries: int
+    begins: int
+    mask: int
+
+
 class Entries:
-    """The lists of one grid after the other. records: of abi's `Grid`."""
+    """The lists of one grid after the other. records: of abi's `Grid`; listed: where each one's are, once joined()."""
 
     def __init__(self, tools: Toolbox, precision: Precision) -> None:
         self.records: list[NDArray[np.void]] = []
+        self.listed: list[Listed] = []
         self._tools, self._dtype = tools, dtype_of("Grid", precision)
-        self._pieces: list[tuple[Any, int, Any, int]] = []
+        self._pieces: list[Listed] = []
         self._cells = self._filled = 0
 
     def add(self, grid: CellGrid, covers: Covers) -> None:
@@ -99,12 +118,16 @@ class Entries:
         self._note(grid, layout.mask, start, layout.cells, entry, layout.entries)
 
     def _note(self, grid: CellGrid, mask: int, start: Any, cells: int, entry: Any, entries: int) -> None:
+        self.add_again(grid, Listed(start, 0, cells, entry, 0, entries, self._filled, mask))
+
+    def add_again(self, grid: CellGrid, listed: Listed) -> None:
+        """Takes over the lists of a grid."""
         record = np.zeros(1, self._dtype)
-        fill_record(record[0], grid, self._cells, mask)
+        fill_record(record[0], grid, self._cells, listed.mask)
         self.records.append(record)
-        self._pieces.append((start, cells, entry, entries))
-        self._cells += cells
-        self._filled += entries
+        self._pieces.append(listed)
+        self._cells += listed.cells
+        self._filled += listed.entries
 
     def add_members(self, grid: CellGrid) -> None:
         """Makes the lists of a grid and its own members."""
@@ -163,11 +186,15 @@ class Entries:
         start, entry = tools.room(self._cells + 1, np.int32), tools.room(self._filled + ahead, np.uint64)
         cells = filled = 0
         while self._pieces:
-            starts, some_cells, entries, some = self._pieces.pop(0)
-            tools.copy(starts, start, 4 * cells, 4 * some_cells)
-            tools.copy(entries, entry, 8 * filled, 8 * some)
-            tools.finish()  # There is never room for all of it twice.
-            cells, filled = cells + some_cells, filled + some
+            piece = self._pieces.pop(0)
+            tools.copy(piece.start, start, 4 * cells, 4 * piece.cells, 4 * piece.cell)
+            if piece.begins != filled:
+                tools.run("move_lists", np.int32(piece.cells), np.int32(cells), np.int32(filled - piece.begins), start)
+            tools.copy(piece.entry, entry, 8 * filled, 8 * piece.entries, 8 * piece.filled)
+            tools.finish()
+            self.listed.append(replace(piece, start=start, cell=cells, entry=entry, filled=filled, begins=filled))
+            cells, filled = cells + piece.cells, filled + piece.entries
+            del piece  # There is never room for all of it twice.
         tools.copy(tools.upload(np.array([filled], np.int32)), start, 4 * cells, 4)
         tools.copy(tools.upload(np.zeros(ahead, np.uint64)), entry, 8 * filled, 8 * ahead)
         return {"start": start, "entry": entry}, np.concatenate(self.records)

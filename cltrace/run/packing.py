@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -30,28 +30,47 @@ from cltrace.plan.accel.light_buffer import (
 )
 from cltrace.plan.accel.tiles import SHIFT, TINY, Window, picture_grid
 from cltrace.plan.culling import larger, shells
-from cltrace.plan.exact import Array
+from cltrace.plan.exact import Array, rotated
 from cltrace.plan.plan import View, World, packed_lights
 from cltrace.plan.request import Request
 from cltrace.plan.space import Space
 from cltrace.run.devices import Device, driver_errors
-from cltrace.run.entries import Covers, Entries
+from cltrace.run.entries import Covers, Entries, Listed
 from cltrace.run.program import Announcement
 from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
 # What a request may keep that changes nothing here.
 KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
+KEPT.add("receivers")  # Shadow rays may end on all spheres, for cameras to have the lists of lights in common.
 # Buffers end with a whole packet, however wide.
 PACKET = 16
 # member, covers and near of a grid whose members only the device knows.
 NOBODY = np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32)
 
 
+@dataclass(frozen=True)
+class _Lamps:
+    """What lights at points see, which cameras that agree in `key` have in common.
+
+    filters, sides: light_filter of one of them, and light_side; buffers: (m, 4), its light_buffer; grids: of all lights
+    in turn, along the world's axes, and where their lists are; idle: how many spheres are in none, per light, summed.
+    """
+
+    key: tuple[Any, ...]
+    filters: Any
+    sides: Any
+    buffers: NDArray[np.int32]
+    grids: list[CellGrid]
+    listed: list[Listed]
+    idle: int
+
+
 class Packing:
     """A world's spheres on a device, for Views of any camera.
 
-    world: is not to change; request: the one that it was made for. Several threads may use it: one after the other.
+    world: is not to change; request: the one that it was made for; lamps: of the latest View of lights at points alone.
+    Several threads may use it: one after the other.
     """
 
     def __init__(self, world: World, request: Request, device: Device) -> None:
@@ -60,6 +79,7 @@ class Packing:
         self.some_again = bool(world.again.any())
         self.again = self.tools.share(world.again) if self.some_again else self.tools.room(1, np.bool_)
         self.shells, self.least = shells(world.radius), float(world.radius.min())
+        self.lamps: _Lamps | None = None
         self._device, self._lock = device, threading.Lock()
 
     @classmethod
@@ -111,18 +131,23 @@ class _Look:
         self.slack = SLACK if packing.request.precision == "single" else FINE_SLACK
         self.real = np.dtype("f4" if packing.request.precision == "single" else "f8")
         self.made: dict[str, Any] = {}
+        self.lamps: _Lamps | None = None
+        self.grids: list[CellGrid] = []
         self.unsure = self.tools.room(1 + self.n, np.int32)
         self.seen = self.tools.room(4 * self.pitch, np.float64)
 
     def view(self) -> tuple[View, dict[str, Any]]:
-        world, tools = self.world, self.tools
+        world, tools, packing = self.world, self.tools, self.packing
         inside = self._see_from_eye()
-        view = View.without_spheres(world, self.camera, self.packing.request, self.k)
+        view = View.without_spheres(world, self.camera, packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
         light_buffer, grids = self._lists(skipped)
         tools.finish()
         del self.seen, self.unsure  # Lists have room in their place.
         lists, grid = grids.joined()
+        if self.lamps:
+            filters = self.made["light_filter"]
+            packing.lamps = replace(self.lamps, filters=filters, listed=grids.listed[1:])
         arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
         none = np.zeros((1, 4), np.float32)
         arrays |= {"facet": none, "light_facet": none}
@@ -193,18 +218,27 @@ class _Look:
             "picture_tiles",
             *(n, pitch, self.unit, *(vector((a.scale, a.begin, a.end, 0), np.float32) for a in (x, y))),
             *(vector((a.first, a.stop), np.int32) for a in (x, y)),
-            *(np.int32(SHIFT), np.int32(self.world.bounces.any), self.seen, self.packing.radius, self.flags),
+            *(np.int32(SHIFT), self.seen, self.packing.radius, self.flags),
         )
         entries.add(picture_grid(self.window.size, *NOBODY), self.covers)
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
-        m = len(self.world.lights)
-        if m:
-            self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
-            self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
-        buffers, idle = np.zeros((max(1, m), 4), np.int32), 0
+        what = "spheres that shadow nothing seen, per light"
+        lights, lamps = self.world.lights, self.packing.lamps
+        m, key = len(lights), (self.k, self.shells, lights.tobytes())
+        if not m:
+            skipped[what] = 0
+            return np.zeros((1, 4), np.int32), entries
+        self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
+        if lamps and lamps.key == key:
+            self.lamps = lamps
+            self._see_again(lamps, entries)
+            skipped[what] = lamps.idle
+            return lamps.buffers, entries
+        self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
+        buffers, idle = np.zeros((m, 4), np.int32), 0
         # Parallel lights come first, as `seen` is what the eye sees until then.
-        for light, kind in enumerate(self.world.lights["kind"]):
+        for light, kind in enumerate(lights["kind"]):
             first = len(entries.records)
             idle += self.n - (self._along if kind == PARALLEL else self._from_point)(light, entries)
             buffers[light] = first, len(entries.records) - first, -1, 0
@@ -213,8 +247,21 @@ class _Look:
                 del self.covers, self.flags  # What is packed has room in their place.
             if kind != PARALLEL:
                 self._pack_light(light)
-        skipped["spheres that shadow nothing seen, per light"] = idle
+        skipped[what] = idle
+        if not (lights["kind"] == PARALLEL).any():
+            self.lamps = _Lamps(key, None, self.made["light_side"], buffers, self.grids, [], idle)
         return buffers, entries
+
+    def _see_again(self, lamps: _Lamps, entries: Entries) -> None:
+        """Adds what lights see, of which a camera changes directions alone."""
+        del self.covers, self.flags
+        for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
+            entries.add_again(replace(grid, axes=rotated(self.basis, grid.axes)), listed)
+        for light in range(len(self.world.lights)):
+            sizes = np.int32(self.n), self.unit
+            filters = np.int64(light * self.n), lamps.filters, self.made["light_filter"]
+            self.tools.run("turn_light", *sizes, self.packing.center, self._lamp(light), *self._camera[1:], *filters)
+        self.made["light_side"] = lamps.sides
 
     def _hide(self) -> int:
         """Notes which spheres may be seen at all, and returns how many."""
@@ -222,16 +269,16 @@ class _Look:
         few = self._few(rows).times_two_to(self.k)
         outside = (few.power > 0) & self.world.opaque[rows]
         for light in np.flatnonzero(self.world.lights["kind"] != PARALLEL).tolist():
-            outside &= few.seen_from_light(light, self.basis)[1] > 0
+            outside &= few.seen_from_light(light)[1] > 0
         inner = 2 * few.radius - larger(few.radius, self.slack)
         which = np.flatnonzero(outside & (inner > self.packing.least * self.unit))
-        shell = np.concatenate([few.center[which], inner[which, None]], axis=1)
-        packing = self.packing
+        shell = np.concatenate([few.place[which], inner[which, None]], axis=1)
+        packing, self.shells = self.packing, which.tolist()
         counts = self.tools.noted(
             "hide",
-            *(np.int32(self.n), np.int32(self.pitch), self.unit, np.float64(self.slack), np.int32(len(which))),
+            *(np.int32(self.n), self.unit, np.float64(self.slack), np.int32(len(which))),
             *(np.int32(packing.some_again), self.tools.upload(shell), packing.again),
-            *(self.seen, packing.radius, self.flags),
+            *(packing.center, packing.radius, self.flags),
             columns=1,
             dtype=np.int64,
         )
@@ -240,15 +287,16 @@ class _Look:
     def _see_from_light(self, light: int) -> None:
         """Makes `seen` what a light at a point sees."""
         n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
-        lights = self._few(slice(0)).times_two_to(self.k)
-        point = vector(lights.position_hi[light]), vector(lights.position_lo[light])
         tools.clear(self.unsure, 1)
-        arguments = (packing.center, packing.radius, *self._camera, *point, self.seen, self.unsure)
+        arguments = (packing.center, packing.radius, self._lamp(light), self.seen, self.unsure)
         tools.run("see_from_light", n, pitch, self.unit, *arguments)
         rows = self._unsure_rows()
         if len(rows):
-            seen, _ = self._few(rows).times_two_to(self.k).seen_from_light(light, self.basis)
+            seen, _ = self._few(rows).times_two_to(self.k).seen_from_light(light)
             self._mend(rows, seen.power, self.seen, 3 * self.pitch)
+
+    def _lamp(self, light: int) -> Any:
+        return vector(self._few(slice(0)).times_two_to(self.k).lamp[light])
 
     def _along(self, light: int, entries: Entries) -> int:
         """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
@@ -268,7 +316,7 @@ class _Look:
         Returns how many spheres are in any of them.
         """
         self._see_from_light(light)
-        some = self._few(sampled(self.n)).times_two_to(self.k).seen_from_light(light, self.basis)[0].center
+        some = self._few(sampled(self.n)).times_two_to(self.k).seen_from_light(light)[0].center
         cube = cube_of([some])
         common = (np.int32(self.n), np.int32(self.pitch), self.unit, *map(vector, cube))
         spheres = (self.seen, self.packing.radius, self.flags)
@@ -294,7 +342,7 @@ class _Look:
     def _pack_light(self, light: int) -> None:
         """Packs what `seen` is."""
         n, pitch, filters = np.int32(self.n), np.int32(self.pitch), (self.made["light_filter"], self.made["light_side"])
-        self.tools.run("pack_light", n, pitch, np.int64(light * self.n), self.seen, *filters)
+        self.tools.run("pack_light", n, pitch, *self._camera[1:], np.int64(light * self.n), self.seen, *filters)
 
     def _add(
         self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, entries: Entries
@@ -310,7 +358,9 @@ class _Look:
         )
         del discs.edges  # Lists have room in their place.
         middle, half, coarse = window.middle, window.half, window.coarse
-        entries.add(CellGrid(axes, middle, half, cells, *NOBODY, perspective, coarse), self.covers)
+        grid = CellGrid(axes, middle, half, cells, *NOBODY, perspective, coarse)
+        self.grids.append(grid)
+        entries.add(replace(grid, axes=rotated(self.basis, axes)) if perspective else grid, self.covers)
         return self.covers.more
 
 
@@ -327,10 +377,10 @@ class _Discs:
     def of(cls, look: _Look, kernel: str, arguments: tuple[Any, ...], edge: EdgeType) -> _Discs:
         """arguments: of the kernel, but for what it writes. The depths go to those of look.covers."""
         edges = look.tools.room(4 * look.pitch, edge)
-        part = look.tools.noted(kernel, *arguments, edges, look.covers.near, columns=11, dtype="f8", edge=edge)
-        outer = part.max(axis=0).tolist()
-        spans = [[-left, right, -low, high] for left, right, low, high in (outer[:4], outer[4:8])]
-        return cls(look, edge, edges, int(part[:, 10].sum()), Extent(spans, -outer[8], outer[9]))
+        part = look.tools.noted(kernel, *arguments, edges, look.covers.near, columns=7, dtype="f8", edge=edge)
+        left, right, low, high, nearest, furthest, _ = part.max(axis=0).tolist()
+        extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
+        return cls(look, edge, edges, int(part[:, 6].sum()), extent)
 
     def sizes(self) -> NDArray[Any]:
         """The width and the height of those whose indices SAMPLE divides, or of all of them if there is none."""

@@ -129,11 +129,11 @@ class Toolbox:
         self._in_use.append(buffer)
         cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.int32), 0, 4 * count)
 
-    def copy(self, source: Any, target: Any, offset: int, size: int) -> None:
-        """Copies so many bytes to an offset of another buffer."""
+    def copy(self, source: Any, target: Any, offset: int, size: int, first: int = 0) -> None:
+        """Copies so many bytes, from the first one on, to an offset of another buffer."""
         if size:
             self._in_use += (source, target)
-            cl.enqueue_copy(self.queue, target, source, dst_offset=offset, byte_count=size)
+            cl.enqueue_copy(self.queue, target, source, src_offset=first, dst_offset=offset, byte_count=size)
 
     def read(self, buffer: Any, count: int, dtype: Any, first: int = 0) -> NDArray[Any]:
         """So many numbers of a buffer, from the first one on."""

@@ -148,6 +148,12 @@ __kernel void start_cells(
     }
 }
 
+/* Moves the beginnings of lists, from the one of cell `first` on. */
+__kernel void move_lists(const int cells, const int first, const int by, __global int *restrict start) {
+    FOR_EACH_SPHERE(cell, cells)
+        start[first + cell] += by;
+}
+
 /* The entries of all spheres, each into the lists of its cells. mask: the bits of a depth that an entry keeps. */
 __kernel void scatter_entries(
     const int n,

@@ -133,47 +133,42 @@ __kernel void pack_eye(
     }
 }
 
-/* The same spheres as a light at a point sees them; point_hi + point_lo: the light, from the eye, along the world's
- * axes, in the float buffers' unit. */
+/* The same spheres as a light at a point sees them, along the world's axes. lamp: the light in the world, in the float
+ * buffers' unit. */
 __kernel void see_from_light(
     const int n,
     const int pitch,
     const double unit,
     __global const double *restrict center,
     __global const double *restrict radius,
-    const double4 eye,
-    const double4 right,
-    const double4 up,
-    const double4 back,
-    const double4 point_hi,
-    const double4 point_lo,
+    const double4 lamp,
     __global double *restrict seen,
     __global int *restrict unsure
 ) {
     FOR_EACH_PACKET(i, n) {
-        Pair offset[3];
-        for (int k = 0; k < 3; k++) {
-            const double from = k == 0 ? eye.x : k == 1 ? eye.y : eye.z;
-            const double hi = k == 0 ? point_hi.x : k == 1 ? point_hi.y : point_hi.z;
-            const double lo = k == 0 ? point_lo.x : k == 1 ? point_lo.y : point_lo.z;
-            const Pair place = two_sum(column(center + k, 3, n, i), -from);
-            const Pair near = two_sum(place.hi * unit, -hi), low = two_sum(place.lo * unit, -lo);
-            offset[k] = two_sum(near.hi, near.lo + low.hi + low.lo);
-        }
-        const REAL x = offset[0].hi, y = offset[1].hi, z = offset[2].hi;
-        const Pair c = square_excess(offset[0], offset[1], offset[2], column(radius, 1, n, i) * unit);
-        STORE_LANES((right.x * x + right.y * y) + right.z * z, seen + i);
-        STORE_LANES((up.x * x + up.y * y) + up.z * z, seen + pitch + i);
-        STORE_LANES((back.x * x + back.y * y) + back.z * z, seen + 2L * pitch + i);
+        const Pair x = two_sum(column(center, 3, n, i) * unit, -lamp.x),
+                   y = two_sum(column(center + 1, 3, n, i) * unit, -lamp.y),
+                   z = two_sum(column(center + 2, 3, n, i) * unit, -lamp.z),
+                   c = square_excess(x, y, z, column(radius, 1, n, i) * unit);
+        STORE_LANES(x.hi, seen + i);
+        STORE_LANES(y.hi, seen + pitch + i);
+        STORE_LANES(z.hi, seen + 2L * pitch + i);
         STORE_LANES(c.hi, seen + 3L * pitch + i);
         note_unsure(unsure, i, n, c.lo);
     }
+}
+
+INLINE REAL turned_along(const double4 axis, const REAL x, const REAL y, const REAL z) {
+    return (axis.x * x + axis.y * y) + axis.z * z;
 }
 
 /* The buffers of spheres as a light at a point sees them. */
 __kernel void pack_light(
     const int n,
     const int pitch,
+    const double4 right,
+    const double4 up,
+    const double4 back,
     const long first,
     __global const double *restrict seen,
     __global float4 *restrict light_filter,
@@ -183,13 +178,39 @@ __kernel void pack_light(
         const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
                    c = LOAD_LANES(seen + 3L * pitch + i);
         const INT side = TO_MASK(c > 0) ? (INT)1 : TO_MASK(c < 0) ? (INT)-1 : (INT)0;
-        WRITE_ROWS_4(
-            float, light_filter, first + i, TO_FLOAT(-x), TO_FLOAT(-y), TO_FLOAT(-z), filter_constant(x, y, z, c)
-        );
+        const FLOAT X = TO_FLOAT(-turned_along(right, x, y, z)), Y = TO_FLOAT(-turned_along(up, x, y, z)),
+                    Z = TO_FLOAT(-turned_along(back, x, y, z));
+        WRITE_ROWS_4(float, light_filter, first + i, X, Y, Z, filter_constant(x, y, z, c));
         int lane[W];
         STORE_LANES(side, lane);
         for (int k = 0; k < W; k++)
             light_side[first + i + k] = lane[k];
+    }
+}
+
+/* The same for another camera: light_filter, of which only the directions are others than those of `before`. unit, lamp:
+ * see see_from_light(). */
+__kernel void turn_light(
+    const int n,
+    const double unit,
+    __global const double *restrict center,
+    const double4 lamp,
+    const double4 right,
+    const double4 up,
+    const double4 back,
+    const long first,
+    __global const float4 *restrict before,
+    __global float4 *restrict light_filter
+) {
+    FOR_EACH_PACKET(i, n) {
+        const REAL x = column(center, 3, n, i) * unit - lamp.x, y = column(center + 1, 3, n, i) * unit - lamp.y,
+                   z = column(center + 2, 3, n, i) * unit - lamp.z;
+        const FLOAT X = TO_FLOAT(-turned_along(right, x, y, z)), Y = TO_FLOAT(-turned_along(up, x, y, z)),
+                    Z = TO_FLOAT(-turned_along(back, x, y, z));
+        float lane[W];
+        for (int k = 0; k < W; k++)
+            lane[k] = before[first + i + k].w;
+        WRITE_ROWS_4(float, light_filter, first + i, X, Y, Z, LOAD_LANES(lane));
     }
 }
 
@@ -218,22 +239,20 @@ __kernel void pack_along(
 
 /* What the lists are made of: bits of `flags`. */
 #define VISIBLE 1
-#define RECEIVER 2
-#define ENTERED 4
+#define ENTERED 2
 
 /* Which spheres may be seen at all: those that are equal to none before them, and not inside of another one. again:
  * whether a sphere is equal to one before it; shell: centres of large spheres, and by how much others must be inside. For
  * each work-item: how many may be seen. */
 __kernel void hide(
     const int n,
-    const int pitch,
     const double unit,
     const double slack,
     const int shells,
     const int some_again,
     __global const double4 *restrict shell,
     __global const char *restrict again,
-    __global const double *restrict seen,
+    __global const double *restrict center,
     __global const double *restrict radius,
     __global char *restrict flags,
     __global long *restrict part
@@ -249,7 +268,8 @@ __kernel void hide(
         }
         if (shells) {
             const REAL r = column(radius, 1, n, i) * unit, roomy = r + (16 * slack) * (1 + 1 / r),
-                       x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i);
+                       x = column(center, 3, n, i) * unit, y = column(center + 1, 3, n, i) * unit,
+                       z = column(center + 2, 3, n, i) * unit;
             for (int k = 0; k < shells; k++) {
                 const double4 outer = shell[k];
                 const REAL X = x - outer.x, Y = y - outer.y, Z = z - outer.z;

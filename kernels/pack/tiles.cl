@@ -98,9 +98,9 @@ INLINE Run pixels_of(const Slopes s, const float4 axis, const int2 range, const 
     return run;
 }
 
-/* The spheres in the picture. x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has 2^shift pixels a side;
- * receivers: whether shadow rays may end on all spheres, in the picture or not. For each work-item, four numbers:
- * how many are in the picture, how many cells of level 0 they cover, and the last one of them. */
+/* The spheres in the picture. x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has 2^shift pixels a side.
+ * For each work-item, four numbers: how many are in the picture, how many cells of level 0 they cover, and the last one
+ * of them. */
 __kernel void picture_tiles(
     const int n,
     const int pitch,
@@ -110,10 +110,9 @@ __kernel void picture_tiles(
     const int2 x_range,
     const int2 y_range,
     const int shift,
-    const int receivers,
     __global const double *restrict seen,
     __global const double *restrict radius,
-    __global char *restrict flags,
+    __global const char *restrict flags,
     __global short *restrict covers,
     __global float *restrict near,
     __global long *restrict part
@@ -137,7 +136,6 @@ __kernel void picture_tiles(
         store_short(row.more, covers + 2L * pitch + i);
         store_short(rows.more, covers + 3L * pitch + i);
         STORE_LANES(visible ? depth : (FLOAT)INFINITY, near + i);
-        store_flags(visible ? flag | RECEIVER : receivers ? flag | RECEIVER : flag, flags + i);
         members += TO_LONG(visible ? (INT)1 : (INT)0);
         last = visible ? i + LANE : last;
         entries += TO_LONG(visible ? (row.more + 1) * (rows.more + 1) : (INT)0);
@@ -203,17 +201,16 @@ __kernel void cube_sides(
         for (int side = 0; side < 6; side++)
             if (ANY(is_on_side(at, size, reach, side / 2, side % 2) & ((flag & VISIBLE) != 0)))
                 sides |= 1 << side;
-        store_flags(flag & (VISIBLE | RECEIVER), flags + i);
+        store_flags(flag & VISIBLE, flags + i);
     }
     part[get_global_id(0)] = sides;
 }
 
-#define EXTENTS 10
+#define EXTENTS 6
 
 /* The edges of the spheres that are seen through one side of the cube: four columns of `pitch` numbers each, left, right,
- * low and high. For each work-item, EXTENTS numbers: the outermost edges of all discs, then of those where shadow rays
- * end, lower bounds negative; minus the nearest depth of the latter and the furthest one; after these, how many discs
- * there are. */
+ * low and high. For each work-item, EXTENTS numbers: the outermost edges of all discs, lower bounds negative; minus their
+ * nearest depth and the furthest one; after these, how many discs there are. */
 __kernel void cube_discs(
     const int n,
     const int pitch,
@@ -240,7 +237,6 @@ __kernel void cube_discs(
         const OnCube at = on_cube(seen, pitch, i, exact_r, a, b, c);
         const EDGE size[3] = {fabs(at.e[0]), fabs(at.e[1]), fabs(at.e[2])};
         const MASK member = is_on_side(at, size, reach_of(at, size), axis, side % 2) & ((flag & VISIBLE) != 0);
-        const MASK receiver = member & ((flag & RECEIVER) != 0);
         members += TO_LONG(member ? (INT)1 : (INT)0);
         if (!ANY(member)) {
             STORE_LANES((FLOAT)INFINITY, near + i);
@@ -257,11 +253,10 @@ __kernel void cube_discs(
             const EDGE outer = k % 2 ? edge[k] : -edge[k];
             STORE_LANES(edge[k], edges + (long)k * pitch + i);
             extent[k] = FROM_MASK(member & EDGE_MASK(outer > extent[k])) ? outer : extent[k];
-            extent[4 + k] = FROM_MASK(receiver & EDGE_MASK(outer > extent[4 + k])) ? outer : extent[4 + k];
         }
         const EDGE span = at.distance + at.r, far = span * span * (edge_t)(1 + 0x1p-10), nearer = -TO_EDGE(TO_REAL(depth));
-        extent[8] = FROM_MASK(receiver & EDGE_MASK(nearer > extent[8])) ? nearer : extent[8];
-        extent[9] = FROM_MASK(receiver & EDGE_MASK(far > extent[9])) ? far : extent[9];
+        extent[4] = FROM_MASK(member & EDGE_MASK(nearer > extent[4])) ? nearer : extent[4];
+        extent[5] = FROM_MASK(member & EDGE_MASK(far > extent[5])) ? far : extent[5];
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
     }
     for (int k = 0; k < EXTENTS; k++)
@@ -291,7 +286,7 @@ __kernel void discs_along(
         extent[k] = -INFINITY;
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const MASK member = (flag & VISIBLE) != 0, receiver = member & ((flag & RECEIVER) != 0);
+        const MASK member = (flag & VISIBLE) != 0;
         const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
                    r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
                    s = (x * c.x + y * c.y) + z * c.z;
@@ -302,13 +297,12 @@ __kernel void discs_along(
             const REAL outer = k % 2 ? edge[k] : -edge[k];
             STORE_LANES(edge[k], edges + (long)k * pitch + i);
             extent[k] = (TO_REAL_MASK(member) & (outer > extent[k])) ? outer : extent[k];
-            extent[4 + k] = (TO_REAL_MASK(receiver) & (outer > extent[4 + k])) ? outer : extent[4 + k];
         }
-        extent[8] = (TO_REAL_MASK(receiver) & (nearer > extent[8])) ? nearer : extent[8];
-        extent[9] = (TO_REAL_MASK(receiver) & (far > extent[9])) ? far : extent[9];
+        extent[4] = (TO_REAL_MASK(member) & (nearer > extent[4])) ? nearer : extent[4];
+        extent[5] = (TO_REAL_MASK(member) & (far > extent[5])) ? far : extent[5];
         members += TO_LONG(member ? (INT)1 : (INT)0);
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
-        store_flags(flag & (VISIBLE | RECEIVER), flags + i);
+        store_flags(flag & VISIBLE, flags + i);
     }
     for (int k = 0; k < EXTENTS; k++)
         part[(EXTENTS + 1) * get_global_id(0) + k] = largest_lane(extent[k]);
