@@ -14,6 +14,8 @@ T = TypeVar("T")
 
 # Rows at a time: of doubles, their temporary arrays stay in a processor's cache.
 BLOCK = 2**15
+# The most bytes of an array that glibc takes as a hint, see keep_freed_memory().
+HINT = 31 * 2**20
 # Arrays of at least so many bytes begin on a page.
 LARGE = 2**16
 PAGE = 4096
@@ -57,6 +59,15 @@ def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
         return some[0]
     out = empty((sum(map(len, some)), *some[0].shape[1:]), some[0].dtype)
     return np.concatenate(some, out=out)
+
+
+def keep_freed_memory() -> None:
+    """For work on many arrays, one after the other: what they leave is not given back to the system in between.
+
+    To get it again, page by page, can take longer than the work. glibc keeps what is free as long as that is less than
+    twice the largest array that was ever freed, up to 32 MB, and it takes such arrays from what it keeps.
+    """
+    np.empty(HINT, np.uint8)
 
 
 def begins_on_page(array: NDArray[Any]) -> bool:

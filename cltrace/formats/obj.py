@@ -14,11 +14,13 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.blocks import blockwise, keep_freed_memory
 from cltrace.errors import Fault, SceneError
 from cltrace.formats.faults import FatalError, Messages
 from cltrace.formats.files import chunks
@@ -30,7 +32,6 @@ from cltrace.scene import ANY, MAX_TRIANGLES, MAX_VERTICES, Geometry
 MAX_BYTES = 2**32
 MAX_FAULTS = 100_000  # after which no more of the file is read
 MAX_DOUBTS = 10_000  # triangles whose area is asked of exact arithmetic
-FLAT_BLOCK = 2**15  # triangles that are looked at together
 FEW = 16  # lines that are read one by one where they cannot be together
 
 _V, _VT, _VN, _F = range(len(KINDS))
@@ -301,20 +302,23 @@ def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Ints:
     Two corners that are one leave none. Otherwise, with u = 2^-53, a difference of coordinates is wrong by u of itself
     and a product of two by 4 u: where y1 z2 = z1 y2 exactly, the computed ones differ by less than 2^-50 of them.
     """
-    doubtful: list[int] = []
     none = np.zeros(len(faces), np.bool_)
-    for start in range(0, len(faces), FLAT_BLOCK):
-        maybe, corner = np.arange(start, min(start + FLAT_BLOCK, len(faces))), faces[start : start + FLAT_BLOCK]
+
+    def look(rows: slice) -> list[int]:
+        maybe, corner = np.arange(rows.start, rows.stop), faces[rows]
         for i, j in ((0, 1), (1, 2), (2, 0)):
-            a, b, c = (vertices[corner[:, k]] for k in range(3))
-            p, q = b - a, c - a
-            left, right = p[:, i] * q[:, j], p[:, j] * q[:, i]
-            alike = np.abs(left - right) <= 2.0**-50 * np.abs(left)
-            maybe, corner = maybe[alike], corner[alike]
-        a, b, c = (vertices[corner[:, k]] for k in range(3))
+            a, b, c = (vertices.take(corner[:, k], axis=0) for k in range(3))
+            p, q = ([corner_of[:, k] - a[:, k] for k in (i, j)] for corner_of in (b, c))
+            left, right = p[0] * q[1], p[1] * q[0]
+            alike = np.flatnonzero(np.abs(left - right) <= 2.0**-50 * np.abs(left))
+            maybe, corner = maybe.take(alike), corner.take(alike, axis=0)
+        a, b, c = (vertices.take(corner[:, k], axis=0) for k in range(3))
         one = ~((a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1))
         none[maybe[one]] = True
-        doubtful += maybe[~one].tolist()
+        rest: list[int] = maybe[~one].tolist()
+        return rest
+
+    doubtful = list(chain.from_iterable(blockwise(len(faces), look)))
     for i in doubtful[:MAX_DOUBTS]:
         begin, *ends = ([Fraction(x) for x in vertices[k].tolist()] for k in faces[i].tolist())
         v, w = ([x - y for x, y in zip(end, begin, strict=True)] for end in ends)
@@ -324,6 +328,7 @@ def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Ints:
 
 def read_obj(path: str) -> Obj:
     """What an OBJ file holds. Raises SceneError with all its faults, and UnreadableError where it cannot be read."""
+    keep_freed_memory()
     reader = _Reader()
     found = reader.run(path)
     if found is None:

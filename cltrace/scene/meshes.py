@@ -344,8 +344,7 @@ def _given(
 
 
 def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
-    array = numbers(name, value)
-    return checked(name, ANY, array.reshape(0, width) if array.shape == (0,) else array, (-1, width))
+    return checked(name, ANY, value, (-1, width))
 
 
 def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
@@ -356,10 +355,9 @@ def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0)
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"{name}: must have shape (n, 3), got {array.shape}")
-    good = (array >= least) & (array < count)
-    if not whole:
-        good &= array == np.floor(array)
-    if not good.all():
+    within = not array.size or (array.min() >= least and array.max() < count)
+    if not within or not (whole or (array == np.floor(array)).all()):
+        good = (array >= least) & (array < count) & (array == np.floor(array))
         i, k = np.argwhere(~good)[0]
         raise ValueError(
             f"{name}[{i}][{k}]: must be the index of {what}, of which there are {count}, got {array[i, k]:g}"
@@ -374,7 +372,8 @@ def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what
     array = _indices(name, value, count, what, least=-1)
     if len(array) != faces:
         raise ValueError(f"{name}: must have shape ({faces}, 3), got {array.shape}")
-    some = (array < 0).any(axis=1) & (array >= 0).any(axis=1)
+    absent = array < 0
+    some = (absent[:, 1:] != absent[:, :1]).any(axis=1) if absent.any() else absent[:0]
     if some.any():
         raise ValueError(f"{name}[{int(np.argmax(some))}]: must be -1 for all three corners or for none")
     return array

@@ -103,6 +103,8 @@ def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> 
     Raises ValueError, which names the argument and the index of the first number that the rule does not allow.
     """
     array = numbers(name, value)
+    if array.shape == (0,) and shape[:1] == (-1,):  # an empty list
+        array = array.reshape(0, *shape[1:])
     if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{name}: must have shape {_shape_text(shape)}, got {array.shape}")
     check_rule(name, rule, array)

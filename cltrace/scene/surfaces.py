@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.maps import deviations, inverses
-from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, numbers
+from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked
 
 SPHERE = np.dtype(
     [
@@ -55,8 +55,7 @@ def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[
 
 def checked_maps(to_object: ArrayLike) -> NDArray[np.float64]:
     """A (k, 3, 3) array of its own, of numbers that the rules allow. Raises ValueError, which names the index."""
-    maps = numbers("to_object", to_object)
-    return checked("to_object", ANY, maps.reshape(0, 3, 3) if maps.shape == (0,) else maps, (-1, 3, 3))
+    return checked("to_object", ANY, to_object, (-1, 3, 3))
 
 
 def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
