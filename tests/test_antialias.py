@@ -95,6 +95,29 @@ HOSTILE = {
 }
 
 
+EGG = np.array([[0.5, 0.6, -0.2], [-0.3, 0.5, 0.4], [0.2, -0.1, 0.6]])
+HOSTILE |= {
+    "crossing eggs": lambda: lit(
+        [(-0.3, 0, -8), (0.4, 0.1, -8.1), (0, 0.5, -7.8)],
+        [1.0, 0.9, 0.6],
+        cltrace.point_light((2, 4, -3)),
+        transform=EGG,
+    ),
+    "small eggs": lambda: lit(*cloud(1, 100, 0.02, 0.1), transform=EGG),
+    "in an egg": lambda: lit([(0, 0, 0), (0.5, 0, -4)], [30, 0.7], cltrace.point_light((1, 2, 0)), transform=EGG),
+}
+# As an orthographic camera sees them.
+HOSTILE |= {
+    f"{name}, parallel": lambda name=name: parallel(HOSTILE[name]())  # type: ignore[misc]
+    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs")
+}
+
+
+def parallel(scene: cltrace.Scene) -> cltrace.Scene:
+    """The same scene as an orthographic camera sees it, from the middle of its nearest sphere."""
+    return scene.seen_by(cltrace.Orthographic((0, 0, -4.5), (0, 0, -9), height=2.5, resolution=SIZE))
+
+
 @pytest.mark.parametrize(
     "name", ["tiny", *(pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE if name != "tiny")]
 )
@@ -129,6 +152,27 @@ def test_share_of_a_tiny_sphere(device: Device) -> None:
         image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=True)
         shown = image.color[:, :, 0] > 0  # of one pixel, or of up to four
         assert abs(image.color[:, :, 0].sum() - share) * 255 <= image.error[shown].sum() < 0.2
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 0.5, 2)])
+def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, float]) -> None:
+    """An ellipsoid that an orthographic camera looks at brightens pixels by its ellipse's share of them."""
+    white, resolution = cltrace.ambient_light((1, 1, 1)), (9, 9)
+    for x, y, radius in ((0.0, 0.0, 0.3), (0.7, -1.2, 0.01), (2.4, 1.6, 0.02)):
+        scene = cltrace.Scene.from_spheres(
+            cltrace.Orthographic(height=9, resolution=resolution),
+            [white],
+            [(x / stretch[0], y / stretch[1], -10)],
+            radius,
+            (1, 1, 1),
+            ka=1,
+            kd=0,
+            ks=0,
+            transform=np.diag(stretch),
+        )
+        image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+        share = np.pi * radius**2 * stretch[0] * stretch[1]
+        assert abs(image.color[:, :, 0].sum() - share) * 255 <= image.error.sum() < 0.2 + 81 * 2.0**-12
 
 
 @pytest.mark.slow

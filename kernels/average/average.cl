@@ -92,7 +92,7 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
         if (!ANY(id >= 0)) {
             for (int k = 0; k < 3; k++) tint->v[k] = tint->e[k] = tint->least[k] = tint->most[k] = 0;
         } else {
-            const Sphere sphere = spheres_of(scene.spheres, id);
+            const Quadric sphere = quadrics_of(scene.spheres, id);
             const Outline outline = outline_of(cells, sphere, scene.unit);
             *tint = tint_of(scene, patch_of_sphere(cells, sphere, outline, scene.unit), work);
             clamp_tint(tint);
@@ -139,7 +139,7 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
 static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const int2 size, const int level, const INT column,
                                                     const INT row, const int2 tile, Means *means, MASK *overgrown, Work *work) {
     const Cells cells = cells_at(frame, size, level, column, row);
-#if defined(WITH_SHAPES) || defined(WITH_PARALLEL_RAYS)
+#ifdef WITH_TRIANGLES
     const MASK estimated = ALL_LANES, open = 0;
 #else
     const Sight view = sight_of(scene, cells, tile);
@@ -166,7 +166,7 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
         most = far > most ? far : most;
     }
 #ifdef OUT_COVERAGE
-#ifdef WITH_SHAPES
+#ifdef WITH_TRIANGLES
     most = 1 > most ? (FLOAT)1 : most;
 #else
     most = ((view.cover < 0) & (1 > most)) ? (FLOAT)1 : most;

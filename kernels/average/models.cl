@@ -10,11 +10,15 @@
  * two numbers, off by u of |v| + |x| + |y|, so that 2 u of that are enough; products and functions add more where they are
  * more. The bound itself is made of fewer than 16 roundings of numbers of one sign, so that 2^-19 of it, with those that
  * follow, covers them; and VANISHING what underflows. A quotient may be off by 5 u and a root by 6 u, as the standard has it.
- * Where no bound is known, r is infinite or no number; is_known() tells. Lengths are in the float buffers' unit.
+ * Where no bound is known, r is infinite or no number; is_known() tells, and what is made of it must not be known either. Lengths are in the float buffers' unit.
  */
 #ifdef WITH_AVERAGE
 #define ROUNDING 0x1p-20f
 #define VANISHING 0x1p-120f
+/* Surfaces over cells are those of spheres.cl, or else of quadrics.cl. */
+#if defined(WITH_ELLIPSOIDS) || defined(WITH_PARALLEL_RAYS)
+#define WITH_QUADRICS
+#endif
 
 typedef struct {
     FLOAT v, x, y, r;
@@ -117,7 +121,7 @@ static Model root_of(const Model a) {
     const MASK positive = low > 0;
     const FLOAT v = positive ? a.v : (FLOAT)1, root = sqrt(v), over = 1 / root, sum = root + sqrt(positive ? low : (FLOAT)0);
     const Model tangent = on_tangent(a, root, (FLOAT)0.5f * over, (FLOAT)-0.5f * (rad * rad) * over / (sum * sum) * (1 + 2 * ROUNDING));
-    const Model range = between_bounds(0, sqrt(high > 0 ? high : (FLOAT)0));
+    const Model range = between_bounds(0, sqrt(high <= 0 ? (FLOAT)0 : high));
     const Model m = {positive ? tangent.v : range.v, positive ? tangent.x : range.x, positive ? tangent.y : range.y,
                      positive ? tangent.r : range.r};
     return m;
@@ -135,7 +139,7 @@ static Model over_root_of(const Model a) {
 /* max(0, a). */
 static Model positive_part(const Model a) {
     const FLOAT low = least_of(a), high = most_of(a);
-    const Model range = between_bounds(0, high > 0 ? high : (FLOAT)0);
+    const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high);
     const MASK whole = low >= 0;
     const Model m = {whole ? a.v : range.v, whole ? a.x : range.x, whole ? a.y : range.y, whole ? a.r : range.r};
     return m;

@@ -1,46 +1,5 @@
 /* patch.cl: the part of a surface that a cell shows, and the light on it. */
 #ifdef WITH_AVERAGE
-/* Points of a surface under cells. */
-typedef struct {
-    INT id;      /* which surface, -1 for none */
-    Model3 P, n; /* in camera space; the unit normal that faces the eye */
-    Model3 v;    /* the unit vector to the eye */
-    FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
-    FLOAT radius; /* no point is further from the middle, (P.x.v, P.y.v, P.z.v) */
-} Area;
-
-static Model3 constant_vector_in(const Real3 v, const real unit) {
-    const Model3 m = {narrowed(unit * v.x, 0, 0, 0), narrowed(unit * v.y, 0, 0, 0), narrowed(unit * v.z, 0, 0, 0)};
-    return m;
-}
-
-/* t is c / (b + sqrt(D)) from outside, and (b + sqrt(D)) / a or -c / (sqrt(D) - b) from inside, so that nothing cancels. */
-static Area patch_of_sphere(const Cells cells, const Sphere sphere, const Outline outline, const real unit) {
-    Area patch;
-    patch.id = sphere.index;
-    const MASK inside = outline.c <= 0;
-    patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
-    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), sum = plus_model(b, root_of(outline.D));
-    const MASK far = inside & (outline.b.v >= 0);
-    const Model over = reciprocal_of(choose_model(far, cells.a, sum));
-    const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
-    patch.P.x = times_model(t, cells.x);
-    patch.P.y = times_model(t, cells.y);
-    patch.P.z = scaled(t, -1);
-    const FLOAT over_r = patch.side * TO_FLOAT(sphere.over_r / unit);
-    const Model3 p = minus_vectors(patch.P, constant_vector_in(sphere.center, unit));
-    patch.n.x = scaled(p.x, over_r);
-    patch.n.y = scaled(p.y, over_r);
-    patch.n.z = scaled(p.z, over_r);
-    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
-    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
-    const Model over_d = over_root_of(cells.a);
-    patch.v.x = scaled(times_model(over_d, cells.x), -1);
-    patch.v.y = scaled(times_model(over_d, cells.y), -1);
-    patch.v.z = over_d;
-    return patch;
-}
-
 #ifdef WITH_LIGHTS
 #ifdef WITH_SHADOWS
 /* What is known of the light's way to a patch. */
@@ -58,6 +17,61 @@ static void block(Blocking *blocking, const int index, const MASK here, const Sh
     blocking->only = (here & (share.most > 0)) ? (INT)index : blocking->only;
 }
 
+/* What leads from camera space to the axes of a surface, as in quadrics.cl: K, divided by the sum of its numbers' magnitudes. Nothing
+ * becomes longer on the way, and what its numbers are off by is less than a rounding of the vector that is taken there. */
+typedef struct {
+    float over;
+#ifdef WITH_ELLIPSOIDS
+    int stretched;
+    float3 x, y, z;
+#endif
+} OwnAxes;
+
+#ifdef WITH_ELLIPSOIDS
+static FLOAT dot_row(const float3 row, const Float3 v) {
+    return (row.x * v.x + row.y * v.y) + row.z * v.z;
+}
+
+/* Rounding the row moves a number by less than 2^-24 of the vector's. */
+static Model model_along(const float3 row, const Model3 v) {
+    Model m = plus_model(plus_model(scaled(v.x, row.x), scaled(v.y, row.y)), scaled(v.z, row.z));
+    m.r += 0x1p-23f * ((fabs(v.x.v) + radius_of(v.x)) + (fabs(v.y.v) + radius_of(v.y)) + (fabs(v.z.v) + radius_of(v.z)));
+    return m;
+}
+
+static OwnAxes own_axes(const Scene scene, const int index) {
+    OwnAxes axes = {1, scene.spheres.map_of[index] != 0, 0, 0, 0};
+    if (!axes.stretched) return axes;
+    __global const Map *K = scene.spheres.map + scene.spheres.map_of[index];
+    const real over = 1 / K->to_x.w;
+    axes.over = over;
+    axes.x = convert_float4(over * K->camera_x).xyz;
+    axes.y = convert_float4(over * K->camera_y).xyz;
+    axes.z = convert_float4(over * K->camera_z).xyz;
+    return axes;
+}
+
+static Float3 along_axes(const OwnAxes axes, const Float3 v) {
+    if (!axes.stretched) return v;
+    const Float3 own = {dot_row(axes.x, v), dot_row(axes.y, v), dot_row(axes.z, v)};
+    return own;
+}
+
+static Model3 models_along(const OwnAxes axes, const Model3 v) {
+    if (!axes.stretched) return v;
+    const Model3 own = {model_along(axes.x, v), model_along(axes.y, v), model_along(axes.z, v)};
+    return own;
+}
+#else
+static OwnAxes own_axes(const Scene scene, const int index) {
+    const OwnAxes axes = {1};
+    return axes;
+}
+
+#define along_axes(axes, v) v
+#define models_along(axes, v) v
+#endif
+
 /* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
  * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
  * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points.
@@ -67,14 +81,17 @@ static void block(Blocking *blocking, const int index, const MASK here, const Sh
 static void block_by_sphere(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int index,
                             const MASK may, Blocking *blocking) {
     const real4 s = scene.spheres.center_radius[index];
-    const float4 ball = convert_float4(scene.unit * s);
+    const float4 center = convert_float4(scene.unit * s);
     const int light_side = scene.light_side[(long)number * scene.count + index];
-    const Float3 f0 = {ball.x - patch.P.x.v, ball.y - patch.P.y.v, ball.z - patch.P.z.v}, w0 = {w.x.v, w.y.v, w.z.v};
+    const Float3 way = {center.x - patch.P.x.v, center.y - patch.P.y.v, center.z - patch.P.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
+    const OwnAxes axes = own_axes(scene, index);
+    const Float3 f0 = along_axes(axes, way), w0 = along_axes(axes, to_light);
+    const float4 ball = {center.x, center.y, center.z, center.w * axes.over};
     const FLOAT a0 = DOT(w0, w0), along = DOT(f0, w0) / a0;
     const FLOAT low = along > 0 ? along : (FLOAT)0, x = (((FLOAT)kind != 0) & (low > 1)) ? (FLOAT)1 : low;
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
-    const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(f0.x) + fabs(f0.y) + fabs(f0.z)) +
-                                      x * (fabs(w0.x) + fabs(w0.y) + fabs(w0.z)));
+    const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
+                                      x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
     const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = ball.w + reach;
     const MASK near = may & !(gap > outer);
     if (!ANY(near)) return;
@@ -83,8 +100,8 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     Share share = {0, 1};
     if (light_side > 0 && ANY(near & !wholly)) {
         const Model3 C = {with_rounding(constant_model(ball.x)), with_rounding(constant_model(ball.y)), with_rounding(constant_model(ball.z))};
-        const Model3 f = minus_vectors(C, patch.P);
-        const Model a = square_of_vector(w), b = dot_models(f, w), X = square_of_vector(cross_models(f, w));
+        const Model3 f = models_along(axes, minus_vectors(C, patch.P)), g = models_along(axes, w);
+        const Model a = square_of_vector(g), b = dot_models(f, g), X = square_of_vector(cross_models(f, g));
         const Model D = minus_model(scaled(a, ball.w * ball.w), X);
         const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & outside;
         const Share part = share_where_positive(D);
@@ -212,7 +229,7 @@ static Model highlight_power(const Model z, const FLOAT exponent) {
     const MASK curved = (bottom > 0) & (z.v <= high) & (rest < range.r);
     const Model tangent = on_tangent(z, at, exponent * at / (1 + v), exponent >= 1 ? rest : -rest);
     Model m = choose_model(curved, tangent, range);
-    m.r += at_high * 0x1p-14f;
+    m.r = is_known(z) ? m.r + at_high * 0x1p-14f : (FLOAT)INFINITY;
     return m;
 }
 
@@ -261,6 +278,14 @@ static void add_light(Tint *tint, const Light light, const Intersection at, cons
     }
 }
 
+#ifdef WITH_QUADRICS
+/* A cosine of which the model may tell less than that it is within -1 .. 1. */
+static Model at_most_one(const Model cosine) {
+    const FLOAT low = least_of(cosine), high = most_of(cosine);
+    return choose_model((high > 1) & is_known(cosine), between_bounds(low > -1 ? low : (FLOAT)-1, 1), cosine);
+}
+#endif
+
 /* What one light adds to a patch: illuminate() for all points at once. */
 static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch, const Intersection at, Tint *tint,
                              Work *work) {
@@ -270,7 +295,11 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     const Model a = square_of_vector(w);
     const Model over = kind == 0 ? constant_model(1) : over_root_of(a);
     const Model3 l = kind == 0 ? w : times_vector(over, w);
+#ifdef WITH_QUADRICS
+    const Model cosine = at_most_one(dot_models(patch.n, l));
+#else
     const Model cosine = dot_models(patch.n, l);
+#endif
     MASK on = (patch.id >= 0) & !(most_of(cosine) < 0);
     Model strength = constant_model(1);
     Share lit = {1, 1};

@@ -1,0 +1,108 @@
+/* spheres.cl: spheres over cells, as a camera with perspective sees them. quadrics.cl has the same of ellipsoids and of parallel rays.
+ */
+#if defined(WITH_AVERAGE) && !defined(WITH_QUADRICS)
+typedef Sphere Quadric;
+
+static Quadric quadric_at(const Spheres spheres, const int index) {
+    return sphere_at(spheres, index);
+}
+
+static Quadric quadrics_of(const Spheres spheres, const INT index) {
+    return spheres_of(spheres, index);
+}
+
+/* A sphere over cells: b = C.d and D = b^2 - a c, which is positive inside of its outline. c: the power of the eye. Lengths are
+ * in the float buffers' unit. */
+typedef struct {
+    Model b, D;
+    FLOAT c;
+} Outline;
+
+/* With e = (h s, k t, 0) a place in the cell, and d its middle ray:
+ *
+ *     b(e) = C.d + C.e
+ *     D(e) = b^2 - a c + 2 e.(b C - c d) + (C.x^2 - c) h^2 s^2 + (C.y^2 - c) k^2 t^2 + 2 C.x C.y h k s t
+ *
+ * C is rounded once, so no number here is off by more than 8 roundings of what its terms add up to, without their signs. */
+#if REAL_BYTES == 8
+#define OUTLINE_ROUNDING 0x1p-49
+#else
+#define OUTLINE_ROUNDING 0x1p-20f
+#endif
+static Outline outline_of(const Cells cells, const Quadric sphere, const real unit) {
+    const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
+    const REAL c = unit * unit * sphere.c, dx = cells.dx, dy = cells.dy, h = cells.h, k = cells.k, X = C.x * h, Y = C.y * k;
+    const REAL sum = fabs(C.x * dx) + fabs(C.y * dy) + fabs(C.z), all = sum + (fabs(X) + fabs(Y));
+    const REAL b = C.x * dx + C.y * dy - C.z, a = (dx * dx + dy * dy) + 1;
+    const REAL ss = (REAL)0.5f * (X * X - c * h * h), tt = (REAL)0.5f * (Y * Y - c * k * k), st = 2 * X * Y;
+    const REAL off = 4 * (REAL)OUTLINE_ROUNDING * (all * all + (a + (h + k) * (1 + h + k)) * fabs(c));
+    Outline outline;
+    outline.b = narrowed(b, X, Y, (REAL)OUTLINE_ROUNDING * all);
+    outline.D = narrowed(b * b - a * c + (ss + tt), 2 * (b * X - c * dx * h), 2 * (b * Y - c * dy * k), fabs(ss) + fabs(tt) + fabs(st) + off);
+    outline.c = TO_FLOAT(c);
+    return outline;
+}
+
+/* t = (b - sqrt(D)) / a = c / (b + sqrt(D)), or from inside (b + sqrt(D)) / a = -c / (sqrt(D) - b). */
+static Extent extent_of(const Cells cells, const Outline outline) {
+    const FLOAT c = outline.c, b0 = least_of(outline.b), b1 = most_of(outline.b), D0 = least_of(outline.D), D1 = most_of(outline.D);
+    const FLOAT s0 = sqrt(D0 > 0 ? D0 : (FLOAT)0), s1 = sqrt(D1 > 0 ? D1 : (FLOAT)0), loose = 8 * ROUNDING;
+    const MASK outside = c > 0, ahead = b0 > 0;
+    Extent extent = {(D0 > 0) & ((c < 0) | ahead), (D1 < 0) | ((c >= 0) & (b1 < 0)), 0, INFINITY};
+    const FLOAT least = outside ? c / (b1 + s1) : (ahead ? (b0 + s0) / most_of(cells.a) : -c / (s1 - b0));
+    const FLOAT most = outside ? c / (b0 + s0) : (ahead ? (b1 + s1) / least_of(cells.a) : -c / (s0 - b1));
+    extent.least = least > 0 ? least * (1 - loose) : (FLOAT)0;
+    extent.most = ((most > 0) & (ahead | (!outside & (s0 > b1)))) ? most * (1 + loose) : (FLOAT)INFINITY;
+    return extent;
+}
+
+/* The share of cells that a sphere's disc has, whether or not something is before it. With C ahead of the eye, it is an ellipse
+ * on the image plane, of the area pi r^2 sqrt(c) / (C.z^2 - r^2)^(3/2), and what lies between the tangents
+ * x = (-C.x C.z +- r sqrt(C.x^2 + C.z^2 - r^2)) / (C.z^2 - r^2), and those of y. No share of a cell is larger than the whole
+ * ellipse's, and a cell in which it lies has all of it. */
+static Share share_of_disc(const Cells cells, const Quadric sphere, const Outline outline) {
+    const MASK clear = (outline.c > 0) & (least_of(outline.b) > 0);
+    Share share = share_where_positive(outline.D);
+    share.least = clear ? share.least : (FLOAT)0;
+    share.most = clear ? share.most : (FLOAT)1;
+    const Real3 C = sphere.center;
+    const REAL r = sphere.r, gap = (C.z - r) * (C.z + r), over = 1 / gap, h = fabs((REAL)cells.h), k = fabs((REAL)cells.k);
+    const REAL area = (REAL)3.14159265358979f * (r * r) * sqrt(sphere.c) * over * sqrt(over) / (4 * h * k);
+    const REAL loose = (REAL)0x1p-20f;
+    const REAL x = -C.x * C.z * over - cells.dx, wide = r * sqrt(C.x * C.x + gap) * over;
+    const REAL y = -C.y * C.z * over - cells.dy, high = r * sqrt(C.y * C.y + gap) * over;
+    const REAL_MASK whole = (fabs(x) + wide < h * (1 - loose)) & (fabs(y) + high < k * (1 - loose)), ahead = (C.z < -r) & (gap > r * r * loose);
+    const FLOAT most = TO_FLOAT(area * (1 + loose)), least = TO_FLOAT(area * (1 - loose));
+    const MASK known = clear & TO_MASK(ahead), all = known & TO_MASK(whole);
+    share.most = (known & (most < share.most)) ? most : share.most;
+    share.least = (all & (least > share.least)) ? least : share.least;
+    return share;
+}
+
+/* t is c / (b + sqrt(D)) from outside, and (b + sqrt(D)) / a or -c / (sqrt(D) - b) from inside, so that nothing cancels. */
+static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outline outline, const real unit) {
+    Area patch;
+    patch.id = sphere.index;
+    const MASK inside = outline.c <= 0;
+    patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
+    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), sum = plus_model(b, root_of(outline.D));
+    const MASK far = inside & (outline.b.v >= 0);
+    const Model over = reciprocal_of(choose_model(far, cells.a, sum));
+    const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
+    patch.P.x = times_model(t, cells.x);
+    patch.P.y = times_model(t, cells.y);
+    patch.P.z = scaled(t, -1);
+    const FLOAT over_r = patch.side * TO_FLOAT(sphere.over_r / unit);
+    const Model3 p = minus_vectors(patch.P, constant_vector_in(sphere.center, unit));
+    patch.n.x = scaled(p.x, over_r);
+    patch.n.y = scaled(p.y, over_r);
+    patch.n.z = scaled(p.z, over_r);
+    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
+    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
+    const Model over_d = over_root_of(cells.a);
+    patch.v.x = scaled(times_model(over_d, cells.x), -1);
+    patch.v.y = scaled(times_model(over_d, cells.y), -1);
+    patch.v.z = over_d;
+    return patch;
+}
+#endif
