@@ -25,7 +25,7 @@ from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
 from cltrace.plan.dropping import brightest, limits
-from cltrace.plan.exact import Array, rounded_up
+from cltrace.plan.exact import Array, rotated, rounded_up
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, dim_highlights, pack_lights, useful_lights
 from cltrace.plan.materials import Materials
