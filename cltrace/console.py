@@ -143,11 +143,11 @@ class _Teller(logging.Handler):
 
 @contextlib.contextmanager
 def _log_on_terminal(name: str) -> Iterator[None]:
-    """Shows the library's log, from INFO on, where stderr is a terminal: why nothing seems to happen."""
+    """Shows the library's warnings, and where stderr is a terminal also its INFO: why nothing seems to happen."""
     log, handler = logging.getLogger("cltrace"), _Teller(name)
     level = log.level
+    log.addHandler(handler)
     if sys.stderr.isatty():
-        log.addHandler(handler)
         log.setLevel(logging.INFO)
     try:
         yield

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from copy import copy
 from dataclasses import fields, replace
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cltrace.errors import DeviceError
 from cltrace.picture.composition import Composition
@@ -18,8 +19,8 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Before, Plan, View, World
 from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.progress import bar
-from cltrace.run.devices import Device, check_process, choose
-from cltrace.run.executor import WIDTHS, Executor
+from cltrace.run.devices import Device, check_process, choose, is_all
+from cltrace.run.executor import WIDTHS, Executor, Frame
 from cltrace.run.maker import Maker, maker_of
 from cltrace.scene import AnyCamera, Scene, colors_given, with_spheres
 
@@ -138,6 +139,22 @@ class Renderer:
         other._see(self.scene, start, self._executor)
         return other
 
+    def on(self, device: Device) -> Renderer:
+        """The same picture on another device, as another Renderer; the world is shared, and the view if numpy made it.
+
+        Raises what Renderer raises.
+        """
+        check_process()
+        start = time.perf_counter()
+        with self._lock:
+            other = copy(self)
+        other.device, other.width, other._maker = device, device.width, None
+        if self._maker or maker_of(self._world, self.request, device):
+            other._see(self.scene, start)
+        else:
+            other._executor = Executor(self.plan, device, device.width)
+        return other
+
     def update(
         self,
         centers: ArrayLike | None = None,
@@ -231,11 +248,16 @@ class Renderer:
         """What this scene did not need, in words, and how often."""
         return self.plan.skipped
 
+    @property
+    def place(self) -> str:
+        """Where it is rendered, for messages and statistics."""
+        return self.device.name
+
     def __repr__(self) -> str:
         size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.columns)} spheres"
         if self.scene.meshes:
             counts += f", {len(self.scene.meshes)} meshes"
-        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
+        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.place}>"
 
     def __copy__(self) -> Renderer:
         other = object.__new__(type(self))
@@ -257,6 +279,11 @@ class Renderer:
         if mirrors and glass make more than 2^20 rays of a pixel, and DeviceError if the driver fails or in a forked
         process. What `out` holds after an error is undefined.
         """
+        with bar(self.region[3], "row", progress) as shown:
+            return self.draw(shown.update, out)
+
+    def draw(self, drawn: Callable[[int], object], out: Image | None = None) -> Image:
+        """As render(), but calls drawn(n) after every n rows; what that raises ends it."""
         check_process()
         with self._lock, (executor := self._executor).driver_errors():
             if out is not None and (
@@ -265,14 +292,16 @@ class Renderer:
                 raise ValueError("out: must be an image that this Renderer has rendered")
             frame = executor.frame() if out is None else out.frame
             start = time.perf_counter()
-            with bar(self.region[3], "row", progress) as shown:
-                executor.draw(frame, shown.update)
+            executor.draw(frame, drawn)
             done = time.perf_counter()
             arrays = executor.read(frame)
             end = time.perf_counter()
-        seconds = self.seconds | {"kernel": done - start, "readback": end - done}
+        return self._image(arrays, {"kernel": done - start, "readback": end - done}, frame)
+
+    def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
+        """An Image of what the kernel has written."""
         found = self._composition.composed(arrays)
-        return Image(**found, seconds=seconds, frame=frame, transfer=self.scene.transfer)
+        return Image(**found, seconds=self.seconds | seconds, frame=frame, transfer=self.scene.transfer)
 
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
@@ -301,5 +330,14 @@ def render(
     progress: bool | None = None,
     antialias: bool | float = False,
 ) -> Image:
-    """One picture of a scene. The arguments and what is raised are those of Renderer and its render()."""
-    return Renderer(scene, device, precision, outputs, crop, truncate, antialias=antialias).render(progress=progress)
+    """One picture of a scene. The arguments and what is raised are those of Renderer and its render().
+
+    device: may also be "all", for all devices of this machine together. In accurate and double, the bytes are those of
+    one device.
+    """
+    how: dict[str, Any] = {"precision": precision, "outputs": outputs, "crop": crop, "truncate": truncate}
+    if is_all(device):
+        from cltrace.joint import Joint
+
+        return Joint(scene, **how, antialias=antialias).render(progress=progress)
+    return Renderer(scene, device, **how, antialias=antialias).render(progress=progress)

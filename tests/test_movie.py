@@ -21,7 +21,7 @@ from PIL import Image as Picture
 
 import cltrace
 from cltrace import Camera, Renderer, Scene, cli
-from cltrace.movie import animate as engine
+from cltrace.movie import artists
 from cltrace.movie.encoders import Drawn, PngFiles, Writer
 from cltrace.movie.fingerprint import Fingerprints
 from cltrace.movie.frames import frames_of, range_of
@@ -324,7 +324,7 @@ def test_an_encoder_is_tried_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """A program that fails, one that dies later, and none at all: nothing is drawn, or nothing is left."""
     import imageio_ffmpeg
 
-    monkeypatch.setattr(engine, "images", lambda *_: pytest.fail("drawn"))
+    monkeypatch.setattr(artists, "images", lambda *_: pytest.fail("drawn"))
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: "/bin/false")
     with pytest.raises(cltrace.UsageError, match="ffmpeg: ended with status 1"):
         cltrace.animate([scene_of()], tmp_path / "m.mp4")

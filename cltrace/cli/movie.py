@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.cli.options import LIT, parser
 from cltrace.cli.picture import options_of
@@ -18,20 +17,16 @@ from cltrace.cli.source import scene_of
 from cltrace.cli.target import check_target
 from cltrace.console import tell
 from cltrace.errors import SceneError, UsageError
-from cltrace.movie.animate import FPS, Target, marks_of, pictures
-from cltrace.movie.fingerprint import Fingerprints
+from cltrace.movie.animate import FPS, Target
+from cltrace.movie.artists import Artist, Here
 from cltrace.movie.frames import Frame, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image, Output
-from cltrace.renderer import default_precision
-from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
 
 ONE_PICTURE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch")
 
 Say = Callable[[str], None]
-Shown = Callable[[Image, Scene], NDArray[np.uint8]]
-Pictures = Generator[tuple[Frame, NDArray[np.uint8]], None, None]
 
 
 def movie(args: argparse.Namespace, say: Say) -> int:
@@ -83,32 +78,6 @@ def _check(args: argparse.Namespace) -> None:
         raise UsageError("--skip-existing goes with PNGs, as a movie is there as a whole or not at all")
 
 
-class _Artist(Protocol):
-    """What draws. how: the precision and the device, for messages."""
-
-    how: str
-
-    def pictures(self, frames: Iterator[Frame], shown: Shown) -> Pictures:
-        """Each frame with what of its Image is shown."""
-
-    def marks(self, look: object) -> Fingerprints:
-        """Fingerprints of the pictures."""
-
-
-class _Here:
-    """This process."""
-
-    def __init__(self, device: Device, options: dict[str, Any]) -> None:
-        self._device, self._options = device, options
-        self.how = f"{options['precision'] or default_precision(device)} precision, on {device.name}"
-
-    def pictures(self, frames: Iterator[Frame], shown: Shown) -> Pictures:
-        return pictures(frames, self._device, self._options, shown)
-
-    def marks(self, look: object) -> Fingerprints:
-        return marks_of(self._device, self._options, look)
-
-
 @dataclass
 class _Work:
     """What is drawn, and what came of it. status: the exit status."""
@@ -122,7 +91,7 @@ class _Work:
     def begun(self) -> Iterator[None]:
         """Starts what draws: the device, or a cluster."""
         if self.args.cluster is None:
-            self.artist: _Artist = _Here(choose(self.args.device), self.options)
+            self.artist: Artist = Here(self.args.device, self.options)
             yield
             return
         from cltrace.cli.cluster import client_of

@@ -19,7 +19,7 @@ from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
 from cltrace.picture.storing import CHANNELS
 from cltrace.renderer import Renderer
-from cltrace.run.devices import choose
+from cltrace.run.devices import choose, is_all
 from cltrace.scene import Scene
 
 
@@ -39,7 +39,7 @@ def draw(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     image.seconds["total"] = time.perf_counter() - started
     if written := [target for target in files.targets if target != "-"]:
         width, height = renderer.region[2:]
-        how = f"{renderer.precision} precision, on {renderer.device.name}"
+        how = f"{renderer.precision} precision, on {renderer.place}"
         say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
     if args.show == "depth":
         say(f"cltrace: depth: {_depth_scale(image)}")
@@ -95,9 +95,12 @@ class Files:
 
 def renderer_of(scene: Scene, args: argparse.Namespace, needed: tuple[Output, ...]) -> Renderer:
     """What draws the outputs of a scene that are needed. Raises UsageError for options that make no sense."""
-    device = choose(args.device)
     try:
-        return Renderer(scene, device, **options_of(args, needed))
+        if is_all(args.device):
+            from cltrace.joint import Joint
+
+            return Joint(scene, **options_of(args, needed))
+        return Renderer(scene, choose(args.device), **options_of(args, needed))
     except ValueError as error:
         raise UsageError(str(error)) from None
 

@@ -11,7 +11,7 @@ from cltrace.cli.options import LIT, parser
 from cltrace.console import command, tell
 from cltrace.errors import UsageError
 from cltrace.picture.image import DIRECTED
-from cltrace.run.devices import devices, where_drivers_are
+from cltrace.run.devices import devices, is_all, where_drivers_are
 
 # Options that ask for more than one picture.
 MOVIE = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
@@ -61,6 +61,7 @@ def _list_devices(args: argparse.Namespace) -> int:
 
 def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[str], None]], int]:
     """What is to be done with a scene: a function of the arguments, and of what says a message, to the exit status."""
+    _check_devices(args)
     if len(args.scenes) > 1 or any(getattr(args, name) != parser().get_default(name) for name in MOVIE):
         from cltrace.cli.movie import movie
 
@@ -97,6 +98,20 @@ def _work(args: argparse.Namespace) -> Callable[[argparse.Namespace, Callable[[s
     from cltrace.cli.picture import draw
 
     return draw
+
+
+def _check_devices(args: argparse.Namespace) -> None:
+    """Raises UsageError for options that want one device where all are given."""
+    one = {
+        "--cluster": args.cluster is not None,
+        "--compare": args.compare is not None,
+        "--repeat": args.repeat != 1,
+        f"--show {LIT}": args.show == LIT,
+    }
+    for option, given in one.items():
+        if given and is_all(args.device):
+            why = ": a worker has one device" if option == "--cluster" else ", which takes one device"
+            raise UsageError(f"-d all does not go with {option}{why}")
 
 
 def _check_show(args: argparse.Namespace) -> None:

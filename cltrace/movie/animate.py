@@ -1,4 +1,4 @@
-"""Draws the frames of a movie with one Renderer: what a frame shares with the one before it is kept.
+"""Draws the frames of a movie, into files or as an iterator: what a frame shares with the one before it is kept.
 
 While the kernel draws a frame, one thread prepares the next one and others write the last ones, so that each of these
 costs time only where it takes longer than the kernel. Few frames are in memory at a time, however many there are.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from itertools import chain
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.movie.artists import Here
 from cltrace.movie.encoders import Apng, Drawn, Encoder, Gif, PngFiles, Writer
 from cltrace.movie.fingerprint import Fingerprints, shows
 from cltrace.movie.frames import Frame, frames_of
@@ -24,54 +24,10 @@ from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
 from cltrace.progress import bar
-from cltrace.renderer import Renderer, default_precision
-from cltrace.run.devices import Device, choose
+from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera, Scene
 
 FPS = 25.0
-
-
-def images(frames: Iterable[Frame], first: Callable[[Scene], Renderer]) -> Generator[tuple[Frame, Image], None, None]:
-    """Each frame with its picture. first: makes the Renderer of the first one.
-
-    A frame is taken from `frames` when the one before it is prepared, by the thread that asks for pictures.
-    """
-    renderer: Renderer | None = None
-
-    def prepared(frame: Frame, before: Renderer | None) -> Renderer:
-        return first(frame.scene) if before is None else before.following(frame.scene)
-
-    with ThreadPoolExecutor(1) as pool:
-        iterator = iter(frames)
-        frame = next(iterator, None)
-        job = pool.submit(prepared, frame, None) if frame else None
-        while frame and job:
-            renderer, drawn = job.result(), frame
-            frame = next(iterator, None)
-            job = pool.submit(prepared, frame, renderer) if frame else None
-            yield drawn, renderer.render(progress=False)
-
-
-def pictures(
-    frames: Iterable[Frame],
-    device: Device,
-    options: Mapping[str, Any],
-    pixels: Callable[[Image, Scene], NDArray[np.uint8]] = lambda image, scene: np.asarray(image),
-) -> Generator[tuple[Frame, NDArray[np.uint8]], None, None]:
-    """Each frame with what of its Image is shown. options: the Renderer's."""
-    with closing(images(frames, lambda scene: Renderer(scene, device, **options))) as drawn:
-        for frame, image in drawn:
-            yield frame, pixels(image, frame.scene)
-
-
-def marks_of(device: Device, options: Mapping[str, Any], look: object = "") -> Fingerprints:
-    """Fingerprints of pictures. options: the Renderer's; look: what else tells what is shown from others.
-
-    In single, the device decides some bits.
-    """
-    precision = options.get("precision") or default_precision(device)
-    bits = {"precision": precision, "device": device.name if precision == "single" else ""}
-    return Fingerprints({**options, **bits, "look": look})
 
 
 @overload
@@ -122,7 +78,8 @@ def animate(
     names of the files. skip_existing: whether a PNG that is there is kept if it shows the frame. Each says so itself,
     by a hash of all that the scene consists of, the options, and the version.
 
-    device and options, such as precision and crop: see Renderer. progress: see docs/movies.md.
+    device and options, such as precision and crop: see Renderer; "all" are all devices of this machine, each of which
+    draws the next frame when it is free. progress: see docs/movies.md.
 
     Raises TypeError and ValueError for what is not allowed, MissingPackageError for an extra that is missing, OSError
     if a file cannot be written, and what Renderer raises. Each file is there as a whole or not at all.
@@ -139,11 +96,11 @@ def animate(
     folder = Path(pattern.of(0)).parent
     if not folder.is_dir():
         raise FileNotFoundError(f"output: there is no folder {str(folder)!r}; mkdir() of a Path makes one")
-    device = device if isinstance(device, Device) else choose(device)
+    artist = Here(device, options)
     return target.write(
         frames_of(frames, scene),
-        lambda todo: pictures(todo, device, options),
-        marks_of(device, options),
+        artist.pictures,
+        artist.marks(),
         options.get("crop"),
         progress,
         _length(frames),
@@ -154,7 +111,7 @@ def _images(
     frames: Iterator[Frame], device: str | Device | None, progress: bool | None, total: int | None, options: Any
 ) -> Iterator[Image]:
     with (
-        closing(images(frames, lambda scene: Renderer(scene, device, **options))) as drawn,
+        closing(Here(device, options).images(frames)) as drawn,
         bar(total, "frame", bool(progress)) as shown,
     ):
         for _, image in drawn:

@@ -20,6 +20,7 @@ from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import Announcement, build, context_of
+from cltrace.run.strips import Rows
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,11 @@ PATIENCE, FIRST_ROWS = 0.25, 64
 SLOW = frozenset(("WITH_SPLITS", "WITH_AVERAGE"))
 # What is noted where no pixel is overgrown: later than any.
 NOTHING = np.iinfo(np.int32).max
+
+
+def margin_of(region: Region) -> tuple[int, int]:
+    """How many columns and rows of the tile in which a region begins are not in it."""
+    return region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"]
 
 
 @dataclass(eq=False)
@@ -129,32 +135,37 @@ class Executor:
         }
         return Frame(self.room, width, height, arrays, buffers)
 
-    def draw(self, frame: Frame, drawn: Callable[[int], object] = lambda rows: None) -> None:
+    def draw(
+        self,
+        frame: Frame,
+        drawn: Callable[[int], object] = lambda rows: None,
+        take: Callable[[int], range | None] | None = None,
+    ) -> None:
         """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
-        frame begins with the size that was found. drawn: called with how many rows a strip had. Raises TooManyRaysError
-        after the strip in which that happened.
+        frame begins with the size that was found. drawn: called with how many rows a strip had; take: Rows.take() of
+        rows that other devices take from, too, None for all. Raises TooManyRaysError after the strip in which that
+        happened.
         """
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
-        row, most = 0, max(64, STRIP // frame.width // 64 * 64)
+        take, most = take or Rows(region[3]).take, max(64, STRIP // frame.width // 64 * 64)
         bounded = "WITH_CEILING" in self.plan.features
         if bounded:
             self._overgrown[0] = NOTHING
             cl.enqueue_copy(self._queue, self.buffers["overgrown"], self._overgrown)
-        while row < region[3]:
-            rows = min(self._rows, most, frame.height - row)
+        while strip := take(min(self._rows, most)):
+            count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
             start = time.perf_counter()
-            self._launch(frame, region, row, rows).wait()
+            self._launch(frame, region, strip.start, count).wait()
             seconds = time.perf_counter() - start
             if bounded:
                 self._check_overgrown()
-            drawn(min(row + rows, region[3]) - row)
-            row += rows
+            drawn(len(strip))
             if seconds > PATIENCE:
                 self._rows = max(16, self._rows // 32 * 16)
-            elif seconds < PATIENCE / 4 and rows == self._rows:  # else it was short because little was left
+            elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
                 self._rows *= 2
 
     def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
@@ -214,8 +225,8 @@ class Executor:
     def _move_to(self, region: Region) -> None:
         """Renders this part of the picture from now on: x, y, width, height in pixels."""
         self.region = region
-        # How many columns and rows of the tile in which the region begins are not in it. No packet may be in two tiles.
-        self._margin = (region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"])
+        # A frame has it, too, as no packet may be in two tiles.
+        self._margin = margin_of(region)
 
     def _check_overgrown(self) -> None:
         """Raises TooManyRaysError if the kernel has noted a pixel."""
