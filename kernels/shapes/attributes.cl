@@ -1,12 +1,6 @@
 /* attributes.cl: what meshes have at the corners of their triangles, normals and texture coordinates, and in between. */
 #ifdef WITH_TRIANGLES
 
-static void put_row(const REAL_MASK here, Real3 *v, const real4 row) {
-    PUT_WHERE(here, v->x, (REAL)row.x);
-    PUT_WHERE(here, v->y, (REAL)row.y);
-    PUT_WHERE(here, v->z, (REAL)row.z);
-}
-
 static REAL weighted(const Weights w, const REAL a, const REAL b, const REAL c) {
     return (w.a * a + w.b * b) + w.c * c;
 }
@@ -33,8 +27,9 @@ static Corners normal_matrices(__global const Mesh *meshes, const INT mesh) {
 /* The normals for shading at points of triangles, in the world, to any side and of any length. number: each lane's triangle,
  * negative for none. Where the corners have none, or where theirs add up to 0, it is the triangle's own. */
 static Real3 shading_normals(const Scene scene, const INT number, const Weights weights) {
-    const INT mesh = fourths_of(scene.normal_face, number);
-    const Corners c = corners_at(scene.corner_normal, scene.normal_face, number), matrix = normal_matrices(scene.mesh, mesh);
+    const Corners c = corners_at(scene.corner_normal, scene.normal_face, number);
+    const INT mesh = number < 0 ? (INT)-1 : c.fourth;
+    const Corners matrix = normal_matrices(scene.mesh, mesh);
     const Real3 n = {weighted(weights, c.a.x, c.b.x, c.c.x), weighted(weights, c.a.y, c.b.y, c.c.y),
                      weighted(weights, c.a.z, c.b.z, c.c.z)};
     const Real3 m = {DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)};

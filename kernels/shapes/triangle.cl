@@ -64,48 +64,74 @@ static int common_of(const INT value) {
     return ANY((value >= 0) & (value != one)) ? -1 : one;
 }
 
-/* The three corners of each lane's triangle. */
+/* The three corners of each lane's triangle, or their normals. fourth: the fourth number of the row that names them. */
 typedef struct {
     Real3 a, b, c;
+    INT fourth;
 } Corners;
 
-/* Each lane's three rows of an array, of which `index` says which: those that `face` names there. Lanes with a negative index
- * get any. Neighbours are mostly on one triangle. */
-static __attribute__((always_inline)) Corners corners_at(__global const real4 *array, __global const int4 *face,
-                                                         const INT index) {
-    const int one = common_of(index);
-    if (one >= 0) {
-        const int4 rows = face[one];
-        const real4 a = array[rows.x], b = array[rows.y], c = array[rows.z];
-        const Corners all = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}};
-        return all;
-    }
-    int each[W];
-    __global const real4 *a[W], *b[W], *c[W];
-    STORE_LANES(index, each);
-#pragma unroll
-    for (int lane = 0; lane < W; lane++) {
-        __global const int4 *rows = face + max(each[lane], 0);
-        a[lane] = array + rows->x;
-        b[lane] = array + rows->y;
-        c[lane] = array + rows->z;
-    }
-    const Corners own = {{(REAL)EACH_LANE(a, ->x), (REAL)EACH_LANE(a, ->y), (REAL)EACH_LANE(a, ->z)},
-                         {(REAL)EACH_LANE(b, ->x), (REAL)EACH_LANE(b, ->y), (REAL)EACH_LANE(b, ->z)},
-                         {(REAL)EACH_LANE(c, ->x), (REAL)EACH_LANE(c, ->y), (REAL)EACH_LANE(c, ->z)}};
-    return own;
+static void put_row(const REAL_MASK here, Real3 *v, const real4 row) {
+    PUT_WHERE(here, v->x, (REAL)row.x);
+    PUT_WHERE(here, v->y, (REAL)row.y);
+    PUT_WHERE(here, v->z, (REAL)row.z);
 }
 
-/* The fourth number of each lane's row; -1 where the index is negative. */
-static __attribute__((always_inline)) INT fourths_of(__global const int4 *rows, const INT index) {
-    const int one = common_of(index);
-    if (one >= 0) return index < 0 ? (INT)-1 : (INT)rows[one].w;
+/* The same of lanes on many triangles. */
+static __attribute__((always_inline)) Corners each_corners_at(__global const real4 *array, __global const int4 *face,
+                                                              const INT index) {
     int each[W];
+    __global const real4 *a[W], *b[W], *c[W];
     __global const int4 *row[W];
     STORE_LANES(index, each);
 #pragma unroll
-    for (int lane = 0; lane < W; lane++) row[lane] = rows + max(each[lane], 0);
-    return index < 0 ? (INT)-1 : (INT)EACH_LANE(row, ->w);
+    for (int lane = 0; lane < W; lane++) {
+        row[lane] = face + max(each[lane], 0);
+        a[lane] = array + row[lane]->x;
+        b[lane] = array + row[lane]->y;
+        c[lane] = array + row[lane]->z;
+    }
+    const Corners own = {{(REAL)EACH_LANE(a, ->x), (REAL)EACH_LANE(a, ->y), (REAL)EACH_LANE(a, ->z)},
+                         {(REAL)EACH_LANE(b, ->x), (REAL)EACH_LANE(b, ->y), (REAL)EACH_LANE(b, ->z)},
+                         {(REAL)EACH_LANE(c, ->x), (REAL)EACH_LANE(c, ->y), (REAL)EACH_LANE(c, ->z)},
+                         (INT)EACH_LANE(row, ->w)};
+    return own;
+}
+
+/* Each lane's three rows of an array, of which `index` says which: those that `face` names there. Lanes with a negative index
+ * get any. Neighbours are mostly on few triangles, and the numbers of one at a time are read faster than each lane's own. */
+#define FEW_TRIANGLES 4
+static __attribute__((always_inline)) Corners corners_at(__global const real4 *array, __global const int4 *face,
+                                                         const INT index) {
+    int one = LARGEST(index);
+    const int4 rows = face[max(one, 0)];
+    const real4 a = array[rows.x], b = array[rows.y], c = array[rows.z];
+    Corners own = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, rows.w};
+    INT left = index == one ? (INT)-1 : index;
+    for (int k = 1; ANY(left >= 0); k++) {
+        if (k == FEW_TRIANGLES) return each_corners_at(array, face, index);
+        one = LARGEST(left);
+        const MASK here = left == one;
+        const REAL_MASK put = TO_REAL_MASK(here);
+        const int4 more = face[one];
+        put_row(put, &own.a, array[more.x]);
+        put_row(put, &own.b, array[more.y]);
+        put_row(put, &own.c, array[more.z]);
+        PUT_WHERE(here, own.fourth, (INT)more.w);
+        left = here ? (INT)-1 : left;
+    }
+    return own;
+}
+
+/* The fourth number of each lane's row; any where the index is negative. */
+static __attribute__((always_inline)) INT fourths_of(__global const int4 *rows, const INT index) {
+    int one = LARGEST(index);
+    INT fourth = rows[max(one, 0)].w, left = index == one ? (INT)-1 : index;
+    while (ANY(left >= 0)) {
+        one = LARGEST(left);
+        PUT_WHERE(left == one, fourth, (INT)rows[one].w);
+        left = left == one ? (INT)-1 : left;
+    }
+    return fourth;
 }
 
 static Triangle triangle_of(const Corners corners) {
