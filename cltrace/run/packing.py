@@ -119,7 +119,7 @@ class Packing:
 class _Look:
     """The spheres of a Packing as one camera sees them.
 
-    seen: four columns of `pitch` doubles, see kernels/pack/space.cl; rows: the n spheres' arrays on the device.
+    seen: four columns of `pitch` doubles, see kernels/pack/space.cl; along: whether any light is a parallel one.
     """
 
     def __init__(self, packing: Packing, world: World, camera: AnyCamera, window: Window) -> None:
@@ -133,14 +133,17 @@ class _Look:
         self.made: dict[str, Any] = {}
         self.lamps: _Lamps | None = None
         self.grids: list[CellGrid] = []
+        self.along = bool((world.lights["kind"] == PARALLEL).any())
         self.unsure = self.tools.room(1 + self.n, np.int32)
-        self.seen = self.tools.room(4 * self.pitch, np.float64)
+        self.seen = self.tools.room(4 * self.pitch if self.along else 1, np.float64)
+        self.flags, self.covers = self.tools.room(self.pitch, np.int8), Covers(self.tools, self.n, self.pitch)
 
     def view(self) -> tuple[View, dict[str, Any]]:
         world, tools, packing = self.world, self.tools, self.packing
-        inside = self._see_from_eye()
+        inside, there = self._see_from_eye()
         view = View.without_spheres(world, self.camera, packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
+        skipped["spheres inside others, or the same"] = self.n - there
         light_buffer, grids = self._lists(skipped)
         tools.finish()
         del self.seen, self.unsure  # Lists have room in their place.
@@ -177,49 +180,88 @@ class _Look:
         tools = self.tools
         tools.run("mend", np.int32(len(rows)), np.int32(first), tools.upload(rows), tools.upload(values), column)
 
-    def _see_from_eye(self) -> bool:
-        """Makes what depends on the eye alone, and k. Returns whether the eye is inside of a sphere or on it."""
-        n, pitch, tools, packing = np.int32(self.n), np.int32(self.pitch), self.tools, self.packing
-        double = self.real.itemsize == 8
-        turned, rest = tools.room(4 * self.pitch, np.float64, again=double), tools.room(self.pitch, np.float64)
+    def _see_from_eye(self) -> tuple[bool, int]:
+        """Makes what depends on the eye alone, and k.
+
+        Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen.
+        """
+        tools, packing, lights = self.tools, self.packing, self.world.lights
+        room, columns = partial(tools.room, again=True), {"center_radius": 4, "power": 2}
+        made = {name: room(wide * self.pitch, self.real) for name, wide in columns.items()}
+        made["eye_filter"] = room(4 * self.pitch, np.float32)
+        if self.real.itemsize == 8:
+            made["world"] = room(4 * self.pitch, self.real)
+        self.made |= made
+        # Few spheres nearly always tell which one is the k of all.
+        some, nothing = np.append(np.arange(self.n)[sampled(self.n)], packing.shells), np.zeros((0, 3))
+        most, k = 0.0, None
+        while k != (k := self._few(some).exponent(lights, nothing, most)):
+            self.k, self.unit = k, np.float64(2.0**k)
+            part = self._see_all()
+            most = float(part[:, 0].max())
+        inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
+        if len(rows):
+            space = self._few(rows)
+            values = (tools.upload(values) for values in (rows, space.power, space.power_rest))
+            spheres = (packing.center, packing.radius, *self._buffers, self.covers.near)
+            tools.run("mend_eye", np.int32(len(rows)), self.unit, *self._camera, *values, *spheres)
+            inside |= bool((space.power <= 0).any())
+        return inside, int(part[:, 2].sum())
+
+    @property
+    def _buffers(self) -> tuple[Any, ...]:
+        return self.made["power"], self.made.get("world", self.unsure), self.made["eye_filter"]
+
+    def _see_all(self) -> NDArray[np.float64]:
+        """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
+        tools, packing, covers, (x, y) = self.tools, self.packing, self.covers, self.window.axes
+        shell = self._shell()
         tools.clear(self.unsure, 1)
         part = tools.noted(
             "see_from_eye",
-            *(n, pitch, packing.center, packing.radius, *self._camera, turned, self.seen, rest, self.unsure),
-            columns=2,
+            *(np.int32(self.n), np.int32(self.pitch), self.unit, *self._camera, np.float64(self.slack)),
+            *(np.int32(len(shell)), np.int32(packing.some_again)),
+            *(vector((a.scale, a.begin, a.end, 0), np.float32) for a in (x, y)),
+            *(vector((a.first, a.stop), np.int32) for a in (x, y)),
+            *(
+                np.int32(SHIFT),
+                np.int32(self.along),
+                packing.center,
+                packing.radius,
+                tools.upload(shell),
+                packing.again,
+            ),
+            *(
+                self.made["center_radius"],
+                *self._buffers,
+                self.seen,
+                self.flags,
+                covers.cells,
+                covers.near,
+                self.unsure,
+            ),
+            columns=6,
             dtype=np.float64,
         )
-        inside, rows = bool(part[:, 1].min() <= 0), self._unsure_rows()
-        if len(rows):
-            space = self._few(rows)
-            self._mend(rows, space.power, self.seen, 3 * self.pitch)
-            self._mend(rows, space.power_rest, rest, 0)
-            inside |= bool((space.power <= 0).any())
-        self.k = self._few(slice(0)).exponent(self.world.lights, np.zeros((0, 3)), float(part[:, 0].max()))
-        self.unit = np.float64(2.0**self.k)
-        room = partial(tools.room, again=True)
-        made = {"power": room(2 * self.pitch, self.real), "eye_filter": room(4 * self.pitch, np.float32)}
-        made["center_radius"] = turned if double else room(4 * self.pitch, self.real)
-        if double:
-            made["world"] = room(4 * self.pitch, self.real)
-        columns = (made["center_radius"], made["power"], made.get("world", turned), made["eye_filter"])
-        tools.run("pack_eye", n, pitch, self.unit, packing.center, turned, rest, self.seen, *columns)
-        self.made |= made
-        return inside
+        covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
+        covers.last = int(part[:, 5].max())
+        return part
+
+    def _shell(self) -> Array:
+        """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
+        rows = self.packing.shells
+        few = self._few(rows).times_two_to(self.k)
+        outside = (few.power > 0) & self.world.opaque[rows]
+        for light in np.flatnonzero(self.world.lights["kind"] != PARALLEL).tolist():
+            outside &= few.seen_from_light(light)[1] > 0
+        inner = 2 * few.radius - larger(few.radius, self.slack)
+        which = np.flatnonzero(outside & (inner > self.packing.least * self.unit))
+        self.shells = which.tolist()
+        return np.concatenate([few.place[which], inner[which, None]], axis=1)
 
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], Entries]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
-        n, pitch, tools = np.int32(self.n), np.int32(self.pitch), self.tools
-        self.flags, self.covers = tools.room(self.pitch, np.int8), Covers(tools, self.n, self.pitch)
-        entries = Entries(tools, self.packing.request.precision)
-        skipped["spheres inside others, or the same"] = self.n - self._hide()
-        x, y = self.window.axes
-        self.covers.make(
-            "picture_tiles",
-            *(n, pitch, self.unit, *(vector((a.scale, a.begin, a.end, 0), np.float32) for a in (x, y))),
-            *(vector((a.first, a.stop), np.int32) for a in (x, y)),
-            *(np.int32(SHIFT), self.seen, self.packing.radius, self.flags),
-        )
+        tools, entries = self.tools, Entries(self.tools, self.packing.request.precision)
         entries.add(picture_grid(self.window.size, *NOBODY), self.covers)
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
@@ -236,6 +278,8 @@ class _Look:
             skipped[what] = lamps.idle
             return lamps.buffers, entries
         self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
+        if not self.along:
+            self.seen = tools.room(4 * self.pitch, np.float64)
         buffers, idle = np.zeros((m, 4), np.int32), 0
         # Parallel lights come first, as `seen` is what the eye sees until then.
         for light, kind in enumerate(lights["kind"]):
@@ -248,7 +292,7 @@ class _Look:
             if kind != PARALLEL:
                 self._pack_light(light)
         skipped[what] = idle
-        if not (lights["kind"] == PARALLEL).any():
+        if not self.along:
             self.lamps = _Lamps(key, None, self.made["light_side"], buffers, self.grids, [], idle)
         return buffers, entries
 
@@ -262,27 +306,6 @@ class _Look:
             filters = np.int64(light * self.n), lamps.filters, self.made["light_filter"]
             self.tools.run("turn_light", *sizes, self.packing.center, self._lamp(light), *self._camera[1:], *filters)
         self.made["light_side"] = lamps.sides
-
-    def _hide(self) -> int:
-        """Notes which spheres may be seen at all, and returns how many."""
-        rows = self.packing.shells
-        few = self._few(rows).times_two_to(self.k)
-        outside = (few.power > 0) & self.world.opaque[rows]
-        for light in np.flatnonzero(self.world.lights["kind"] != PARALLEL).tolist():
-            outside &= few.seen_from_light(light)[1] > 0
-        inner = 2 * few.radius - larger(few.radius, self.slack)
-        which = np.flatnonzero(outside & (inner > self.packing.least * self.unit))
-        shell = np.concatenate([few.place[which], inner[which, None]], axis=1)
-        packing, self.shells = self.packing, which.tolist()
-        counts = self.tools.noted(
-            "hide",
-            *(np.int32(self.n), self.unit, np.float64(self.slack), np.int32(len(which))),
-            *(np.int32(packing.some_again), self.tools.upload(shell), packing.again),
-            *(packing.center, packing.radius, self.flags),
-            columns=1,
-            dtype=np.int64,
-        )
-        return int(counts.sum())
 
     def _see_from_light(self, light: int) -> None:
         """Makes `seen` what a light at a point sees."""

@@ -23,6 +23,7 @@ SOURCES = (
     "pack/rows.cl",
     "pack/space.cl",
     "pack/tiles.cl",
+    "pack/eye.cl",
     "pack/cells.cl",
     "pack/facets.cl",
 )

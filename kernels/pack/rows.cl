@@ -53,9 +53,9 @@ INLINE long sum_of_lanes(const LONG x) {
 }
 
 /* Rows are written one number after the other. */
-#define WRITE_ROWS_2(table, i, a, b)                  \
+#define WRITE_ROWS_2(type, table, i, a, b)            \
     do {                                              \
-        double a_[W], b_[W];                          \
+        type a_[W], b_[W];                            \
         STORE_LANES(a, a_);                           \
         STORE_LANES(b, b_);                           \
         for (int k = 0; k < W; k++) {                 \

@@ -12,11 +12,6 @@ typedef double2 out2;
 #endif
 #define ROUNDING 0x1p-24
 
-/* The eye, and the camera's axes in the world. */
-typedef struct {
-    double4 eye, right, up, back;
-} Camera;
-
 INLINE FLOAT rounded_down(const REAL value) {
     const FLOAT near = TO_FLOAT(value);
     const INT bits = AS(int, near);
@@ -33,40 +28,6 @@ INLINE void note_unsure(__global int *index, const int i, const int n, const REA
     for (int k = 0; k < W; k++)
         if (i + k < n && lane[k] != lane[k])
             index[1 + atomic_inc(index)] = i + k;
-}
-
-/* In scene units: centres and radii, powers, the last column of `seen`, and what their roundings cut off. For each
- * work-item: the largest coordinate or radius, and the least power of those that are sure. */
-__kernel void see_from_eye(
-    const int n,
-    const int pitch,
-    __global const double *restrict center,
-    __global const double *restrict radius,
-    const double4 eye,
-    const double4 right,
-    const double4 up,
-    const double4 back,
-    __global double4 *restrict turned,
-    __global double *restrict seen,
-    __global double *restrict rest,
-    __global int *restrict unsure,
-    __global double2 *restrict part
-) {
-    REAL most = 0, least = 1;
-    FOR_EACH_PACKET(i, n) {
-        const Pair x = two_sum(column(center, 3, n, i), -eye.x), y = two_sum(column(center + 1, 3, n, i), -eye.y),
-                   z = two_sum(column(center + 2, 3, n, i), -eye.z);
-        const REAL r = column(radius, 1, n, i), X = dot_product(right, x, y, z), Y = dot_product(up, x, y, z),
-                   Z = dot_product(back, x, y, z);
-        const Pair c = square_excess(x, y, z, r);
-        WRITE_ROWS_4(double, turned, i, X, Y, Z, r);
-        STORE_LANES(c.hi, seen + 3L * pitch + i);
-        STORE_LANES(c.lo, rest + i);
-        note_unsure(unsure, i, n, c.lo);
-        most = LARGER(LARGER(LARGER(most, r), fabs(X)), LARGER(fabs(Y), fabs(Z)));
-        least = ((c.lo == c.lo) & (c.hi < least)) ? c.hi : least;
-    }
-    part[get_global_id(0)] = (double2)(largest_lane(most), -largest_lane(-least));
 }
 
 /* Puts numbers where they belong in a column that begins at `first`. */
@@ -86,54 +47,7 @@ INLINE FLOAT filter_constant(const REAL x, const REAL y, const REAL z, const REA
     return rounded_down(bound > 0 ? bound : (REAL)-INFINITY);
 }
 
-/* The buffers of spheres as the eye sees them, and the columns of `seen`, of which the last one was in scene units. unit:
- * leads from scene units to the float buffers' unit. */
-__kernel void pack_eye(
-    const int n,
-    const int pitch,
-    const double unit,
-    __global const double *restrict center,
-    __global const double4 *restrict turned,
-    __global const double *restrict rest,
-    __global double *restrict seen,
-    __global out4 *restrict center_radius,
-    __global out2 *restrict power,
-    __global double4 *restrict world,
-    __global float4 *restrict eye_filter
-) {
-    FOR_EACH_PACKET(i, n) {
-        double x_[W], y_[W], z_[W], r_[W];
-        for (int k = 0; k < W; k++) {
-            const double4 row = turned[i + k];
-            x_[k] = row.x, y_[k] = row.y, z_[k] = row.z, r_[k] = row.w;
-        }
-        const REAL x = LOAD_LANES(x_) * unit, y = LOAD_LANES(y_) * unit, z = LOAD_LANES(z_) * unit,
-                   r = LOAD_LANES(r_), whole = LOAD_LANES(seen + 3L * pitch + i), c = whole * (unit * unit);
-        STORE_LANES(x, seen + i);
-        STORE_LANES(y, seen + pitch + i);
-        STORE_LANES(z, seen + 2L * pitch + i);
-        STORE_LANES(c, seen + 3L * pitch + i);
-        WRITE_ROWS_4(float, eye_filter, i, TO_FLOAT(x), TO_FLOAT(y), TO_FLOAT(z), filter_constant(x, y, z, c));
-#if OUT_BYTES == 4
-        const REAL small = r * unit, over = 1 / small;
-        WRITE_ROWS_4(float, center_radius, i, TO_FLOAT(x), TO_FLOAT(y), TO_FLOAT(z), TO_FLOAT(small));
-        const REAL bounded = over < (REAL)FLT_MAX ? over : (REAL)FLT_MAX;
-        float a_[W], b_[W];
-        STORE_LANES(TO_FLOAT(c), a_);
-        STORE_LANES(TO_FLOAT(bounded), b_);
-        for (int k = 0; k < W; k++)
-            power[i + k].x = a_[k], power[i + k].y = b_[k];
-#else
-        const REAL over = 1 / r;
-        WRITE_ROWS_2(power, i, whole, over);
-        const REAL X = column(center, 3, n, i), Y = column(center + 1, 3, n, i), Z = column(center + 2, 3, n, i),
-                   cut = LOAD_LANES(rest + i);
-        WRITE_ROWS_4(double, world, i, X, Y, Z, cut);
-#endif
-    }
-}
-
-/* The same spheres as a light at a point sees them, along the world's axes. lamp: the light in the world, in the float
+/* Spheres as a light at a point sees them, along the world's axes. lamp: the light in the world, in the float
  * buffers' unit. */
 __kernel void see_from_light(
     const int n,
@@ -237,50 +151,6 @@ __kernel void pack_along(
     }
 }
 
-/* What the lists are made of: bits of `flags`. */
+/* Bits of `flags`: what may be seen at all, and what is in a grid of a light. */
 #define VISIBLE 1
 #define ENTERED 2
-
-/* Which spheres may be seen at all: those that are equal to none before them, and not inside of another one. again:
- * whether a sphere is equal to one before it; shell: centres of large spheres, and by how much others must be inside. For
- * each work-item: how many may be seen. */
-__kernel void hide(
-    const int n,
-    const double unit,
-    const double slack,
-    const int shells,
-    const int some_again,
-    __global const double4 *restrict shell,
-    __global const char *restrict again,
-    __global const double *restrict center,
-    __global const double *restrict radius,
-    __global char *restrict flags,
-    __global long *restrict part
-) {
-    LONG count = 0;
-    FOR_EACH_PACKET(i, n) {
-        MASK visible = LANE < n - i;
-        if (some_again) {
-            int lane[W];
-            for (int k = 0; k < W; k++)
-                lane[k] = again[min(i + k, n - 1)];
-            visible &= LOAD_LANES(lane) == 0;
-        }
-        if (shells) {
-            const REAL r = column(radius, 1, n, i) * unit, roomy = r + (16 * slack) * (1 + 1 / r),
-                       x = column(center, 3, n, i) * unit, y = column(center + 1, 3, n, i) * unit,
-                       z = column(center + 2, 3, n, i) * unit;
-            for (int k = 0; k < shells; k++) {
-                const double4 outer = shell[k];
-                const REAL X = x - outer.x, Y = y - outer.y, Z = z - outer.z;
-                visible &= TO_MASK(sqrt((X * X + Y * Y) + Z * Z) + roomy >= outer.w);
-            }
-        }
-        int lane[W];
-        STORE_LANES(visible, lane);
-        for (int k = 0; k < W; k++)
-            flags[i + k] = lane[k] ? VISIBLE : 0;
-        count += TO_LONG(visible ? (INT)1 : (INT)0);
-    }
-    part[get_global_id(0)] = sum_of_lanes(count);
-}

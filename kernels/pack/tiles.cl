@@ -97,53 +97,6 @@ INLINE Run pixels_of(const Slopes s, const float4 axis, const int2 range, const 
     const Run run = {begin, (TO_INT(last) >> shift) - begin, first <= last};
     return run;
 }
-
-/* The spheres in the picture. x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has 2^shift pixels a side.
- * For each work-item, four numbers: how many are in the picture, how many cells of level 0 they cover, and the last one
- * of them. */
-__kernel void picture_tiles(
-    const int n,
-    const int pitch,
-    const double unit,
-    const float4 x_axis,
-    const float4 y_axis,
-    const int2 x_range,
-    const int2 y_range,
-    const int shift,
-    __global const double *restrict seen,
-    __global const double *restrict radius,
-    __global const char *restrict flags,
-    __global short *restrict covers,
-    __global float *restrict near,
-    __global long *restrict part
-) {
-    LONG members = 0, entries = 0;
-    INT last = -1;
-    FOR_EACH_PACKET(i, n) {
-        const REAL exact_z = LOAD_LANES(seen + 2L * pitch + i), exact_r = column(radius, 1, n, i) * unit;
-        const FLOAT x = TO_FLOAT(LOAD_LANES(seen + i)), y = TO_FLOAT(LOAD_LANES(seen + pitch + i)), z = TO_FLOAT(exact_z),
-                    r = TO_FLOAT(exact_r), gap = TO_FLOAT((exact_z - exact_r) * (exact_z + exact_r)), d = -z;
-        const INT flag = load_flags(flags + i);
-        const MASK clear = is_clear(d, gap);
-        const FLOAT over = 1 / (clear ? gap : (FLOAT)1), forward = d * over, around = r * over;
-        const Run row = pixels_of(slopes(x, gap, forward, around, clear), x_axis, x_range, shift);
-        const Run rows = pixels_of(slopes(-y, gap, forward, around, clear), y_axis, y_range, shift);
-        const MASK visible =
-            TO_MASK(exact_z < exact_r * (1 + SLACK)) & ((flag & VISIBLE) != 0) & row.any & rows.any;
-        const FLOAT depth = nearest(length_of(x, y, z), r, LOAD_LANES(seen + 3L * pitch + i));
-        store_short(row.begin, covers + i);
-        store_short(rows.begin, covers + pitch + i);
-        store_short(row.more, covers + 2L * pitch + i);
-        store_short(rows.more, covers + 3L * pitch + i);
-        STORE_LANES(visible ? depth : (FLOAT)INFINITY, near + i);
-        members += TO_LONG(visible ? (INT)1 : (INT)0);
-        last = visible ? i + LANE : last;
-        entries += TO_LONG(visible ? (row.more + 1) * (rows.more + 1) : (INT)0);
-    }
-    part[4 * get_global_id(0)] = sum_of_lanes(members);
-    part[4 * get_global_id(0) + 1] = sum_of_lanes(entries);
-    part[4 * get_global_id(0) + 2] = LARGEST(last);
-}
 #endif
 
 /* A sphere as a light at a point sees it, in the directions of the cube around the light: c its axes, with the one that

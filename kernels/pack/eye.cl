@@ -1,0 +1,190 @@
+/* eye.cl: spheres as the eye sees them: the kernel's buffers, and which tiles they cover, in one pass over memory. This is
+ * what cltrace/plan/space.py, shapes/sphere.py, culling.py and accel/tiles.py make, with the same arithmetic.
+ */
+#if EDGE_BYTES == 4
+
+/* A sphere as the eye sees it. X, Y, Z, r, whole + cut: in scene units, along the camera's axes, with |centre|^2 - r^2;
+ * x, y, z: in the float buffers' unit. */
+typedef struct {
+    REAL X, Y, Z, r, x, y, z;
+    Pair excess;
+} FromEye;
+
+INLINE FromEye from_eye(
+    const REAL X, const REAL Y, const REAL Z, const REAL r, const double unit, const double4 eye, const double4 right,
+    const double4 up, const double4 back
+) {
+    const Pair a = two_sum(X, -eye.x), b = two_sum(Y, -eye.y), c = two_sum(Z, -eye.z);
+    FromEye s;
+    s.X = dot_product(right, a, b, c), s.Y = dot_product(up, a, b, c), s.Z = dot_product(back, a, b, c);
+    s.x = s.X * unit, s.y = s.Y * unit, s.z = s.Z * unit, s.r = r;
+    s.excess = square_excess(a, b, c, r);
+    return s;
+}
+
+/* Which spheres may be seen at all: those that are not inside of another one. shell: centres of large spheres, and by how
+ * much others must be inside; x, y, z: a sphere's place in the world, in the float buffers' unit. */
+INLINE MASK is_outside(
+    const REAL x, const REAL y, const REAL z, const REAL r, const double slack, const int shells,
+    __global const double4 *restrict shell
+) {
+    MASK outside = TO_MASK(r == r);
+    const REAL roomy = r + (16 * slack) * (1 + 1 / r);
+    for (int k = 0; k < shells; k++) {
+        const double4 outer = shell[k];
+        const REAL X = x - outer.x, Y = y - outer.y, Z = z - outer.z;
+        outside &= TO_MASK(sqrt((X * X + Y * Y) + Z * Z) + roomy >= outer.w);
+    }
+    return outside;
+}
+
+/* What is on which work-item's spheres: the largest coordinate or radius, and minus the least power of those that are
+ * sure, in scene units; how many may be seen; how many of them are in the picture, how many cells of level 0 these
+ * cover, and the last one of them. */
+#define NOTES 6
+
+/* unit: leads from scene units to the float buffers' unit; some_again, again: whether spheres are equal to one before
+ * them, which is not seen; shells, shell, slack: see is_outside(); x_axis, y_axis, x_range, y_range: see pixels_of();
+ * shift: a cell has 2^shift pixels a side; keep_seen: whether to write the first three columns of `seen`. */
+__kernel void see_from_eye(
+    const int n,
+    const int pitch,
+    const double unit,
+    const double4 eye,
+    const double4 right,
+    const double4 up,
+    const double4 back,
+    const double slack,
+    const int shells,
+    const int some_again,
+    const float4 x_axis,
+    const float4 y_axis,
+    const int2 x_range,
+    const int2 y_range,
+    const int shift,
+    const int keep_seen,
+    __global const double *restrict center,
+    __global const double *restrict radius,
+    __global const double4 *restrict shell,
+    __global const char *restrict again,
+    __global out4 *restrict center_radius,
+    __global out2 *restrict power,
+    __global double4 *restrict world,
+    __global float4 *restrict eye_filter,
+    __global double *restrict seen,
+    __global char *restrict flags,
+    __global short *restrict covers,
+    __global float *restrict near,
+    __global int *restrict unsure,
+    __global double *restrict part
+) {
+    REAL most = 0, least = 1;
+    LONG there = 0, members = 0, entries = 0;
+    INT last = -1;
+    FOR_EACH_PACKET(i, n) {
+        const REAL place[3] = {column(center, 3, n, i), column(center + 1, 3, n, i), column(center + 2, 3, n, i)};
+        const FromEye s = from_eye(place[0], place[1], place[2], column(radius, 1, n, i), unit, eye, right, up, back);
+        const REAL c = s.excess.hi * (unit * unit), small = s.r * unit;
+        note_unsure(unsure, i, n, s.excess.lo);
+        most = LARGER(LARGER(LARGER(most, s.r), fabs(s.X)), LARGER(fabs(s.Y), fabs(s.Z)));
+        least = ((s.excess.lo == s.excess.lo) & (s.excess.hi < least)) ? s.excess.hi : least;
+        if (keep_seen) {
+            STORE_LANES(s.x, seen + i);
+            STORE_LANES(s.y, seen + pitch + i);
+            STORE_LANES(s.z, seen + 2L * pitch + i);
+        }
+
+        const FLOAT x = TO_FLOAT(s.x), y = TO_FLOAT(s.y), z = TO_FLOAT(s.z), r = TO_FLOAT(small);
+        WRITE_ROWS_4(float, eye_filter, i, x, y, z, filter_constant(s.x, s.y, s.z, c));
+#if OUT_BYTES == 4
+        const REAL over_r = 1 / small, bounded = over_r < (REAL)FLT_MAX ? over_r : (REAL)FLT_MAX;
+        WRITE_ROWS_4(float, center_radius, i, x, y, z, r);
+        WRITE_ROWS_2(float, power, i, TO_FLOAT(c), TO_FLOAT(bounded));
+#else
+        WRITE_ROWS_4(double, center_radius, i, s.X, s.Y, s.Z, s.r);
+        WRITE_ROWS_2(double, power, i, s.excess.hi, 1 / s.r);
+        WRITE_ROWS_4(double, world, i, place[0], place[1], place[2], s.excess.lo);
+#endif
+
+        MASK visible = LANE < n - i;
+        if (some_again) {
+            int lane[W];
+            for (int k = 0; k < W; k++)
+                lane[k] = again[min(i + k, n - 1)];
+            visible &= LOAD_LANES(lane) == 0;
+        }
+        if (shells)
+            visible &= is_outside(place[0] * unit, place[1] * unit, place[2] * unit, small, slack, shells, shell);
+        store_flags(visible ? (INT)VISIBLE : (INT)0, flags + i);
+        there += TO_LONG(visible ? (INT)1 : (INT)0);
+
+        const FLOAT gap = TO_FLOAT((s.z - small) * (s.z + small)), d = -z;
+        const MASK clear = is_clear(d, gap);
+        const FLOAT over = 1 / (clear ? gap : (FLOAT)1), forward = d * over, around = r * over;
+        const Run row = pixels_of(slopes(x, gap, forward, around, clear), x_axis, x_range, shift);
+        const Run rows = pixels_of(slopes(-y, gap, forward, around, clear), y_axis, y_range, shift);
+        visible &= TO_MASK(s.z < small * (1 + SLACK)) & row.any & rows.any;
+        store_short(row.begin, covers + i);
+        store_short(rows.begin, covers + pitch + i);
+        store_short(row.more, covers + 2L * pitch + i);
+        store_short(rows.more, covers + 3L * pitch + i);
+        STORE_LANES(visible ? nearest(length_of(x, y, z), r, c) : (FLOAT)INFINITY, near + i);
+        members += TO_LONG(visible ? (INT)1 : (INT)0);
+        last = visible ? i + LANE : last;
+        entries += TO_LONG(visible ? (row.more + 1) * (rows.more + 1) : (INT)0);
+    }
+    __global double *note = part + NOTES * get_global_id(0);
+    note[0] = largest_lane(most), note[1] = largest_lane(-least), note[2] = sum_of_lanes(there);
+    note[3] = sum_of_lanes(members), note[4] = sum_of_lanes(entries), note[5] = LARGEST(last);
+}
+
+/* What follows from |centre|^2 - radius^2 = hi + lo, in scene units, of `count` spheres of these indices. */
+__kernel void mend_eye(
+    const int count,
+    const double unit,
+    const double4 eye,
+    const double4 right,
+    const double4 up,
+    const double4 back,
+    __global const int *restrict index,
+    __global const double *restrict hi,
+    __global const double *restrict lo,
+    __global const double *restrict center,
+    __global const double *restrict radius,
+    __global out2 *restrict power,
+    __global double4 *restrict world,
+    __global float4 *restrict eye_filter,
+    __global float *restrict near
+) {
+    FOR_EACH_PACKET(i, count) {
+        double place[4][W], value[W];
+        for (int k = 0; k < W; k++) {
+            const int j = min(i + k, count - 1);
+            for (int x = 0; x < 3; x++)
+                place[x][k] = center[3L * index[j] + x];
+            place[3][k] = radius[index[j]], value[k] = hi[j];
+        }
+        const FromEye s = from_eye(
+            LOAD_LANES(place[0]), LOAD_LANES(place[1]), LOAD_LANES(place[2]), LOAD_LANES(place[3]), unit, eye, right, up,
+            back
+        );
+        const REAL c = LOAD_LANES(value) * (unit * unit);
+        const FLOAT x = TO_FLOAT(s.x), y = TO_FLOAT(s.y), z = TO_FLOAT(s.z);
+        float filter[W], depth[W];
+        double small[W];
+        STORE_LANES(filter_constant(s.x, s.y, s.z, c), filter);
+        STORE_LANES(nearest(length_of(x, y, z), TO_FLOAT(s.r * unit), c), depth);
+        STORE_LANES(c, small);
+        for (int k = 0; k < W && i + k < count; k++) {
+            const int at = index[i + k];
+            eye_filter[at].w = filter[k];
+            near[at] = near[at] < INFINITY ? depth[k] : near[at];
+#if OUT_BYTES == 4
+            power[at].x = (float)small[k];
+#else
+            power[at].x = value[k], world[at].w = lo[i + k];
+#endif
+        }
+    }
+}
+#endif
