@@ -268,11 +268,13 @@ class View:
                     side[:] = np.where(world.maps.of_sphere > 0, sides, side)
         arrays |= {"light_filter": views.filter.reshape(-1, 4), "light_side": views.side.reshape(-1)}
         with _timed(seconds, "lists"):
-            methods = methods or Methods(mesh_views, lambda grids: build(grids, request.precision).arrays())
+            methods = methods or Methods(mesh_views, lambda grids: build(list(grids), request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
-            arrays |= _lists(world, small, seen, views.views, faces, window, request, methods.build, skipped)
+            arrays["light_buffer"] = np.zeros((len(lights), 4), np.int32)
+            what = views.views, faces, arrays["light_buffer"], skipped
+            arrays |= methods.build(_grids(world, small, seen, window, request, *what))
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
@@ -558,29 +560,29 @@ def mesh_views(
 class Methods(NamedTuple):
     """How View.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
 
-    see_meshes: see mesh_views(); build: makes the lists of grids, see Lists.
+    see_meshes: see mesh_views(); build: makes the lists of grids, see Lists. Each grid is made when it is asked for.
     """
 
     see_meshes: Callable[
         [World, AnyCamera, NDArray[np.void], Array, int], tuple[list[MeshView], dict[str, NDArray[Any]]]
     ]
-    build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]]
+    build: Callable[[Iterator[CellGrid]], dict[str, NDArray[Any]]]
 
 
-def _lists(
+def _grids(
     world: World,
     space: Space,
     seen: Seen,
-    lights: list[LightView],
-    faces: list[MeshView],
     window: Window,
     request: Request,
-    build: Callable[[list[CellGrid]], dict[str, NDArray[Any]]],
+    lights: list[LightView],
+    faces: list[MeshView],
+    buffers: NDArray[np.int32],
     skipped: dict[str, int],
-) -> dict[str, NDArray[Any]]:
-    """The lists of the tiles and of all light buffers, as arrays by name. Adds to `skipped` what is in none of them.
+) -> Iterator[CellGrid]:
+    """The grid of the tiles, then those of all light buffers. Adds to `skipped` what is in none of them.
 
-    space: in the float buffers' unit; seen: its spheres from the eye.
+    space: in the float buffers' unit; seen: its spheres from the eye; buffers: abi's `light_buffer`, which is filled.
     """
     n, keep = len(seen.radius), request.keep
     slack = SLACK if request.precision == "single" else FINE_SLACK
@@ -602,8 +604,9 @@ def _lists(
         tiles = whole_grid(among)
     what = "spheres" if corners is None else "surfaces"
     skipped[f"{what} out of the picture"] = total - len(tiles.member)
-
-    grids, buffers, idle = [tiles], np.zeros((len(lights), 4), np.int32), 0
+    yield tiles
+    del tiles  # Others have room in its place.
+    made, idle = 1, 0
     for k, (light, face) in enumerate(zip(lights, faces[1:], strict=True)):
         inside = (seen.power <= 0) | world.bounces.glass
         among = np.concatenate([visible, face.met])
@@ -615,10 +618,11 @@ def _lists(
         for grid in more:
             entered[grid.member] = True
         idle += total - int(entered.sum())
-        buffers[k] = len(grids), len(more), stops, 0
-        grids += more
+        buffers[k] = made, len(more), stops, 0
+        made += len(more)
+        while more:
+            yield more.pop(0)
     skipped[f"{what} that shadow nothing seen, per light"] = idle
-    return {"light_buffer": buffers, **build(grids)}
 
 
 def _light_buffer(

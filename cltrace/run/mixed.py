@@ -6,6 +6,7 @@ The planes of triangles' edges and the lists are made on the device, with the sa
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -89,11 +90,12 @@ class Mixed:
         tools.finish()
         return found, {} if len(lights) else {"light_facet": np.zeros((0, 4), np.float32)}
 
-    def _build(self, made: dict[str, Any], grids: list[CellGrid]) -> dict[str, NDArray[Any]]:
+    def _build(self, made: dict[str, Any], grids: Iterator[CellGrid]) -> dict[str, NDArray[Any]]:
         """Makes the lists of grids, which are in `made` then, and returns the records."""
         entries = Entries(self.tools, self._request.precision)
         for grid in grids:
             entries.add_members(grid)
+            del grid  # The next one has room in its place.
         lists, records = entries.joined()
         made |= lists
         return {"grid": records}

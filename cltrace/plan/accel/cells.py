@@ -182,8 +182,13 @@ class Placement(NamedTuple):
             outlined[outlines.at] = True
         if grid.outlines:
             level = _levels_of_polygons(grid)
-            edges = _edges(grid.covers) >> level
-            entries = _entries((edges[2:] - edges[:2])[:, ~outlined])
+
+            def entries_of(block: slice) -> int:
+                which = np.flatnonzero(~outlined[block])
+                edges = _edges(grid.covers[:, block].take(which, axis=1)) >> level[block].take(which)
+                return _entries(edges[2:] - edges[:2])
+
+            entries = sum(blockwise(len(level), entries_of, BLOCK))
         else:
             level, entries = _levels(grid)
         strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
@@ -412,8 +417,13 @@ def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
     price, in looks, up to which all polygons pay for an entry; it is as low as the number of entries allows, but
     not less than PRICE for tiles, each of which is looked at once.
     """
-    wide, high = grid.covers[2:].astype(np.float32)
-    area, sides = wide * high, wide + high
+    area, sides = (np.empty(len(grid.member), np.float32) for _ in range(2))
+
+    def measure(block: slice) -> None:
+        wide, high = grid.covers[2:, block].astype(np.float32)
+        area[block], sides[block] = wide * high, wide + high
+
+    blockwise(len(area), measure, BLOCK)
     for outlines in grid.outlines:
         exact = areas(outlines.corner) / np.float32(max(1, grid.pixels) ** 2)
         area[outlines.at] = np.minimum(area[outlines.at], exact)
@@ -421,9 +431,11 @@ def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
 
     def at(price: float, some: slice) -> NDArray[np.int8]:
         level = np.zeros(len(area[some]), np.int8)
+        large = np.flatnonzero(sides[some] > 0)  # others are in one cell
+        wide, filled = sides[some].take(large), area[some].take(large)
         for k in levels:
-            looks = sides[some] * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
-            level += looks <= price * (area[some] * np.float32(3 * 4.0**-k) + sides[some] * np.float32(2.0**-k))
+            looks = wide * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
+            level[large] += looks <= price * (filled * np.float32(3 * 4.0**-k) + wide * np.float32(2.0**-k))
         return level
 
     some, price = slice(None, None, len(area) // BLOCK + 1), PRICE if grid.pixels else 0.0
@@ -431,8 +443,11 @@ def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
         by = np.ldexp(np.float32(1), -at(price, some))
         entries = (area[some] * by * by + sides[some] * by + 1).mean(dtype=np.float64) * len(area)
         if entries <= 4 * len(area) + SPARE or price > 4.0 ** len(levels):
-            return at(price, slice(None)) if price else np.zeros(len(area), np.int8)
+            break
         price = max(1.0, 2 * price)
+    if not price:
+        return np.zeros(len(area), np.int8)
+    return np.concatenate(blockwise(len(area), lambda block: at(price, block), BLOCK))
 
 
 def areas(corner: NDArray[Any]) -> NDArray[Any]:
