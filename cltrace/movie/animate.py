@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from contextlib import closing
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, overload
@@ -171,7 +172,7 @@ class Target:
             todo = chain([first], todo if numbered else _alike(todo, size, crop))
             with Writer(self._encoder(size)) as writer, closing(draw(todo)) as drawn:
                 for frame, pixels in drawn:
-                    writer.add(Drawn(frame.number, pixels, marks.of(frame.scene) if numbered else ""))
+                    writer.add(Drawn(frame.number, pixels, partial(marks.of, frame.scene) if numbered else None))
                     shown.update()
         return names if numbered else names[:1]
 

@@ -26,11 +26,11 @@ GIF_LOOP = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\0\0\0"
 
 
 class Drawn(NamedTuple):
-    """A frame that was drawn. pixels: (h, w, 3) or (h, w, 4) uint8; fingerprint: of what it shows, "" for none."""
+    """A frame that was drawn. pixels: (h, w, 3) or (h, w, 4) uint8; mark: returns the fingerprint of what it shows."""
 
     number: int
     pixels: NDArray[np.uint8]
-    fingerprint: str = ""
+    mark: Callable[[], str] | None = None
 
 
 class Encoder(Protocol):
@@ -94,7 +94,7 @@ class PngFiles:
         self._name_of = name_of
 
     def encode(self, drawn: Drawn) -> None:
-        text = {NAME: drawn.fingerprint} if drawn.fingerprint else None
+        text = {NAME: drawn.mark()} if drawn.mark else None
         with whole_file(Path(self._name_of(drawn.number))) as file:
             write_png(file, drawn.pixels, text)
 

@@ -7,6 +7,7 @@ and which would be wrong once a file is copied or made by something else.
 from __future__ import annotations
 
 import hashlib
+import threading
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ LEFT_OUT = {"output_file", "source", "spheres", "materials"}
 
 
 class Fingerprints:
-    """Hashes of scenes. What a scene shares with the one before it is not read again.
+    """Hashes of scenes. What a scene shares with the one before it is not read again. Several threads may ask for one.
 
     options: whatever else the pictures depend on, of which repr() says all.
     """
@@ -32,11 +33,13 @@ class Fingerprints:
     def __init__(self, options: Mapping[str, object]) -> None:
         self._options = repr((__version__, sorted(options.items())))
         self._known: dict[str, tuple[object, bytes]] = {}
+        self._lock = threading.Lock()
 
     def of(self, scene: Scene) -> str:
         """64 digits, which are equal for scenes with equal contents, wherever they were read from."""
         names = sorted({f.name for f in fields(scene)} - LEFT_OUT | {"columns"})
-        parts = [self._options.encode(), *(self._digest(name, getattr(scene, name)) for name in names)]
+        with self._lock:
+            parts = [self._options.encode(), *(self._digest(name, getattr(scene, name)) for name in names)]
         return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
     def _digest(self, name: str, value: object) -> bytes:

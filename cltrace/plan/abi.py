@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
 from typing import Any, Literal, NamedTuple
 
@@ -426,6 +427,7 @@ def shade_dtype(precision: Precision) -> np.dtype[Any]:
     return np.dtype("f8" if precision == "double" else "f4")
 
 
+@cache
 def dtype_of(type_: str, precision: Precision) -> np.dtype[Any]:
     """The numpy dtype of a type of this table: with a shape for a vector type, with fields for a struct."""
     if type_ in STRUCTS:
