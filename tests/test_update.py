@@ -15,8 +15,10 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Camera, Mesh, Renderer, Scene
 from cltrace.plan import plan
+from cltrace.plan.request import Request
 from cltrace.run import maker, packing
 from cltrace.run.devices import Device
+from cltrace.scene.changes import with_spheres
 
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 LIGHTS = [cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.point_light((3, 9, 6)), cltrace.parallel_light((0, -1, -1))]
@@ -303,3 +305,14 @@ def test_threads_see_one_state_or_the_other(device: Device) -> None:
     for thread in threads:
         thread.join()
     assert not strangers
+
+
+def test_fronts_of_triangles_are_known_where_rays_go_on() -> None:
+    """They are not looked for in a scene of opaque surfaces; where a sphere becomes glass, they are."""
+    backwards = Mesh([(-3, -2, -3), (3, -2, -3), (0, -2, 3)], [(0, 2, 1)], normals=np.full((3, 3), (0, -1, 0)))
+    opaque = Scene.from_spheres(CAMERA, LIGHTS, **spheres(3), meshes=[backwards, TRIANGLE])
+    glass, request = with_spheres(opaque, {"transmittance": 0.5, "index": 1.5}), Request("accurate", ("rgb8",))
+    world = plan.World.of(opaque, request)
+    assert world.triangles.face[:, 3].tolist() == [0, 2]
+    for before in (None, plan.Before(opaque, world)):
+        assert plan.World.of(glass, request, before).triangles.face[:, 3].tolist() == [1, 2]

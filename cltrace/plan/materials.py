@@ -15,6 +15,8 @@ from cltrace.plan.request import Request
 from cltrace.scene import AMBIENT, Scene
 
 Mask = NDArray[np.bool_]
+# Of a material: how much of the light goes on, mirrored and refracted.
+GO_ON = ("reflectance", "transmittance")
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,8 @@ class Materials:
             for rows in (slice(i, i + BLOCK) for i in range(0, m, BLOCK)):
                 kd, ks, color = (some(name, rows) for name in ("kd", "ks", "color"))
                 black[rows] = (ks == 0) & ((kd == 0) | ~color.any(axis=-1))
-        names = ("reflectance", "transmittance", "index")
-        bounces = any(shade[name].any() for name in names[:2]) or "bounces" in request.keep
-        bounce = empty((m if bounces else 0, 4), real_dtype(precision))
-        for k, name in enumerate(names):
+        bounce = empty((m if may_bounce(scene, request) else 0, 4), real_dtype(precision))
+        for k, name in enumerate((*GO_ON, "index")):
             bounce[:, k] = some(name, slice(len(bounce)))
         bounce[:, 3] = 0
         texture = shade["texture"] if scene.textures else np.zeros(0, np.int32)
@@ -84,6 +84,12 @@ class Materials:
         if self.black is None:
             return len(material_of) > 0
         return not self.black[used(len(self.black), material_of)].all()
+
+
+def may_bounce(scene: Scene, request: Request) -> bool:
+    """Whether some material mirrors or is transparent, or is to be treated so."""
+    shade = scene.columns.every_shade()
+    return any(shade[name].any() for name in GO_ON) or "bounces" in request.keep
 
 
 def used(count: int, material_of: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:

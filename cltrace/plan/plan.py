@@ -28,7 +28,7 @@ from cltrace.plan.dropping import brightest, limits
 from cltrace.plan.exact import Array, rotated, rounded_up
 from cltrace.plan.features import Contents, features
 from cltrace.plan.lights import LightView, LightViews, counts, dim_highlights, pack_lights, useful_lights
-from cltrace.plan.materials import Materials
+from cltrace.plan.materials import Materials, may_bounce
 from cltrace.plan.order import gathered, spatial_order, step
 from cltrace.plan.paths import NO_PATHS, Paths
 from cltrace.plan.request import Region, Request
@@ -103,10 +103,11 @@ class World:
         places = _places(scene, request, before)
         center, radius, order = places.center, places.radius, places.order
         known = before.world if before and before.world.center is center else None
-        if before and before.scene.meshes is scene.meshes:
+        sided = bool(scene.meshes) and may_bounce(scene, request)
+        if before and before.scene.meshes is scene.meshes and before.world.triangles.sided >= sided:
             triangles, attributes = before.world.triangles, before.world.attributes
         else:
-            triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep)
+            triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in keep, sided)
             textured = bool(scene.textures) or "uv" in request.outputs
             attributes = Attributes.of(scene.meshes, triangles, request.precision, textured)
         if known and known.radius is radius and known.triangles is triangles:

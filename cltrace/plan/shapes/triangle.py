@@ -36,7 +36,8 @@ class Triangles:
 
     vertex: (v, 3) float64, in the world, in scene units; face: (m, 4), three vertices each, and twice the mesh, plus 1
     where the front is the side to which N = (B - A) x (C - A) does not point; number: (m,), each one's in its mesh;
-    surface, material: (m,), the mesh's number in the scene and its material.
+    surface, material: (m,), the mesh's number in the scene and its material; sided: whether the fronts are known, of
+    which rays ask that go on from a surface.
     """
 
     vertex: Array
@@ -44,19 +45,21 @@ class Triangles:
     number: Ints
     surface: Ints
     material: Ints
+    sided: bool = True
 
     @classmethod
-    def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool) -> Triangles:
+    def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool, sided: bool = True) -> Triangles:
         """by_place: whether to sort them by place, so that neighbours are near each other in memory."""
-        vertices, corners, backs = [np.zeros((0, 3))], [np.zeros((0, 3), np.int32)], [np.zeros(0, np.int32)]
+        vertices, corners, fourths = [np.zeros((0, 3))], [np.zeros((0, 3), np.int32)], [np.zeros(0, np.int32)]
         begin, first = [0], 0
         for k, mesh in enumerate(meshes):
             corners.append(mesh.geometry.faces + np.int32(first) if first else mesh.geometry.faces)
-            backs.append(2 * k + (mesh.front < 0).astype(np.int32))
+            back = mesh.front < 0 if sided else np.zeros(len(mesh.geometry.faces), bool)
+            fourths.append(2 * k + back.astype(np.int32))
             vertices.append(mesh.vertices)
             begin.append(begin[-1] + len(mesh.geometry.faces))
             first += len(mesh.vertices)
-        vertex, corner, back, m = joined(vertices), joined(corners), joined(backs), begin[-1]
+        vertex, corner, fourth, m = joined(vertices), joined(corners), joined(fourths), begin[-1]
         order = spatial_order(vertex, corner[:, 0]) if by_place else np.arange(m, dtype=np.int32)
         face, number, surface, material = empty((m, 4), np.int32), *(empty((m,), np.int32) for _ in range(3))
         first_of, surface_of, material_of = (
@@ -66,14 +69,14 @@ class Triangles:
 
         def fill(rows: slice) -> None:
             which = order[rows]
-            face[rows, :3], face[rows, 3] = corner.take(which, axis=0), back.take(which)
+            face[rows, :3], face[rows, 3] = corner.take(which, axis=0), fourth.take(which)
             of = face[rows, 3] >> 1
             number[rows] = which - first_of.take(of)
             surface[rows], material[rows] = surface_of.take(of), material_of.take(of)
 
         if m:
             blockwise(m, fill)
-        return cls(vertex, face, number, surface, material)
+        return cls(vertex, face, number, surface, material, sided)
 
 
 @dataclass(frozen=True)
