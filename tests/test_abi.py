@@ -154,9 +154,9 @@ def test_features_are_only_those_that_the_scene_needs() -> None:
 # What each room may import.
 BELOW = {
     "scene": {"scene", "blocks", "errors"},
-    "formats": {"formats", "scene", "errors"},
+    "formats": {"formats", "scene", "blocks", "errors", "filters"},
     "plan": {"plan", "scene", "blocks"},
-    "run": {"run", "plan", "scene", "blocks", "errors"},
+    "run": {"run", "plan", "scene", "blocks", "errors", "filters"},
     "picture": {"picture", "scene", "blocks", "errors"},
     "reference": {"reference", "scene", "picture", "progress"},
     "explanation": {"explanation", "reference", "scene", "errors"},

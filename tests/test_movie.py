@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import chdir
@@ -24,7 +25,7 @@ from cltrace import Camera, Renderer, Scene, cli
 from cltrace.movie import artists
 from cltrace.movie.encoders import Drawn, PngFiles, Writer
 from cltrace.movie.fingerprint import Fingerprints
-from cltrace.movie.frames import frames_of, range_of
+from cltrace.movie.frames import ahead, frames_of, range_of
 from cltrace.movie.names import pattern_of
 from cltrace.run import maker
 
@@ -178,6 +179,31 @@ def test_an_array_that_its_owner_changes_in_place() -> None:
     images = list(cltrace.animate(steps()))[1:]
     for image, places in zip(images, copies, strict=True):
         assert np.array_equal(image.rgb8, want(Scene.from_spheres(CAMERA, LIGHTS, **(balls() | {"centers": places}))))
+
+
+def test_items_that_are_made_ahead() -> None:
+    """By another thread, one at a time; a fault comes in its place."""
+    here, made, ready = threading.get_ident(), list[int](), threading.Semaphore(0)
+
+    def items() -> Iterator[int]:
+        for k in range(3):
+            assert threading.get_ident() != here
+            made.append(k)
+            ready.release()
+            yield k
+        raise ValueError("the fourth")
+
+    found = ahead(items())
+    for k in range(3):
+        assert next(found) == k
+        if k < 2:  # while one is used, the next is made
+            assert ready.acquire(timeout=60)
+            assert ready.acquire(timeout=60)
+            ready.release()
+    assert made == [0, 1, 2]
+    with pytest.raises(ValueError, match="the fourth"):
+        next(found)
+    assert list(ahead(iter(()))) == []
 
 
 def test_an_iterator_takes_what_it_needs() -> None:

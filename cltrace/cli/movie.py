@@ -19,7 +19,7 @@ from cltrace.console import tell
 from cltrace.errors import SceneError, UsageError
 from cltrace.movie.animate import FPS, Target
 from cltrace.movie.artists import Artist, Here
-from cltrace.movie.frames import Frame, frames_of, orbit
+from cltrace.movie.frames import Frame, ahead, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.picture.image import Image, Output
 from cltrace.scene import Scene
@@ -130,7 +130,7 @@ class _Work:
         """One picture of each scene."""
         names = Listed({})
         target = Target(names, skip_existing=self.args.skip_existing)
-        written = self._write(target, self._scenes(names), len(self._picked(len(self.args.scenes), "scenes")))
+        written = self._write(target, ahead(self._scenes(names)), len(self._picked(len(self.args.scenes), "scenes")))
         self._tell(target, written)
 
     def _scenes(self, names: Listed) -> Iterator[Frame]:
@@ -159,8 +159,7 @@ class _Work:
     def draw_orbits(self) -> None:
         """Frames around each scene."""
         taken: set[str] = set()
-        for number, path in enumerate(self.args.scenes):
-            scene = self._read(number)
+        for path, scene in ahead((path, self._read(k)) for k, path in enumerate(self.args.scenes)):
             if scene is None:
                 continue
             pattern = self._pattern(scene, path)

@@ -6,12 +6,12 @@ by one, which alone words the messages.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.filters import warnings_are
 from cltrace.formats.obj_text import BLANK, Bytes, Places
 from cltrace.scene.maps import exact_product
 
@@ -143,12 +143,11 @@ def integers(data: bytes, count: int) -> Ints | None:
     """
     if data.isspace():
         return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
+    try:
+        with warnings_are("error"):
             found = np.fromstring(data, np.int64, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
+    except (DeprecationWarning, ValueError):
+        return None
     return found if len(found) == count else None
 
 

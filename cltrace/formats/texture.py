@@ -5,12 +5,12 @@ Values are taken as they are stored: gamma, colour profiles and the camera's ori
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from cltrace.filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.scene import MAX_TEXELS, Texture, texels
 
@@ -28,8 +28,8 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
     try:
         if Path(path).stat().st_size > MAX_BYTES:
             raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes")
-        with warnings.catch_warnings(), Path(path).open("rb") as file:
-            warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of what pixels do not need
+        # They are of many pixels, which are counted here, and of what pixels do not need.
+        with warnings_are("ignore"), Path(path).open("rb") as file:
             head = file.read(_DEPTH + 1)
             file.seek(0)
             with Image.open(file, formats=("PNG", "JPEG")) as image:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,9 @@ CHANGES = (
 )
 # Digits of a frame's number, so that no counting goes on for ever.
 RANGE = re.compile(r"([0-9]{0,9})(?::([0-9]{0,9}))?(?::([0-9]{0,9}))?")
+
+
+T = TypeVar("T")
 
 
 class Frame(NamedTuple):
@@ -53,6 +57,18 @@ def frames_of(
             raise type(error)(f"frames[{number}]: {error}") from None
         if number >= start and (number - start) % step == 0:
             yield Frame(number, scene)
+
+
+def ahead(items: Iterator[T]) -> Generator[T, None, None]:
+    """The same items, none of them None; a thread makes each while the one before it is used."""
+    pool = ThreadPoolExecutor(1)
+    try:
+        job = pool.submit(next, items, None)
+        while (item := job.result()) is not None:
+            job = pool.submit(next, items, None)
+            yield item
+    finally:  # not waiting for an item that nobody will use
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _after(scene: Scene | None, item: object) -> Scene:

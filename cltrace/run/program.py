@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import warnings
 from functools import cache, lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -14,6 +13,7 @@ from typing import Any
 import pyopencl as cl
 
 from cltrace.errors import BuildError
+from cltrace.filters import warnings_are
 from cltrace.plan import abi
 from cltrace.run.devices import Device
 
@@ -106,8 +106,7 @@ def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
 
 @lru_cache(maxsize=64)
 def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
+    with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         return cl.Program(context_of(device), source(files)).build(
             options=[*options, "-cl-std=CL1.2"], devices=[device]
