@@ -333,6 +333,12 @@ ARGUMENTS = (
         ("average", "float4", "rgb: no colour is above that; w: error in levels of 255 up to which no pixel is split"),
         needs="WITH_AVERAGE",
     ),
+    *_buffers(
+        "Scene",
+        ("neighbour", "int4", "xyz: the triangles beyond a triangle's edges AB, BC and CA, -1: none"),
+        ("face_side", "char", "as the eye and then each light sees all triangles: 1, -1 the other way round, 0 edge-on"),
+        needs="WITH_SHEETS",
+    ),
     *_values(
         "Outputs",
         ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
@@ -401,6 +407,7 @@ FLAGS = {
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "WITH_AVERAGE": "colours are means over pixels",
+    "WITH_SHEETS": "what is beyond triangles' edges is known",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",

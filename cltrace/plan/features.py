@@ -89,6 +89,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "PROVE_COLOR": drops and "color" in request.outputs,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
         "WITH_AVERAGE": averaged,
+        "WITH_SHEETS": averaged and meshes,
         "WITH_CENTRES": averaged and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,

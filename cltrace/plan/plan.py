@@ -272,6 +272,8 @@ class View:
             methods = methods or Methods(mesh_views, lambda grids: build(list(grids), request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
+            if request.antialias is not None:
+                arrays["neighbour"] = world.triangles.neighbours
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
             arrays["light_buffer"] = np.zeros((len(lights), 4), np.int32)
             what = views.views, faces, arrays["light_buffer"], skipped
@@ -545,7 +547,7 @@ def mesh_views(
         eye = along_light(near, triangles, np.eye(3), basis[2], facets[0], (math.ldexp(wide, k), math.ldexp(high, k)))
     else:
         eye = from_eye(near, triangles, np.array(camera.position), camera.image_plane(), facets[0])
-    found = [MeshView(Corners(near, face, first), eye.met)]
+    found, sides = [MeshView(Corners(near, face, first), eye.met)], [eye.side]
     for light, packed, out in zip(world.lights, lights, facets[1:], strict=True):
         if light["kind"] == PARALLEL:
             axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
@@ -555,7 +557,8 @@ def mesh_views(
             place = from_point(world, basis, light["position"], k)
             facet = from_light(place, triangles, light["position"], out)
             found.append(MeshView(Corners(place, face, first), facet.met))
-    return found, {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
+        sides.append(facet.side)
+    return found, {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4), "face_side": np.concatenate(sides)}
 
 
 class Methods(NamedTuple):

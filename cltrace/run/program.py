@@ -48,7 +48,9 @@ SOURCES = (
     "average/spheres.cl",
     "average/quadrics.cl",
     "average/sight.cl",
+    "average/triangles.cl",
     "average/patch.cl",
+    "average/crowd.cl",
     "average/average.cl",
     "render.cl",
 )

@@ -23,43 +23,6 @@ typedef struct {
     INT state;
 } Means;
 
-/* The same where every colour is 1 at most. With c <= 1 + excess at all points, the mean of min(c, 1) is no less than that of c
- * minus the excess. */
-static void clamp_tint(Tint *tint) {
-    for (int k = 0; k < 3; k++) {
-        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1;
-        const FLOAT by_mean = tint->v[k] - tint->e[k] - excess, above = tint->v[k] + tint->e[k];
-        const FLOAT bottom = by_mean > low ? by_mean : low, top = above < 1 ? above : (FLOAT)1;
-        const MASK over = excess > 0;
-        tint->v[k] = over ? (FLOAT)0.5f * (bottom + top) : tint->v[k];
-        tint->e[k] = over ? (FLOAT)0.5f * (top - bottom) : tint->e[k];
-        tint->least[k] = low;
-        tint->most[k] = over ? (FLOAT)1 : tint->most[k];
-    }
-}
-
-/* Whether the colour of a surface is beyond what is proved here. */
-static MASK beyond_proof(const Scene scene, const INT id) {
-#if defined(WITH_TEXTURES) || defined(WITH_BOUNCES)
-    int each[W], found[W];
-    STORE_LANES(id, each);
-    for (int lane = 0; lane < W; lane++) {
-        found[lane] = 0;
-        if (each[lane] < 0) continue;
-        const int material = scene.material_of[each[lane]];
-#ifdef WITH_TEXTURES
-        found[lane] |= scene.texture_of[material] >= 0;
-#endif
-#ifdef WITH_BOUNCES
-        found[lane] |= scene.bounce[material].x > 0 || scene.bounce[material].y > 0;
-#endif
-    }
-    return LOAD_LANES(found) != 0;
-#else
-    return (MASK)0;
-#endif
-}
-
 /* The rays through the middles of those cells that are `wanted`: their colours, 1 at most. */
 static __attribute__((noinline)) void sample_cells(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK wanted, Means *means,
                          MASK *overgrown, Work *work) {
@@ -81,6 +44,7 @@ static __attribute__((noinline)) void sample_cells(const Frame frame, const Scen
     PUT_WHERE(wanted, means->coverage, pixels.hit.id >= 0 ? (FLOAT)1 : (FLOAT)0);
 }
 
+#ifndef WITH_TRIANGLES
 /* The surfaces' part of what cells show. Returns the lanes in which it is known. */
 static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, const Sight view, const MASK mixed, Tint *out, FLOAT *coverage,
                       Work *work) {
@@ -134,19 +98,22 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
 #endif
     return known;
 }
+#endif
 
 /* level, column, row, size: see cells_at(); tile: see sight_of(). */
 static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const int2 size, const int level, const INT column,
                                                     const INT row, const int2 tile, Means *means, MASK *overgrown, Work *work) {
     const Cells cells = cells_at(frame, size, level, column, row);
+    Tint tint;
 #ifdef WITH_TRIANGLES
-    const MASK estimated = ALL_LANES, open = 0;
+    MASK estimated;
+    const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, work);
 #else
     const Sight view = sight_of(scene, cells, tile);
     const MASK plain = behind_cover(view, view.of_front.least), mixed = !plain & behind_cover(view, view.others);
     const MASK estimated = beyond_proof(scene, view.cover) | (beyond_proof(scene, view.front) & (!plain));
-    Tint tint;
     const MASK known = mean_tint(frame, scene, cells, view, mixed, &tint, &means->coverage, work) & (plain | mixed);
+#endif
     const MASK open = (!known) & !estimated;
     FLOAT error = 0;
     for (int k = 0; k < 3; k++) {
@@ -155,7 +122,6 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     }
     /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them. */
     means->error = error * 255.0f * 1.0001f + 0x1p-12f;
-#endif
     means->state = estimated ? (INT)ESTIMATED : open ? (INT)OPEN : (INT)SURE;
     if (level == 0 || !ANY(estimated | open)) return;
     sample_cells(frame, scene, cells, tile, estimated | open, means, overgrown, work);

@@ -6,6 +6,9 @@
 typedef struct {
     Share blocked; /* the share of the points that the light does not reach */
     INT only;      /* a surface of which that is counted, -1 for none */
+#ifdef WITH_TRIANGLES
+    MASK sure, leaky; /* whether a mesh surely stops the light somewhere, and whether a rim of one may be before the light */
+#endif
 } Blocking;
 
 static void block(Blocking *blocking, const int index, const MASK here, const Share share) {
@@ -113,6 +116,55 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     block(blocking, index, near, share);
 }
 
+#ifdef WITH_TRIANGLES
+/* Whether a light is cut off by a triangle: it is where P is on the positive side of the edges' planes, as the light sees them, and
+ * beyond the triangle's own; see triangle_stops().
+ *
+ * Where no rim of a mesh and no plane is between the light and the patch's points, meshes cut off all of it or nothing. The triangle
+ * beyond an edge of the own one, if the light sees both the same way round, is beside the own one as the light sees it, and so cuts
+ * off nothing of it; but what goes on in that one goes on in the own one, so the former does not hold there. */
+static void block_by_triangle(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int triangle,
+                              const MASK may, Blocking *blocking) {
+    __global const float4 *facet = scene.light_facet + 3 * ((long)number * scene.triangles + triangle);
+    Model3 v = w;
+    FLOAT bound = 1;
+    Model beyond;
+    if (kind == 0) {
+        const Light light = scene.light[number];
+        const Real3 axis = {light.axis.x, light.axis.y, light.axis.z}, across = {light.across.x, light.across.y, light.across.z};
+        const Real3 to = {light.position.x, light.position.y, light.position.z};
+        v.x = dot_models(patch.P, constant_vector_in(axis, 1));
+        v.y = dot_models(patch.P, constant_vector_in(across, 1));
+        v.z = constant_model(1);
+        const Model height = dot_models(patch.P, constant_vector_in(to, 1));
+        beyond = scaled(plus_model(height, plane_along(facet, v)), -1);
+        beyond.r += 0x1p-26f + 0x1p-22f * (fabs(height.v) + radius_of(height));
+    } else {
+        bound = sqrt(most_of(square_of_vector(w)));
+        beyond = minus_model(plane_along(facet, v), constant_model(1));
+    }
+    const Edges edges = edges_along(facet, v, bound);
+    MASK here = may & !(most_of(beyond) < 0);
+    for (int k = 0; k < 3; k++) here = here & !(most_of(edges.edge[k]) < 0);
+    if (!ANY(here)) return;
+    const int4 neighbour = scene.neighbour[triangle];
+    const int each[3] = {neighbour.x, neighbour.y, neighbour.z};
+    __global const char *side = scene.face_side + (1 + (long)number) * scene.triangles;
+    MASK beside = 0;
+    for (int k = 0; k < 3; k++)
+        if (each[k] >= 0 && side[triangle] != 0 && side[max(each[k], 0)] == side[triangle])
+            beside = beside | (here & (patch.id == scene.spheres.first + each[k]));
+    const MASK before = least_of(beyond) > 0;
+    blocking->leaky = blocking->leaky | beside | (here & (rim_within(scene, 1 + number, triangle, edges) | !before));
+    here = here & !beside;
+    blocking->sure = blocking->sure | (here & before & surely_within(edges));
+    Share sides[4];
+    for (int k = 0; k < 3; k++) sides[k] = share_where_positive(edges.edge[k]);
+    sides[3] = share_where_positive(beyond);
+    block(blocking, scene.spheres.first + triangle, here, share_within(sides, 4));
+}
+#endif
+
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
 static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
@@ -124,6 +176,12 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
         const MASK dark = blocking->blocked.least >= 1;
         MASK may = in & (far > as_float(entry.y)) & (!dark);
         if (!ANY(may)) break;
+#ifdef WITH_TRIANGLES
+        if (index >= scene.spheres.first) {
+            block_by_triangle(scene, number, kind, patch, w, index - scene.spheres.first, may & (patch.id != index), blocking);
+            continue;
+        }
+#endif
         const MASK own = may & (patch.id == index);
         if (ANY(own)) {
             /* From inside, it stands before every light outside of it. */
@@ -183,11 +241,17 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 static Share blocked_share(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
                            const MASK wanted) {
     Blocking blocking = {{0, 0}, -1};
+#ifdef WITH_TRIANGLES
+    blocking.sure = blocking.leaky = 0;
+#endif
     const int4 grids = scene.light_buffer[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
         const Cover cover = cover_of(scene, grid, kind, patch, w, wanted);
         blocking.blocked.most = cover.unknown ? (FLOAT)1 : blocking.blocked.most;
+#ifdef WITH_TRIANGLES
+        blocking.leaky = blocking.leaky | cover.unknown;
+#endif
         if (!ANY((cover.here))) continue;
         Level level = first_level(grid);
         while (level.mask) {
@@ -196,6 +260,9 @@ static Share blocked_share(const Scene scene, const int number, const int kind, 
             const INT columns = (cover.last_column >> level.level) - column, rows = (cover.last_row >> level.level) - row;
             const MASK many = (columns >= MOST_CELLS_A_SIDE) | (rows >= MOST_CELLS_A_SIDE);
             blocking.blocked.most = ((many) & cover.here) ? (FLOAT)1 : blocking.blocked.most;
+#ifdef WITH_TRIANGLES
+            blocking.leaky = blocking.leaky | ((many) & cover.here);
+#endif
             const MASK some = (cover.here) & !many;
             for (int place = 0; place < MOST_CELLS_A_SIDE * MOST_CELLS_A_SIDE; place++) {
                 const int across = place % MOST_CELLS_A_SIDE, down = place / MOST_CELLS_A_SIDE;
@@ -210,6 +277,11 @@ static Share blocked_share(const Scene scene, const int number, const int kind, 
             }
         }
     }
+#ifdef WITH_TRIANGLES
+    const MASK closed = blocking.sure & !blocking.leaky;
+    blocking.blocked.least = closed ? (FLOAT)1 : blocking.blocked.least;
+    blocking.blocked.most = closed ? (FLOAT)1 : blocking.blocked.most;
+#endif
     return blocking.blocked;
 }
 #endif
@@ -365,5 +437,42 @@ static Tint tint_of(const Scene scene, const Area patch, Work *work) {
         illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, &tint, work);
 #endif
     return tint;
+}
+
+/* The same tint where every colour is 1 at most. With c <= 1 + excess at all points, the mean of min(c, 1) is no less than that of c
+ * minus the excess. */
+static void clamp_tint(Tint *tint) {
+    for (int k = 0; k < 3; k++) {
+        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1;
+        const FLOAT by_mean = tint->v[k] - tint->e[k] - excess, above = tint->v[k] + tint->e[k];
+        const FLOAT bottom = by_mean > low ? by_mean : low, top = above < 1 ? above : (FLOAT)1;
+        const MASK over = excess > 0;
+        tint->v[k] = over ? (FLOAT)0.5f * (bottom + top) : tint->v[k];
+        tint->e[k] = over ? (FLOAT)0.5f * (top - bottom) : tint->e[k];
+        tint->least[k] = low;
+        tint->most[k] = over ? (FLOAT)1 : tint->most[k];
+    }
+}
+
+/* Whether the colour of a surface is beyond what is proved here. */
+static MASK beyond_proof(const Scene scene, const INT id) {
+#if defined(WITH_TEXTURES) || defined(WITH_BOUNCES)
+    int each[W], found[W];
+    STORE_LANES(id, each);
+    for (int lane = 0; lane < W; lane++) {
+        found[lane] = 0;
+        if (each[lane] < 0) continue;
+        const int material = scene.material_of[each[lane]];
+#ifdef WITH_TEXTURES
+        found[lane] |= scene.texture_of[material] >= 0;
+#endif
+#ifdef WITH_BOUNCES
+        found[lane] |= scene.bounce[material].x > 0 || scene.bounce[material].y > 0;
+#endif
+    }
+    return LOAD_LANES(found) != 0;
+#else
+    return (MASK)0;
+#endif
 }
 #endif

@@ -1,6 +1,6 @@
 /* sight.cl: which surfaces a cell of the picture shows.
  */
-#ifdef WITH_AVERAGE
+#if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES)
 /* What cells show. cover: the surface that surely covers all of the cell and whose furthest point there is nearest, -1 for the
  * background; front: of all others in the cell, the one with the nearest point, -1 for none; others: how near the rest may be. */
 typedef struct {

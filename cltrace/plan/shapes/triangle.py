@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,16 +79,44 @@ class Triangles:
             blockwise(m, fill)
         return cls(vertex, face, number, surface, material, sided)
 
+    @cached_property
+    def neighbours(self) -> Ints:
+        """(m, 4): the triangles beyond the edges AB, BC and CA, -1 where there is none; the last number is 0.
+
+        Beyond an edge is a triangle if no third one has the same two corners, and the two have them in opposite order:
+        where both are seen the same way round, they are on opposite sides of the edge then.
+        """
+        m = len(self.face)
+        _, same = np.unique(self.vertex + 0.0, axis=0, return_inverse=True)
+        corner = same.reshape(-1).astype(np.int64)[self.face[:, :3]]
+        begin, end = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
+        key = np.minimum(begin, end) * len(self.vertex) + np.maximum(begin, end)
+        order = np.argsort(key, kind="stable")
+        same_as_next = np.concatenate([[False], np.diff(key[order]) == 0, [False]])
+        pair = np.flatnonzero(same_as_next[1:-1] & ~same_as_next[:-2] & ~same_as_next[2:])
+        one, two = order[pair], order[pair + 1]
+        opposite = (begin[one] == end[two]) & (begin[one] != end[one])
+        one, two = one[opposite], two[opposite]
+        out = np.full(3 * m, -1, np.int32)
+        out[one], out[two] = two // 3, one // 3
+        return np.concatenate([out.reshape(m, 3), np.zeros((m, 1), np.int32)], axis=1)
+
 
 @dataclass(frozen=True)
 class Facets:
     """m triangles as seen from a point or along a direction.
 
-    packed: (3 m, 4) float32, abi's `facet` or `light_facet`; met: (m,), which of them a ray from there can meet.
+    packed: (3 m, 4) float32, abi's `facet` or `light_facet`; side: (m,), the sign of D, or of N.l: 1 or -1 where the
+    corners are seen one way round or the other, 0 where no ray from there can meet the triangle.
     """
 
     packed: Floats
-    met: NDArray[np.bool_]
+    side: NDArray[np.int8]
+
+    @property
+    def met(self) -> NDArray[np.bool_]:
+        """(m,): which of them a ray from there can meet."""
+        return self.side != 0
 
 
 def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float], out: Floats) -> Facets:
@@ -141,7 +170,7 @@ def _facets(
     former may count, 1-norm of the directions; turn: 1 or -1, a factor; exact: the sign of D of one triangle.
     """
     m = len(triangles.face)
-    packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
+    packed, sides = out.reshape(m, 3, 4), np.zeros(m, np.int8)
     columns = np.ascontiguousarray(vertex.T)
     size = np.abs(columns).sum(axis=0)
 
@@ -159,7 +188,7 @@ def _facets(
         side = np.sign(D)
         unsure = np.flatnonzero(~(np.abs(D) > D_off))
         side[unsure] = [exact(rows.start + i) for i in unsure.tolist()]
-        met[rows] = side != 0
+        sides[rows] = side
         side *= turn
         for i, n in enumerate(planes):
             bound = rounding(n) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST
@@ -177,7 +206,7 @@ def _facets(
                 packed[rows, k, 3] = N[k] * factor
 
     blockwise(m, fill)
-    return Facets(out, met)
+    return Facets(out, sides)
 
 
 def along_light(
@@ -199,7 +228,7 @@ def along_light(
     and v, too: that of A, plus slopes times the way from there.
     """
     m = len(triangles.face)
-    packed, met = out.reshape(m, 3, 4), np.zeros(m, bool)
+    packed, sides = out.reshape(m, 3, 4), np.zeros(m, np.int8)
     u, v, s = (np.ascontiguousarray(vertex @ axis) for axis in axes)
 
     def fill(rows: slice) -> None:
@@ -216,7 +245,7 @@ def along_light(
         unsure = np.flatnonzero(~(np.abs(area) > 4 * TURNED * FAR * (spread + FAR * TURNED)))
         # N points to the light where the corners turn left, as the third axis does.
         side[unsure] = [_exact_turn(triangles, rows.start + i, towards) for i in unsure.tolist()]
-        met[rows] = side != 0
+        sides[rows] = side
         for i, n in enumerate(lines):
             across, up = np.abs(n[0]), np.abs(n[1])
             length = across + up
@@ -238,7 +267,7 @@ def along_light(
             packed[rows, 0, 3], packed[rows, 1, 3], packed[rows, 2, 3] = a, b, depth
 
     blockwise(m, fill)
-    return Facets(out, met)
+    return Facets(out, sides)
 
 
 def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
