@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from solids import ball, box, mesh, octahedron, smooth
 
 import cltrace
 from cltrace.run.devices import Device
@@ -106,10 +107,55 @@ HOSTILE |= {
     "small eggs": lambda: lit(*cloud(1, 100, 0.02, 0.1), transform=EGG),
     "in an egg": lambda: lit([(0, 0, 0), (0.5, 0, -4)], [30, 0.7], cltrace.point_light((1, 2, 0)), transform=EGG),
 }
+MATERIAL = cltrace.Material((0.5, 0.7, 0.8), ka=0.3, kd=0.7, ks=0.3, exponent=20)
+FLOOR = cltrace.Mesh(
+    [(-9, -0.8, -2), (9, -0.8, -2), (9, -0.8, -20), (-9, -0.8, -20)], [(0, 1, 2), (0, 2, 3)], material=MATERIAL
+)
+LAMP = cltrace.point_light((2, 4, -3))
+
+
+def triangles(seed: int, n: int, size: float) -> cltrace.Mesh:
+    """Triangles apart from each other, within sight."""
+    places, _ = cloud(seed, n, 0, 1)
+    vertices = places[:, None] + size * np.random.default_rng(seed).normal(size=(n, 3, 3))
+    return cltrace.Mesh(vertices.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3), material=MATERIAL)
+
+
+def meshed(meshes: list[cltrace.Mesh], *lights: np.ndarray, spheres: Colors | None = None) -> cltrace.Scene:
+    """Meshes, and spheres of rows (x, y, z, radius), before a dark sky."""
+    given = np.zeros((0, 4)) if spheres is None else spheres
+    return lit(given[:, :3], given[:, 3], *lights, meshes=meshes)
+
+
+HOSTILE |= {
+    "box": lambda: meshed(
+        [mesh(box().moved((0.2, 0.1, -6)), material=MATERIAL), FLOOR], LAMP, spheres=np.array([(0.5, 0.2, -4, 0.3)])
+    ),
+    "facets": lambda: meshed([mesh(ball(2).moved((0, 0, -5)), material=MATERIAL), FLOOR], LAMP),
+    "smooth": lambda: meshed([smooth(ball(1).moved((0, 0, -5)), material=MATERIAL), FLOOR], LAMP),
+    "crossing meshes": lambda: meshed(
+        [
+            mesh(solid, material=MATERIAL)
+            for solid in (octahedron().moved((0, 0, -5)), box().moved((0.5, 0.5, -5), 0.7))
+        ],
+        spheres=np.array([(-0.3, -0.3, -4.5, 0.6)]),
+    ),
+    "triangles": lambda: meshed([triangles(1, 40, 0.3), FLOOR], LAMP),
+    "tiny triangles": lambda: meshed([triangles(2, 300, 0.02)], LAMP),
+    "in a box": lambda: meshed(
+        [mesh(box((-3, -2, -9), (3, 2, 1)).flipped(), material=MATERIAL)],
+        cltrace.point_light((0, 1, -4)),
+        spheres=np.array([(0.3, -0.5, -5, 0.6)]),
+    ),
+    "a cone on a mesh": lambda: meshed(
+        [mesh(octahedron().moved((0, 0.3, -6)), material=MATERIAL), FLOOR],
+        cltrace.spot_light((0, 3, -4), (0, -1, -0.5), 12, 20),
+    ),
+}
 # As an orthographic camera sees them.
 HOSTILE |= {
     f"{name}, parallel": lambda name=name: parallel(HOSTILE[name]())  # type: ignore[misc]
-    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs")
+    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs", "box", "smooth", "triangles")
 }
 
 
@@ -129,7 +175,7 @@ def test_hostile_scenes(device: Device, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["first", "three-lights", "spot", "globe", "eclipse", "inside"])
+@pytest.mark.parametrize("name", ["first", "three-lights", "spot", "globe", "eclipse", "inside", "step4-meshes"])
 def test_scenes(device: Device, name: str) -> None:
     scene = seen(f"{name}.xml")
     image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=True)
@@ -176,9 +222,10 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
 
 
 @pytest.mark.slow
-def test_same_bits(device: Device) -> None:
+@pytest.mark.parametrize("name", ["shadow rims", "crossing eggs, parallel", "box"])
+def test_same_bits(device: Device, name: str) -> None:
     """Of crops and of packets of one pixel."""
-    scene = HOSTILE["shadow rims"]()
+    scene = HOSTILE[name]()
     whole = cltrace.render(scene, device, outputs=(*OUTPUTS, "coverage"), antialias=True)
     width, height = SIZE
     for crop in ((0, 0, 5, height), (5, 3, 18, 11), (18, 11, width, height)):

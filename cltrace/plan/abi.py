@@ -336,7 +336,11 @@ ARGUMENTS = (
     *_buffers(
         "Scene",
         ("neighbour", "int4", "xyz: the triangles beyond a triangle's edges AB, BC and CA, -1: none"),
-        ("face_side", "char", "as the eye and then each light sees all triangles: 1, -1 the other way round, 0 edge-on"),
+        (
+            "face_side",
+            "char",
+            "how the eye, then each light, sees all triangles: 1, -1 the other way round, 0 edge-on",
+        ),
         needs="WITH_SHEETS",
     ),
     *_values(

@@ -272,8 +272,8 @@ class View:
             methods = methods or Methods(mesh_views, lambda grids: build(list(grids), request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
-            if request.antialias is not None:
-                arrays["neighbour"] = world.triangles.neighbours
+            averaged = request.antialias is not None
+            arrays["neighbour"] = world.triangles.neighbours if averaged else world.triangles.face[:0]
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
             arrays["light_buffer"] = np.zeros((len(lights), 4), np.int32)
             what = views.views, faces, arrays["light_buffer"], skipped

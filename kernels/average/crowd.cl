@@ -4,7 +4,7 @@
  * side of it. So one place that it surely covers says it of all the cell, however many triangles there are. Surfaces that follow
  * each other in depth without a gap are a group: of a mesh all triangles that go on in each other are in one group.
  */
-#if defined(WITH_AVERAGE) && defined(WITH_TRIANGLES)
+#ifdef WITH_SHEETS
 #define CROWD 24
 #define GROUPS 3
 

@@ -96,7 +96,9 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
                                       x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
     const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = ball.w + reach;
-    const MASK near = may & !(gap > outer);
+    /* Where both ends of the way are inside, so is all of it. */
+    const MASK inside = (sqrt(DOT(f0, f0)) + reach < ball.w) & ((FLOAT)light_side < 0);
+    const MASK near = may & !(gap > outer) & !inside;
     if (!ANY(near)) return;
     const MASK outside = sqrt(DOT(f0, f0)) > outer;
     const MASK wholly = near & (((gap + reach < ball.w) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));

@@ -1,6 +1,6 @@
 /* triangles.cl: triangles over cells, and between the light and patches of surfaces.
  */
-#if defined(WITH_AVERAGE) && defined(WITH_TRIANGLES)
+#ifdef WITH_SHEETS
 /* What is positive at the places of a cell where it shows a triangle, or where that cuts off a light; see sides_of(). */
 typedef struct {
     Model edge[3];

@@ -240,7 +240,7 @@ def _triangles_along(
             (corners.vertex[:, 0], -corners.vertex[:, 1]), (across, down), window.size, strict=True
         )
     ]
-    off = 1 / 64 + LOOSE * max(across.scale, down.scale)
+    off = 1 / 64 + window.spread + LOOSE * max(across.scale, down.scale)
 
     def see(block: slice) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         face = corners.face[block].T

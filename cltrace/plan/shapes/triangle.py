@@ -116,7 +116,7 @@ class Facets:
     @property
     def met(self) -> NDArray[np.bool_]:
         """(m,): which of them a ray from there can meet."""
-        return self.side != 0
+        return np.not_equal(self.side, 0)
 
 
 def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float], out: Floats) -> Facets:
