@@ -272,8 +272,10 @@ class View:
             methods = methods or Methods(mesh_views, lambda grids: build(list(grids), request.precision).arrays())
             faces, facets = methods.see_meshes(world, camera, lights, near, k)
             arrays |= facets
-            averaged = request.antialias is not None
-            arrays["neighbour"] = world.triangles.neighbours if averaged else world.triangles.face[:0]
+            if request.antialias is None:
+                arrays |= {"neighbour": world.triangles.face[:0], "face_side": np.zeros(0, np.int8)}
+            else:
+                arrays["neighbour"] = world.triangles.neighbours
             window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
             arrays["light_buffer"] = np.zeros((len(lights), 4), np.int32)
             what = views.views, faces, arrays["light_buffer"], skipped
