@@ -28,7 +28,7 @@ from cltrace.plan.accel.cells import (
     sprawling,
 )
 from cltrace.plan.exact import Array, along, rounded_down
-from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, View, polygons
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
 # The same as SLACK, for arithmetic in double.
@@ -123,14 +123,15 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
 
 def _triangles(corners: Corners, view: View, who: Shadows, pane: Pane, real: type[np.floating[Any]]) -> list[_Discs]:
     """The triangles that are seen through a side of the cube, or through a part of it."""
-    found = []
-    for part in polygons(view, corners.face, who.occluder[corners.first :], pane, real):
+
+    def place(part: Polygons) -> _Discs:
         member = part.triangle + np.int32(corners.first)
         # A corner is off by this in double, and by what the caller allows for roundings to `real`.
         loose = part.loose + TURNED * (1 + max(pane.largest)) ** 2
         edges = [edge - loose if k % 2 == 0 else edge + loose for k, edge in enumerate(part.edges)]
-        found.append(_Discs.of(member, edges, part.near, part.far, who.receiver[member], part.corner, loose))
-    return found
+        return _Discs.of(member, edges, part.near, part.far, who.receiver[member], part.corner, loose)
+
+    return polygons(view, corners.face, who.occluder[corners.first :], pane, real, place)
 
 
 def sampled(n: int) -> slice:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, concurrently
+from cltrace.blocks import blockwise
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.cells import (
     BLOCK,
@@ -224,8 +223,7 @@ def _triangles(
         outline = outlines_of(at, corner, off[which[at]] if off.ndim else off)
         return (part.triangle[which] + np.int32(corners.first), covers, part.near[which]), outline
 
-    found = polygons(View((x, y, z), (1, -1, -1)), corners.face, among[corners.first :], pane, real)
-    return concurrently([partial(enter, part) for part in found])
+    return polygons(View((x, y, z), (1, -1, -1)), corners.face, among[corners.first :], pane, real, enter)
 
 
 def _triangles_along(

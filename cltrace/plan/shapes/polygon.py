@@ -8,7 +8,9 @@ first clipped to a pyramid GUARD times as wide as the window, by its planes thro
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from itertools import chain
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from cltrace.plan.accel.cells import BLOCK, SLACK, Mask
 from cltrace.plan.exact import Array, rounded_down
 from cltrace.plan.shapes.sphere import Reals
 
+T = TypeVar("T")
 # So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
 GUARD = 2.0
 # A corner, in double, is right to this share of its distance: it was subtracted and turned, twice at most.
@@ -92,9 +95,14 @@ class View(NamedTuple):
 
 
 def polygons(
-    view: View, face: NDArray[np.int32], among: Mask, pane: Pane, real: type[np.floating[Any]]
-) -> list[Polygons]:
-    """The triangles that a window may show.
+    view: View,
+    face: NDArray[np.int32],
+    among: Mask,
+    pane: Pane,
+    real: type[np.floating[Any]],
+    use: Callable[[Polygons], T],
+) -> list[T]:
+    """What `use` makes of the triangles that a window may show, some at a time.
 
     face: (m, 3); among: (m,), which triangles are asked for; real: what to compute in.
     """
@@ -104,7 +112,7 @@ def polygons(
     parts = blockwise(len(view.axes[0]), lambda block: _on_plane(view.along(block, real), pane))
     points = _Points(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
-    def see(block: slice) -> list[Polygons]:
+    def see(block: slice) -> list[T]:
         corners = np.ascontiguousarray(face[block].T, np.intp)
         codes = [points.code.take(corner) for corner in corners]
         wanted = among[block] & ((codes[0] & codes[1] & codes[2] & np.uint8(OUTSIDE)) == 0)
@@ -114,9 +122,9 @@ def polygons(
         found = [_direct((block.start + near).astype(np.int32), points, some, view, pane)]
         if len(far):
             found += _clipped((block.start + far).astype(np.int32), corners.take(far, axis=1), view, pane)
-        return found
+        return [use(part) for part in found if len(part.triangle)]
 
-    return [part for parts in blockwise(len(face), see, BLOCK) for part in parts if len(part.triangle)]
+    return list(chain.from_iterable(blockwise(len(face), see, BLOCK)))
 
 
 class _Points(NamedTuple):
