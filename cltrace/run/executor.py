@@ -96,7 +96,7 @@ class Executor:
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._context: Any = context_of(device.cl)
             self._queue: Any = cl.CommandQueue(self._context)
-            self._kernel = self._built()
+            self._build()
         self._overgrown = np.zeros(1, np.int32)
         check_sizes(device, {name: (len(array), array.nbytes) for name, array in plan.arrays.items()})
         with self._timed("upload"), self.driver_errors():
@@ -200,7 +200,7 @@ class Executor:
         x, y, width, height = self.region
         counter = copy(self)
         counter.plan = self.plan.counting()
-        counter._kernel = counter._built()
+        counter._build()
         total = np.zeros(len(COUNTERS), np.int64)
         rows = max(1, STRIP // width)
         for row in range(0, height, rows):
@@ -245,9 +245,16 @@ class Executor:
         use = flags.USE_HOST_PTR if self.device.kind == "cpu" and begins_on_page(array) else flags.COPY_HOST_PTR
         return cl.Buffer(self._context, flags.READ_ONLY | use, hostbuf=np.ascontiguousarray(array))
 
-    def _built(self) -> Any:
+    def _build(self) -> None:
+        """Makes the kernel of the plan, and those of its arguments that no launch changes."""
         flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
-        return build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        self._kernel = build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        self._arguments = arguments_of(self.plan.features)
+        self._values = {
+            a.name: _value(a.type, self.plan.values[a.name], self.plan)
+            for a in self._arguments
+            if a.kind == "value" and a.name in self.plan.values
+        }
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
@@ -255,13 +262,13 @@ class Executor:
         columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
-        values = self.plan.values | {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
+        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
-        arguments = (
-            _value(a.type, values[a.name], self.plan) if a.kind == "value" else buffers[a.name]
-            for a in arguments_of(self.plan.features)
-        )
+        values = self._values | {
+            a.name: _value(a.type, of_launch[a.name], self.plan) for a in self._arguments if a.name in of_launch
+        }
+        arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self._arguments)
         return self._kernel(self._queue, grid, self.packet.group, *arguments)
 
 
