@@ -358,26 +358,27 @@ def _patches(
     """
     patches = len(index) // WIDTH
     patch, around = np.empty(patches, PATCH), np.empty((3, 2, patches), np.float32)
+    corners = np.ascontiguousarray(triangles.face.T)
 
     def fill(rows: slice) -> None:
         part, slots = patch[rows], index.reshape(-1, WIDTH)[rows]
-        # As in _blocks().
-        which = np.ascontiguousarray(np.where(slots < 0, slots[:, :1], slots).T)
-        around[:, 0, rows] = boxes[:, 0].take(which, axis=1).min(axis=1)
-        around[:, 1, rows] = boxes[:, 1].take(which, axis=1).max(axis=1)
+        which = np.where(slots < 0, slots[:, :1], slots)
+        across = np.ascontiguousarray(which.T)  # as in _blocks()
+        around[:, 0, rows] = boxes[:, 0].take(across, axis=1).min(axis=1)
+        around[:, 1, rows] = boxes[:, 1].take(across, axis=1).max(axis=1)
         triangle = which if member is None else member.take(which)
-        a, b, c = (np.ascontiguousarray(triangles.face[:, k]).take(triangle) for k in range(3))
+        a, b, c = (corner.take(triangle) for corner in corners)
         ee, ff = np.zeros(which.shape), np.zeros(which.shape)
         for name, column in zip("xyz", columns, strict=True):
             start = column.take(a)
             e, f = column.take(b) - start, column.take(c) - start
             ee += e * e
             ff += f * f
-            part[f"a{name}"], part[f"e{name}"], part[f"f{name}"] = start.T, e.T, f.T
+            part[f"a{name}"], part[f"e{name}"], part[f"f{name}"] = start, e, f
         slack = _above(SLACK * (np.sqrt(ee) + np.sqrt(ff)) + 2.0**-48)
         empty = slots < 0
-        part["slack"] = np.where(empty, np.float32(-1), slack.T)
-        part["index"] = np.where(empty, -1, triangle.T + triangles.first)
+        part["slack"] = np.where(empty, np.float32(-1), slack)
+        part["index"] = np.where(empty, -1, triangle + triangles.first)
 
     if patches:
         blockwise(patches, fill, CHUNK // WIDTH)
