@@ -33,3 +33,9 @@ def test_an_order_is_the_same_on_any_number_of_processors(
         assert (place[n // 2 :] > place[: n - n // 2]).all()
     else:
         assert step(center[found]) < step(center) / 10
+
+
+def test_some_of_many_points_are_in_the_order_that_they_have_alone() -> None:
+    rng = np.random.default_rng(3)
+    center, which = rng.normal(size=(500, 3)), rng.integers(0, 500, 2**16 + 7).astype(np.int32)
+    assert np.array_equal(spatial_order(center, which), spatial_order(center.take(which, axis=0)))
