@@ -141,6 +141,25 @@ def test_crop_is_those_pixels_of_the_whole_picture(device: Device, width: int) -
                 assert np.array_equal(getattr(whole, name)[y0:y1, x0:x1], getattr(part, name)), (name, crop)
 
 
+def test_rows_are_those_of_the_whole_picture(device: Device, width: int) -> None:
+    """With the lists of all of it."""
+    whole = renderer(load("1"), device, "accurate", width, crop=(3, 2, 31, 30))
+    image = whole.render()
+    for first, end in [(2, 3), (2, 21), (9, 16), (17, 30), (29, 30)]:
+        part = whole.rows(first, end)
+        assert part.region == (3, first, 28, end - first)
+        for name in ("rgb8", "id", "depth"):
+            assert np.array_equal(getattr(image, name)[first - 2 : end - 2], getattr(part.render(), name)), (
+                name,
+                first,
+            )
+    looked = whole.rows(9, 16).look(whole.scene.camera)  # packs for these rows alone
+    assert np.array_equal(image.rgb8[7:14], looked.render().rgb8)
+    for first, end in [(1, 5), (2, 31), (7, 7)]:
+        with pytest.raises(ValueError, match=r"rows: must be within 2\.\.30 and not empty"):
+            whole.rows(first, end)
+
+
 def test_packet_width_changes_nothing(device: Device) -> None:
     """A lane never depends on its neighbours."""
     for seed in range(8):

@@ -25,6 +25,8 @@ from cltrace.errors import DeviceError, MissingPackageError, UsageError
 from cltrace.picture.image import Image, Output
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
+# Of a local cluster. A profile of what its workers do would cost a hundredth of their time.
+SETTINGS = {"distributed.scheduler.allowed-failures": 2, "distributed.worker.profile.enabled": False}
 NOT_HERE = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 
@@ -74,7 +76,7 @@ def client_of(spec: str) -> Iterator[Any]:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         if local := LOCAL.fullmatch(spec):
             count = int(local[1] or processors())
-            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 2}))
+            stack.enter_context(dask.config.set(SETTINGS))
             cluster = distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,

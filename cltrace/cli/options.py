@@ -144,7 +144,7 @@ def _cluster(group: Group) -> None:
         metavar="SCHEDULER",
         help="draw on a dask cluster: its scheduler's address or file, or local:N for N processes here",
     )
-    group.rare("--tiles", type=positive, metavar="N", help="of one picture on a cluster (default: 4 for each worker)")
+    group.rare("--tiles", type=positive, metavar="N", help="of one picture on a cluster (default: 8 for each worker)")
 
 
 def _checks(group: Group) -> None:

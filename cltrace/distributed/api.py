@@ -23,13 +23,15 @@ from cltrace.movie.names import pattern_of
 from cltrace.picture.files import whole_file
 from cltrace.picture.image import Image
 from cltrace.picture.png import Rows
-from cltrace.plan.request import Crop, Request
+from cltrace.plan.request import Crop, Region, Request
 from cltrace.progress import bar
 from cltrace.scene import Camera, Scene
 
 Pixels = NDArray[np.uint8]
-# Tiles for each worker: enough that none waits long for the last one, and few, as each is packed anew.
-TILES = 4
+# Tiles for each worker, so that none waits long for the last one.
+TILES = 8
+# Pixels of a picture whose lists a worker has room for.
+ONCE = 2**27
 
 
 def render(
@@ -47,7 +49,7 @@ def render(
     """One picture, drawn by the workers of a dask cluster in tiles, which are rows of the whole width.
 
     client: a distributed.Client; output: a PNG, which is assembled on disk, so that it may be larger than the memory
-    here; None for an Image. tiles: how many there are, None for 4 for each worker; device: as --device has it, on each
+    here; None for an Image. tiles: how many there are, None for 8 for each worker; device: as --device has it, on each
     worker, None for what its PYOPENCL_CTX says, or its fastest CPU driver; shown: what of an Image the PNG shows. The
     other arguments are those of Renderer. Returns the Image, or the name of the file.
 
@@ -62,8 +64,7 @@ def render(
     if output is not None and Path(output).suffix.lower() != ".png":
         raise ValueError(f"output: must end in .png, got {os.fspath(output)!r}")
     with Farm(client, device, options) as farm:
-        parts = _tiles(region, tiles or TILES * len(farm.devices))
-        tasks = [Task(f"rows {y0} to {y1 - 1}", scene, (x0, y0, x1, y1)) for x0, y0, x1, y1 in parts]
+        tasks = list(_tiles(scene, region, tiles or TILES * len(farm.devices)))
         with closing(farm.drawn(tasks)) as drawn, bar(len(tasks), "tile", progress) as shown_bar:
             images = (_counted(image, shown_bar) for _, image in drawn)
             if output is None:
@@ -137,11 +138,18 @@ class FarmArtist:
         return Fingerprints({**self._options, "device": self._device, "look": look})
 
 
-def _tiles(region: tuple[int, int, int, int], count: int) -> list[Crop]:
-    """Rows of a region, as crops of about the same height, from the top."""
+def _tiles(scene: Scene, region: Region, count: int) -> Iterator[Task]:
+    """Rows of a region, about as many in each tile, from the top.
+
+    A worker packs all of a picture once, unless it is a very large one, whose tiles are packed one by one.
+    """
     x, y, width, height = region
+    once = width * height <= ONCE
     edges = [y + height * k // count for k in range(count + 1)]
-    return [(x, a, x + width, b) for a, b in pairwise(edges) if b > a]
+    for first, end in pairwise(edges):
+        label, tile = f"rows {first} to {end - 1}", (x, first, x + width, end)
+        if first < end:
+            yield Task(label, scene, (x, y, x + width, y + height) if once else tile, (first, end) if once else None)
 
 
 def _counted(image: Image, shown: Any) -> Image:

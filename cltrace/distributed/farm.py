@@ -43,11 +43,15 @@ class _NobodyError(Exception):
 
 
 class Task(NamedTuple):
-    """A picture, or a part of one: what it is called in messages, the scene, and the part, None for all of it."""
+    """A picture, or a part of one: what it is called in messages, the scene, and the part, None for all of it.
+
+    rows: the first and the one after the last of the part's rows that are drawn, None for all.
+    """
 
     label: str
     scene: Scene
     crop: Crop | None = None
+    rows: tuple[int, int] | None = None
 
 
 @dataclass
@@ -128,7 +132,8 @@ class Farm:
         how = {"pure": False, "retries": RETRIES, "resources": {RESOURCE: 1}}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # dask advises against what is done here on purpose
-            return self._client.submit(draw, self._base.key, data, task.scene.camera, self._options, task.crop, **how)
+            what = self._base.key, data, task.scene.camera, self._options, task.crop, task.rows
+            return self._client.submit(draw, *what, **how)
 
     def _next(self) -> tuple[Task, Image]:
         """The first of the tasks that were handed out, when it is done."""

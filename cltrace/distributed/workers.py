@@ -67,10 +67,18 @@ def devices_here() -> tuple[str, str, bool]:
     return socket.gethostname(), device.name if device else "", bool(device and device.has_double)
 
 
-def draw(key: str, base: Scene, camera: Camera | None, options: Mapping[str, Any], crop: Crop | None) -> Image:
+def draw(
+    key: str,
+    base: Scene,
+    camera: Camera | None,
+    options: Mapping[str, Any],
+    crop: Crop | None,
+    rows: tuple[int, int] | None = None,
+) -> Image:
     """The Image of a scene as the worker's device draws it, or of a crop of it.
 
-    key: of the base, which names what may be kept; camera: that looks at it, None for its own.
+    key: of the base, which names what may be kept; camera: that looks at it, None for its own; rows: of the picture,
+    the first and the one after the last of those that are drawn; all that the crop has is kept for others.
     """
     scene = base if camera is None else base.seen_by(camera)
     name = f"{key} {sorted(options.items())!r}"
@@ -83,7 +91,7 @@ def draw(key: str, base: Scene, camera: Camera | None, options: Mapping[str, Any
             renderer = kept if crop == kept.request.crop else kept.cropped(crop)
             if scene.camera != renderer.scene.camera:
                 renderer = renderer.following(renderer.scene.seen_by(scene.camera))
-        image = renderer.render()
+        image = (renderer.rows(*rows) if rows else renderer).render()
     except Exception as error:
         # What a driver raises may not be what another machine can read, and the machine's name helps.
         raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None

@@ -115,6 +115,13 @@ class Executor:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
         self.room, self._rows = before.room, before._rows
 
+    def of(self, region: Region) -> Executor:
+        """Draws a part of the same region, with the same buffers. Not while another thread draws with this one."""
+        other = copy(self)
+        other.room = object()
+        other._move_to(region)
+        return other
+
     def frame(self) -> Frame:
         """Room for one frame. Its arrays hold nothing yet."""
         columns, rows = self.packet.columns, self.packet.rows
@@ -198,7 +205,7 @@ class Executor:
         It does so in strips, as the counters of all pixels at once might need too much memory.
         """
         x, y, width, height = self.region
-        counter = copy(self)
+        counter = self.of(self.region)
         counter.plan = self.plan.counting()
         counter._build()
         total = np.zeros(len(COUNTERS), np.int64)
