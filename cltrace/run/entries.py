@@ -27,7 +27,8 @@ class Covers:
 
     def __init__(self, tools: Toolbox, n: int, pitch: int) -> None:
         self.tools, self.n, self.pitch = tools, n, pitch
-        self.cells, self.near = tools.room(4 * pitch, np.int16), tools.room(pitch, np.float32)
+        self.cells = tools.room(4 * pitch, np.int16, again=True)
+        self.near = tools.room(pitch, np.float32, again=True)
         self.members = self.entries = self.last = self.more = 0
 
     def make(self, kernel: str, *arguments: Any, edge: EdgeType = np.float32) -> None:
@@ -183,7 +184,8 @@ class Entries:
     def joined(self) -> tuple[dict[str, Any], NDArray[np.void]]:
         """The buffers `start` and `entry`, and the records."""
         tools, ahead = self._tools, CONSTANTS["AHEAD"]
-        start, entry = tools.room(self._cells + 1, np.int32), tools.room(self._filled + ahead, np.uint64)
+        start = tools.room(self._cells + 1, np.int32, again=True)
+        entry = tools.room(self._filled + ahead, np.uint64, again=True)
         cells = filled = 0
         while self._pieces:
             piece = self._pieces.pop(0)

@@ -134,9 +134,10 @@ class _Look:
         self.lamps: _Lamps | None = None
         self.grids: list[CellGrid] = []
         self.along = bool((world.lights["kind"] == PARALLEL).any())
-        self.unsure = self.tools.room(1 + self.n, np.int32)
+        self.unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
         self.seen = self.tools.room(4 * self.pitch if self.along else 1, np.float64)
-        self.flags, self.covers = self.tools.room(self.pitch, np.int8), Covers(self.tools, self.n, self.pitch)
+        self.flags = self.tools.room(self.pitch, np.int8, again=True)
+        self.covers = Covers(self.tools, self.n, self.pitch)
 
     def view(self) -> tuple[View, dict[str, Any]]:
         world, tools, packing = self.world, self.tools, self.packing
@@ -153,7 +154,8 @@ class _Look:
             packing.lamps = replace(self.lamps, filters=filters, listed=grids.listed[1:])
         arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
         none = np.zeros((1, 4), np.float32)
-        arrays |= {"facet": none, "light_facet": none}
+        face = np.zeros((1, *world.triangles.face.shape[1:]), np.int32)
+        arrays |= {"facet": none, "light_facet": none, "face_side": np.zeros(1, np.int8), "neighbour": face}
         if "world" not in self.made:
             arrays["world"] = np.zeros((1, 4), self.real)
         if not len(world.lights):

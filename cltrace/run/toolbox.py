@@ -78,7 +78,7 @@ class Toolbox:
     def room(self, count: int, dtype: Any, name: str = "spheres", again: bool = False) -> Any:
         """A buffer of so many numbers, at least one. They are undefined.
 
-        name: for a message if it is too large; again: whether a CPU keeps its memory for a later one of this size.
+        name: for a message if it is too large; again: whether a CPU keeps its memory for later ones of about this size.
         """
         size = max(1, count) * np.dtype(dtype).itemsize
         check_sizes(self._device, {name: (count, size)})
@@ -93,9 +93,12 @@ class Toolbox:
         To get memory from the system can take longer than to fill it: of another camera for six million spheres, it was
         2.5 of 3.9 seconds of a busy machine's processors.
         """
-        spare = self._spare.setdefault(size, [])
-        memory = spare.pop() if spare else _memory(size)
-        lent = memory[:]
+        # Lists of another camera are about as long as those of this one. What is not used of memory costs nothing.
+        step = max(PAGE, 1 << size.bit_length() - 4)
+        rounded = -(-size // step) * step
+        spare = self._spare.setdefault(rounded, [])
+        memory = spare.pop() if spare else _memory(rounded)
+        lent = memory[:size]
         finalize(lent, _take_back, spare, memory).atexit = False
         return lent
 
