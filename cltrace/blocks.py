@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeVar
@@ -27,13 +28,31 @@ def blockwise(n: int, work: Callable[[slice], T], rows: int = BLOCK) -> list[T]:
 
 
 def concurrently(jobs: Sequence[Callable[[], T]]) -> list[T]:
-    """What the jobs return, by as many threads as there are processors."""
-    if len(jobs) < 2:
+    """What the jobs return, by as many threads as there are processors.
+
+    This thread is one of them: each other one has memory of its own, which it first has to get from the system.
+    """
+    others = min(processors(), len(jobs)) - 1
+    if others < 1:
         return [job() for job in jobs]
     from concurrent.futures import ThreadPoolExecutor  # small scenes do without it
 
-    with ThreadPoolExecutor(processors()) as pool:
-        return [future.result() for future in [pool.submit(job) for job in jobs]]
+    rest, found = deque(enumerate(jobs)), dict[int, T]()
+
+    def work() -> None:
+        while True:
+            try:
+                i, job = rest.popleft()
+            except IndexError:
+                return
+            found[i] = job()
+
+    with ThreadPoolExecutor(others) as pool:
+        done = [pool.submit(work) for _ in range(others)]
+        work()
+        for future in done:
+            future.result()
+    return [found[i] for i in range(len(jobs))]
 
 
 def processors() -> int:
