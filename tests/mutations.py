@@ -92,7 +92,12 @@ MUTATIONS = [
     Mutation("set_to(&other, -(i == 0 ? eye.x", "set_to(&other, -(i == 0 ? 0", "the eye in whole numbers", EXACT),
     Mutation("sign_root = s * t * sign_D", "sign_root = s * sign_D", "the order of two roots", EXACT),
     Mutation("(cut > 0x400 ||", "(cut > 0x4ff ||", "rounding of whole numbers", EXACT),
-    Mutation("as_float(entry.y) > reach) break", "as_float(entry.y) > 0.5f * reach) break", "end of lists", AGREE),
+    Mutation(
+        "FETCH_ENTRY(scene, scene.eye_filter, -1, k + AHEAD);\n            const int index",
+        "if (as_float(entry.y) > 0.5f * reach) break;\n            const int index",
+        "end of lists",
+        AGREE,
+    ),
     Mutation("REACH_SLACK (1.0f + 0x1p-20f)", "REACH_SLACK (1.0f - 0x1p-3f)", "the reach's slack", f"{STRESS} {ENDS}"),
     Mutation(
         "dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z)",
@@ -119,7 +124,7 @@ MUTATIONS = [
     Mutation("if (light_side < 0) return c > 0;", "if (light_side < 0) return c < 0;", "a light inside", STRESS),
     Mutation("(bb < arr ? bb - a * c : arr - DOT(cross, cross))", "(bb - a * c)", "shadows that graze", STRESS),
     Mutation("(self & (start.side < 0) & ((REAL)side > 0))", "(self & ((REAL)side > 0))", "own shadow", STRESS),
-    Mutation("may = may & (own != index);", "", "own shadow, lean kernel", SCENES),
+    Mutation("may = may & (own != index);\n#endif", "#endif", "own shadow, lean kernel", SCENES),
     Mutation(
         "at.start.side * direction.cosine > 0);",
         "at.start.side * direction.cosine >= 0);",
@@ -177,10 +182,10 @@ MUTATIONS = [
         "no slack in the filter",
         LISTS,
     ),
-    Mutation("first) * scale + 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
-    Mutation("first) * scale - 1 / 64", "first) * scale", "no 64th of a cell", LISTS),
-    Mutation("first) * scale + 1 / 64", "first) * scale + 1 / 3", "too many cells", LISTS),
-    Mutation("(middle + 1 / 64)), first - 1", "(middle + 1.5)), first - 1", "too many tiles", LISTS),
+    Mutation("side.scale + 1 / 64", "side.scale", "no 64th of a cell", LISTS),
+    Mutation("side.scale - 1 / 64", "side.scale", "no 64th of a cell", LISTS),
+    Mutation("side.scale + 1 / 64", "side.scale + 1 / 3", "too many cells", LISTS),
+    Mutation("middle - off, middle + off", "middle - off, middle + off + 1.5", "too many tiles", LISTS),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
     Mutation("(np.abs(low) + np.abs(high)) * real(discs.slack)", "0 * low", "edges in the picture", LISTS),
     Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),
@@ -194,11 +199,13 @@ MUTATIONS = [
     Mutation("r * real(2**0.5 * (1 + SLACK))", "r", "sides of the cube", LISTS),
     Mutation("middle - half, middle + half", "middle - half, middle", "tangents of discs", LISTS),
     Mutation("exact[2] < exact_r * (1 + SLACK)", "exact[2] < 0", "spheres beside the eye", LISTS),
-    Mutation("coarse = bool((window.half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS),
-    Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
-    Mutation("(r[1:] == r[:-1]) & (s[1:] == s[:-1])", "(s[1:] == s[:-1])", "equal spheres", CULLING),
     Mutation(
-        "self.radius, power), np.sign(power)", "self.radius, power), np.abs(np.sign(power))", "lights inside", STRESS
+        "coarse = perspective and bool((half > NARROW / 2).all())", "coarse = True", "float32 for small windows", LISTS
+    ),
+    Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
+    Mutation("(radius[a] == radius[b]) & (center[a", "(center[a", "equal spheres", CULLING),
+    Mutation(
+        "self._known(power)), np.sign(power)", "self._known(power)), np.abs(np.sign(power))", "lights inside", STRESS
     ),
     Mutation("np.fill_diagonal(shadows, inside)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
     Mutation(
@@ -216,8 +223,8 @@ MUTATIONS = [
     Mutation('"WITH_SPECULAR": lit and (contents.shiny or full)', '"WITH_SPECULAR": lit and full', "a flag", SCENES),
     Mutation('"WITH_INSIDE": contents.inside or full', '"WITH_INSIDE": full', "a flag", SCENES),
     Mutation(
-        '"WITH_SHADOWS": lit and (contents.spheres > 1 or',
-        '"WITH_SHADOWS": lit and (contents.spheres > 2 or',
+        '"WITH_SHADOWS": lit and (surfaces > 1 or',
+        '"WITH_SHADOWS": lit and (surfaces > 2 or',
         "a flag",
         f"{SCENES} {ABI}",
     ),
@@ -225,8 +232,8 @@ MUTATIONS = [
         "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", SCENES
     ),
     Mutation(
-        "np.concatenate([world.center, space.power_rest[:, None]], axis=1)",
-        "np.concatenate([world.center, 0 * space.power_rest[:, None]], axis=1)",
+        "in_world = np.concatenate([world.center, space.power_rest[:, None]], axis=1)",
+        "in_world = np.concatenate([world.center, 0 * space.power_rest[:, None]], axis=1)",
         "what was cut off",
         EXACT,
     ),
@@ -236,7 +243,7 @@ MUTATIONS = [
         "powers that cancel",
         PROPERTIES,
     ),
-    Mutation('self._margin = (region[0] % CONSTANTS["TILE"],', "self._margin = (0,", "crops", AGREE),
+    Mutation('return region[0] % CONSTANTS["TILE"], region', "return 0, region", "crops", AGREE),
     Mutation("rounding = 0.0 if request.truncate else 0.5", "rounding = 0.5", "truncated bytes", STRESS),
     Mutation(
         "cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]",
@@ -285,16 +292,19 @@ MUTATIONS = [
         TREE,
     ),
     Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
-    Mutation("(XX <= outer) & (b + way + e >= 0)", "(XX <= outer) & (b - way >= 0)", "spheres around a start", TREE),
+    Mutation("chord->may &= last >= 0;", "chord->may &= first >= 0;", "spheres around a start", TREE),
     Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", BOUNCES),
     Mutation(
-        "list.count[lane] > CANDIDATES - 8 && !make_room",
-        "0 && !make_room",
+        "if (count <= CANDIDATES - 8) return 1;",
+        "return 1;",
         "room for candidates",
         f"{BOUNCES} {TREE}",
     ),
     Mutation(
-        '"receivers" in keep or world.bounces.any)', '"receivers" in keep)', "shadows in mirrors", f"{BOUNCES} {TREE}"
+        '"receivers" in keep or world.bounces.any or',
+        '"receivers" in keep or',
+        "shadows in mirrors",
+        f"{BOUNCES} {TREE}",
     ),
     Mutation("(seen.power <= 0) | world.bounces.glass", "(seen.power <= 0)", "light in glass", f"{BOUNCES} {TREE}"),
     Mutation("view.inside or world.bounces.glass,", "view.inside,", "a flag", f"{BOUNCES} {TREE}"),
@@ -343,8 +353,8 @@ MUTATIONS = [
         SHOWN,
     ),
     Mutation(
-        "const REAL_MASK meets = inside | ((D > 0) & (least > v.E_error)) | ((D < 0) & (most < -v.E_error));",
-        "const REAL_MASK meets = inside | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));",
+        "meets = inside | ((D > 0) & (least > v.E_error)) | ((D < 0) & (most < -v.E_error));",
+        "meets = inside | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));",
         "edges that doubles decide",
         SHOWN,
     ),
@@ -356,14 +366,14 @@ MUTATIONS = [
     ),
     Mutation("v.EA = (v.den - v.EB) - v.EC;", "v.EA = (v.den - v.EB) + v.EC;", "the third edge", SHOWN),
     Mutation(
-        "const MASK open = sides.least >= -1.0f;",
-        "const MASK open = sides.least >= 0.0f;",
+        "sides.open = least >= -bound;",
+        "sides.open = least >= 0.0f;",
         "the filter of edges misses",
         SHOWN,
     ),
     Mutation(
-        "inside = TO_REAL_MASK(sides.least > 1.0f);",
-        "inside = TO_REAL_MASK(sides.least > 0.0f);",
+        "sides.inside = least > bound;",
+        "sides.inside = least > 0.0f;",
         "the filter of edges meets",
         SHOWN,
     ),
@@ -432,14 +442,14 @@ MUTATIONS = [
         LIT,
     ),
     Mutation(
-        "wanted = may & (sides.least >= -bound);",
-        "wanted = may & (sides.least >= bound);",
+        "sides.open = least >= -bound;",
+        "sides.open = least >= bound;",
         "the filter of lights misses",
         LIT,
     ),
     Mutation(
-        "inside = TO_REAL_MASK(sides.least > bound);",
-        "inside = TO_REAL_MASK(sides.least > -bound);",
+        "sides.inside = least > bound;",
+        "sides.inside = least > -bound;",
         "the filter of lights meets",
         LIT,
     ),
@@ -589,6 +599,9 @@ MUTATIONS = [
         "frames of another background's alpha",
         "tests/test_progress.py",
     ),
+    Mutation("self.rows.give_back(mine)", "self.rows.settle(mine)", "devices that fail", "tests/test_all_devices.py"),
+    Mutation("max(strip.stop - self._margin, 0)", "strip.stop", "rows of several devices", "tests/test_all_devices.py"),
+    Mutation("other._executor = self._executor.of(", "self._executor.of(", "rows of a picture", f"{AGREE} -k rows"),
     Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/test_progress.py"),
 ]
 

@@ -23,7 +23,7 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 dask = pytest.importorskip("dask")
 
-from cltrace.distributed import FarmError, animate, farm, render  # noqa: E402
+from cltrace.distributed import FarmError, animate, api, farm, render  # noqa: E402
 
 # Processes are started, which takes seconds. Of what dask leaves open, nothing is ours.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -79,16 +79,19 @@ def test_frames_are_those_of_one_process(client: Any, tmp_path: Path) -> None:
     assert (tmp_path / "one.apng").read_bytes() == (tmp_path / "many.apng").read_bytes()
 
 
-@pytest.mark.parametrize("tiles", [None, 1, 5, 500])
-@pytest.mark.parametrize("path", [FILE, MESHES])
-def test_tiles_are_one_picture(client: Any, tmp_path: Path, tiles: int | None, path: Path) -> None:
+@pytest.mark.parametrize(("path", "tiles"), [(FILE, None), (FILE, 1), (FILE, 5), (FILE, 500), (MESHES, 5)])
+def test_tiles_are_one_picture(
+    client: Any, tmp_path: Path, path: Path, tiles: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether a worker packs all of it once, or each tile."""
     scene, outputs = small(path=path), ("rgb8", "color", "id")
     image = render(scene, client, tiles=tiles, outputs=outputs, crop=(7, 3, 90, 69))
     want = cltrace.render(scene, outputs=outputs, crop=(7, 3, 90, 69))
     for name in outputs:
         assert np.array_equal(getattr(image, name), getattr(want, name)), name
-    cltrace.render(scene).save(tmp_path / "one.png")
-    render(scene, client, tmp_path / "many.png", tiles=tiles)
+    monkeypatch.setattr(api, "ONCE", 0)
+    cltrace.render(scene, outputs=outputs).save(tmp_path / "one.png")
+    render(scene, client, tmp_path / "many.png", tiles=tiles, outputs=outputs)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "many.png").read_bytes()
 
 
