@@ -68,6 +68,9 @@ MUTATIONS = [
     Mutation(
         "disc_filter(u, v, small.radius, LOOSE)", "disc_filter(u, v, 0.99 * small.radius)", "disc", f"{PARALLEL} touch"
     ),
+    Mutation(
+        "triangles.sided >= sided", "triangles.sided >= 0", "fronts once rays go on", "tests/test_update.py -k fronts"
+    ),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
