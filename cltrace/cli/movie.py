@@ -96,11 +96,11 @@ class _Work:
             return
         from cltrace.cli.cluster import client_of
 
-        with client_of(self.args.cluster) as client:
+        with client_of(self.args.cluster) as ready:
             from cltrace.distributed.api import FarmArtist
             from cltrace.distributed.farm import Farm
 
-            with Farm(client, self.args.device, self.options) as farm:
+            with Farm(ready(), self.args.device, self.options) as farm:
                 self.artist = FarmArtist(farm)
                 yield
 
