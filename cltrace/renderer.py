@@ -236,7 +236,7 @@ class Renderer:
             self._view = replace(view.recolored(self._world, self.request), seconds={})
         else:
             if self._maker is None or not self._maker.fits(self._world):
-                self._maker = maker_of(self._world, self.request, self.device)
+                self._maker = maker_of(self._world, self.request, self.device, self._maker)
             if self._maker:
                 self._view, self._made = self._maker.view(self._world, scene.camera)
             else:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from cltrace.plan.plan import View, World
 from cltrace.plan.request import Request
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera
+
+if TYPE_CHECKING:
+    from cltrace.run.toolbox import Toolbox
 
 # From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
 # 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080).
@@ -16,6 +19,8 @@ MANY = 2**15
 
 class Maker(Protocol):
     """A world on a device, for Views of any camera. Several threads may use it: one after the other."""
+
+    tools: Toolbox
 
     def fits(self, world: World) -> bool:
         """Whether a world has the same surfaces in the same places; their materials may be others."""
@@ -27,10 +32,11 @@ class Maker(Protocol):
         """
 
 
-def maker_of(world: World, request: Request, device: Device) -> Maker | None:
+def maker_of(world: World, request: Request, device: Device, before: Maker | None = None) -> Maker | None:
     """None if numpy packs this world: few surfaces, antialiasing, or a device that does not compute as numpy does.
 
-    Raises BuildError and DeviceError as Executor does.
+    before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
+    Executor does.
     """
     if len(world.radius) + len(world.triangles.face) <= MANY or request.antialias is not None:
         return None
@@ -38,4 +44,5 @@ def maker_of(world: World, request: Request, device: Device) -> Maker | None:
     from cltrace.run.mixed import Mixed
     from cltrace.run.packing import Packing
 
-    return Packing.of(world, request, device) or Mixed.of(world, request, device)
+    tools = before.tools if before else None
+    return Packing.of(world, request, device, tools) or Mixed.of(world, request, device, tools)

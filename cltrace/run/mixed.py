@@ -35,19 +35,19 @@ class Mixed:
     request: the one that the world was made for. Several threads may use it: one after the other.
     """
 
-    def __init__(self, world: World, request: Request, device: Device) -> None:
+    def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
         self._triangles, self._request, self._device = world.triangles, request, device
-        self.tools = Toolbox(device, request.precision)
+        self.tools = Toolbox(device, request.precision, before)
         self._face, self._lock = self.tools.share(world.triangles.face), threading.Lock()
 
     @classmethod
-    def of(cls, world: World, request: Request, device: Device) -> Mixed | None:
+    def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> Mixed | None:
         """None if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
         with driver_errors(device):
-            return cls(world, request, device) if is_exact(device) else None
+            return cls(world, request, device, before) if is_exact(device) else None
 
     def fits(self, world: World) -> bool:
         """Whether a world has the same triangles."""

@@ -73,8 +73,8 @@ class Packing:
     Several threads may use it: one after the other.
     """
 
-    def __init__(self, world: World, request: Request, device: Device) -> None:
-        self._world, self.request, self.tools = world, request, Toolbox(device, request.precision)
+    def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
+        self._world, self.request, self.tools = world, request, Toolbox(device, request.precision, before)
         self.center, self.radius = self.tools.share(world.center), self.tools.share(world.radius)
         self.some_again = bool(world.again.any())
         self.again = self.tools.share(world.again) if self.some_again else self.tools.room(1, np.bool_)
@@ -83,7 +83,7 @@ class Packing:
         self._device, self._lock = device, threading.Lock()
 
     @classmethod
-    def of(cls, world: World, request: Request, device: Device) -> Packing | None:
+    def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> Packing | None:
         """None unless there are only spheres, and more than a few, on a device that computes as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
@@ -96,7 +96,7 @@ class Packing:
             and is_exact(device)
         )
         with driver_errors(device):
-            return cls(world, request, device) if served else None
+            return cls(world, request, device, before) if served else None
 
     def fits(self, world: World) -> bool:
         """Whether a world has the same spheres in the same places; their materials may be others."""

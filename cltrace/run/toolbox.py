@@ -52,10 +52,10 @@ def is_exact(device: Device) -> bool:
 class Toolbox:
     """Kernels and buffers of one device, for arrays of n spheres with room for whole packets.
 
-    precision: of the buffers that are packed; one for each thread.
+    precision: of the buffers that are packed; before: one whose spare memory this one uses, too; one for each thread.
     """
 
-    def __init__(self, device: Device, precision: abi.Precision) -> None:
+    def __init__(self, device: Device, precision: abi.Precision, before: Toolbox | None = None) -> None:
         self.kind = "cpu" if device.kind == "cpu" else "gpu"
         self.context: Any = context_of(device.cl)
         self.queue: Any = cl.CommandQueue(self.context)
@@ -63,7 +63,7 @@ class Toolbox:
         # What commands in the queue still use, even if nobody else does: drivers do not keep the memory of arrays.
         self._in_use: list[Any] = []
         # Memory of buffers that are gone, by their sizes in bytes.
-        self._spare: dict[int, list[NDArray[np.uint8]]] = {}
+        self._spare: dict[int, list[NDArray[np.uint8]]] = before._spare if before else {}
 
     def run(self, name: str, *arguments: Any, items: int = 0, edge: EdgeType = np.float32) -> None:
         """Starts a kernel. items: how many work-items; edge: the type of a disc's edges.
@@ -93,11 +93,13 @@ class Toolbox:
         To get memory from the system can take longer than to fill it: of another camera for six million spheres, it was
         2.5 of 3.9 seconds of a busy machine's processors.
         """
-        # Lists of another camera are about as long as those of this one. What is not used of memory costs nothing.
-        step = max(PAGE, 1 << size.bit_length() - 4)
-        rounded = -(-size // step) * step
+        # Few sizes leave little spare, and serve lists of other lengths. What is not used of memory costs nothing.
+        rounded = max(PAGE, 1 << (size - 1).bit_length())
         spare = self._spare.setdefault(rounded, [])
-        memory = spare.pop() if spare else _memory(rounded)
+        try:
+            memory = spare.pop()
+        except IndexError:
+            memory = _memory(rounded)
         lent = memory[:size]
         finalize(lent, _take_back, spare, memory).atexit = False
         return lent
