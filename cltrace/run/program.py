@@ -44,6 +44,7 @@ SOURCES = (
     "shade/tree_of_rays.cl",
     "trace.cl",
     "average/models.cl",
+    "average/windows.cl",
     "average/cells.cl",
     "average/spheres.cl",
     "average/quadrics.cl",

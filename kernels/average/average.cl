@@ -1,14 +1,17 @@
 /* average.cl: the mean colour of a pixel's square, each colour up to 1, with a bound of what it is off by.
  *
- * A pixel is one cell, then 16, 256 or 4,096: those cells that are not known well enough are split, breadth first, until the
- * bounds of all add up to no more than `levels`, or too many cells would be split at once. Sums are whole numbers, so that no
- * order of cells changes a bit.
+ * A pixel is one cell, then 16, 256 or 4,096: those cells that are known least are split, breadth first, until the bounds of all
+ * add up to no more than `levels`, or too many would be split at once. Sums are whole numbers, so that no order of cells changes
+ * a bit.
  */
 #ifdef WITH_AVERAGE
-/* The finest level; how many cells of a level may be split; the finest level where there is no proof. */
+/* The finest level; how many cells of a level may be split, those that are known least; the finest level where there is no
+ * proof. */
 #define FINEST 3
-#define MOST_SPLIT 256
+#define MOST_SPLIT 64
 #define FINEST_ESTIMATE 2
+/* The share of a pixel's error that its cells of one level may leave when others are split. */
+#define KEPT 0.4f
 
 /* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; ESTIMATED: the colour at the cell's
  * middle alone is known. */
@@ -45,58 +48,187 @@ static __attribute__((noinline)) void sample_cells(const Frame frame, const Scen
 }
 
 #ifndef WITH_TRIANGLES
+/* A surface before the cover. D: its discriminant; straight: where its outline is nearly a line, of which it is on one side. */
+typedef struct {
+    Quadric shape;
+    Outline outline;
+    MASK straight;
+} Front;
+
+static Front front_of(const Scene scene, const Cells cells, const INT id) {
+    Front front;
+    front.shape = quadrics_of(scene.spheres, id);
+    front.outline = outline_of(cells, front.shape, scene.unit);
+    const Model D = front.outline.D;
+    front.straight = (id >= 0) & (front.outline.c > 0) & (least_of(front.outline.b) > 0) & (D.r < fabs(D.x) + fabs(D.y));
+    return front;
+}
+
+/* What cells show of it. id: which it is, -1 in lanes that do not ask. */
+static Area patch_in(const Cells cells, const Front front, const INT id, const real unit) {
+    Area patch = patch_of_sphere(cells, front.shape, front.outline, unit);
+    patch.id = id;
+    return patch;
+}
+
+/* A line, without the third variable. */
+static Model flattened(const Model m) {
+    const Model flat = {m.v, m.x, m.y, m.r + fabs(m.z), 0};
+    return flat;
+}
+
+/* Which of two surfaces is nearer: a, where the model is negative. With t = (b - sqrt(D)) / d.d, it is the sign of the difference
+ * of b - sqrt(D). */
+static Model depth_difference(const Front a, const Front b) {
+    const Model first = minus_model(a.outline.b, root_of(a.outline.D)), last = minus_model(b.outline.b, root_of(b.outline.D));
+    Model order = flattened(minus_model(first, last));
+#ifdef WITH_QUADRICS
+    order.r = INFINITY; /* These have other b. */
+#endif
+    const MASK outside = (a.outline.c > 0) & (least_of(a.outline.b) > 0) & (b.outline.c > 0) & (least_of(b.outline.b) > 0);
+    order.r = outside ? order.r : (FLOAT)INFINITY;
+    return order;
+}
+
+static void clear_tint(Tint *tint) {
+    for (int k = 0; k < 3; k++) tint->v[k] = tint->e[k] = tint->least[k] = tint->most[k] = 0;
+}
+
+/* Up to what something more of the front, or of what is behind it, changes a colour. */
+static FLOAT contrast_of(const Tint *front, const Tint *behind, const int k) {
+    const FLOAT lighter = front->most[k] - behind->least[k], darker = behind->most[k] - front->least[k];
+    return (lighter > 0 ? lighter : (FLOAT)0) + (darker > 0 ? darker : (FLOAT)0);
+}
+
+/* What cells show: nothing but the cover; something before it; or two, one behind the other. */
+typedef struct {
+    MASK plain, mixed, pair;
+} Kind;
+
 /* The surfaces' part of what cells show. Returns the lanes in which it is known. */
-static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, const Sight view, const MASK mixed, Tint *out, FLOAT *coverage,
-                      Work *work) {
-    Tint tints[2];
+static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, const Sight view, Kind kind, Tint *out,
+                      FLOAT *coverage, Work *work) {
+    Tint tints[3];
+    Window windows[3];
     Share share = {0, 0};
-    for (int which = 0; which < 2; which++) {
-        const INT id = which ? ((mixed) ? view.front : (INT)-1) : view.cover;
-        Tint *tint = &tints[which];
-        if (!ANY(id >= 0)) {
-            for (int k = 0; k < 3; k++) tint->v[k] = tint->e[k] = tint->least[k] = tint->most[k] = 0;
-        } else {
-            const Quadric sphere = quadrics_of(scene.spheres, id);
-            const Outline outline = outline_of(cells, sphere, scene.unit);
-            *tint = tint_of(scene, patch_of_sphere(cells, sphere, outline, scene.unit), work);
-            clamp_tint(tint);
-            if (which) {
-                /* What crosses the cover, or may, has any part of that. */
-                const MASK clear = view.of_front.most < view.of_cover.least;
-                share = share_of_disc(cells, sphere, outline);
-                share.least = clear ? share.least : (FLOAT)0;
-                share.most = view.of_front.covers ? (FLOAT)1 : share.most;
-            }
+    MASK mixed = kind.mixed, fronts = kind.mixed | kind.pair;
+    for (int which = 0; which < 3; which++) {
+        open_window(&windows[which]);
+        clear_tint(&tints[which]);
+    }
+    /* Which cells are cut in two by the front's outline: the rest of the cover, or of the background, is behind it. And which are
+     * cut again by that of the second. */
+    MASK halved = 0, cut_twice = 0;
+    Front front[2];
+    if (ANY(fronts)) {
+        front[0] = front_of(scene, cells, fronts ? view.front : (INT)-1);
+        Model line = front[0].outline.D;
+        /* What crosses the cover, or may, has any part of it. */
+        MASK clear = view.of_front.most < (kind.pair ? view.of_second.least : view.of_cover.least), crossing = 0;
+        if (ANY(fronts & !clear)) {
+            const Front next = front_of(scene, cells, kind.pair ? view.second : (mixed ? view.cover : (INT)-1));
+            const Model order = depth_difference(front[0], next);
+            const MASK open = fronts & !clear & is_known(order), hidden = open & mixed & (least_of(order) > 0);
+            clear = clear | (open & (most_of(order) < 0));
+            kind.plain = kind.plain | hidden;
+            mixed = mixed & !hidden;
+            fronts = fronts & !hidden;
+            crossing = mixed & !clear & view.of_front.covers & is_known(order) & (order.r < fabs(order.x) + fabs(order.y));
+            line = choose_model(crossing, scaled(order, -1), line);
         }
-        if (which) break;
-        const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
-        const MASK none = (view.cover < 0);
-        for (int k = 0; k < 3; k++) {
-            const FLOAT c = background[k] < 1 ? background[k] : 1;
-            PUT_WHERE(none, tint->v[k], c);
-            PUT_WHERE(none, tint->e[k], (FLOAT)0);
-            PUT_WHERE(none, tint->least[k], c);
-            PUT_WHERE(none, tint->most[k], c);
+        line = choose_model(clear & view.of_front.covers, constant_model(1), line);
+        const Model rest = scaled(line, -1);
+        share = share_of_disc(cells, front[0].shape, front[0].outline);
+        share.least = clear ? share.least : (FLOAT)0;
+        share.most = view.of_front.covers ? (FLOAT)1 : share.most;
+        halved = (fronts & clear & (view.of_front.covers | front[0].straight)) | crossing;
+        if (ANY(halved & kind.pair)) {
+            front[1] = front_of(scene, cells, kind.pair ? view.second : (INT)-1);
+            cut_twice = halved & kind.pair & !view.of_second.covers & front[1].straight;
+            MASK beyond = view.of_second.most < view.of_cover.least;
+            if (ANY(cut_twice & !beyond)) {
+                const Model order = depth_difference(front[1], front_of(scene, cells, cut_twice ? view.cover : (INT)-1));
+                beyond = beyond | (is_known(order) & (most_of(order) < 0));
+            }
+            /* Then the first is before the cover where it is before the second, but it may be beside that. */
+            cut_twice = cut_twice & beyond & (view.of_front.most < view.of_cover.least);
+        }
+        halved = halved & (mixed | cut_twice);
+        if (ANY(halved)) {
+            cut_window(&windows[0], &rest, halved);
+            cut_window(&windows[1], &line, halved);
+        }
+        if (ANY(cut_twice)) {
+            const Model E = front[1].outline.D, beside = scaled(E, -1);
+            cut_window(&windows[2], &rest, cut_twice);
+            cut_window(&windows[2], &E, cut_twice);
+            cut_window(&windows[0], &beside, cut_twice);
+        }
+        const INT one = (mixed | cut_twice) ? view.front : (INT)-1, two = cut_twice ? view.second : (INT)-1;
+        if (ANY(one >= 0)) {
+            tints[1] = tint_of(scene, patch_in(cells, front[0], one, scene.unit), &windows[1], work);
+            clamp_tint(&tints[1], windows[1].share);
+        }
+        if (ANY(two >= 0)) {
+            tints[2] = tint_of(scene, patch_in(cells, front[1], two, scene.unit), &windows[2], work);
+            clamp_tint(&tints[2], windows[2].share);
         }
     }
-    *coverage = ((view.cover >= 0) | (mixed & view.of_front.covers)) ? (FLOAT)1 : (mixed ? 0.5f * (share.least + share.most) : (FLOAT)0);
-    MASK known = ALL_LANES;
+    const MASK known_kind = kind.plain | mixed | cut_twice;
+    const INT cover = known_kind ? view.cover : (INT)-1;
+    if (ANY(cover >= 0)) {
+        const Front behind = front_of(scene, cells, cover);
+        tints[0] = tint_of(scene, patch_in(cells, behind, cover, scene.unit), &windows[0], work);
+        clamp_tint(&tints[0], windows[0].share);
+    }
+    const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
+    const MASK none = (view.cover < 0);
+    for (int k = 0; k < 3; k++) {
+        const FLOAT c = background[k] < 1 ? background[k] : 1;
+        PUT_WHERE(none, tints[0].v[k], c * windows[0].share);
+        PUT_WHERE(none, tints[0].e[k], (FLOAT)0);
+        PUT_WHERE(none, tints[0].least[k], c);
+        PUT_WHERE(none, tints[0].most[k], c);
+    }
+    MASK known = known_kind;
     for (int k = 0; k < 3; k++) {
         /* Of s f + (1 - s) b, with the share s of the front: it is linear in s. */
         const FLOAT p = share.least, q = share.most, f0 = tints[1].least[k], f1 = tints[1].most[k], b0 = tints[0].least[k],
                    b1 = tints[0].most[k];
         const FLOAT low = b0 + (f0 < b0 ? q : p) * (f0 - b0), high = b1 + (f1 > b1 ? q : p) * (f1 - b1);
-        out->v[k] = mixed ? (FLOAT)0.5f * (low + high) : tints[0].v[k];
-        out->e[k] = mixed ? (FLOAT)0.5f * (high - low) : tints[0].e[k];
+        /* Where outlines are nearly straight: what is in their strips is of the front, or of what is behind. */
+        const FLOAT first = contrast_of(&tints[1], &tints[0], k), over = contrast_of(&tints[1], &tints[2], k);
+        const FLOAT second = contrast_of(&tints[2], &tints[0], k), largest = (cut_twice & (over > first)) ? over : first;
+        const FLOAT beyond = windows[2].off - windows[1].off, strip = beyond > 0 ? beyond : (FLOAT)0;
+        const FLOAT sum = tints[0].v[k] + tints[1].v[k] + (cut_twice ? tints[2].v[k] : (FLOAT)0);
+        const FLOAT off = tints[0].e[k] + tints[1].e[k] + windows[1].off * largest + (cut_twice ? tints[2].e[k] + strip * second : (FLOAT)0);
+        const FLOAT range = (FLOAT)0.5f * (high - low);
+        const MASK straight = halved & (cut_twice | (off < range));
+        out->v[k] = fronts ? (straight ? sum : (FLOAT)0.5f * (low + high)) : tints[0].v[k];
+        out->e[k] = fronts ? (straight ? off : range) : tints[0].e[k];
         known = known & (out->e[k] < 1);
     }
+    const FLOAT middle = cut_twice ? 1 - windows[0].share : 0.5f * (share.least + share.most);
+    *coverage = ((view.cover >= 0) | (mixed & view.of_front.covers)) ? (FLOAT)1 : (fronts ? middle : (FLOAT)0);
 #ifdef OUT_COVERAGE
     /* What is cut out by its coverage may be laid on any colour, so the coverage is to be as near as a colour. */
-    const FLOAT off = (mixed & (view.cover < 0) & (!view.of_front.covers)) ? 0.5f * (share.most - share.least) : (FLOAT)0;
+    const FLOAT loose = cut_twice ? windows[0].off : 0.5f * (share.most - share.least);
+    const FLOAT off = (fronts & (view.cover < 0) & (!view.of_front.covers)) ? loose : (FLOAT)0;
     out->e[0] = off > out->e[0] ? off : out->e[0];
     known = known & (off < 1);
 #endif
     return known;
+}
+
+/* Where pixels are too large a part of the surface that they show for its colour to be a plane in them: by a 16th of its radius
+ * the normal turns by 3.6 degrees. There is no use in looking for what shadows them. */
+static MASK too_bent(const Scene scene, const Cells cells, const Sight view) {
+#ifdef WITH_PARALLEL_RAYS
+    const FLOAT far = 1;
+#else
+    const FLOAT far = view.of_cover.least;
+#endif
+    return (view.cover >= 0) & (far * (float)(fabs(cells.h) + fabs(cells.k)) * 16 > TO_FLOAT(scene.unit * spheres_of(scene.spheres, view.cover).r));
 }
 #endif
 
@@ -110,9 +242,14 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, work);
 #else
     const Sight view = sight_of(scene, cells, tile);
-    const MASK plain = behind_cover(view, view.of_front.least), mixed = !plain & behind_cover(view, view.others);
-    const MASK estimated = beyond_proof(scene, view.cover) | (beyond_proof(scene, view.front) & (!plain));
-    const MASK known = mean_tint(frame, scene, cells, view, mixed, &tint, &means->coverage, work) & (plain | mixed);
+    const MASK bent = level == 0 ? too_bent(scene, cells, view) : (MASK)0;
+    Kind kind;
+    kind.plain = !bent & behind_cover(view, view.of_front.least);
+    kind.mixed = !bent & !kind.plain & behind_cover(view, view.of_second.least);
+    kind.pair = !bent & !kind.plain & !kind.mixed & behind_cover(view, view.others);
+    const MASK plain = kind.plain;
+    const MASK estimated = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & (!plain));
+    const MASK known = mean_tint(frame, scene, cells, view, kind, &tint, &means->coverage, work);
 #endif
     const MASK open = (!known) & !estimated;
     FLOAT error = 0;
@@ -177,11 +314,17 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
     }
 }
 
-static void add_cell(Sum *sum, const Group *group, const int cell, const float area) {
-    for (int k = 0; k < 3; k++) sum->color[k] += (long)(group->color[k][cell] * area * 0x1p40f);
-    sum->coverage += (long)(group->coverage[cell] * area * 0x1p40f);
-    sum->error += group->error[cell] * area;
-    sum->estimated |= group->state[cell] == ESTIMATED;
+/* A cell that may be split: place: its column and row in the pixel, times 64. */
+typedef struct {
+    float color[3], coverage, error;
+    ushort place, estimated;
+} Part;
+
+static void add_cell(Sum *sum, const Part *cell, const float area) {
+    for (int k = 0; k < 3; k++) sum->color[k] += (long)(cell->color[k] * area * 0x1p40f);
+    sum->coverage += (long)(cell->coverage * area * 0x1p40f);
+    sum->error += cell->error * area;
+    sum->estimated |= cell->estimated;
 }
 
 /* The colours at points of a pixel's border: of the left, the right, the upper and the lower side, beside the cells there. */
@@ -225,43 +368,61 @@ static void look_at_group(const Frame frame, const Scene scene, const int2 size,
     estimate_errors(group, level == 1 ? border : 0);
 }
 
+/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it. */
+static float largest_kept(const Part *cells, const int count, const float area, const float budget) {
+    float kept = 0;
+    for (int i = 0; i < count; i++) kept = fmax(kept, cells[i].error);
+    for (;;) {
+        const float lower = kept * 0.75f;
+        float sum = 0;
+        int above = 0;
+        for (int i = 0; i < count; i++) {
+            if (cells[i].error > lower) above++;
+            if (cells[i].error <= kept) sum += cells[i].error * area;
+        }
+        if (sum <= budget || above > MOST_SPLIT || !(lower > 0)) return kept;
+        kept = lower;
+    }
+}
+
 /* The mean of one pixel, by its parts. column, row: of the pixel. */
 static Sum split_pixel(const Frame frame, const Scene scene, const int2 size, const int column, const int row, const int2 tile,
                        MASK *overgrown, Work *work) {
     const float levels = scene.average.w;
-    Sum sure = {{0, 0, 0}, 0, 0, 0}, open = sure;
-    ushort split[2][MOST_SPLIT];
+    Sum sum = {{0, 0, 0}, 0, 0, 0};
+    ushort split[MOST_SPLIT];
+    Part cells[16 * MOST_SPLIT];
     int count = 1;
-    split[0][0] = 0;
-    for (int level = 1; level <= FINEST; level++) {
+    split[0] = 0;
+    for (int level = 1; count > 0; level++) {
         const int parts = 1 << 2 * (level - 1);
         const float area = 1.0f / (16 * parts * parts);
-        const Sum none = {{0, 0, 0}, 0, 0, 0};
-        int next = 0;
-        open = none;
+        float total = sum.error;
         for (int i = 0; i < count; i++) {
-            const int place = split[(level + 1) & 1][i], x = place & 63, y = place >> 6;
+            const int x = split[i] & 63, y = split[i] >> 6;
             Group group;
             look_at_group(frame, scene, size, level, column * parts + x, row * parts + y, tile, &group, overgrown, work);
-            for (int cell = 0; cell < 16; cell++) {
-                const int final = group.state[cell] == ESTIMATED && level >= FINEST_ESTIMATE;
-                if (final || group.error[cell] <= levels * (1 << 2 * (level - 1)) * 0.5f) {
-                    add_cell(&sure, &group, cell, area);
-                } else {
-                    if (next < MOST_SPLIT) split[level & 1][next] = (4 * x + (cell & 3)) | (4 * y + (cell >> 2)) << 6;
-                    next++;
-                    add_cell(&open, &group, cell, area);
-                }
+            for (int k = 0; k < 16; k++) {
+                const int place = (4 * x + (k & 3)) | (4 * y + (k >> 2)) << 6;
+                const Part part = {{group.color[0][k], group.color[1][k], group.color[2][k]}, group.coverage[k], group.error[k],
+                                   (ushort)place, group.state[k] == ESTIMATED};
+                cells[16 * i + k] = part;
+                total += part.error * area;
             }
         }
-        if (sure.error + open.error <= levels || next == 0 || next > MOST_SPLIT) break;
+        const int last = level == FINEST || total <= levels;
+        const float kept = last ? INFINITY : largest_kept(cells, 16 * count, area, levels * KEPT - sum.error);
+        int next = 0;
+        for (int i = 0; i < 16 * count; i++) {
+            if (cells[i].error <= kept || last || (cells[i].estimated && level >= FINEST_ESTIMATE)) {
+                add_cell(&sum, &cells[i], area);
+            } else {
+                split[next++] = cells[i].place;
+            }
+        }
         count = next;
     }
-    for (int k = 0; k < 3; k++) sure.color[k] += open.color[k];
-    sure.coverage += open.coverage;
-    sure.error += open.error;
-    sure.estimated |= open.estimated;
-    return sure;
+    return sum;
 }
 
 /* Puts the means into a packet of pixels. within: which of them are wanted. */

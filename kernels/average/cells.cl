@@ -72,12 +72,21 @@ typedef struct {
     INT id;      /* which surface, -1 for none */
     Model3 P, n; /* in camera space; the unit normal that faces the eye */
     Model3 v;    /* the unit vector to the eye */
+    /* From `anchor` to the points. Of a small sphere that is its centre: what shadows it depends on small differences. */
+    Real3 anchor;
+    Model3 p;
+    Limb limb;
     FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
-    FLOAT radius; /* no point is further from the middle, (P.x.v, P.y.v, P.z.v) */
+    FLOAT radius; /* no point is further from the middle, anchor + (p.x.v, p.y.v, p.z.v) */
 } Area;
 
 static Model3 constant_vector_in(const Real3 v, const real unit) {
     const Model3 m = {narrowed(unit * v.x, 0, 0, 0), narrowed(unit * v.y, 0, 0, 0), narrowed(unit * v.z, 0, 0, 0)};
+    return m;
+}
+
+static Model3 choose_vector(const MASK first, const Model3 a, const Model3 b) {
+    const Model3 m = {choose_model(first, a.x, b.x), choose_model(first, a.y, b.y), choose_model(first, a.z, b.z)};
     return m;
 }
 

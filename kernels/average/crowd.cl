@@ -147,7 +147,9 @@ static Tint tint_of_member(const Frame frame, const Scene scene, const Cells cel
         patch.id = seen ? patch.id : (INT)-1;
 #endif
     }
-    return tint_of(scene, patch, work);
+    Window all;
+    open_window(&all);
+    return tint_of(scene, patch, &all, work);
 }
 
 /* What the crowd's surfaces, and the background, make of the colour: sum over surfaces of weight times colour, where all weights
@@ -197,7 +199,7 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
             }
         } else {
             tint = tint_of_member(frame, scene, cells, crowd.index[k], seen, work);
-            clamp_tint(&tint);
+            clamp_tint(&tint, 1);
         }
         sum += share.least;
         for (int c = 0; c < 3; c++) {

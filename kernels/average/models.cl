@@ -3,10 +3,11 @@
  * A cell is a rectangle of the picture, and (s, t) a place in it: each of s and t is within -1 .. 1. A Taylor model (Berz
  * and Makino) of a quantity is what it is at all places but for a bound:
  *
- *     |quantity(s, t) - (v + x s + y t)| <= r
+ *     |quantity(s, t) - (v + x s + y t + z w)| <= r
  *
- * So its mean over the cell is v, but for r, which is of second order in the cell's size: this is the midpoint rule with its
- * error. Each operation bounds what it leaves out, and what its own numbers are off by. With u = 2^-24: v, x and y are sums of
+ * where w is within -1 .. 1, too: what is seen near a surface's outline goes with a root, which no plane is near to, and w stands
+ * for that (see Limb in windows.cl). Elsewhere z is 0, and the mean over the cell is v, but for r, which is of second order in the
+ * cell's size: this is the midpoint rule with its error. Each operation bounds what it leaves out, and what its own numbers are off by. With u = 2^-24: v, x and y are sums of
  * two numbers, off by u of |v| + |x| + |y|, so that 2 u of that are enough; products and functions add more where they are
  * more. The bound itself is made of fewer than 16 roundings of numbers of one sign, so that 2^-19 of it, with those that
  * follow, covers them; and VANISHING what underflows. A quotient may be off by 5 u and a root by 6 u, as the standard has it.
@@ -21,7 +22,7 @@
 #endif
 
 typedef struct {
-    FLOAT v, x, y, r;
+    FLOAT v, x, y, r, z;
 } Model;
 
 typedef struct {
@@ -29,12 +30,12 @@ typedef struct {
 } Model3;
 
 static Model constant_model(const FLOAT v) {
-    const Model m = {v, 0, 0, 0};
+    const Model m = {v, 0, 0, 0, 0};
     return m;
 }
 
 static FLOAT gradient(const Model m) {
-    return fabs(m.x) + fabs(m.y);
+    return fabs(m.x) + fabs(m.y) + fabs(m.z);
 }
 
 /* No less than the largest distance from v. */
@@ -60,41 +61,48 @@ static Model with_rounding(Model m) {
 }
 
 static Model plus_model(const Model a, const Model b) {
-    const Model sum = {a.v + b.v, a.x + b.x, a.y + b.y, a.r + b.r};
+    const Model sum = {a.v + b.v, a.x + b.x, a.y + b.y, a.r + b.r, a.z + b.z};
     return with_rounding(sum);
 }
 
 static Model minus_model(const Model a, const Model b) {
-    const Model difference = {a.v - b.v, a.x - b.x, a.y - b.y, a.r + b.r};
+    const Model difference = {a.v - b.v, a.x - b.x, a.y - b.y, a.r + b.r, a.z - b.z};
     return with_rounding(difference);
 }
 
 static Model scaled(const Model a, const FLOAT by) {
-    const Model m = {by * a.v, by * a.x, by * a.y, fabs(by) * a.r};
+    const Model m = {by * a.v, by * a.x, by * a.y, fabs(by) * a.r, by * a.z};
     return with_rounding(m);
+}
+
+static Model choose_model(const MASK first, const Model a, const Model b) {
+    const Model m = {first ? a.v : b.v, first ? a.x : b.x, first ? a.y : b.y, first ? a.r : b.r, first ? a.z : b.z};
+    return m;
 }
 
 /* What lies between two bounds. */
 static Model between_bounds(const FLOAT low, const FLOAT high) {
-    const Model m = {(FLOAT)0.5f * (low + high), 0, 0, (FLOAT)0.5f * (high - low)};
+    const Model m = {(FLOAT)0.5f * (low + high), 0, 0, (FLOAT)0.5f * (high - low), 0};
     return with_rounding(m);
 }
 
-/* a b. Of the product of the gradients, x x' s^2 is within 0 and x x', as y y' t^2 is; in the middle of that it is off by
- * half. */
+/* a b. Of the product of the gradients, x x' s^2 is within 0 and x x', as y y' t^2 and z z' w^2 are; in the middle of that it is
+ * off by half. */
 static Model times_model(const Model a, const Model b) {
-    const FLOAT xx = (FLOAT)0.5f * a.x * b.x, yy = (FLOAT)0.5f * a.y * b.y, ga = gradient(a), gb = gradient(b);
-    const Model m = {a.v * b.v + (xx + yy), a.v * b.x + b.v * a.x, a.v * b.y + b.v * a.y,
-                     fabs(a.v) * b.r + fabs(b.v) * a.r + (fabs(xx) + fabs(yy)) + fabs(a.x * b.y + a.y * b.x) +
-                         (ga * b.r + gb * a.r + a.r * b.r) +
-                         0x1p-22f * ((fabs(a.v) + ga) * (fabs(b.v) + gb))};
+    const FLOAT xx = (FLOAT)0.5f * a.x * b.x, yy = (FLOAT)0.5f * a.y * b.y, zz = (FLOAT)0.5f * a.z * b.z, ga = gradient(a), gb = gradient(b);
+    const FLOAT mixed = fabs(a.x * b.y + a.y * b.x) + fabs(a.x * b.z + a.z * b.x) + fabs(a.y * b.z + a.z * b.y);
+    const Model m = {a.v * b.v + (xx + yy + zz), a.v * b.x + b.v * a.x, a.v * b.y + b.v * a.y,
+                     fabs(a.v) * b.r + fabs(b.v) * a.r + (fabs(xx) + fabs(yy) + fabs(zz)) + mixed + (ga * b.r + gb * a.r + a.r * b.r) +
+                         0x1p-22f * ((fabs(a.v) + ga) * (fabs(b.v) + gb)),
+                     a.v * b.z + b.v * a.z};
     return with_rounding(m);
 }
 
-/* a^2. The square of the gradient's part is within 0 and (|x| + |y|)^2. */
+/* a^2. The square of the gradient's part is within 0 and (|x| + |y| + |z|)^2. */
 static Model square_of(const Model a) {
     const FLOAT g = gradient(a), halved = (FLOAT)0.5f * g * g;
-    const Model m = {a.v * a.v + halved, 2 * a.v * a.x, 2 * a.v * a.y, halved + (2 * (fabs(a.v) + g) + a.r) * a.r + 0x1p-22f * halved};
+    const Model m = {a.v * a.v + halved, 2 * a.v * a.x, 2 * a.v * a.y, halved + (2 * (fabs(a.v) + g) + a.r) * a.r + 0x1p-22f * halved,
+                     2 * a.v * a.z};
     return with_rounding(m);
 }
 
@@ -102,7 +110,8 @@ static Model square_of(const Model a) {
  * or of a negative `rest` within that and 0. */
 static Model on_tangent(const Model a, const FLOAT value, const FLOAT slope, const FLOAT rest) {
     const FLOAT halved = (FLOAT)0.5f * rest;
-    const Model m = {value + halved, slope * a.x, slope * a.y, fabs(slope) * a.r + fabs(halved) + 0x1p-20f * (fabs(value) + fabs(slope) * gradient(a))};
+    const Model m = {value + halved, slope * a.x, slope * a.y, fabs(slope) * a.r + fabs(halved) + 0x1p-20f * (fabs(value) + fabs(slope) * gradient(a)),
+                     slope * a.z};
     return with_rounding(m);
 }
 
@@ -122,9 +131,7 @@ static Model root_of(const Model a) {
     const FLOAT v = positive ? a.v : (FLOAT)1, root = sqrt(v), over = 1 / root, sum = root + sqrt(positive ? low : (FLOAT)0);
     const Model tangent = on_tangent(a, root, (FLOAT)0.5f * over, (FLOAT)-0.5f * (rad * rad) * over / (sum * sum) * (1 + 2 * ROUNDING));
     const Model range = between_bounds(0, sqrt(high <= 0 ? (FLOAT)0 : high));
-    const Model m = {positive ? tangent.v : range.v, positive ? tangent.x : range.x, positive ? tangent.y : range.y,
-                     positive ? tangent.r : range.r};
-    return m;
+    return choose_model(positive, tangent, range);
 }
 
 /* 1/sqrt(a) for a > 0: convex, with the second derivative 3/4 a^(-5/2). */
@@ -141,8 +148,7 @@ static Model positive_part(const Model a) {
     const FLOAT low = least_of(a), high = most_of(a);
     const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high);
     const MASK whole = low >= 0;
-    const Model m = {whole ? a.v : range.v, whole ? a.x : range.x, whole ? a.y : range.y, whole ? a.r : range.r};
-    return m;
+    return choose_model(whole, a, range);
 }
 
 static Model dot_models(const Model3 a, const Model3 b) {
@@ -171,11 +177,6 @@ static Model3 plus_vectors(const Model3 a, const Model3 b) {
 static Model3 cross_models(const Model3 a, const Model3 b) {
     const Model3 m = {minus_model(times_model(a.y, b.z), times_model(a.z, b.y)), minus_model(times_model(a.z, b.x), times_model(a.x, b.z)),
                       minus_model(times_model(a.x, b.y), times_model(a.y, b.x))};
-    return m;
-}
-
-static Model choose_model(const MASK first, const Model a, const Model b) {
-    const Model m = {first ? a.v : b.v, first ? a.x : b.x, first ? a.y : b.y, first ? a.r : b.r};
     return m;
 }
 

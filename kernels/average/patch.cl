@@ -2,10 +2,20 @@
 #ifdef WITH_AVERAGE
 #ifdef WITH_LIGHTS
 #ifdef WITH_SHADOWS
+/* What centres are off by, of themselves. */
+#if REAL_BYTES == 8
+#define CENTER_ROUNDING 0x1p-50
+#else
+#define CENTER_ROUNDING 0x1p-21f
+#endif
+
 /* What is known of the light's way to a patch. */
 typedef struct {
-    Share blocked; /* the share of the points that the light does not reach */
+    Share blocked; /* the share of the points that the light does not reach, but for */
     INT only;      /* a surface of which that is counted, -1 for none */
+    /* what these are: the light's way is free of them where the model is positive. by: which surfaces, -1 for none */
+    Model free[2];
+    INT by[2];
 #ifdef WITH_TRIANGLES
     MASK sure, leaky; /* whether a mesh surely stops the light somewhere, and whether a rim of one may be before the light */
 #endif
@@ -75,6 +85,21 @@ static OwnAxes own_axes(const Scene scene, const int index) {
 #define models_along(axes, v) v
 #endif
 
+/* Notes that a surface blocks the light where a model is positive. Returns the lanes in which that is not told otherwise. */
+static MASK block_where(Blocking *blocking, const int index, const MASK here, const Model shadow) {
+    const FLOAT r = shadow.r + fabs(shadow.z);
+    const Model free = {-shadow.v, -shadow.x, -shadow.y, r, 0};
+    const MASK again = here & ((blocking->by[0] == index) | (blocking->by[1] == index));
+    MASK left = here & !again & (r < fabs(shadow.x) + fabs(shadow.y));
+    for (int k = 0; k < 2; k++) {
+        const MASK put = left & (blocking->by[k] < 0);
+        blocking->free[k] = choose_model(put, free, blocking->free[k]);
+        blocking->by[k] = put ? (INT)index : blocking->by[k];
+        left = left & !put;
+    }
+    return again | (blocking->by[0] == index) | (blocking->by[1] == index);
+}
+
 /* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
  * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
  * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points.
@@ -84,34 +109,41 @@ static OwnAxes own_axes(const Scene scene, const int index) {
 static void block_by_sphere(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int index,
                             const MASK may, Blocking *blocking) {
     const real4 s = scene.spheres.center_radius[index];
-    const float4 center = convert_float4(scene.unit * s);
     const int light_side = scene.light_side[(long)number * scene.count + index];
-    const Float3 way = {center.x - patch.P.x.v, center.y - patch.P.y.v, center.z - patch.P.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
+    const Real3 C = {scene.unit * s.x, scene.unit * s.y, scene.unit * s.z};
+    /* From the anchor to C. */
+    const Float3 g = {TO_FLOAT(C.x - patch.anchor.x), TO_FLOAT(C.y - patch.anchor.y), TO_FLOAT(C.z - patch.anchor.z)};
+    const Float3 way = {g.x - patch.p.x.v, g.y - patch.p.y.v, g.z - patch.p.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
     const OwnAxes axes = own_axes(scene, index);
     const Float3 f0 = along_axes(axes, way), w0 = along_axes(axes, to_light);
-    const float4 ball = {center.x, center.y, center.z, center.w * axes.over};
+    const FLOAT radius = (FLOAT)((float)(scene.unit * s.w) * axes.over);
     const FLOAT a0 = DOT(w0, w0), along = DOT(f0, w0) / a0;
     const FLOAT low = along > 0 ? along : (FLOAT)0, x = (((FLOAT)kind != 0) & (low > 1)) ? (FLOAT)1 : low;
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
-    const FLOAT off = 4 * ROUNDING * ((fabs(ball.x) + fabs(ball.y) + fabs(ball.z) + ball.w) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
+    const FLOAT off = 4 * ROUNDING * ((fabs(g.x) + fabs(g.y) + fabs(g.z) + radius) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
                                       x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
-    const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = ball.w + reach;
+    const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = radius + reach;
     /* Where both ends of the way are inside, so is all of it. */
-    const MASK inside = (sqrt(DOT(f0, f0)) + reach < ball.w) & ((FLOAT)light_side < 0);
+    const MASK inside = (sqrt(DOT(f0, f0)) + reach < radius) & ((FLOAT)light_side < 0);
     const MASK near = may & !(gap > outer) & !inside;
     if (!ANY(near)) return;
     const MASK outside = sqrt(DOT(f0, f0)) > outer;
-    const MASK wholly = near & (((gap + reach < ball.w) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
+    const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
     Share share = {0, 1};
     if (light_side > 0 && ANY(near & !wholly)) {
-        const Model3 C = {with_rounding(constant_model(ball.x)), with_rounding(constant_model(ball.y)), with_rounding(constant_model(ball.z))};
-        const Model3 f = models_along(axes, minus_vectors(C, patch.P)), g = models_along(axes, w);
-        const Model a = square_of_vector(g), b = dot_models(f, g), X = square_of_vector(cross_models(f, g));
-        const Model D = minus_model(scaled(a, ball.w * ball.w), X);
+        const REAL rounded = (REAL)CENTER_ROUNDING * ((fabs(C.x) + fabs(C.y)) + fabs(C.z));
+        const Model3 from_anchor = {narrowed(C.x - patch.anchor.x, 0, 0, rounded), narrowed(C.y - patch.anchor.y, 0, 0, rounded),
+                                    narrowed(C.z - patch.anchor.z, 0, 0, rounded)};
+        const Model3 f = models_along(axes, minus_vectors(from_anchor, patch.p)), v = models_along(axes, w);
+        const Model a = square_of_vector(v), b = dot_models(f, v), X = square_of_vector(cross_models(f, v));
+        const Model D = minus_model(scaled(a, radius * radius), X);
         const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & outside;
-        const Share part = share_where_positive(D);
+        const MASK told = block_where(blocking, index, near & !wholly & between, D);
+        const Model flat = {D.v, D.x, D.y, D.r + fabs(D.z), 0};
+        const Share part = share_where_positive(flat);
         share.least = between ? part.least : (FLOAT)0;
-        share.most = between ? part.most : (FLOAT)1;
+        share.most = between ? (told ? (FLOAT)0 : part.most) : (FLOAT)1;
+        share.least = told ? (FLOAT)0 : share.least;
     }
     share.least = wholly ? (FLOAT)1 : share.least;
     share.most = wholly ? (FLOAT)1 : share.most;
@@ -167,10 +199,57 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
 }
 #endif
 
+/* A ball around all patches of a packet, and the way from its middle m to the light. */
+typedef struct {
+    float3 m, w;
+    float r, over_a;
+} Around;
+
+static Around around_patches(const Area patch, const Model3 w, const MASK here) {
+    float x[W], y[W], z[W], r[W], wx[W], wy[W], wz[W];
+    int used[W];
+    STORE_LANES(here, used);
+    STORE_LANES(TO_FLOAT(patch.anchor.x) + patch.p.x.v, x);
+    STORE_LANES(TO_FLOAT(patch.anchor.y) + patch.p.y.v, y);
+    STORE_LANES(TO_FLOAT(patch.anchor.z) + patch.p.z.v, z);
+    STORE_LANES(w.x.v, wx);
+    STORE_LANES(w.y.v, wy);
+    STORE_LANES(w.z.v, wz);
+    STORE_LANES(patch.radius, r);
+    int one = 0;
+    for (int lane = 0; lane < W; lane++) one = used[lane] ? lane : one;
+    Around around;
+    around.m = (float3)(x[one], y[one], z[one]);
+    around.w = (float3)(wx[one], wy[one], wz[one]);
+    around.over_a = 1 / DOT(around.w, around.w);
+    around.r = 0;
+    for (int lane = 0; lane < W; lane++) {
+        const float3 off = (float3)(x[lane], y[lane], z[lane]) - around.m;
+        const float far = sqrt(DOT(off, off)) + r[lane];
+        around.r = (used[lane] && !(far < around.r)) ? far : around.r;
+    }
+    return around;
+}
+
+/* Whether a sphere surely is beside the way to the light from all patches, and so far that block_by_sphere() says so, too: that
+ * allows for less than half of the roundings here. */
+static int is_beside(const Scene scene, const int kind, const Around around, const int index) {
+#ifdef WITH_ELLIPSOIDS
+    if (scene.spheres.map_of[index] != 0) return 0;
+#endif
+    const float4 ball = convert_float4(scene.unit * scene.spheres.center_radius[index]);
+    const float3 f = ball.xyz - around.m;
+    const float along = fmax(DOT(f, around.w) * around.over_a, 0.0f), x = kind != 0 ? fmin(along, 1.0f) : along;
+    const float3 q = f - x * around.w;
+    const float size = (fabs(ball.x) + fabs(ball.y) + fabs(ball.z)) + (fabs(around.m.x) + fabs(around.m.y) + fabs(around.m.z));
+    const float outer = (ball.w + around.r) + 32 * ROUNDING * (ball.w + around.r + size);
+    return DOT(q, q) > outer * outer;
+}
+
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
 static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
-                          const int cell, const MASK in, Blocking *blocking) {
+                          const int cell, const MASK in, const Around around, Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
@@ -184,6 +263,7 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
             continue;
         }
 #endif
+        if (is_beside(scene, kind, around, index)) continue;
         const MASK own = may & (patch.id == index);
         if (ANY(own)) {
             /* From inside, it stands before every light outside of it. */
@@ -239,13 +319,14 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 /* So many cells of a level, side by side, a patch's lists are looked at; where it lies on more, all may be blocked. */
 #define MOST_CELLS_A_SIDE 3
 
-/* The share of a patch's points that a light does not reach. w: from the points to it; far: see block_by_list(). */
-static Share blocked_share(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
+/* What is between a patch's points and a light. w: from the points to it; far: see block_by_list(). */
+static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
                            const MASK wanted) {
-    Blocking blocking = {{0, 0}, -1};
+    Blocking blocking = {{0, 0}, -1, {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}}, {-1, -1}};
 #ifdef WITH_TRIANGLES
     blocking.sure = blocking.leaky = 0;
 #endif
+    const Around around = around_patches(patch, w, wanted);
     const int4 grids = scene.light_buffer[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
@@ -274,7 +355,7 @@ static Share blocked_share(const Scene scene, const int number, const int kind, 
                 for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                     const MASK in = pending == c;
                     pending = in ? (INT)-1 : pending;
-                    block_by_list(scene, number, kind, patch, w, far, c, in, &blocking);
+                    block_by_list(scene, number, kind, patch, w, far, c, in, around, &blocking);
                 }
             }
         }
@@ -284,7 +365,7 @@ static Share blocked_share(const Scene scene, const int number, const int kind, 
     blocking.blocked.least = closed ? (FLOAT)1 : blocking.blocked.least;
     blocking.blocked.most = closed ? (FLOAT)1 : blocking.blocked.most;
 #endif
-    return blocking.blocked;
+    return blocking;
 }
 #endif
 
@@ -330,42 +411,77 @@ static Model spot_strength(const Light light, const Model cosine) {
 }
 #endif
 
-/* Of a colour, for red, green and blue: v, its mean over the cell, off by at most e, and what it is within at all points. */
+/* Of a colour, for red, green and blue: v, its mean over the cell within a window and 0 elsewhere, off by at most e, and what it
+ * is within at all points of the cell. */
 typedef struct {
     FLOAT v[3], e[3], least[3], most[3];
 } Tint;
 
-/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. lit: the share of the points where it does. */
-static void add_light(Tint *tint, const Light light, const Intersection at, const Model amount, const Model highlight, const Share lit,
+/* Means over the cell of 1, s, t and w within a window, and 0 elsewhere; off: what that of w is off by. */
+typedef struct {
+    FLOAT one, s, t, w, off;
+} Moments;
+
+static __attribute__((noinline)) void find_moments(const Window *window, const Limb *limb, Moments *moments) {
+    const FLOAT one = window->share;
+    const Center center = center_of(window);
+    moments->one = one;
+    moments->s = center.s;
+    moments->t = center.t;
+    moments->w = 0;
+    moments->off = limb->here ? one : (FLOAT)0;
+    if (!ANY(limb->here)) return;
+    const FLOAT w = (mean_of_root(window, limb->D) - limb->middle * one) / limb->swing, off = limb->off / limb->swing;
+    const MASK known = limb->here & (fabs(w) <= one) & (off < one);
+    moments->w = known ? w : (FLOAT)0;
+    moments->off = known ? off + 0x1p-14f : moments->off;
+}
+
+/* What a light gives a patch within a window. lit: the moments of where it does so, but for `blocked`; off: what share of the
+ * cell that is off by; all: the lanes in which all of the cell is lit. */
+typedef struct {
+    Moments lit;
+    Share blocked;
+    FLOAT off;
+    MASK all;
+} Reach;
+
+/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. */
+static void add_light(Tint *tint, const Light light, const Intersection at, const Model amount, const Model highlight, const Reach *reach,
                       const MASK on) {
     const float color[3] = {light.color.x, light.color.y, light.color.z};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
+    const Moments lit = reach->lit;
     for (int k = 0; k < 3; k++) {
         const Model m = scaled(plus_model(scaled(amount, kd[k]), highlight), (FLOAT)color[k]);
-        const FLOAT low = least_of(m), least = low > 0 ? low : (FLOAT)0, most = most_of(m);
-        const FLOAT dim = least * lit.least, bright = most * lit.most;
-        const MASK all = lit.least >= 1;
-        tint->v[k] += on ? (all ? m.v : (FLOAT)0.5f * (dim + bright)) : (FLOAT)0;
-        tint->e[k] += on ? (all ? m.r : (FLOAT)0.5f * (bright - dim)) : (FLOAT)0;
-        tint->least[k] += (on & all) ? least : (FLOAT)0;
-        tint->most[k] += (on & (lit.most > 0)) ? most : (FLOAT)0;
+        const FLOAT low = least_of(m), least = low > 0 ? low : (FLOAT)0, high = most_of(m), most = high <= 0 ? (FLOAT)0 : high;
+        const FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
+        const FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
+        const FLOAT less = mean - most * reach->blocked.most, dim = less > 0 ? less : (FLOAT)0;
+        const FLOAT top = most * (1 - reach->blocked.least), bright = mean < top ? mean : top;
+        const MASK some = reach->blocked.most > 0;
+        tint->v[k] += on ? (some ? (FLOAT)0.5f * (dim + bright) : mean) : (FLOAT)0;
+        tint->e[k] += on ? (some ? fabs((FLOAT)0.5f * (bright - dim)) : (FLOAT)0) + off : (FLOAT)0;
+        tint->least[k] += (on & reach->all) ? least : (FLOAT)0;
+        tint->most[k] += (on & (reach->blocked.least < 1)) ? most : (FLOAT)0;
     }
 }
 
 #ifdef WITH_QUADRICS
 /* A cosine of which the model may tell less than that it is within -1 .. 1. */
 static Model at_most_one(const Model cosine) {
-    const FLOAT low = least_of(cosine), high = most_of(cosine);
+    const FLOAT least = least_of(cosine), high = most_of(cosine), low = least < 1 ? least : (FLOAT)1;
     return choose_model((high > 1) & is_known(cosine), between_bounds(low > -1 ? low : (FLOAT)-1, 1), cosine);
 }
 #endif
 
 /* What one light adds to a patch: illuminate() for all points at once. */
-static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch, const Intersection at, Tint *tint,
-                             Work *work) {
+static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch, const Intersection at,
+                             const Window *seen, const Moments *moments, Tint *tint, Work *work) {
     const Light light = scene.light[number];
     const Real3 to = {light.position.x, light.position.y, light.position.z};
-    const Model3 L = constant_vector_in(to, kind == 0 ? (real)1 : scene.unit), w = kind == 0 ? L : minus_vectors(L, patch.P);
+    const Real3 way = {scene.unit * to.x - patch.anchor.x, scene.unit * to.y - patch.anchor.y, scene.unit * to.z - patch.anchor.z};
+    const Model3 L = constant_vector_in(kind == 0 ? to : way, 1), w = kind == 0 ? L : minus_vectors(L, patch.p);
     const Model a = square_of_vector(w);
     const Model over = kind == 0 ? constant_model(1) : over_root_of(a);
     const Model3 l = kind == 0 ? w : times_vector(over, w);
@@ -376,7 +492,15 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
 #endif
     MASK on = (patch.id >= 0) & !(most_of(cosine) < 0);
     Model strength = constant_model(1);
-    Share lit = {1, 1};
+    /* The light's part of the window is cut out by these lines. */
+    Model line[4];
+    MASK cut[4] = {0, 0, 0, 0};
+    Reach reach = {*moments, {0, 0}, 0, on};
+    /* Where the light is on the horizon of some points. */
+    const FLOAT slack = cosine.r + fabs(cosine.z);
+    const Model flat = {cosine.v, cosine.x, cosine.y, slack, 0};
+    line[0] = flat;
+    cut[0] = on & (least_of(cosine) < 0) & (2 * slack < fabs(cosine.x) + fabs(cosine.y));
 #ifdef WITH_SPOT
     if (kind == 2) {
         const Real3 axis = {-light.axis.x, -light.axis.y, -light.axis.z};
@@ -385,7 +509,13 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
         if (light.cone.y > 0) {
             strength = spot_strength(light, angle);
         } else {
-            lit = share_where_positive(minus_model(angle, with_rounding(constant_model((FLOAT)(float)light.axis.w))));
+            const Model within = minus_model(angle, with_rounding(constant_model((FLOAT)(float)light.axis.w)));
+            const Model edge = {within.v, within.x, within.y, within.r + fabs(within.z), 0};
+            const Share lit = share_where_positive(edge);
+            line[1] = edge;
+            cut[1] = on & (least_of(edge) < 0) & (edge.r < fabs(edge.x) + fabs(edge.y));
+            reach.blocked.least = cut[1] ? (FLOAT)0 : 1 - lit.most;
+            reach.blocked.most = cut[1] ? (FLOAT)0 : 1 - lit.least;
         }
     }
 #endif
@@ -398,13 +528,31 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     if (ANY((unsure))) {
         const FLOAT depth = kind == 0 ? -least_of(dot_models(patch.P, L)) : most_of(a);
         const FLOAT far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
-        const Share blocked = blocked_share(scene, number, kind, patch, w, far, unsure);
-        const FLOAT least = lit.least - (unsure ? blocked.most : (FLOAT)0), most = 1 - (unsure ? blocked.least : (FLOAT)0);
-        lit.least = least > 0 ? least : (FLOAT)0;
-        lit.most = most < lit.most ? most : lit.most;
+        const Blocking blocking = blocking_of(scene, number, kind, patch, w, far, unsure);
+        const Share blocked = blocking.blocked;
+        const FLOAT most = reach.blocked.most + blocked.most;
+        reach.blocked.least = (unsure & (blocked.least > reach.blocked.least)) ? blocked.least : reach.blocked.least;
+        reach.blocked.most = unsure ? (most < 1 ? most : (FLOAT)1) : reach.blocked.most;
+        for (int k = 0; k < 2; k++) {
+            line[2 + k] = blocking.free[k];
+            cut[2 + k] = unsure & (blocking.by[k] >= 0);
+        }
     }
 #endif
-    const Model amount = times_model(positive_part(cosine), strength);
+    on = on & (reach.blocked.least < 1);
+    if (!ANY(on)) return;
+    const MASK any = cut[0] | cut[1] | cut[2] | cut[3];
+    if (ANY(on & any)) {
+        Window window = *seen;
+        window.off = 0;
+        for (int k = 0; k < 4; k++) {
+            if (ANY(on & cut[k])) cut_window(&window, &line[k], on & cut[k]);
+        }
+        find_moments(&window, &patch.limb, &reach.lit);
+        reach.off = window.off;
+    }
+    reach.all = !any & !(reach.blocked.most > 0);
+    const Model amount = times_model(choose_model(cut[0], cosine, positive_part(cosine)), strength);
     Model highlight = constant_model(0);
 #ifdef WITH_SPECULAR
     const MASK shines = on & (at.hit) & (TO_FLOAT(at.ks) > 0);
@@ -413,11 +561,11 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
         const Model3 e = minus_vectors(times_vector(scaled(cosine, 2), patch.n), plus_vectors(l, patch.v));
         Model power = highlight_power(scaled(square_of_vector(e), -0.5f), TO_FLOAT(at.exponent));
         const Model some = between_bounds(0, most_of(power));
-        power = choose_model(least_of(cosine) > 0, power, some);
+        power = choose_model((least_of(cosine) > 0) | cut[0], power, some);
         highlight = choose_model(shines, scaled(times_model(power, strength), TO_FLOAT(at.ks)), highlight);
     }
 #endif
-    add_light(tint, light, at, amount, highlight, lit, on);
+    add_light(tint, light, at, amount, highlight, &reach, on);
 }
 #else
 typedef struct {
@@ -425,29 +573,32 @@ typedef struct {
 } Tint;
 #endif
 
-/* The colour of patches. */
-static Tint tint_of(const Scene scene, const Area patch, Work *work) {
+/* The colour of patches within a window. */
+static Tint tint_of(const Scene scene, const Area patch, const Window *seen, Work *work) {
     const Intersection at = material_at(scene, patch.id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     Tint tint;
     for (int k = 0; k < 3; k++) {
-        tint.v[k] = tint.least[k] = tint.most[k] = ambient[k];
+        tint.v[k] = ambient[k] * seen->share;
+        tint.least[k] = tint.most[k] = ambient[k];
         tint.e[k] = 0;
     }
 #ifdef WITH_LIGHTS
+    Moments moments;
+    find_moments(seen, &patch.limb, &moments);
     for (int number = 0; number < scene.lights.w; number++)
-        illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, &tint, work);
+        illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, seen, &moments, &tint, work);
 #endif
     return tint;
 }
 
-/* The same tint where every colour is 1 at most. With c <= 1 + excess at all points, the mean of min(c, 1) is no less than that of c
- * minus the excess. */
-static void clamp_tint(Tint *tint) {
+/* The same tint where every colour is 1 at most. share: of the window. With c <= 1 + excess at all points, the mean of min(c, 1) is
+ * no less than that of c minus the excess. */
+static void clamp_tint(Tint *tint, const FLOAT share) {
     for (int k = 0; k < 3; k++) {
         const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1;
-        const FLOAT by_mean = tint->v[k] - tint->e[k] - excess, above = tint->v[k] + tint->e[k];
-        const FLOAT bottom = by_mean > low ? by_mean : low, top = above < 1 ? above : (FLOAT)1;
+        const FLOAT by_mean = tint->v[k] - tint->e[k] - excess * share, above = tint->v[k] + tint->e[k];
+        const FLOAT bottom = by_mean > low * share ? by_mean : low * share, top = above < share ? above : share;
         const MASK over = excess > 0;
         tint->v[k] = over ? (FLOAT)0.5f * (bottom + top) : tint->v[k];
         tint->e[k] = over ? (FLOAT)0.5f * (top - bottom) : tint->e[k];

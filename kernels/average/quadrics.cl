@@ -213,7 +213,7 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     Area patch;
     patch.id = own.sphere.index;
     patch.side = outline.c < 0 ? (FLOAT)-1 : (FLOAT)1;
-    const Model root = scaled(root_of(outline.D), -patch.side), over = reciprocal_of(outline.a);
+    const Model root = scaled(root_with(outline.D, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
     Model t = times_model(plus_model(outline.b, root), over);
     t.r = outline.c != 0 ? t.r : (FLOAT)INFINITY;
 #ifdef WITH_PARALLEL_RAYS
@@ -230,6 +230,9 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     patch.v.z = over_d;
 #endif
     patch.P.z = scaled(t, -1);
+    const Real3 origin = {0, 0, 0};
+    patch.anchor = origin;
+    patch.p = patch.P;
     const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
     patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
     const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own_radius(own)));

@@ -2,33 +2,44 @@
  */
 #if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES)
 /* What cells show. cover: the surface that surely covers all of the cell and whose furthest point there is nearest, -1 for the
- * background; front: of all others in the cell, the one with the nearest point, -1 for none; others: how near the rest may be. */
+ * background; front, second: of all others in the cell, those with the nearest points, -1 for none; others: how near the rest may
+ * be. */
 typedef struct {
-    INT cover, front;
-    Extent of_cover, of_front;
+    INT cover, front, second;
+    Extent of_cover, of_front, of_second;
     FLOAT others;
 } Sight;
 
 static Sight empty_sight(void) {
     const Extent far = {0, 0, INFINITY, INFINITY};
-    const Sight view = {-1, -1, far, far, INFINITY};
+    const Sight view = {-1, -1, -1, far, far, far, INFINITY};
     return view;
+}
+
+static void put_extent(const MASK here, Extent *to, const Extent from) {
+    PUT_WHERE(here, to->least, from.least);
+    PUT_WHERE(here, to->most, from.most);
+    PUT_WHERE(here, to->covers, from.covers);
 }
 
 static void see(Sight *view, const int index, const Extent extent) {
     const MASK nearer = extent.covers & (extent.most < view->of_cover.most);
     /* What is no cover, or no longer. */
-    const FLOAT near = nearer ? view->of_cover.least : (extent.misses ? (FLOAT)INFINITY : extent.least);
-    const MASK first = near < view->of_front.least;
-    const FLOAT next = first ? view->of_front.least : near;
-    view->others = next < view->others ? next : view->others;
-    PUT_WHERE(first, view->front, nearer ? view->cover : (INT)index);
-    PUT_WHERE(first, view->of_front.least, near);
-    PUT_WHERE(first, view->of_front.most, nearer ? view->of_cover.most : extent.most);
-    PUT_WHERE(first, view->of_front.covers, extent.covers);
+    Extent rest = extent;
+    rest.least = extent.misses ? (FLOAT)INFINITY : extent.least;
+    put_extent(nearer, &rest, view->of_cover);
+    const INT which = nearer ? view->cover : (INT)index;
+    const MASK first = rest.least < view->of_front.least, next = !first & (rest.least < view->of_second.least);
+    const FLOAT last = first | next ? view->of_second.least : rest.least;
+    view->others = last < view->others ? last : view->others;
+    PUT_WHERE(first, view->second, view->front);
+    put_extent(first, &view->of_second, view->of_front);
+    PUT_WHERE(first, view->front, which);
+    put_extent(first, &view->of_front, rest);
+    PUT_WHERE(next, view->second, which);
+    put_extent(next, &view->of_second, rest);
     PUT_WHERE(nearer, view->cover, (INT)index);
-    PUT_WHERE(nearer, view->of_cover.least, extent.least);
-    PUT_WHERE(nearer, view->of_cover.most, extent.most);
+    put_extent(nearer, &view->of_cover, extent);
 }
 
 /* Where something is surely behind the cover, or is not there at all. */

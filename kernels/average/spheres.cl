@@ -79,13 +79,26 @@ static Share share_of_disc(const Cells cells, const Quadric sphere, const Outlin
     return share;
 }
 
+/* From the points of rays that are nearest to a sphere's centre C, to it: f = C - (C.d / d.d) d. The latter is the part of C
+ * along d. With u = d / |d|, turning by a small angle, u u^T has a second derivative whose norm is at most 2.65 times the square
+ * of the change of d, as |d| >= 1. So its tangent is off by 1.33 |C| times that square. */
+static Model3 nearest_to_center(const Cells cells, const Real3 C) {
+    const REAL dx = cells.dx, dy = cells.dy, h = cells.h, k = cells.k, a = (dx * dx + dy * dy) + 1, over = 1 / a;
+    const REAL q = (C.x * dx + C.y * dy - C.z) * over, s = (C.x - 2 * q * dx) * h * over, t = (C.y - 2 * q * dy) * k * over;
+    const REAL size = fabs(C.x) + fabs(C.y) + fabs(C.z), wide = 1 + fabs(dx) + fabs(dy);
+    const REAL r = size * ((REAL)1.5f * (h * h + k * k) + 4 * (REAL)OUTLINE_ROUNDING * wide * wide);
+    const Model3 f = {narrowed(C.x - q * dx, -s * dx - q * h, -t * dx, r), narrowed(C.y - q * dy, -s * dy, -t * dy - q * k, r),
+                      narrowed(C.z + q, s, t, r)};
+    return f;
+}
+
 /* t is c / (b + sqrt(D)) from outside, and (b + sqrt(D)) / a or -c / (sqrt(D) - b) from inside, so that nothing cancels. */
 static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outline outline, const real unit) {
     Area patch;
     patch.id = sphere.index;
     const MASK inside = outline.c <= 0;
     patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
-    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), sum = plus_model(b, root_of(outline.D));
+    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), root = root_with(outline.D, &patch.limb), sum = plus_model(b, root);
     const MASK far = inside & (outline.b.v >= 0);
     const Model over = reciprocal_of(choose_model(far, cells.a, sum));
     const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
@@ -93,11 +106,22 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     patch.P.y = times_model(t, cells.y);
     patch.P.z = scaled(t, -1);
     const FLOAT over_r = patch.side * TO_FLOAT(sphere.over_r / unit);
-    const Model3 p = minus_vectors(patch.P, constant_vector_in(sphere.center, unit));
+    /* The nearer end of the chord, from the centre; or the further one, from inside. */
+    const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
+    const Model3 f = nearest_to_center(cells, C);
+    const Model part = times_model(scaled(root, patch.side), reciprocal_of(cells.a));
+    const Model3 p = {minus_model(scaled(times_model(part, cells.x), -1), f.x), minus_model(scaled(times_model(part, cells.y), -1), f.y),
+                      minus_model(part, f.z)};
     patch.n.x = scaled(p.x, over_r);
     patch.n.y = scaled(p.y, over_r);
     patch.n.z = scaled(p.z, over_r);
-    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
+    const REAL r = unit * sphere.r, power = unit * unit * sphere.c;
+    const REAL_MASK small = power > r * r;
+    patch.anchor.x = small ? C.x : (REAL)0;
+    patch.anchor.y = small ? C.y : (REAL)0;
+    patch.anchor.z = small ? C.z : (REAL)0;
+    patch.p = choose_vector(TO_MASK(small), p, patch.P);
+    const FLOAT x = radius_of(patch.p.x), y = radius_of(patch.p.y), z = radius_of(patch.p.z);
     patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
     const Model over_d = over_root_of(cells.a);
     patch.v.x = scaled(times_model(over_d, cells.x), -1);

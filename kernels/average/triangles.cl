@@ -171,6 +171,10 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     patch.v.z = over_d;
 #endif
     patch.P.z = scaled(t, -1);
+    const Real3 origin = {0, 0, 0};
+    patch.anchor = origin;
+    patch.p = patch.P;
+    patch.limb = no_limb();
     const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
     patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
     /* The normal, and towards the eye. */
