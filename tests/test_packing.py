@@ -180,6 +180,11 @@ def test_bits_of_a_crop(device: Device) -> None:
     both(crowded(), device, Request(crop=(13, 7, 30, 22)))
 
 
+def test_bits_of_antialiasing(device: Device) -> None:
+    """Pixels' borders are seen, too, so lists are half a pixel wider."""
+    both(scene(*balls()), device, Request(antialias=1.0, crop=(8, 9, 50, 40)))
+
+
 @pytest.mark.parametrize("spare", [0, 300])
 def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spare: int) -> None:
     """With little room for entries, spheres are on the levels of their sizes or near them."""

@@ -33,12 +33,13 @@ class Maker(Protocol):
 
 
 def maker_of(world: World, request: Request, device: Device, before: Maker | None = None) -> Maker | None:
-    """None if numpy packs this world: few surfaces, antialiasing, or a device that does not compute as numpy does.
+    """None if numpy packs this world: few surfaces, meshes that are antialiased, or a device that has other bits.
 
     before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
     Executor does.
     """
-    if len(world.radius) + len(world.triangles.face) <= MANY or request.antialias is not None:
+    faces = len(world.triangles.face)
+    if len(world.radius) + faces <= MANY or (faces and request.antialias is not None):
         return None
     # Small scenes start faster without these.
     from cltrace.run.mixed import Mixed

@@ -257,8 +257,10 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
         means->color[k] = TO_SHADE(tint.v[k]);
         error = tint.e[k] > error ? tint.e[k] : error;
     }
-    /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them. */
-    means->error = error * 255.0f * 1.0001f + 0x1p-12f;
+    /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them. The
+     * background alone is exact, as it is where no list holds anything. */
+    const MASK nothing = known & (error == 0) & (means->coverage == 0);
+    means->error = nothing ? (FLOAT)0 : error * 255.0f * 1.0001f + 0x1p-12f;
     means->state = estimated ? (INT)ESTIMATED : open ? (INT)OPEN : (INT)SURE;
     if (level == 0 || !ANY(estimated | open)) return;
     sample_cells(frame, scene, cells, tile, estimated | open, means, overgrown, work);

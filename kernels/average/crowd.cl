@@ -182,9 +182,11 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
     Share sky = {0, open_sky ? (FLOAT)1 : (FLOAT)0};
     const MASK wanted = known & !*estimated;
+    MASK any = 0; /* where surfaces may be seen */
     for (int k = -1; k < crowd.count; k++) {
         const MASK seen = (k < 0 ? open_sky : seen_in(&crowd, depth, k)) & wanted;
         if (!ANY(seen)) continue;
+        if (k >= 0) any = any | seen;
         Share share = sky;
         if (k >= 0) share = crowd.share[k];
         const FLOAT others = all - share.most, left = 1 - others;
@@ -215,17 +217,18 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
     const FLOAT rest = sum < 1 ? 1 - sum : (FLOAT)0;
     for (int c = 0; c < 3; c++) {
         const FLOAT bottom = out->v[c] + rest * low[c], top = out->e[c] + rest * high[c];
-        out->v[c] = 0.5f * (bottom + top);
-        out->e[c] = 0.5f * (top - bottom) + 64 * ROUNDING;
+        const MASK sky_alone = wanted & !any;
+        out->v[c] = sky_alone ? (background[c] < 1 ? (FLOAT)background[c] : (FLOAT)1) : 0.5f * (bottom + top);
+        out->e[c] = sky_alone ? (FLOAT)0 : 0.5f * (top - bottom) + 64 * ROUNDING;
         out->least[c] = low[c];
         out->most[c] = high[c];
         known = known & (out->e[c] < 1);
     }
     /* The sky has no more than what surfaces surely leave to it. */
     const FLOAT least = open_sky ? sum - sky.least : (FLOAT)1, most = 1 - sky.least;
-    *coverage = 0.5f * (least + most);
+    *coverage = (wanted & !any) ? (FLOAT)0 : 0.5f * (least + most);
 #ifdef OUT_COVERAGE
-    const FLOAT off = 0.5f * (most - least);
+    const FLOAT off = (wanted & !any) ? (FLOAT)0 : 0.5f * (most - least);
     out->e[0] = off > out->e[0] ? off : out->e[0];
     known = known & (off < 1);
 #endif
