@@ -50,6 +50,7 @@ SOURCES = (
     "average/quadrics.cl",
     "average/sight.cl",
     "average/triangles.cl",
+    "average/paint.cl",
     "average/patch.cl",
     "average/crowd.cl",
     "average/average.cl",

@@ -5,13 +5,19 @@
  * a bit.
  */
 #ifdef WITH_AVERAGE
-/* The finest level; how many cells of a level may be split, those that are known least; the finest level where there is no
- * proof. */
+/* The finest level, where textures may ask for it all over the picture a coarser one; how many cells of a level may be split, those
+ * that are known least; the finest level where there is no proof. */
+#ifdef WITH_TEXTURES
+#define FINEST 2
+#else
 #define FINEST 3
+#endif
 #define MOST_SPLIT 64
-#define FINEST_ESTIMATE 2
+#define FINEST_ESTIMATE FINEST
 /* The share of a pixel's error that its cells of one level may leave when others are split. */
 #define KEPT 0.4f
+/* Errors above that many levels are rough. */
+#define ROUGH 2
 
 /* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; ESTIMATED: the colour at the cell's
  * middle alone is known. */
@@ -65,9 +71,12 @@ static Front front_of(const Scene scene, const Cells cells, const INT id) {
 }
 
 /* What cells show of it. id: which it is, -1 in lanes that do not ask. */
-static Area patch_in(const Cells cells, const Front front, const INT id, const real unit) {
+static Area patch_in(const Frame frame, const Cells cells, const Front front, const INT id, const real unit) {
     Area patch = patch_of_sphere(cells, front.shape, front.outline, unit);
     patch.id = id;
+#ifdef WITH_TEXTURES
+    map_patch(frame, &patch);
+#endif
     return patch;
 }
 
@@ -166,11 +175,11 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
         }
         const INT one = (mixed | cut_twice) ? view.front : (INT)-1, two = cut_twice ? view.second : (INT)-1;
         if (ANY(one >= 0)) {
-            tints[1] = tint_of(scene, patch_in(cells, front[0], one, scene.unit), &windows[1], work);
+            tints[1] = tint_of(scene, patch_in(frame, cells, front[0], one, scene.unit), &windows[1], work);
             clamp_tint(&tints[1], windows[1].share);
         }
         if (ANY(two >= 0)) {
-            tints[2] = tint_of(scene, patch_in(cells, front[1], two, scene.unit), &windows[2], work);
+            tints[2] = tint_of(scene, patch_in(frame, cells, front[1], two, scene.unit), &windows[2], work);
             clamp_tint(&tints[2], windows[2].share);
         }
     }
@@ -178,7 +187,7 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
     const INT cover = known_kind ? view.cover : (INT)-1;
     if (ANY(cover >= 0)) {
         const Front behind = front_of(scene, cells, cover);
-        tints[0] = tint_of(scene, patch_in(cells, behind, cover, scene.unit), &windows[0], work);
+        tints[0] = tint_of(scene, patch_in(frame, cells, behind, cover, scene.unit), &windows[0], work);
         clamp_tint(&tints[0], windows[0].share);
     }
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
@@ -238,8 +247,8 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     const Cells cells = cells_at(frame, size, level, column, row);
     Tint tint;
 #ifdef WITH_TRIANGLES
-    MASK estimated;
-    const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, work);
+    MASK estimated, edges;
+    const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, &edges, work);
 #else
     const Sight view = sight_of(scene, cells, tile);
     const MASK bent = level == 0 ? too_bent(scene, cells, view) : (MASK)0;
@@ -247,7 +256,7 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     kind.plain = !bent & behind_cover(view, view.of_front.least);
     kind.mixed = !bent & !kind.plain & behind_cover(view, view.of_second.least);
     kind.pair = !bent & !kind.plain & !kind.mixed & behind_cover(view, view.others);
-    const MASK plain = kind.plain;
+    const MASK plain = kind.plain, edges = !plain;
     const MASK estimated = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & (!plain));
     const MASK known = mean_tint(frame, scene, cells, view, kind, &tint, &means->coverage, work);
 #endif
@@ -262,8 +271,21 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     const MASK nothing = known & (error == 0) & (means->coverage == 0);
     means->error = nothing ? (FLOAT)0 : error * 255.0f * 1.0001f + 0x1p-12f;
     means->state = estimated ? (INT)ESTIMATED : open ? (INT)OPEN : (INT)SURE;
-    if (level == 0 || !ANY(estimated | open)) return;
-    sample_cells(frame, scene, cells, tile, estimated | open, means, overgrown, work);
+    /* What is known but roughly is sampled, too, where it is not split any more: of what is within the bounds the sample is mostly
+     * nearer to the mean than the middle. */
+    const MASK rough = (known & !estimated) & (means->error > ROUGH) & (level == FINEST ? ALL_LANES : (MASK)0);
+    if (level == 0 || !ANY(estimated | open | rough)) return;
+    const FLOAT coverage = means->coverage;
+    sample_cells(frame, scene, cells, tile, estimated | open | rough, means, overgrown, work);
+    means->coverage = rough ? coverage : means->coverage;
+    FLOAT beside = 0;
+    for (int k = 0; k < 3; k++) {
+        const FLOAT low = tint.v[k] - tint.e[k], high = tint.v[k] + tint.e[k], at = TO_FLOAT(means->color[k]);
+        const FLOAT kept = at < low ? low : (at > high ? high : at), off = tint.e[k] + fabs(kept - tint.v[k]);
+        PUT_WHERE(TO_SHADE_MASK(rough), means->color[k], TO_SHADE(kept));
+        beside = off > beside ? off : beside;
+    }
+    means->error = rough ? beside * 255.0f * 1.0001f + 0x1p-12f : means->error;
     const float peak[3] = {scene.average.x, scene.average.y, scene.average.z};
     FLOAT most = 0;
     for (int k = 0; k < 3; k++) {
@@ -277,7 +299,9 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     most = ((view.cover < 0) & (1 > most)) ? (FLOAT)1 : most;
 #endif
 #endif
-    means->error = estimated | open ? most * 255.0f + 0x1p-12f : means->error;
+    /* No sample need show an edge in a cell: an estimate counts a quarter of it. */
+    const FLOAT part = estimated ? (edges ? (FLOAT)0.25f : (FLOAT)0) : (FLOAT)1;
+    means->error = estimated | open ? part * most * 255.0f + 0x1p-12f : means->error;
 }
 
 /* Of a pixel or a part of one: sums of colours times areas, in units of 2^-40, and of errors times areas. */
@@ -294,7 +318,8 @@ typedef struct {
 } Group;
 
 /* What a colour without a proof is off by is taken to be half of the largest difference from the cells beside it, and from the
- * points of the pixel's border that are in `border`, 4 for each side, if there are any. */
+ * points of the border, 4 for each side: an edge between this group of cells and the next one is seen by these. It is no less than
+ * what an edge that is known to be in the cell may make, see look_at_cells(). */
 static void estimate_errors(Group *group, const float (*border)[16]) {
     for (int cell = 0; cell < 16; cell++) {
         if (group->state[cell] != ESTIMATED) continue;
@@ -304,7 +329,7 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
             const int column = (cell & 3) + across, row = (cell >> 2) + down;
             if (column < 0 || column > 3 || row < 0 || row > 3) {
                 const int point = 4 * side + (side < 2 ? row : column);
-                for (int k = 0; k < 3 && border; k++) most = fmax(most, fabs(group->color[k][cell] - border[k][point]));
+                for (int k = 0; k < 3; k++) most = fmax(most, fabs(group->color[k][cell] - border[k][point]));
                 continue;
             }
             for (int k = 0; k < 3; k++) most = fmax(most, fabs(group->color[k][cell] - group->color[k][4 * row + column]));
@@ -312,7 +337,7 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
             most = fmax(most, fabs(group->coverage[cell] - group->coverage[4 * row + column]));
 #endif
         }
-        group->error[cell] = most * 127.5f;
+        group->error[cell] = fmax(group->error[cell], most * 127.5f);
     }
 }
 
@@ -329,9 +354,10 @@ static void add_cell(Sum *sum, const Part *cell, const float area) {
     sum->estimated |= cell->estimated;
 }
 
-/* The colours at points of a pixel's border: of the left, the right, the upper and the lower side, beside the cells there. */
-static void look_at_border(const Frame frame, const Scene scene, const int2 size, const int column, const int row, const int2 tile,
-                           float (*border)[16], MASK *overgrown, Work *work) {
+/* The colours at points of the border of what is split: of its left, right, upper and lower side, beside the cells there. level: of
+ * these cells. */
+static void look_at_border(const Frame frame, const Scene scene, const int2 size, const int level, const int column, const int row,
+                           const int2 tile, float (*border)[16], MASK *overgrown, Work *work) {
     for (int part = 0; part < 16 / W; part++) {
         int x[W], y[W];
         for (int lane = 0; lane < W; lane++) {
@@ -339,7 +365,7 @@ static void look_at_border(const Frame frame, const Scene scene, const int2 size
             x[lane] = 8 * column + (side < 2 ? 8 * side : place);
             y[lane] = 8 * row + (side < 2 ? place : 8 * (side - 2));
         }
-        const Cells cells = cells_around(frame, size, 1, LOAD_LANES(x), LOAD_LANES(y));
+        const Cells cells = cells_around(frame, size, level, LOAD_LANES(x), LOAD_LANES(y));
         Means means;
         sample_cells(frame, scene, cells, tile, ALL_LANES, &means, overgrown, work);
         for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), &border[k][part * W]);
@@ -366,8 +392,8 @@ static void look_at_group(const Frame frame, const Scene scene, const int2 size,
     for (int cell = 0; cell < 16; cell++) estimated |= group->state[cell] == ESTIMATED;
     if (!estimated) return;
     float border[3][16];
-    if (level == 1) look_at_border(frame, scene, size, column, row, tile, border, overgrown, work);
-    estimate_errors(group, level == 1 ? border : 0);
+    look_at_border(frame, scene, size, level, column, row, tile, border, overgrown, work);
+    estimate_errors(group, border);
 }
 
 /* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it. */

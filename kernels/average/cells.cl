@@ -78,6 +78,12 @@ typedef struct {
     Limb limb;
     FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
     FLOAT radius; /* no point is further from the middle, anchor + (p.x.v, p.y.v, p.z.v) */
+#ifdef WITH_TEXTURES
+    Model tu, tv;   /* where they are on a texture */
+    Model paint[3]; /* red, green and blue there */
+    Model3 q;       /* of a sphere the outward normal, in its own axes if they are `stretched`, else in camera space */
+    MASK stretched;
+#endif
 } Area;
 
 static Model3 constant_vector_in(const Real3 v, const real unit) {

@@ -145,6 +145,9 @@ static Tint tint_of_member(const Frame frame, const Scene scene, const Cells cel
         const Quadric sphere = quadric_at(scene.spheres, index);
         patch = patch_of_sphere(cells, sphere, outline_of(cells, sphere, scene.unit), scene.unit);
         patch.id = seen ? patch.id : (INT)-1;
+#ifdef WITH_TEXTURES
+        map_patch(frame, &patch);
+#endif
 #endif
     }
     Window all;
@@ -156,16 +159,17 @@ static Tint tint_of_member(const Frame frame, const Scene scene, const Cells cel
  * are 1 together and each is within its share. A surface has at least the share that it would have alone if nothing can be before
  * it: it is alone in front, or part of the only sheet; and at least what the others cannot have.
  *
- * Returns the lanes in which the mean is known; estimated: those in which something seen has no proof. */
+ * Returns the lanes in which the mean is known; estimated: those in which something seen has no proof; edges: those that show
+ * more than one surface, or may do so. */
 static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, const int2 tile, Tint *out, FLOAT *coverage, MASK *estimated,
-                       Work *work) {
+                       MASK *edges, Work *work) {
     Crowd crowd;
     gather_crowd(scene, cells, tile, &crowd);
     const Depth depth = depth_of(&crowd, scene.spheres.first);
     const MASK open_sky = !(depth.far < INFINITY);
     MASK known = crowd.rest > depth.far;
     known = known | (!(crowd.rest < INFINITY));
-    *estimated = 0;
+    *estimated = *edges = 0;
     FLOAT all = open_sky ? (FLOAT)1 : (FLOAT)0, sum = 0, low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {0, 0, 0};
     for (int k = 0; k < crowd.count; k++) {
         const MASK seen = seen_in(&crowd, depth, k);
@@ -177,6 +181,7 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
         crowd.share[k].most = seen ? crowd.share[k].most : (FLOAT)0;
         all += crowd.share[k].most;
         *estimated = *estimated | beyond_proof(scene, seen ? (INT)crowd.index[k] : (INT)-1);
+        *edges = *edges | (seen & !crowd.covers[k]) | before;
     }
     for (int c = 0; c < 3; c++) out->v[c] = out->e[c] = 0;
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};

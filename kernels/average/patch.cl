@@ -447,13 +447,18 @@ typedef struct {
 } Reach;
 
 /* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. */
-static void add_light(Tint *tint, const Light light, const Intersection at, const Model amount, const Model highlight, const Reach *reach,
+static void add_light(Tint *tint, const Light light, const Area patch, const Intersection at, const Model amount, const Model highlight, const Reach *reach,
                       const MASK on) {
     const float color[3] = {light.color.x, light.color.y, light.color.z};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
     const Moments lit = reach->lit;
     for (int k = 0; k < 3; k++) {
-        const Model m = scaled(plus_model(scaled(amount, kd[k]), highlight), (FLOAT)color[k]);
+#ifdef WITH_TEXTURES
+        const Model diffuse = times_model(scaled(amount, kd[k]), patch.paint[k]);
+#else
+        const Model diffuse = scaled(amount, kd[k]);
+#endif
+        const Model m = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]);
         const FLOAT low = least_of(m), least = low > 0 ? low : (FLOAT)0, high = most_of(m), most = high <= 0 ? (FLOAT)0 : high;
         const FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
         const FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
@@ -565,7 +570,7 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
         highlight = choose_model(shines, scaled(times_model(power, strength), TO_FLOAT(at.ks)), highlight);
     }
 #endif
-    add_light(tint, light, at, amount, highlight, &reach, on);
+    add_light(tint, light, patch, at, amount, highlight, &reach, on);
 }
 #else
 typedef struct {
@@ -574,7 +579,7 @@ typedef struct {
 #endif
 
 /* The colour of patches within a window. */
-static Tint tint_of(const Scene scene, const Area patch, const Window *seen, Work *work) {
+static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *work) {
     const Intersection at = material_at(scene, patch.id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     Tint tint;
@@ -583,6 +588,17 @@ static Tint tint_of(const Scene scene, const Area patch, const Window *seen, Wor
         tint.least[k] = tint.most[k] = ambient[k];
         tint.e[k] = 0;
     }
+#ifdef WITH_TEXTURES
+    paint_of(scene, patch, patch.paint);
+    const Center center = center_of(seen);
+    for (int k = 0; k < 3; k++) {
+        const Model m = scaled(patch.paint[k], ambient[k]);
+        tint.v[k] = seen->share * m.v + (center.s * m.x + center.t * m.y);
+        tint.e[k] = seen->share * (m.r + fabs(m.z)) + 16 * ROUNDING * (fabs(m.v) + gradient(m));
+        tint.least[k] = least_of(m);
+        tint.most[k] = most_of(m);
+    }
+#endif
 #ifdef WITH_LIGHTS
     Moments moments;
     find_moments(seen, &patch.limb, &moments);
@@ -609,19 +625,14 @@ static void clamp_tint(Tint *tint, const FLOAT share) {
 
 /* Whether the colour of a surface is beyond what is proved here. */
 static MASK beyond_proof(const Scene scene, const INT id) {
-#if defined(WITH_TEXTURES) || defined(WITH_BOUNCES)
+#ifdef WITH_BOUNCES
     int each[W], found[W];
     STORE_LANES(id, each);
     for (int lane = 0; lane < W; lane++) {
         found[lane] = 0;
         if (each[lane] < 0) continue;
         const int material = scene.material_of[each[lane]];
-#ifdef WITH_TEXTURES
-        found[lane] |= scene.texture_of[material] >= 0;
-#endif
-#ifdef WITH_BOUNCES
         found[lane] |= scene.bounce[material].x > 0 || scene.bounce[material].y > 0;
-#endif
     }
     return LOAD_LANES(found) != 0;
 #else

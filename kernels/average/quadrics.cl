@@ -238,6 +238,16 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own_radius(own)));
     const Model3 q = times_vector(scaled(over, over_r), plus_vectors(cross_models(outline.X, outline.G), times_vector(root, outline.G)));
     patch.n = q;
+#ifdef WITH_TEXTURES
+    patch.q.x = scaled(q.x, patch.side);
+    patch.q.y = scaled(q.y, patch.side);
+    patch.q.z = scaled(q.z, patch.side);
+#ifdef WITH_ELLIPSOIDS
+    patch.stretched = own.stretched;
+#else
+    patch.stretched = 0;
+#endif
+#endif
 #ifdef WITH_ELLIPSOIDS
     if (ANY(own.stretched)) {
         const Real3 column[3] = {{own.x.x, own.y.x, own.z.x}, {own.x.y, own.y.y, own.z.y}, {own.x.z, own.y.z, own.z.z}};

@@ -122,6 +122,12 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     patch.anchor.z = small ? C.z : (REAL)0;
     patch.p = choose_vector(TO_MASK(small), p, patch.P);
     const FLOAT x = radius_of(patch.p.x), y = radius_of(patch.p.y), z = radius_of(patch.p.z);
+#ifdef WITH_TEXTURES
+    patch.q.x = scaled(patch.n.x, patch.side);
+    patch.q.y = scaled(patch.n.y, patch.side);
+    patch.q.z = scaled(patch.n.z, patch.side);
+    patch.stretched = 0;
+#endif
     patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
     const Model over_d = over_root_of(cells.a);
     patch.v.x = scaled(times_model(over_d, cells.x), -1);

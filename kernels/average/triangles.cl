@@ -107,6 +107,15 @@ static Model narrowed_by(const Real3 v, const REAL factor, const REAL off) {
     return narrowed(factor * v.x, factor * v.y, factor * v.z, off);
 }
 
+#ifdef WITH_TEXTURES
+/* x + y b + z c, of numbers that were rounded once. */
+static Model weighted_models(const float3 row, const Model b, const Model c) {
+    Model m = plus_model(plus_model(constant_model(row.x), scaled(b, row.y)), scaled(c, row.z));
+    m.r += 0x1p-23f * fabs(row.x);
+    return m;
+}
+#endif
+
 /* The part of a triangle's plane that a cell shows. With A from the ray's start to the corner A, and w along the ray, E_AB and E_CA
  * are linear in the place, as are D = A.N and N.w: see triangle.cl. t is D / (N.w), and B counts E_CA / (N.w), C E_AB / (N.w).
  *
@@ -177,6 +186,16 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     patch.limb = no_limb();
     const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
     patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
+#ifdef WITH_TEXTURES
+    patch.tu = patch.tv = constant_model(0);
+    const int4 place = scene.uv_face[number];
+    if (place.w >= 0) {
+        const real2 first = scene.corner_uv[place.x], second = scene.corner_uv[place.y], third = scene.corner_uv[place.z];
+        const float3 corner_u = (float3)((float)first.x, (float)(second.x - first.x), (float)(third.x - first.x)), corner_v = (float3)((float)first.y, (float)(second.y - first.y), (float)(third.y - first.y));
+        patch.tu = weighted_models(corner_u, b, c);
+        patch.tv = weighted_models(corner_v, b, c);
+    }
+#endif
     /* The normal, and towards the eye. */
     const int4 corner = scene.normal_face[number];
     Real3 normal[3] = {T.N, right, right};
