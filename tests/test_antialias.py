@@ -108,9 +108,8 @@ HOSTILE |= {
     "in an egg": lambda: lit([(0, 0, 0), (0.5, 0, -4)], [30, 0.7], cltrace.point_light((1, 2, 0)), transform=EGG),
 }
 MATERIAL = cltrace.Material((0.5, 0.7, 0.8), ka=0.3, kd=0.7, ks=0.3, exponent=20)
-FLOOR = cltrace.Mesh(
-    [(-9, -0.8, -2), (9, -0.8, -2), (9, -0.8, -20), (-9, -0.8, -20)], [(0, 1, 2), (0, 2, 3)], material=MATERIAL
-)
+CORNERS = [(-9, -0.8, -2), (9, -0.8, -2), (9, -0.8, -20), (-9, -0.8, -20)]
+FLOOR = cltrace.Mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], material=MATERIAL)
 LAMP = cltrace.point_light((2, 4, -3))
 
 
@@ -152,10 +151,34 @@ HOSTILE |= {
         cltrace.spot_light((0, 3, -4), (0, -1, -0.5), 12, 20),
     ),
 }
+IMAGE = np.random.default_rng(7).integers(60, 200, (5, 8, 3)).astype(np.uint8)
+PAINTED = cltrace.Material((0.9, 0.8, 0.7), ka=0.5, kd=0.6, ks=0.2, exponent=20, texture=IMAGE)
+
+
+def globes() -> cltrace.Scene:
+    """A sphere and an ellipsoid with a texture."""
+    spheres, materials = np.zeros(2, cltrace.scene.SPHERE), np.zeros(1, cltrace.scene.MATERIAL)
+    spheres["center"], spheres["radius"], spheres["to_object"] = [(-0.5, 0, -5), (0.7, 0.1, -5)], [0.7, 0.5], [-1, 0]
+    materials["color"] = materials["ka"] = materials["index"] = 1
+    materials["kd"] = 0.5
+    scene = lit([(0, 0, -9)], [1.0])
+    lights = [cltrace.ambient_light((0.4, 0.4, 0.4)), LAMP]
+    maps = np.linalg.inv(EGG)[None]
+    return cltrace.Scene(scene.camera, lights, spheres, materials, to_object=maps, textures=(IMAGE,))
+
+
+HOSTILE |= {
+    "globes": globes,
+    "painted": lambda: meshed(
+        [cltrace.Mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], uv=[(0, 0), (3, 0), (3, 2), (0, 2)], material=PAINTED)],
+        LAMP,
+        spheres=np.array([(0.3, -0.2, -6, 0.5)]),
+    ),
+}
 # As an orthographic camera sees them.
 HOSTILE |= {
     f"{name}, parallel": lambda name=name: parallel(HOSTILE[name]())  # type: ignore[misc]
-    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs", "box", "smooth", "triangles")
+    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs", "box", "smooth", "triangles", "painted")
 }
 
 

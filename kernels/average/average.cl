@@ -317,7 +317,7 @@ typedef struct {
     int state[16];
 } Group;
 
-/* What a colour without a proof is off by is taken to be half of the largest difference from the cells beside it, and from the
+/* What a colour without a proof is off by is taken to be three quarters of the largest difference from the cells beside it, and from the
  * points of the border, 4 for each side: an edge between this group of cells and the next one is seen by these. It is no less than
  * what an edge that is known to be in the cell may make, see look_at_cells(). */
 static void estimate_errors(Group *group, const float (*border)[16]) {
@@ -337,7 +337,7 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
             most = fmax(most, fabs(group->coverage[cell] - group->coverage[4 * row + column]));
 #endif
         }
-        group->error[cell] = fmax(group->error[cell], most * 127.5f);
+        group->error[cell] = fmax(group->error[cell], most * 191.25f);
     }
 }
 
