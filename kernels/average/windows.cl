@@ -2,14 +2,15 @@
  *
  * A window is the part of a cell in which something is seen, or lit: where certain models are positive. In a cell their
  * zeros are almost straight. With straight ones, the window is a convex polygon, and what it is off by lies in the strips
- * |v + x s + y t| <= r.
+ * |v + x s + y t| <= r. Of a strip, either the inner or the outer part is decided wrongly at a place, so what is never negative,
+ * such as light, is off by no more than the larger of what is missing and what is too much.
  */
 #ifdef WITH_AVERAGE
 /* A silhouette, the edge of a spot's cone, and some shadows. */
 #define MOST_LINES 6
 
 /* The polygon's sides, from (s0, t0) to (s1, t1), counterclockwise, in no order; those that are cut off are points. share: of the
- * cell, 0 .. 1, and off: what that is off by at most. */
+ * cell, 0 .. 1, and off: what may be missing from it at most, or be too much. */
 typedef struct {
     FLOAT s0[4 + MOST_LINES], t0[4 + MOST_LINES], s1[4 + MOST_LINES], t1[4 + MOST_LINES];
     FLOAT share, off;
@@ -69,7 +70,8 @@ static __attribute__((noinline)) void cut_window(Window *window, const Model *al
     share = share < high ? share : high;
     share = share > low ? share : low;
     window->share = share > 0 ? share : (FLOAT)0;
-    const FLOAT strip = share_of(v + line.r, x, y) - share_of(v - line.r, x, y) + 64 * ROUNDING;
+    const FLOAT more = share_of(v + line.r, x, y) - alone, less = alone - share_of(v - line.r, x, y);
+    const FLOAT strip = (more > less ? more : less) + 64 * ROUNDING;
     window->off += here ? (known ? strip : (FLOAT)1) : (FLOAT)0;
 }
 
