@@ -12,7 +12,12 @@
 #else
 #define FINEST 3
 #endif
+/* Of meshes many cells of a pixel may be known equally little. */
+#ifdef WITH_TRIANGLES
+#define MOST_SPLIT 256
+#else
 #define MOST_SPLIT 64
+#endif
 #define FINEST_ESTIMATE FINEST
 /* The share of a pixel's error that its cells of one level may leave when others are split. */
 #define KEPT 0.4f
@@ -396,11 +401,12 @@ static void look_at_group(const Frame frame, const Scene scene, const int2 size,
     estimate_errors(group, border);
 }
 
-/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it. */
+/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it, unless
+ * those are all about equally large. */
 static float largest_kept(const Part *cells, const int count, const float area, const float budget) {
     float kept = 0;
     for (int i = 0; i < count; i++) kept = fmax(kept, cells[i].error);
-    for (;;) {
+    for (int first = 1;; first = 0) {
         const float lower = kept * 0.75f;
         float sum = 0;
         int above = 0;
@@ -408,7 +414,8 @@ static float largest_kept(const Part *cells, const int count, const float area, 
             if (cells[i].error > lower) above++;
             if (cells[i].error <= kept) sum += cells[i].error * area;
         }
-        if (sum <= budget || above > MOST_SPLIT || !(lower > 0)) return kept;
+        if (above > MOST_SPLIT) return first ? lower : kept;
+        if (sum <= budget || !(lower > 0)) return kept;
         kept = lower;
     }
 }
@@ -442,7 +449,7 @@ static Sum split_pixel(const Frame frame, const Scene scene, const int2 size, co
         const float kept = last ? INFINITY : largest_kept(cells, 16 * count, area, levels * KEPT - sum.error);
         int next = 0;
         for (int i = 0; i < 16 * count; i++) {
-            if (cells[i].error <= kept || last || (cells[i].estimated && level >= FINEST_ESTIMATE)) {
+            if (cells[i].error <= kept || last || next == MOST_SPLIT || (cells[i].estimated && level >= FINEST_ESTIMATE)) {
                 add_cell(&sum, &cells[i], area);
             } else {
                 split[next++] = cells[i].place;
