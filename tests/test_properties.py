@@ -245,6 +245,7 @@ def test_no_epsilon_in_the_sources() -> None:
         "0x1p-120f",
         "0x1p-12f",
         "0x1p-14f",
+        "0x1p-15f",
         "0x1p-16",
         "0x1p-19f",
         "0x1p-20f",

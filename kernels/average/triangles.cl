@@ -99,8 +99,8 @@ static Extent extent_of_triangle(const Edges edges, const Model plane) {
 #define VOLUME_ROUNDING 0x1p-44
 #define AXES_ROUNDING 0x1p-48
 #else
-#define VOLUME_ROUNDING 0x1p-16f
-#define AXES_ROUNDING 0x1p-20f
+#define VOLUME_ROUNDING 0x1p-15f
+#define AXES_ROUNDING 0x1p-19f
 #endif
 /* Of a linear function's three values in double. */
 static Model narrowed_by(const Real3 v, const REAL factor, const REAL off) {
@@ -119,7 +119,8 @@ static Model weighted_models(const float3 row, const Model b, const Model c) {
 /* The part of a triangle's plane that a cell shows. With A from the ray's start to the corner A, and w along the ray, E_AB and E_CA
  * are linear in the place, as are D = A.N and N.w: see triangle.cl. t is D / (N.w), and B counts E_CA / (N.w), C E_AB / (N.w).
  *
- * Volumes are off by 2^-44 (g + h) s w1 and 2^-46 w1 g h, see volumes_of(); the rays of a cell are longer by its sides. */
+ * Volumes are off by 2^-44 (g + h) s w1 and 2^-46 w1 g h, see volumes_of(), which is 512 and 128 roundings of doubles; as many of
+ * floats are 2^-15 and 2^-17. The rays of a cell are longer by its sides. */
 static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells cells, const int number, const INT id) {
     Area patch;
     patch.id = id;

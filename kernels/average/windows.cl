@@ -127,7 +127,7 @@ static Limb no_limb(void) {
  *
  * D lies between its plane p - r and p + r, and with G = max(|x|, |y|), no line of equal p is longer than 2 |gradient| / G in
  * the cell. So the means of their roots differ by no more than the integral of sqrt(p + r) - sqrt(p - r) over p, divided by
- * 2 G: up to the largest p, that is ((p + r)^(3/2) - max(0, p - r)^(3/2)) / (3 G). */
+ * 2 G: up to the largest p, that is ((p + r)^(3/2) - max(0, p - r)^(3/2)) / (3 G). Each power is off by a few roundings. */
 static Model root_with(const Model D, Limb *limb) {
     const FLOAT least = least_of(D), most = most_of(D), low = least > 0 ? least : (FLOAT)0, high = most > 0 ? most : (FLOAT)0;
     const FLOAT w0 = sqrt(low), w1 = sqrt(high), x = fabs(D.x), y = fabs(D.y), steep = x > y ? x : y;
@@ -136,7 +136,7 @@ static Model root_with(const Model D, Limb *limb) {
     limb->middle = (FLOAT)0.5f * (w0 + w1);
     limb->swing = (FLOAT)0.5f * (w1 - w0);
     const FLOAT top = D.v + (x + y), up = top + D.r, down = top > D.r ? top - D.r : (FLOAT)0;
-    limb->off = (up * sqrt(up) * (1 + 0x1p-16f) - down * sqrt(down)) / (3 * steep);
+    limb->off = (up * sqrt(up) * (1 + 16 * ROUNDING) - down * sqrt(down)) / (3 * steep);
     const Model bent = {limb->middle, 0, 0, 4 * ROUNDING * w1 + VANISHING, limb->swing};
     return choose_model(limb->here, bent, root_of(D));
 }
