@@ -16,7 +16,7 @@
 #ifdef WITH_TRIANGLES
 #define MOST_SPLIT 256
 #else
-#define MOST_SPLIT 64
+#define MOST_SPLIT 96
 #endif
 #define FINEST_ESTIMATE FINEST
 /* The share of a pixel's error that its cells of one level may leave when others are split. */
