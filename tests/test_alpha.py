@@ -109,6 +109,7 @@ def balls(**given: Any) -> cltrace.Scene:
     return cltrace.Scene.from_spheres(camera, lights, centers, random.uniform(0.02, 0.5, 30), colors, **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.4])
 @pytest.mark.parametrize("transfer", ["linear", "srgb"])
 def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any, any_device: Device) -> None:
@@ -155,6 +156,7 @@ def test_a_following_renderer_is_antialiased_as_the_first(any_device: Device) ->
     assert np.array_equal(found.rgba8, fresh.rgba8)
 
 
+@pytest.mark.slow
 def test_the_error_of_srgb_is_about_its_bytes(any_device: Device) -> None:
     scene = balls(background="#101010", transfer="srgb")
     image = cltrace.render(scene, any_device, outputs=("color", "error"), antialias=True)

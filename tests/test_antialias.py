@@ -290,6 +290,7 @@ def test_middles_stay(any_device: Device) -> None:
     assert (image.rgb8 != cltrace.render(scene, any_device).rgb8).any()
 
 
+@pytest.mark.slow
 def test_alpha(any_device: Device) -> None:
     """Laid over black and over white, edges are those of a picture before these, but for roundings."""
     scene = HOSTILE["behind edges"]()

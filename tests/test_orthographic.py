@@ -324,7 +324,7 @@ def test_look_and_update(device: Device, n: int) -> None:
     same(first, scene)
 
 
-@pytest.mark.parametrize("kind", [plain, everything])
+@pytest.mark.parametrize("kind", [plain, pytest.param(everything, marks=pytest.mark.slow)])
 def test_explanations(device: Device, kind: type) -> None:
     """The bytes are the picture's, and the rays start where the words say."""
     camera = replace(TURNED, resolution=(40, 30))
