@@ -439,7 +439,6 @@ def shade_dtype(precision: Precision) -> np.dtype[Any]:
 
 
 @cache
-@cache
 def dtype_of(type_: str, precision: Precision) -> np.dtype[Any]:
     """The numpy dtype of a type of this table: with a shape for a vector type, with fields for a struct."""
     if type_ in STRUCTS:

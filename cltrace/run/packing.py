@@ -40,9 +40,21 @@ from cltrace.run.program import Announcement
 from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
-# What a request may keep that changes nothing here.
-KEPT = {"filter", "features", "highlights", "outputs", "order", "bounces", "tree", "weightless", "branches", "lights"}
-KEPT.add("receivers")  # Shadow rays may end on all spheres, for cameras to have the lists of lights in common.
+# What a request may keep that changes nothing here. That goes for receivers, too: shadow rays may end on all spheres,
+# so that cameras have the lists of lights in common.
+KEPT = {
+    "filter",
+    "features",
+    "highlights",
+    "outputs",
+    "order",
+    "bounces",
+    "tree",
+    "weightless",
+    "branches",
+    "lights",
+    "receivers",
+}
 # Buffers end with a whole packet, however wide.
 PACKET = 16
 # member, covers and near of a grid whose members only the device knows.

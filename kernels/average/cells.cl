@@ -103,4 +103,40 @@ static Model3 unit_or_any(const Model3 n) {
     const Model3 unit = {choose_model(known, n.x, any), choose_model(known, n.y, any), choose_model(known, n.z, any)};
     return unit;
 }
+
+/* The directions of a cell's rays, or where parallel ones start, as facets take them. */
+static Model3 directions_of(const Cells cells, const real unit) {
+#ifdef WITH_PARALLEL_RAYS
+    const Model3 v = {narrowed(unit * cells.dx, unit * (REAL)cells.h, 0, 0), narrowed(unit * cells.dy, 0, unit * (REAL)cells.k, 0),
+                      constant_model(1)};
+#else
+    const Model3 v = {cells.x, cells.y, constant_model(-1)};
+#endif
+    return v;
+}
+
+/* Puts in the points at t along a cell's rays, or along parallel ones, and the unit vectors from them to the eye. */
+static void put_points(Area *patch, const Cells cells, const Model t, const real unit) {
+#ifdef WITH_PARALLEL_RAYS
+    patch->P = directions_of(cells, unit);
+    patch->v.x = patch->v.y = constant_model(0);
+    patch->v.z = constant_model(1);
+#else
+    patch->P.x = times_model(t, cells.x);
+    patch->P.y = times_model(t, cells.y);
+    const Model over_d = over_root_of(cells.a);
+    patch->v.x = scaled(times_model(over_d, cells.x), -1);
+    patch->v.y = scaled(times_model(over_d, cells.y), -1);
+    patch->v.z = over_d;
+#endif
+    patch->P.z = scaled(t, -1);
+}
+
+/* Puts in the points once more, as p from an anchor, and how far they are spread. */
+static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
+    patch->anchor = anchor;
+    patch->p = p;
+    const FLOAT x = radius_of(p.x), y = radius_of(p.y), z = radius_of(p.z);
+    patch->radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
+}
 #endif

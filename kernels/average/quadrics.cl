@@ -216,25 +216,9 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     const Model root = scaled(root_with(outline.D, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
     Model t = times_model(plus_model(outline.b, root), over);
     t.r = outline.c != 0 ? t.r : (FLOAT)INFINITY;
-#ifdef WITH_PARALLEL_RAYS
-    patch.P.x = narrowed(unit * cells.dx, unit * (REAL)cells.h, 0, 0);
-    patch.P.y = narrowed(unit * cells.dy, 0, unit * (REAL)cells.k, 0);
-    patch.v.x = patch.v.y = constant_model(0);
-    patch.v.z = constant_model(1);
-#else
-    patch.P.x = times_model(t, cells.x);
-    patch.P.y = times_model(t, cells.y);
-    const Model over_d = over_root_of(cells.a);
-    patch.v.x = scaled(times_model(over_d, cells.x), -1);
-    patch.v.y = scaled(times_model(over_d, cells.y), -1);
-    patch.v.z = over_d;
-#endif
-    patch.P.z = scaled(t, -1);
     const Real3 origin = {0, 0, 0};
-    patch.anchor = origin;
-    patch.p = patch.P;
-    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
-    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
+    put_points(&patch, cells, t, unit);
+    put_anchor(&patch, origin, patch.P);
     const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own_radius(own)));
     const Model3 q = times_vector(scaled(over, over_r), plus_vectors(cross_models(outline.X, outline.G), times_vector(root, outline.G)));
     patch.n = q;

@@ -102,9 +102,7 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     const MASK far = inside & (outline.b.v >= 0);
     const Model over = reciprocal_of(choose_model(far, cells.a, sum));
     const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
-    patch.P.x = times_model(t, cells.x);
-    patch.P.y = times_model(t, cells.y);
-    patch.P.z = scaled(t, -1);
+    put_points(&patch, cells, t, unit);
     const FLOAT over_r = patch.side * TO_FLOAT(sphere.over_r / unit);
     /* The nearer end of the chord, from the centre; or the further one, from inside. */
     const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
@@ -117,22 +115,14 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     patch.n.z = scaled(p.z, over_r);
     const REAL r = unit * sphere.r, power = unit * unit * sphere.c;
     const REAL_MASK small = power > r * r;
-    patch.anchor.x = small ? C.x : (REAL)0;
-    patch.anchor.y = small ? C.y : (REAL)0;
-    patch.anchor.z = small ? C.z : (REAL)0;
-    patch.p = choose_vector(TO_MASK(small), p, patch.P);
-    const FLOAT x = radius_of(patch.p.x), y = radius_of(patch.p.y), z = radius_of(patch.p.z);
+    const Real3 anchor = {small ? C.x : (REAL)0, small ? C.y : (REAL)0, small ? C.z : (REAL)0};
+    put_anchor(&patch, anchor, choose_vector(TO_MASK(small), p, patch.P));
 #ifdef WITH_TEXTURES
     patch.q.x = scaled(patch.n.x, patch.side);
     patch.q.y = scaled(patch.n.y, patch.side);
     patch.q.z = scaled(patch.n.z, patch.side);
     patch.stretched = 0;
 #endif
-    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
-    const Model over_d = over_root_of(cells.a);
-    patch.v.x = scaled(times_model(over_d, cells.x), -1);
-    patch.v.y = scaled(times_model(over_d, cells.y), -1);
-    patch.v.z = over_d;
     return patch;
 }
 #endif

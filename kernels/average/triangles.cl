@@ -27,17 +27,6 @@ static Model plane_along(__global const float4 *facet, const Model3 v) {
     return dot_facet(a, b, c, v, 0x1p-22f * size);
 }
 
-/* The directions of a cell's rays, or where parallel ones start, as facets take them. */
-static Model3 directions_of(const Cells cells, const real unit) {
-#ifdef WITH_PARALLEL_RAYS
-    const Model3 v = {narrowed(unit * cells.dx, unit * (REAL)cells.h, 0, 0), narrowed(unit * cells.dy, 0, unit * (REAL)cells.k, 0),
-                      constant_model(1)};
-#else
-    const Model3 v = {cells.x, cells.y, constant_model(-1)};
-#endif
-    return v;
-}
-
 /* The share of a cell on the positive side of several lines. What is not there is beyond at least one of them. */
 static Share share_within(const Share *sides, const int n) {
     Share all = {1, 1};
@@ -166,27 +155,10 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     const Model whole = narrowed_by(den, over, den_error * size), share = reciprocal_of(whole);
     const Model t = times_model(narrowed_by(D, over * scene.unit, u * s * gh * size * scene.unit), share);
     const Model b = times_model(narrowed_by(EB, over, E_error * size), share), c = times_model(narrowed_by(EC, over, E_error * size), share);
-#ifdef WITH_PARALLEL_RAYS
-    const Model3 places = directions_of(cells, scene.unit);
-    patch.P.x = places.x;
-    patch.P.y = places.y;
-    patch.v.x = patch.v.y = constant_model(0);
-    patch.v.z = constant_model(1);
-#else
-    patch.P.x = times_model(t, cells.x);
-    patch.P.y = times_model(t, cells.y);
-    const Model over_d = over_root_of(cells.a);
-    patch.v.x = scaled(times_model(over_d, cells.x), -1);
-    patch.v.y = scaled(times_model(over_d, cells.y), -1);
-    patch.v.z = over_d;
-#endif
-    patch.P.z = scaled(t, -1);
     const Real3 origin = {0, 0, 0};
-    patch.anchor = origin;
-    patch.p = patch.P;
+    put_points(&patch, cells, t, scene.unit);
+    put_anchor(&patch, origin, patch.P);
     patch.limb = no_limb();
-    const FLOAT x = radius_of(patch.P.x), y = radius_of(patch.P.y), z = radius_of(patch.P.z);
-    patch.radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
 #ifdef WITH_TEXTURES
     patch.tu = patch.tv = constant_model(0);
     const int4 place = scene.uv_face[number];
