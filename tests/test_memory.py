@@ -79,13 +79,11 @@ def measured(device: Device, script: str, *arguments: str) -> list[float]:
 
 @pytest.mark.slow
 def test_bytes_a_sphere(device: Device) -> None:
-    """At the peak, over arrays of float32 with a colour for each sphere; then what further lights take.
-
-    The smaller of two: how much two threads hold at once is a matter of chance, 313 bytes in 1 of 20 runs and 291 else.
-    """
+    """At the peak, over arrays of float32 with a colour for each sphere; then what further lights take."""
     if device.kind != "cpu":
         pytest.skip("the buffers are the device's")
-    one, four = np.min([measured(device, PEAK) for _ in range(2)], axis=0)
+    measured(device, PEAK)  # Compiles what this scene's kernels lack, which takes memory of its own: 22 bytes a sphere.
+    one, four = measured(device, PEAK)
     assert one <= 300
     assert (four - one) / 3 <= 40
 
