@@ -160,6 +160,30 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
 
 
 @pytest.mark.slow
+def test_shadows_of_spheres_much_smaller_than_their_distance(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many spheres have a filter of their own for radii that float32 loses beside the light's distance."""
+    rng = np.random.default_rng(9)
+    ground, n = np.array([(0.0, -100.0, 0.0)]), 400
+    centers = np.concatenate([ground, rng.uniform((-0.05, 0.001, -0.05), (0.05, 0.02, 0.05), (n, 3))])
+    radii = np.append(100.0, 10 ** rng.uniform(-4, -2.5, n))
+    camera = Camera((0, 0.3, 0.1), (0, 0, 0), horizontal_fov=10, resolution=(96, 80))
+    for light in ((30, 40, 3), (-2, 9, 500)):
+        scene = Scene.from_spheres(camera, [cltrace.point_light(light)], centers, radii)
+        want = picture(scene, device, "accurate")
+        assert 100 < ((want.id == 0) & (want.color.max(axis=-1) == 0)).sum() < 4000  # shadows on the ground
+        with monkeypatch.context() as patch:
+            patch.setattr(features, "PLENTY", 1)
+            fetched = renderer(scene, device, "accurate", width=1)  # where each ray decides for itself
+            assert "WITH_PREFETCH" in fetched.plan.features
+            image = fetched.render()
+            work, kept = fetched.work(), renderer(scene, device, "accurate", keep=("filter",)).work()
+        what = "spheres that are decided in full for a ray"
+        assert work[what] < kept[what] / 2
+        for output in OUTPUTS:
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (light, output)
+
+
+@pytest.mark.slow
 def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole pictures and parts of them, of heights with and without a last block that is cut off, in several strips."""
     rng = np.random.default_rng(8)

@@ -110,6 +110,12 @@ static void fetch_lists(const Scene scene, const int light, INT cell) {
 #define FETCH_LISTS(scene, light, cell) fetch_lists(scene, light, cell)
 #endif
 
+#ifdef WITH_SHADING
+/* The same for the material of a surface that some lanes hit. Shading waits for it where each surface has its own. */
+#define FETCH_MATERIAL(scene, index, hit)                                                                             \
+    if (ANY(TO_MASK(hit))) FETCH((scene).material, (scene).material_of[index])
+#endif
+
 #ifdef WITH_BOUNCES
 /* The same for the surfaces that each of the lanes has met. */
 static void fetch_surfaces(const Scene scene, const INT index) {
@@ -145,6 +151,9 @@ static void fetch_surfaces(const Scene scene, const INT index) {
 #endif
 #ifndef FETCH_LISTS
 #define FETCH_LISTS(scene, light, cell)
+#endif
+#ifndef FETCH_MATERIAL
+#define FETCH_MATERIAL(scene, index, hit)
 #endif
 #ifndef FETCH_SURFACES
 #define FETCH_SURFACES(scene, index)

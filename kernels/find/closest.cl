@@ -293,6 +293,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const REAL_MASK nearer = found ? closer(scene, ray, sphere, index, at, hit) : at.t < hit.t;
 #endif
             found = 1;
+            FETCH_MATERIAL(scene, index, nearer);
             hit.t = nearer ? at.t : hit.t;
             hit.id = TO_MASK(nearer) ? (INT)index : hit.id;
             PUT_WHERE(nearer, hit.from_center.x, at.from_center.x);

@@ -114,7 +114,17 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const Place place, con
 static int filter_leaves(const Scene scene, const ShadowRay ray, const Place place, const int index, const MASK may) {
 #ifdef WITH_FILTER
     const float4 s = scene.light_filter[(long)ray.number * scene.count + index];
+#ifdef WITH_SMALL_SPHERES
+    if (ray.at_point) {
+        if (place.touches) return 1;
+        const MASK open = may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s);
+        if (!ANY(open)) return 0;
+        const float r = (float)(scene.spheres.center_radius[index].w * scene.unit);
+        return ANY(open & small_sphere_may_meet(ray.w32, ray.a, s, r));
+    }
+#else
     if (ray.at_point) return place.touches || ANY(may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s));
+#endif
     const FLOAT du = s.x - place.u, dv = s.y - place.v;
     return ANY(may & (FMA(du, du, dv * dv) <= s.z));
 #else

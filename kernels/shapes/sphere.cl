@@ -68,6 +68,30 @@ static MASK sphere_may_meet(const FLOAT b, const FLOAT a, const float4 s) {
     return b * magnitude(b) >= a * s.w;
 }
 
+#if defined(WITH_PREFETCH) && REAL_BYTES == 8 && !defined(WITH_ELLIPSOIDS)
+#define WITH_SMALL_SPHERES
+/* The same for the line through a light at a point, along w, of spheres that are small: where a radius is less than a
+ * thousandth of the distance, sphere_may_meet() subtracts squares of which float does not hold the difference.
+ *
+ * s: (L - C, c'), as of a fixed point; r: the radius in the float buffers' unit, rounded; a: w.w in float.
+ *
+ * Claim: if the line meets the sphere, then |w x s|^2 <= R^2 a in float, with R = (1 + 2^-19) r + 2^-20 |s|_1.
+ * Proof. Let W and S be w and L - C without rounding, and D = |S|. The line meets the sphere if |W x S| <= r |W|. Each
+ * coordinate of w and s is rounded once (s is off by 2^-50 D, too), and each one of the cross product by up to three
+ * roundings of u: so that is off by 4.02 u times the sum of the magnitudes of its two products. The vector of these sums
+ * is at most sqrt(2) |W| D long. So |w x s| <= (r + 5.7 u D) |W|; its square is off by 3.01 u of itself. On the other side,
+ * R >= ((1 + 31 u) r + 15.9 u D) (1 - 3 u), a >= (1 - 5.01 u) |W|^2, and products are rounded twice: R^2 a is at least
+ * ((1 + 31 u) r + 15.9 u D)^2 (1 - 14 u) |W|^2. As sqrt((1 + 3.01 u) / (1 - 14 u)) < 1 + 9 u, that is more. Underflow adds
+ * less than 2^-100. */
+static MASK small_sphere_may_meet(const Float3 w, const FLOAT a, const float4 s, const float r) {
+    const FLOAT x = FMA(w.y, (FLOAT)s.z, -(w.z * s.y));
+    const FLOAT y = FMA(w.z, (FLOAT)s.x, -(w.x * s.z));
+    const FLOAT z = FMA(w.x, (FLOAT)s.y, -(w.y * s.x));
+    const float R = (1 + 0x1p-19f) * r + 0x1p-20f * ((fabs(s.x) + fabs(s.y)) + fabs(s.z));
+    return FMA(x, x, FMA(y, y, z * z)) <= FMA((FLOAT)(R * R), a, (FLOAT)0x1p-100f);
+}
+#endif
+
 /* What is needed of the equation a t^2 - 2 b t + c = 0 for the ray t d and the sphere |p - C| = r. */
 typedef struct {
     REAL b;            /* C.d */
