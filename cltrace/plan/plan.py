@@ -605,12 +605,14 @@ def _grids(
     tiles = picture_tiles(seen, among, window, corners)
     # What is not in the picture itself may be seen in a mirror.
     receiver = np.full(total, "receivers" in keep or world.bounces.any or request.antialias is not None)
-    receiver[tiles.member] = True
     if "lists" in keep:
+        receiver[tiles.member] = True
         tiles = whole_grid(among)
-    what = "spheres" if corners is None else "surfaces"
-    skipped[f"{what} out of the picture"] = total - len(tiles.member)
     yield tiles
+    seen_there = tiles.entered(total)
+    receiver |= seen_there
+    what = "spheres" if corners is None else "surfaces"
+    skipped[f"{what} out of the picture"] = total - int(seen_there.sum())
     del tiles  # Others have room in its place.
     made, idle = 1, 0
     for k, (light, face) in enumerate(zip(lights, faces[1:], strict=True)):
@@ -620,14 +622,14 @@ def _grids(
         more, stops = _light_buffer(light, corners, inside, Shadows(among, receiver, slack), keep)
         if "lists" in keep:
             more = [whole_grid(among)]
-        entered = np.zeros(total, bool)
-        for grid in more:
-            entered[grid.member] = True
-        idle += total - int(entered.sum())
         buffers[k] = made, len(more), stops, 0
         made += len(more)
+        entered = np.zeros(total, bool)
         while more:
-            yield more.pop(0)
+            yield (grid := more.pop(0))
+            entered |= grid.entered(total)
+            del grid
+        idle += total - int(entered.sum())
     skipped[f"{what} that shadow nothing seen, per light"] = idle
 
 

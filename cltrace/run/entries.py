@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
 from cltrace.plan.accel.cells import SPARE, CellGrid, Keys, Placement, chosen_lift, entered_in, fill_record
+from cltrace.run.crowd import Crowd
 from cltrace.run.toolbox import EdgeType, Toolbox
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
 NONE = np.zeros(0, np.int32)
+# Starts the kernels that write entries, of which the first one's place, the bits of depth that count, the levels, where
+# the next entry of each cell belongs, and the entries are given.
+Scatter = Callable[[np.int32, np.uint32, Any, Any, Any], None]
 
 
 class Covers:
@@ -69,6 +73,64 @@ class Listed:
     mask: int
 
 
+@dataclass(frozen=True)
+class _Own:
+    """The members that a grid itself has, on a device. used: their levels; entries: how many; last: the last one."""
+
+    tools: Toolbox
+    used: list[int]
+    entries: int
+    last: int
+    columns: tuple[Any, ...]
+    strips: tuple[Any, ...]
+    sizes: tuple[np.int32, np.int32]
+
+    @classmethod
+    def of(cls, tools: Toolbox, grid: CellGrid, price: float | None) -> _Own:
+        """price: of Placement.of()."""
+        level, outlined, strips, used, entries = Placement.of(grid, price)
+        columns = zip(*strips, strict=True) if strips else 4 * [[NONE]]
+        strip = [np.concatenate(parts).astype(np.int32) for parts in columns]
+        boxes = np.where(outlined, np.int8(-1), level)
+        shared = (np.ascontiguousarray(a) for a in (boxes, level, grid.covers, grid.member, grid.near))
+        sizes = np.int32(len(grid.member)), np.int32(len(strip[0]))
+        last = int(grid.member.max(initial=-1))
+        return cls(tools, used, entries, last, tuple(map(tools.share, shared)), tuple(map(tools.share, strip)), sizes)
+
+    def count(self, levels: Any, counts: Any) -> None:
+        (n, s), (boxes, level, covers, *_) = self.sizes, self.columns
+        if n:
+            self.tools.run("count_members", n, n, levels, boxes, covers, counts)
+        if s:
+            self.tools.run("count_strips", s, levels, level, *self.strips, counts)
+
+    def scatter(self, first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+        (n, s), (boxes, level, covers, member, near) = self.sizes, self.columns
+        common, written = (first, bits, levels), (member, near, counts, entry)
+        if n:
+            self.tools.run("scatter_members", n, n, *common, boxes, covers, *written)
+        if s:
+            self.tools.run("scatter_strips", s, *common, level, *self.strips, *written)
+
+
+def _levels(tools: Toolbox, pitch: list[int], base: list[int]) -> Any:
+    """`Levels` of kernels/pack/cells.cl."""
+    table = np.zeros((2, 16), np.int32)
+    table[0, : len(pitch)], table[1, : len(base)] = pitch, base
+    return tools.upload(table)
+
+
+def _of_levels(tools: Toolbox, counts: Any, every: Keys, keys: Keys, rows: int) -> Any:
+    """Of counts of the cells of every level, those of the levels that are used. rows: of cells, on level 0."""
+    if keys.cells == every.cells:
+        return counts
+    found = tools.room(keys.cells, np.int32)
+    for k in keys.used:
+        size = keys.pitch[k] * (((rows - 1) >> k) + 1)
+        tools.copy(counts, found, 4 * keys.base[k], 4 * size, 4 * every.base[k])
+    return found
+
+
 class Entries:
     """The lists of one grid after the other. records: of abi's `Grid`; listed: where each one's are, once joined()."""
 
@@ -83,12 +145,11 @@ class Entries:
         """Makes the lists of a grid, whose own members are not looked at."""
         tools, layout = self._tools, self._layout(grid, covers)
         spheres = np.int32(covers.n), np.int32(covers.pitch), np.int32(-1 if layout.lift is None else layout.lift)
-        first = np.int32(self._filled)
 
         def count(levels: Any, counts: Any) -> None:
             tools.run("count_entries", *spheres, levels, covers.cells, covers.near, counts)
 
-        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+        def scatter(first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
             tools.run("scatter_entries", *spheres, first, bits, levels, covers.cells, covers.near, counts, entry)
 
         self._make(grid, layout, count, scatter)
@@ -98,23 +159,27 @@ class Entries:
         grid: CellGrid,
         layout: _Layout,
         count: Callable[[Any, Any], None],
-        scatter: Callable[[np.uint32, Any, Any, Any], None],
+        scatter: Scatter,
     ) -> None:
         """Makes lists. count, scatter: start the kernels that count entries and that write them."""
         tools = self._tools
-        start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
-        counts, sums = tools.room(layout.cells, np.int32), tools.room(ITEMS, np.int32)
+        counts = tools.room(layout.cells, np.int32)
         tools.clear(counts, layout.cells)
-        table = np.zeros((2, 16), np.int32)
-        table[0, : len(layout.pitch)], table[1, : len(layout.base)] = layout.pitch, layout.base
-        levels, bits = tools.upload(table), np.uint32(2**32 - 2 ** (32 - layout.near_bits))
-        cells, first, stop = (np.int32(k) for k in (layout.cells, self._filled, self._filled + layout.entries))
         if layout.entries:
-            count(levels, counts)
+            count(_levels(tools, layout.pitch, layout.base), counts)
+        self._list(grid, layout, counts, scatter)
+
+    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter) -> None:
+        """Makes lists of which it is known how many entries each cell has."""
+        tools = self._tools
+        start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
+        levels, bits = _levels(tools, layout.pitch, layout.base), np.uint32(2**32 - 2 ** (32 - layout.near_bits))
+        cells, first, stop = (np.int32(k) for k in (layout.cells, self._filled, self._filled + layout.entries))
+        sums = tools.room(ITEMS, np.int32)
         tools.run("sum_cells", cells, counts, sums, items=ITEMS)
         tools.run("start_cells", cells, first, counts, sums, start, items=ITEMS)
         if layout.entries:
-            scatter(bits, levels, counts, entry)
+            scatter(first, bits, levels, counts, entry)
             tools.run("sort_lists", cells, first, stop, start, entry)
         self._note(grid, layout.mask, start, layout.cells, entry, layout.entries)
 
@@ -131,32 +196,34 @@ class Entries:
         self._filled += listed.entries
 
     def add_members(self, grid: CellGrid) -> None:
-        """Makes the lists of a grid and its own members."""
-        tools = self._tools
-        if grid.cells == (1, 1) or not len(grid.member):
+        """Makes the lists of a grid, of its own members and of those that are held."""
+        tools, held = self._tools, grid.held
+        if held is not None and not isinstance(held, Crowd):
+            raise TypeError("what is held elsewhere is not on this device")
+        price = held.enter(grid) if held else None
+        if grid.cells == (1, 1) or not (len(grid.member) or (held and held.used)):
             start, entry, mask = entered_in(grid)
             self._note(grid, mask, tools.upload(start + np.int32(self._filled)), 1, tools.upload(entry), len(entry))
             return
-        level, outlined, strips, keys, entries = Placement.of(grid)
-        columns = zip(*strips, strict=True) if strips else 4 * [[NONE]]
-        at, row, column, more = (np.concatenate(parts).astype(np.int32) for parts in columns)
+        own = _Own.of(tools, grid, price)
+        used = sorted({*own.used, *(held.used if held else ())})
+        # Which levels are used is known only now, but how many entries a crowd's outlines have, only when all levels
+        # have been counted: their cells are put together then.
+        every = Keys.on(list(range(used[-1] + 1)), grid.cells, 0)
+        counts, levels = tools.room(every.cells, np.int32), _levels(tools, every.pitch, every.base)
+        tools.clear(counts, every.cells)
+        own.count(levels, counts)
+        entries = own.entries + (held.count(levels, counts) if held else 0)
+        keys = Keys.on(used, grid.cells, max(own.last, held.last if held else -1))
+        counts = _of_levels(tools, counts, every, keys, grid.cells[1])
         layout = _Layout(None, keys.pitch, keys.base, keys.cells, entries, keys.mask, keys.near_bits)
-        n, s, first = np.int32(len(grid.member)), np.int32(len(at)), np.int32(self._filled)
-        of_level = tools.share(np.where(outlined, np.int8(-1), level)), tools.share(level)
-        covers, member, near = (tools.share(np.ascontiguousarray(a)) for a in (grid.covers, grid.member, grid.near))
-        strip = tuple(tools.share(a) for a in (at, row, column, more))
 
-        def count(levels: Any, counts: Any) -> None:
-            tools.run("count_members", n, n, levels, of_level[0], covers, counts)
-            if s:
-                tools.run("count_strips", s, levels, of_level[1], *strip, counts)
+        def scatter(first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+            own.scatter(first, bits, levels, counts, entry)
+            if held:
+                held.scatter(first, bits, levels, counts, entry)
 
-        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
-            tools.run("scatter_members", n, n, first, bits, levels, of_level[0], covers, member, near, counts, entry)
-            if s:
-                tools.run("scatter_strips", s, first, bits, levels, of_level[1], *strip, member, near, counts, entry)
-
-        self._make(grid, layout, count, scatter)
+        self._list(grid, layout, counts, scatter)
 
     def _layout(self, grid: CellGrid, covers: Covers) -> _Layout:
         if not covers.members:

@@ -19,6 +19,7 @@ from cltrace.plan.plan import MeshView, Methods, View, World, from_point, mesh_v
 from cltrace.plan.request import Request
 from cltrace.plan.shapes.polygon import Corners
 from cltrace.plan.shapes.triangle import along_light, exact_sides
+from cltrace.run.crowd import Spot
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Entries
 from cltrace.run.program import Announcement
@@ -75,7 +76,8 @@ class Mixed:
             made["light_facet"] = tools.room(12 * m * len(lights), np.float32)
         face, first = world.triangles.face[:, :3], len(world.radius)
         eye = np.array(camera.position)
-        found = [MeshView(Corners(near, face, first), self._facets(near, eye, camera.image_plane(), made["facet"], 0))]
+        met = self._facets(near, eye, camera.image_plane(), made["facet"], 0)
+        found = [MeshView(Corners(near, face, first, None, self._spot(near, first)), met)]
         for light, (record, packed) in enumerate(zip(world.lights, lights, strict=True)):
             if record["kind"] == PARALLEL:
                 axes = np.array([packed[name][:3] for name in ("axis", "across", "position")], np.float64)
@@ -86,9 +88,15 @@ class Mixed:
             else:
                 place = from_point(world, basis, record["position"], k)
                 met = self._facets(place, record["position"], AT_POINT, made["light_facet"], m * light)
-                found.append(MeshView(Corners(place, face, first), met))
+                found.append(MeshView(Corners(place, face, first, None, self._spot(place, first)), met))
         tools.finish()
         return found, {} if len(lights) else {"light_facet": np.zeros((0, 4), np.float32)}
+
+    def _spot(self, near: Array, first: int) -> Spot | None:
+        """What sees triangles from where corners are (v, 3). first: of Corners."""
+        if "lists" in self._request.keep:
+            return None
+        return Spot(self.tools, near, self._face, len(self._triangles.face), first)
 
     def _build(self, made: dict[str, Any], grids: Iterator[CellGrid]) -> dict[str, NDArray[Any]]:
         """Makes the lists of grids, which are in `made` then, and returns the records."""

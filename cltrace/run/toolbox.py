@@ -28,6 +28,7 @@ SOURCES = (
     "pack/eye.cl",
     "pack/cells.cl",
     "pack/facets.cl",
+    "pack/polygons.cl",
 )
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
@@ -129,10 +130,10 @@ class Toolbox:
         self.queue.finish()
         self._in_use.clear()
 
-    def clear(self, buffer: Any, count: int) -> None:
-        """Sets so many whole numbers of 32 bits to 0."""
+    def clear(self, buffer: Any, count: int, first: int = 0) -> None:
+        """Sets so many whole numbers of 32 bits to 0, from the first one on."""
         self._in_use.append(buffer)
-        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.int32), 0, 4 * count)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.int32), 4 * first, 4 * count)
 
     def copy(self, source: Any, target: Any, offset: int, size: int, first: int = 0) -> None:
         """Copies so many bytes, from the first one on, to an offset of another buffer."""

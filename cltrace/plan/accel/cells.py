@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ SPARE = 2**18
 # How many looks an entry of a triangle in the tiles has to save. Without a price, a ball of 1,000 triangles takes 18 ms
 # of a processor's time to list instead of 12, and 47 to draw instead of 49 (PoCL 3.1, 1920x1080).
 PRICE = 2.0
+# The price of entries follows from one in so many polygons, unless those are fewer than this.
+SAMPLE, FEW_SAMPLES = 16, 2**12
 # Spheres at a time, mostly in float32. With fewer, threads would wait for Python's lock more than they work.
 BLOCK = 2**17
 
@@ -73,6 +75,32 @@ class Outlines(NamedTuple):
     loose: NDArray[np.float32]
 
 
+class Place(NamedTuple):
+    """How polygons are entered on a grid.
+
+    pixels: of CellGrid. Of a light: axes: of each one where the window begins and ends, what leads to cells, and the
+    last cell; slack: relative to an edge, what it is off by; loose: what it is off by beside that; furthest: where the
+    last ray ends; low, scale: how corners become cells; off: by how much these are off. Of a picture: axes: the first
+    pixel of each one, and the one after the last; loose: by how much edges are off.
+    """
+
+    axes: tuple[tuple[float, ...], tuple[float, ...]]
+    loose: float
+    off: float
+    low: tuple[float, float] = (0.0, 0.0)
+    scale: tuple[float, float] = (1.0, 1.0)
+    slack: float = 0.0
+    furthest: float = 0.0
+    pixels: int = 0
+
+
+class Held(Protocol):
+    """Members of a grid that are kept elsewhere."""
+
+    def entered(self) -> Mask:
+        """(m,): which triangles they are, once the grid's lists are made."""
+
+
 @dataclass(frozen=True)
 class CellGrid:
     """One grid, and n surfaces to be entered on it.
@@ -82,7 +110,8 @@ class CellGrid:
     as the first column, the first row, and how many more columns and rows; near: (n,) float32, depth of the nearest
     points; perspective: whether it is seen from a point, not along a parallel light; coarse: whether the cells are so
     large that coordinates in float32 tell them apart; outlines: of those that cover fewer cells than `covers` says;
-    pixels: in the side of a cell, where rays pass through their centres alone, else 0.
+    pixels: in the side of a cell, where rays pass through their centres alone, else 0; polygons: whether any surfaces
+    are convex polygons; held: further members, None for none.
     """
 
     axes: Array
@@ -96,6 +125,17 @@ class CellGrid:
     coarse: bool = False
     outlines: tuple[Outlines, ...] = ()
     pixels: int = 0
+    polygons: bool = False
+    held: Held | None = None
+
+    def entered(self, count: int) -> Mask:
+        """(count,): which of so many surfaces, the last ones of which are triangles, are members, once listed."""
+        found = np.zeros(count, bool)
+        found[self.member] = True
+        if self.held:
+            triangles = self.held.entered()
+            found[count - len(triangles) :] |= triangles
+        return found
 
 
 def build(grids: list[CellGrid], precision: Precision) -> Lists:
@@ -139,7 +179,8 @@ def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
         return np.zeros(1, np.int32), entry, bool(len(order)) << CONSTANTS["WHOLE"]
     if not len(grid.member):
         return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
-    level, outlined, strips, keys, entries = Placement.of(grid)
+    level, outlined, strips, used, entries = Placement.of(grid)
+    keys = Keys.on(used, grid.cells, int(grid.member.max()))
     key, filled = np.empty(entries, np.int64), 0
     for part in chain((keys.of_strip(grid, level, strip) for strip in strips), keys.of_boxes(grid, level, outlined)):
         key[filled : filled + len(part)] = part
@@ -162,26 +203,32 @@ def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
 
 
 class Placement(NamedTuple):
-    """Where the n members of a grid are entered, which are some.
+    """Where the n members of a grid are entered.
 
     level: (n,), of each one; outlined: (n,), which of them are entered in strips of cells, not in rectangles; strips:
-    of those; keys: of all entries; entries: how many they are.
+    of those; used: the levels that hold anything, rising; entries: how many there are.
     """
 
     level: NDArray[np.int8]
     outlined: Mask
     strips: list[Strip]
-    keys: Keys
+    used: list[int]
     entries: int
 
     @staticmethod
-    def of(grid: CellGrid) -> Placement:
-        """The placement of a grid of several cells."""
+    def of(grid: CellGrid, price: float | None = None) -> Placement:
+        """The placement on a grid of several cells, but for members that are held elsewhere.
+
+        price: see price_of(); None if there are none of these.
+        """
         outlined = np.zeros(len(grid.member), bool)
         for outlines in grid.outlines:
             outlined[outlines.at] = True
-        if grid.outlines:
-            level = _levels_of_polygons(grid)
+        if grid.polygons:
+            sizes = Sizes.of(grid)
+            if price is None:
+                price = price_of(grid, partial(sizes.sampled, grid.member))
+            level = levels_of_polygons(grid, sizes, price)
 
             def entries_of(block: slice) -> int:
                 which = np.flatnonzero(~outlined[block])
@@ -193,7 +240,8 @@ class Placement(NamedTuple):
             level, entries = _levels(grid)
         strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
         entries += sum(int(strip.more.sum(dtype=np.int64)) + len(strip.more) for strip in strips)
-        return Placement(level, outlined, strips, Keys.of(grid, level), entries)
+        used = np.flatnonzero(np.bincount(level)).tolist()
+        return Placement(level, outlined, strips, used, entries)
 
 
 @dataclass(frozen=True)
@@ -214,11 +262,6 @@ class Keys:
     mask: int
     index_bits: int
     near_bits: int
-
-    @staticmethod
-    def of(grid: CellGrid, level: NDArray[np.int8]) -> Keys:
-        used = [k for k in range(int(level.max()) + 1) if (level == k).any()]
-        return Keys.on(used, grid.cells, int(grid.member.max()))
 
     @staticmethod
     def on(used: list[int], cells: tuple[int, int], last: int) -> Keys:
@@ -246,7 +289,7 @@ class Keys:
             low = self._low(grid, block)
             edges = _edges(grid.covers[:, block])
             for k in self.used:
-                every = len(self.used) == 1 and not grid.outlines
+                every = len(self.used) == 1 and not grid.polygons
                 which = slice(None) if every else np.flatnonzero((level[block] == k) & ~outlined[block])
                 left, top, right, bottom = edges[:, which] >> k
                 cell = top.astype(np.int64) * self.pitch[k] + left + self.base[k]
@@ -408,46 +451,84 @@ def chosen_lift(
     return lift, entries
 
 
-def _levels_of_polygons(grid: CellGrid) -> NDArray[np.int8]:
+class Sizes(NamedTuple):
+    """How large n members of a grid are, in cells of level 0: their areas, and their widths plus heights, (n,) each."""
+
+    area: NDArray[np.float32]
+    sides: NDArray[np.float32]
+
+    @staticmethod
+    def of(grid: CellGrid) -> Sizes:
+        """Those of all members, some of which are polygons."""
+        area, sides = (np.empty(len(grid.member), np.float32) for _ in range(2))
+
+        def measure(block: slice) -> None:
+            wide, high = grid.covers[2:, block].astype(np.float32)
+            area[block], sides[block] = wide * high, wide + high
+
+        blockwise(len(area), measure, BLOCK)
+        for outlines in grid.outlines:
+            exact = areas(outlines.corner) / np.float32(max(1, grid.pixels) ** 2)
+            area[outlines.at] = np.minimum(area[outlines.at], exact)
+        return Sizes(area, sides)
+
+    def some(self, which: slice | NDArray[np.intp]) -> Sizes:
+        """Those of some of the members."""
+        return Sizes(self.area[which], self.sides[which])
+
+    def sampled(self, member: Ints, stride: int) -> Sizes:
+        """Those of members, (n,), whose indices `stride` divides."""
+        return self.some(np.flatnonzero(member % stride == 0))
+
+    def levels(self, price: float, levels: int) -> NDArray[np.int8]:
+        """The level of each one, below `levels`, at a price: see levels_of_polygons()."""
+        level = np.zeros(len(self.area), np.int8)
+        large = np.flatnonzero(self.sides > 0) if price else ()  # others are in one cell
+        if len(large):
+            wide, filled = self.sides.take(large), self.area.take(large)
+            for k in range(1, levels):
+                looks = wide * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
+                level[large] += looks <= price * (filled * np.float32(3 * 4.0**-k) + wide * np.float32(2.0**-k))
+        return level
+
+
+def levels_of_polygons(grid: CellGrid, sizes: Sizes, price: float) -> NDArray[np.int8]:
     """The level of each member, where some are polygons.
 
     A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells. So many are a
     polygon's entries; on level k they are looked at from 4^k times as many cells of level 0. One level down from k,
     there are more entries and fewer looks, and the less is won for each entry, the finer the levels are. So there is a
-    price, in looks, up to which all polygons pay for an entry; it is as low as the number of entries allows, but
-    not less than PRICE for tiles, each of which is looked at once.
+    price, in looks, up to which all polygons pay for an entry: see price_of().
     """
-    area, sides = (np.empty(len(grid.member), np.float32) for _ in range(2))
+    levels = most_levels(grid)
+    return np.concatenate(blockwise(len(sizes.area), lambda block: sizes.some(block).levels(price, levels), BLOCK))
 
-    def measure(block: slice) -> None:
-        wide, high = grid.covers[2:, block].astype(np.float32)
-        area[block], sides[block] = wide * high, wide + high
 
-    blockwise(len(area), measure, BLOCK)
-    for outlines in grid.outlines:
-        exact = areas(outlines.corner) / np.float32(max(1, grid.pixels) ** 2)
-        area[outlines.at] = np.minimum(area[outlines.at], exact)
-    levels = range(1, max(grid.cells).bit_length())
+def most_levels(grid: CellGrid) -> int:
+    """How many levels a grid with polygons may have."""
+    return max(grid.cells).bit_length()
 
-    def at(price: float, some: slice) -> NDArray[np.int8]:
-        level = np.zeros(len(area[some]), np.int8)
-        large = np.flatnonzero(sides[some] > 0)  # others are in one cell
-        wide, filled = sides[some].take(large), area[some].take(large)
-        for k in levels:
-            looks = wide * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
-            level[large] += looks <= price * (filled * np.float32(3 * 4.0**-k) + wide * np.float32(2.0**-k))
-        return level
 
-    some, price = slice(None, None, len(area) // BLOCK + 1), PRICE if grid.pixels else 0.0
+def price_of(grid: CellGrid, sample: Callable[[int], Sizes]) -> float:
+    """What an entry may cost: as little as the number of entries allows, but not less than PRICE for tiles, each of
+    which is looked at once.
+
+    sample: the sizes of those members, in any order, whose indices a number divides.
+    """
+    stride = SAMPLE
+    some = sample(stride)
+    if len(some.area) < FEW_SAMPLES:
+        stride = 1
+        some = sample(stride)
+    levels, most = most_levels(grid), 4 * stride * len(some.area) + SPARE
+    price = PRICE if grid.pixels else 0.0
     while True:
-        by = np.ldexp(np.float32(1), -at(price, some))
-        entries = (area[some] * by * by + sides[some] * by + 1).mean(dtype=np.float64) * len(area)
-        if entries <= 4 * len(area) + SPARE or price > 4.0 ** len(levels):
-            break
+        by = np.ldexp(np.float32(1), -some.levels(price, levels))
+        # In sixteenths, a sum does not depend on the order.
+        sixteenths = ((some.area * by * by + some.sides * by + 1) * 16).astype(np.int64)
+        if stride * int(sixteenths.sum()) <= 16 * most or price > 4.0**levels:
+            return price
         price = max(1.0, 2 * price)
-    if not price:
-        return np.zeros(len(area), np.int8)
-    return np.concatenate(blockwise(len(area), lambda block: at(price, block), BLOCK))
 
 
 def areas(corner: NDArray[Any]) -> NDArray[Any]:
@@ -487,8 +568,8 @@ def outlines_of(at: NDArray[np.intp], corner: NDArray[Any], loose: NDArray[Any] 
     if not len(at):
         return None
     # What _strips() computes is off by a few roundings of the coordinates.
-    off = loose + SLACK * np.abs(corner).max(axis=(0, 1))
-    return Outlines(at, corner.astype(np.float32), rounded_up(off.astype(np.float64)))
+    off = loose + SLACK * np.abs(corner).max(axis=(0, 1)).astype(np.float64)
+    return Outlines(at, corner.astype(np.float32), rounded_up(off))
 
 
 def joined_outlines(parts: list[tuple[int, Outlines | None]]) -> tuple[Outlines, ...]:

@@ -6,6 +6,7 @@ which nothing is to be seen has none. A parallel light has one grid, on the plan
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,9 +19,11 @@ from cltrace.plan.accel.cells import (
     BLOCK,
     SLACK,
     CellGrid,
+    Held,
     Ints,
     Mask,
     Outlines,
+    Place,
     areas,
     joined,
     joined_outlines,
@@ -28,7 +31,7 @@ from cltrace.plan.accel.cells import (
     sprawling,
 )
 from cltrace.plan.exact import Array, along, rounded_down
-from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, Shown, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 
 # The same as SLACK, for arithmetic in double.
@@ -70,7 +73,6 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
     """
     offsets = [seen.center] if corners is None else [seen.center, corners.vertex]
     cube = cube_of([offset[sampled(len(offset))] for offset in offsets])
-    vertex = None if corners is None else _turned(cube, corners.vertex)
 
     def look(real: type[np.floating[Any]], sides: list[tuple[int, float]], block: slice) -> list[_Discs]:
         x, y, z = np.ascontiguousarray(seen.center[block].T)
@@ -94,14 +96,23 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
             found.append(_Discs.of(member, edges, near[i], far[i], who.receiver[block][i]))
         return found
 
-    def discs_of(real: type[np.floating[Any]], sides: list[tuple[int, float]], pane: Pane = SIDE) -> list[list[_Discs]]:
-        found = [
+    def discs_of(real: type[np.floating[Any]], sides: list[tuple[int, float]], pane: Pane = SIDE) -> list[list[_Part]]:
+        found: list[list[_Part]] = [
             list(discs) for discs in zip(*blockwise(len(seen.radius), partial(look, real, sides), BLOCK), strict=True)
         ]
-        if corners is not None and vertex is not None:
-            for discs, (axis, sign) in zip(found, sides, strict=True):
-                view = View((vertex[(axis + 1) % 3], vertex[(axis + 2) % 3], vertex[axis]), (1, 1, sign))
-                discs += _triangles(corners, view, who, pane, real)
+        if corners is None:
+            return found
+        if corners.sight and real is np.float32:
+            asked, ends = corners.of(who.occluder), corners.of(who.receiver)
+            shown = corners.sight.see(cube, [SIDES.index(side) for side in sides], pane, asked, ends)
+            for parts, side, part in zip(found, sides, shown, strict=True):
+                rest = corners.some(part.rest)
+                parts += [_Shown(part, _loose(pane))] if part.members else []
+                parts += _triangles(rest, _turned(cube, rest.vertex), side, who, pane, real)
+            return found
+        vertex = _turned(cube, corners.vertex)
+        for parts, side in zip(found, sides, strict=True):
+            parts += _triangles(corners, vertex, side, who, pane, real)
         return found
 
     grids = []
@@ -121,17 +132,33 @@ def point_buffer(seen: Seen, who: Shadows, corners: Corners | None = None) -> li
     return grids
 
 
-def _triangles(corners: Corners, view: View, who: Shadows, pane: Pane, real: type[np.floating[Any]]) -> list[_Discs]:
-    """The triangles that are seen through a side of the cube, or through a part of it."""
+def _loose(pane: Pane) -> float:
+    """By how much corners of polygons are off in double, beside what the caller allows for roundings to `real`."""
+    return TURNED * (1 + max(pane.largest)) ** 2
+
+
+def _triangles(
+    corners: Corners,
+    vertex: Array,
+    side: tuple[int, float],
+    who: Shadows,
+    pane: Pane,
+    real: type[np.floating[Any]],
+) -> list[_Discs]:
+    """The triangles that are seen through a side of the cube, or through a part of it.
+
+    vertex: (3, v), along the cube's axes.
+    """
+    axis, sign = side
+    view = View((vertex[(axis + 1) % 3], vertex[(axis + 2) % 3], vertex[axis]), (1, 1, sign))
 
     def place(part: Polygons) -> _Discs:
-        member = part.triangle + np.int32(corners.first)
-        # A corner is off by this in double, and by what the caller allows for roundings to `real`.
-        loose = part.loose + TURNED * (1 + max(pane.largest)) ** 2
+        member = corners.primitives(part.triangle)
+        loose = part.loose + _loose(pane)
         edges = [edge - loose if k % 2 == 0 else edge + loose for k, edge in enumerate(part.edges)]
         return _Discs.of(member, edges, part.near, part.far, who.receiver[member], part.corner, loose)
 
-    return polygons(view, corners.face, who.occluder[corners.first :], pane, real, place)
+    return polygons(view, corners.face, corners.of(who.occluder), pane, real, place)
 
 
 def sampled(n: int) -> slice:
@@ -259,17 +286,36 @@ class _Discs:
     def sizes(self, sample: int) -> Reals:
         """The width and the height of discs whose indices `sample` divides.
 
-        Of one in so many polygons, it is the side of a square of twice the area.
+        Of polygons, it is the side of a square of twice the area.
         """
+        which = np.flatnonzero(self.member % sample == 0)
         if self.corner is None:
-            which = np.flatnonzero(self.member % sample == 0)
             return np.concatenate([self.edges[k + 1][which] - self.edges[k][which] for k in (0, 2)])
-        return np.asarray(np.sqrt(2 * areas(self.corner[:, :, ::sample])))
+        return np.asarray(np.sqrt(2 * areas(self.corner.take(which, axis=2))))
 
 
 def _extreme(k: int, edge: Reals) -> float:
     """The outermost one of left, right, low or high edges, by k = 0, 1, 2 or 3."""
     return float(edge.max(initial=-np.inf) if k % 2 else edge.min(initial=np.inf))
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The same, kept elsewhere. loose: of _Discs."""
+
+    shown: Shown
+    loose: float
+
+    @property
+    def extent(self) -> Extent:
+        spans = (self.shown.edges + np.array([-1, 1, -1, 1]) * self.loose).tolist()
+        return Extent(spans, self.shown.nearest, self.shown.furthest)
+
+    def sizes(self, sample: int) -> Reals:
+        return np.asarray(np.sqrt(2 * self.shown.areas(sample)))
+
+
+_Part = _Discs | _Shown
 
 
 class Side(NamedTuple):
@@ -349,14 +395,23 @@ def window_of(extents: list[Extent], slack: float, perspective: bool) -> Rectang
     return Rectangle((low + high) / 2, half, max(extent.furthest for extent in extents), coarse)
 
 
-def _on_window(axes: Array, discs: list[_Discs], window: Rectangle, slack: float, perspective: bool) -> CellGrid:
+def _on_window(axes: Array, parts: Sequence[_Part], window: Rectangle, slack: float, perspective: bool) -> CellGrid:
     """The grid of a window. perspective: of CellGrid."""
-    some = any(part.corner is not None for part in discs)
-    sizes = np.concatenate([part.sizes(SAMPLE) for part in discs])
+    discs = [part for part in parts if isinstance(part, _Discs)]
+    shown = [part for part in parts if isinstance(part, _Shown)]
+    flat: list[_Part] = [*shown, *(part for part in discs if part.corner is not None)]
+    sizes = np.concatenate([part.sizes(SAMPLE) for part in parts])
     if not len(sizes):
-        sizes = np.concatenate([part.sizes(1) for part in discs])
-    cells = window.cells(sizes, sum(len(part.member) for part in discs), some)
+        sizes = np.concatenate([part.sizes(1) for part in parts])
+    members = sum(len(part.member) for part in discs) + sum(part.shown.members for part in shown)
+    cells = window.cells(sizes, members, bool(flat))
     low, sides = window.middle - window.half, 2 * window.half
+    scale = np.array(cells) / sides
+    # The largest coordinate of a corner; corners in cells are off by this, beside `loose`.
+    most = max((abs(x) for part in flat for x in part.extent.spans[0]), default=0)
+
+    def off_by(loose: Array | float) -> Any:
+        return (slack * (1 + 2 * most) + loose) * scale.max() + 1 / 64
 
     def place(part: _Discs) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         # A sphere that is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
@@ -379,15 +434,20 @@ def _on_window(axes: Array, discs: list[_Discs], window: Rectangle, slack: float
     def outlined(part: _Discs, which: NDArray[np.intp], covers: NDArray[np.int16]) -> Outlines | None:
         if part.corner is None:
             return None
-        at, scale = sprawling(covers), np.array(cells) / sides
+        at = sprawling(covers)
         corner = (part.corner.take(which.take(at), axis=2) - low[:, None, None]) * scale[:, None, None]
         loose = part.loose[which[at]] if part.loose.ndim else part.loose
-        most = max(float(np.abs(edge).max(initial=0)) for edge in part.edges)
-        off = (slack * (1 + 2 * most) + loose) * scale.max() + 1 / 64
-        return outlines_of(at, corner, off)
+        return outlines_of(at, corner, off_by(loose))
+
+    def elsewhere(part: _Shown) -> Held:
+        off, (x, y) = float(off_by(part.loose)), window.sides(cells)
+        lead = tuple(low.tolist()), tuple(scale.tolist())
+        return part.shown.on(Place((x, y), part.loose, off, *lead, slack, window.furthest))
 
     placed = concurrently([partial(place, part) for part in discs])
     member, covers, near = joined([part for part, _ in placed])
     starts = np.cumsum([0] + [len(part[0]) for part, _ in placed]).tolist()
     outlines = joined_outlines([(start, outline) for start, (_, outline) in zip(starts, placed, strict=False)])
-    return CellGrid(axes, window.middle, window.half, cells, member, covers, near, perspective, window.coarse, outlines)
+    held = elsewhere(*shown) if shown else None
+    kind = perspective, window.coarse, outlines, 0, bool(flat), held
+    return CellGrid(axes, window.middle, window.half, cells, member, covers, near, *kind)

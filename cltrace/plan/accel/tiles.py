@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,9 +15,11 @@ from cltrace.plan.accel.cells import (
     BLOCK,
     SLACK,
     CellGrid,
+    Held,
     Ints,
     Mask,
     Outlines,
+    Place,
     joined,
     joined_outlines,
     outlines_of,
@@ -25,7 +27,7 @@ from cltrace.plan.accel.cells import (
 )
 from cltrace.plan.exact import rounded_down
 from cltrace.plan.request import Region
-from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, View, polygons
+from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, Sight, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 from cltrace.scene import AnyCamera
 
@@ -157,13 +159,16 @@ def picture_tiles(seen: Seen, among: Mask, window: Window, corners: Corners | No
         which = np.flatnonzero(visible)
         return (block.start + which).astype(np.int32), covers.take(which, axis=1), discs.near(which)
 
-    parts, outlines = blockwise(len(seen.center), see, BLOCK), []
+    parts, outlines, held = blockwise(len(seen.center), see, BLOCK), [], None
     if corners:
+        if corners.sight and real is np.float32 and not parallel and max(window.size) > CONSTANTS["TILE"]:
+            held, corners = _triangles_elsewhere(corners.sight, corners, among, window)
         for part, outline in (_triangles_along if parallel else _triangles)(corners, among, window, real):
             outlines.append((sum(len(other[0]) for other in parts), outline))
             parts.append(part)
     member, covers, near = joined(parts)
-    return picture_grid(window.size, member, covers, near, joined_outlines(outlines))
+    grid = picture_grid(window.size, member, covers, near, joined_outlines(outlines))
+    return replace(grid, polygons=corners is not None, held=held)
 
 
 def picture_grid(
@@ -189,11 +194,8 @@ def picture_grid(
     )
 
 
-def _triangles(
-    corners: Corners, among: Mask, window: Window, real: type[np.floating[Any]]
-) -> list[tuple[tuple[NDArray[Any], ...], Outlines | None]]:
-    """Of triangles: members, covers and near, and the outlines, for parts of them."""
-    x, y, z = corners.vertex.T
+def _pane(window: Window) -> tuple[Pane, float]:
+    """What is seen through the window, in pixels, and by how many of them a corner or a ray may be off."""
     first, count = window.region[:2], window.region[2:]
     # A pixel's coordinates are its column and row. The window ends half a pixel beyond its outermost ones.
     scale = [0.5 / step for step in window.step]
@@ -205,7 +207,30 @@ def _triangles(
         SLACK * (s * p + n) + TURNED * s * (1 + p) ** 2
         for s, p, n in zip(scale, pane.largest, window.size, strict=True)
     ]
-    loose = 1 / 64 + window.spread + max(off)
+    return pane, 1 / 64 + window.spread + max(off)
+
+
+def _triangles_elsewhere(sight: Sight, corners: Corners, among: Mask, window: Window) -> tuple[Held | None, Corners]:
+    """Those that are seen elsewhere, None for none, and the others."""
+    pane, loose = _pane(window)
+    asked = corners.of(among)
+    # The picture is the side of a cube to which the last one of its axes leads.
+    (shown,) = sight.see(np.diag([1.0, -1.0, -1.0]), [4], pane, asked, asked)
+    x, y = (
+        (float(first), float(first + count)) for first, count in zip(*np.reshape(window.region, (2, 2)), strict=True)
+    )
+    off = float(np.float32(loose))
+    held = shown.on(Place((x, y), off, off, pixels=CONSTANTS["TILE"])) if shown.members else None
+    return held, corners.some(shown.rest)
+
+
+def _triangles(
+    corners: Corners, among: Mask, window: Window, real: type[np.floating[Any]]
+) -> list[tuple[tuple[NDArray[Any], ...], Outlines | None]]:
+    """Of triangles: members, covers and near, and the outlines, for parts of them."""
+    x, y, z = corners.vertex.T
+    first, count = window.region[:2], window.region[2:]
+    pane, loose = _pane(window)
 
     def enter(part: Polygons) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         covers, visible = np.empty((4, len(part.triangle)), np.int16), np.ones(len(part.triangle), bool)
@@ -221,9 +246,9 @@ def _triangles(
         at = sprawling(covers)
         corner = part.corner.take(which.take(at), axis=2)
         outline = outlines_of(at, corner, off[which[at]] if off.ndim else off)
-        return (part.triangle[which] + np.int32(corners.first), covers, part.near[which]), outline
+        return (corners.primitives(part.triangle[which]), covers, part.near[which]), outline
 
-    return polygons(View((x, y, z), (1, -1, -1)), corners.face, among[corners.first :], pane, real, enter)
+    return polygons(View((x, y, z), (1, -1, -1)), corners.face, corners.of(among), pane, real, enter)
 
 
 def _triangles_along(

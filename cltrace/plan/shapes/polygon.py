@@ -8,15 +8,15 @@ first clipped to a pyramid GUARD times as wide as the window, by its planes thro
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.blocks import blockwise
-from cltrace.plan.accel.cells import BLOCK, SLACK, Mask
+from cltrace.plan.accel.cells import BLOCK, SLACK, Held, Mask, Place
 from cltrace.plan.exact import Array, rounded_down
 from cltrace.plan.shapes.sphere import Reals
 
@@ -35,12 +35,28 @@ class Corners(NamedTuple):
     """m triangles as seen from a point.
 
     vertex: (v, 3), from that point (of a parallel light: from the eye) along the camera's axes, in the float buffers'
-    unit; face: (m, 3), three vertices each; first: the index of the first triangle as a primitive.
+    unit; face: (m, 3), three vertices each; first: the index of the first triangle as a primitive; which: (m,), their
+    numbers, if they are some of those triangles, else None; sight: what sees most of them elsewhere, None for nothing.
     """
 
     vertex: Array
     face: NDArray[np.int32]
     first: int
+    which: NDArray[np.int32] | None = None
+    sight: Sight | None = None
+
+    def primitives(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
+        """The indices of some of the triangles as primitives."""
+        return (triangle if self.which is None else self.which[triangle]) + np.int32(self.first)
+
+    def of(self, mask: Mask) -> Mask:
+        """(m,): what a mask of all primitives says of the triangles."""
+        return mask[self.first :] if self.which is None else mask[self.first + self.which]
+
+    def some(self, which: NDArray[np.int32]) -> Corners:
+        """Only these triangles, and their vertices."""
+        vertex, face = np.unique(self.face[which], return_inverse=True)
+        return Corners(self.vertex[vertex], face.reshape(-1, 3).astype(np.int32), self.first, which)
 
 
 class Pane(NamedTuple):
@@ -60,6 +76,36 @@ class Pane(NamedTuple):
         """The largest size of a slope in the pyramid that polygons are clipped to."""
         across, up = (abs(m) + GUARD * h for m, h in zip(self.middle, self.half, strict=True))
         return across, up
+
+
+class Shown(Protocol):
+    """Polygons that are kept elsewhere: most triangles that a window may show.
+
+    members: how many; rest: the other ones, which are left to polygons(); edges: (2, 4), the outermost left, right, low
+    and high edge, first of all of them, then of those where shadow rays end; nearest, furthest: bounds of the squared
+    distances of the latter.
+    """
+
+    members: int
+    rest: NDArray[np.int32]
+    edges: Array
+    nearest: float
+    furthest: float
+
+    def areas(self, stride: int) -> NDArray[np.float32]:
+        """The areas, on the plane, of those whose indices as primitives `stride` divides."""
+
+    def on(self, place: Place) -> Held:
+        """Those of them that are entered on a grid."""
+
+
+class Sight(Protocol):
+    """A point that sees triangles, elsewhere, as polygons() does in float32."""
+
+    def see(self, axes: Array, sides: Sequence[int], pane: Pane, among: Mask, receiver: Mask) -> Sequence[Shown]:
+        """What sides of a cube show. axes: (3, 3), of the cube; sides: their indices, 2 k along axis k and 2 k + 1
+        against it, each of which has the next two axes across and up; among: (m,), which triangles are asked for;
+        receiver: (m,), where shadow rays may end."""
 
 
 class Polygons(NamedTuple):
@@ -141,10 +187,6 @@ def _on_plane(axes: Reals, pane: Pane) -> _Points:
     """axes: (3, v), the coordinates of vertices."""
     x, y, d = axes
     real = axes.dtype.type
-    beyond = _all_beyond(axes, pane)
-    if beyond:
-        nothing = np.zeros_like(x)
-        return _Points(nothing, nothing, nothing, np.full(len(x), beyond, np.uint8))
     # `size` is what the doubles may be off by; the other term of `loose`, what is rounded here. A vertex that is
     # beyond a side by more is beyond it. One that is not has |x| <= (|middle| + half) |d| for that side, to which the
     # roundings of x - middle d are relative; of one that is far beyond, they are relative to x itself.
@@ -169,18 +211,17 @@ def _on_plane(axes: Reals, pane: Pane) -> _Points:
     return _Points(placed[0], placed[1], x * x + y * y + d * d, code)
 
 
-def _all_beyond(axes: Reals, pane: Pane) -> int:
-    """The bits of those sides of the window that all vertices, (3, v), are beyond, as the box around them is; with
-    BEYOND, unless they are none."""
-    code, bounds = 0, [(float(axis.min()), float(axis.max())) for axis in axes]
+def _all_beyond(axes: Reals, pane: Pane) -> bool:
+    """Whether all vertices, (3, v), are beyond one side of the window, as the box around them is."""
+    bounds = [(float(axis.min()), float(axis.max())) for axis in axes]
     size = max(abs(bound) for pair in bounds for bound in pair)
     for k, (least, most) in enumerate(bounds[:2]):
         middle, half = pane.middle[k], pane.half[k]
         loose = 2 * SLACK * size * (1 + abs(middle) + half)
-        for bit, nearest, edge in ((1, least, half + middle), (2, -most, half - middle)):
+        for nearest, edge in ((least, half + middle), (-most, half - middle)):
             if nearest > max(edge * depth for depth in bounds[2]) + loose:
-                code |= bit << (2 * k)
-    return code | BEYOND if code else 0
+                return True
+    return False
 
 
 def _direct(

@@ -1,0 +1,533 @@
+/* polygons.cl: triangles as polygons on a plane, as the eye or a light at a point sees them, and the cells that they
+ * cover: shapes/polygon.py and accel/{cells,tiles,light_buffer}.py of cltrace/plan, where all bounds are derived, with
+ * the same arithmetic in the same order.
+ *
+ * A point is four ints: the bits of a vertex's coordinates along three axes, as floats, and five bits for each side of
+ * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): see _Points. A picture
+ * is side AHEAD. Triangles with a corner beyond the pyramid, or too large, are left to the host.
+ */
+#define SIDE_BITS 5
+#define BEYOND 16
+#define OUTSIDE 15
+
+/* What is seen through. middle, halves: of Pane; loose: SLACK (|middle| + half), size: 1 + |middle| + half; scale, shift: of Pane;
+ * over: 1 / scale. */
+typedef struct {
+    float middle[2], halves[2], loose[2], size[2], scale[2], shift[2], over[2];
+} Pane;
+
+/* Every vertex as points of the sides whose bits are set. a, b, c: the axes. */
+__kernel void look_at_vertices(
+    const int n,
+    const int sides,
+    const double4 a,
+    const double4 b,
+    const double4 c,
+    __constant Pane *pane,
+    __global const double *restrict vertex,
+    __global int *restrict point
+) {
+    FOR_EACH_PACKET(i, n) {
+        const REAL x = column(vertex, 3, n, i), y = column(vertex + 1, 3, n, i), z = column(vertex + 2, 3, n, i);
+        const FLOAT place[3] = {
+            TO_FLOAT(turned_along(a, x, y, z)), TO_FLOAT(turned_along(b, x, y, z)), TO_FLOAT(turned_along(c, x, y, z))
+        };
+        INT code = 0;
+        for (int side = 0; side < 6; side++) {
+            if (!(sides >> side & 1))
+                continue;
+            const FLOAT ahead = place[side / 2], d = side % 2 ? -ahead : ahead, depth = fabs(d);
+            const FLOAT across[2] = {place[(side / 2 + 1) % 3], place[(side / 2 + 2) % 3]};
+            const FLOAT size = ((fabs(across[0]) + fabs(across[1])) + depth) * 0x1p-46f;
+            MASK beyond = !(d > 0x1p-40f);
+            for (int k = 0; k < 2; k++) {
+                const FLOAT loose = depth * pane->loose[k] + size * pane->size[k];
+                const FLOAT aside = across[k] - d * pane->middle[k], reach = d * pane->halves[k];
+                code |= (aside > reach + loose) ? (INT)(1 << (SIDE_BITS * side + 2 * k)) : (INT)0;
+                code |= (-aside > reach + loose) ? (INT)(2 << (SIDE_BITS * side + 2 * k)) : (INT)0;
+                beyond |= !(fabs(aside) <= reach * 2);
+            }
+            code |= beyond ? (INT)(BEYOND << (SIDE_BITS * side)) : (INT)0;
+        }
+        int lane[4][W];
+        for (int k = 0; k < 3; k++)
+            STORE_LANES(AS(int, place[k]), lane[k]);
+        STORE_LANES(code, lane[3]);
+        for (int k = 0; k < W; k++)
+            vstore4((int4)(lane[0][k], lane[1][k], lane[2][k], lane[3][k]), i + k, point);
+    }
+}
+
+/* The corners of W triangles: the axes of each, and the bits. */
+typedef struct {
+    FLOAT place[3][3];
+    INT code[3];
+} Corners;
+
+INLINE Corners corners_of(
+    __global const int *restrict point, __global const int *restrict face, const int first, const int stride, const int count,
+    const int i
+) {
+    int lane[12][W];
+    for (int k = 0; k < W; k++) {
+        const long triangle = first + (long)stride * min(i + k, count - 1);
+        for (int c = 0; c < 3; c++) {
+            const int4 p = vload4(face[4 * triangle + c], point);
+            lane[4 * c][k] = p.x, lane[4 * c + 1][k] = p.y, lane[4 * c + 2][k] = p.z, lane[4 * c + 3][k] = p.w;
+        }
+    }
+    Corners at;
+    for (int c = 0; c < 3; c++) {
+        for (int k = 0; k < 3; k++)
+            at.place[c][k] = AS(float, LOAD_LANES(lane[4 * c + k]));
+        at.code[c] = LOAD_LANES(lane[4 * c + 3]);
+    }
+    return at;
+}
+
+/* Which of W triangles a mask has. The rest: of corners_of(). */
+INLINE MASK those_of(__global const char *restrict mask, const int first, const int stride, const int count, const int i) {
+    int lane[W];
+    for (int k = 0; k < W; k++)
+        lane[k] = i + k < count ? mask[first + (long)stride * (i + k)] : 0;
+    return LOAD_LANES(lane) != 0;
+}
+
+/* Which of W triangles a side may show. */
+INLINE MASK may_be_seen(const Corners at, const int side) {
+    return ((at.code[0] & at.code[1] & at.code[2]) >> (SIDE_BITS * side) & OUTSIDE) == 0;
+}
+
+INLINE MASK is_inside(const Corners at, const int side) {
+    return ((at.code[0] | at.code[1] | at.code[2]) >> (SIDE_BITS * side) & BEYOND) == 0;
+}
+
+/* Polygons with all corners within the pyramid: across and up, left, right, low and high, the squared distance of the
+ * nearest and of the furthest point, and whether the host is to find the former. */
+typedef struct {
+    FLOAT corner[2][3], edge[4], near, far;
+    MASK large;
+} Polygon;
+
+#define LESS(a, b) ((a) < (b) ? (a) : (b))
+
+INLINE Polygon polygon_of(const Corners at, const int side, __constant Pane *pane) {
+    Polygon p;
+    FLOAT square[3];
+    const int right = (side / 2 + 1) % 3, up = (side / 2 + 2) % 3;
+    for (int c = 0; c < 3; c++) {
+        const FLOAT x = at.place[c][right], y = at.place[c][up], d = side % 2 ? -at.place[c][side / 2] : at.place[c][side / 2];
+        const FLOAT over = 1 / d;
+        p.corner[0][c] = (x * over) * pane->scale[0] + pane->shift[0];
+        p.corner[1][c] = (y * over) * pane->scale[1] + pane->shift[1];
+        square[c] = (x * x + y * y) + d * d;
+    }
+    for (int k = 0; k < 2; k++) {
+        p.edge[2 * k] = LESS(LESS(p.corner[k][0], p.corner[k][1]), p.corner[k][2]);
+        p.edge[2 * k + 1] = LARGER(LARGER(p.corner[k][0], p.corner[k][1]), p.corner[k][2]);
+    }
+    const FLOAT least = LESS(LESS(square[0], square[1]), square[2]), most = LARGER(LARGER(square[0], square[1]), square[2]);
+    const FLOAT wide = (p.edge[1] - p.edge[0]) * pane->over[0], high = (p.edge[3] - p.edge[2]) * pane->over[1];
+    const FLOAT apart = most - least,
+                spread = ((apart * apart) / (4 * least) + most * (wide * wide + high * high)) * (float)(1.0 / 3);
+    p.near = least * (float)(1 - 0x1p-16) - spread;
+    p.far = most * (float)(1 + 0x1p-10);
+    p.large = spread > least * 0.0625f;
+    return p;
+}
+
+/* What is noted of a side: the outermost edges of all polygons, left and low ones negative, the same of those where
+ * shadow rays may end, minus the nearest depth of these, the furthest one, and how many polygons there are. */
+#define EXTENTS_OF_SIDE 11
+
+/* What the sides show whose bits are set. rest: for each side, how many triangles are left to the host, and which;
+ * part: for each work-item EXTENTS_OF_SIDE numbers for each of six sides. */
+__kernel void see_polygons(
+    const int m,
+    const int sides,
+    __constant Pane *pane,
+    __global const int *restrict point,
+    __global const int *restrict face,
+    __global const char *restrict among,
+    __global const char *restrict receiver,
+    __global int *restrict rest,
+    __global float *restrict part
+) {
+    FLOAT most[6][EXTENTS_OF_SIDE - 1];
+    INT members[6];
+    for (int side = 0; side < 6; side++) {
+        members[side] = 0;
+        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++)
+            most[side][k] = -INFINITY;
+    }
+    FOR_EACH_PACKET(i, m) {
+        const Corners at = corners_of(point, face, 0, 1, m, i);
+        const MASK asked = those_of(among, 0, 1, m, i), end = those_of(receiver, 0, 1, m, i);
+        for (int side = 0; side < 6; side++) {
+            if (!(sides >> side & 1))
+                continue;
+            const MASK wanted = asked & may_be_seen(at, side);
+            if (!ANY(wanted))
+                continue;
+            const Polygon p = polygon_of(at, side, pane);
+            const MASK done = wanted & is_inside(at, side) & !p.large;
+            if (RARELY(ANY(wanted & !done))) {
+                int lane[W];
+                STORE_LANES((wanted & !done) ? (INT)1 : (INT)0, lane);
+                __global int *list = rest + side * (m + 1L);
+                for (int k = 0; k < W; k++)
+                    if (lane[k])
+                        list[1 + atomic_inc(list)] = i + k;
+            }
+            members[side] += done ? (INT)1 : (INT)0;
+            for (int k = 0; k < 4; k++) {
+                const FLOAT outer = k % 2 ? p.edge[k] : -p.edge[k];
+                most[side][k] = (done & (outer > most[side][k])) ? outer : most[side][k];
+                most[side][4 + k] = (done & end & (outer > most[side][4 + k])) ? outer : most[side][4 + k];
+            }
+            most[side][8] = (done & end & (-p.near > most[side][8])) ? -p.near : most[side][8];
+            most[side][9] = (done & end & (p.far > most[side][9])) ? p.far : most[side][9];
+        }
+    }
+    for (int side = 0; side < 6; side++) {
+        __global float *note = part + EXTENTS_OF_SIDE * (6 * get_global_id(0) + side);
+        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++)
+            note[k] = largest_lane(TO_REAL(most[side][k]));
+        note[EXTENTS_OF_SIDE - 1] = sum_of_lanes(TO_LONG(members[side]));
+    }
+}
+
+INLINE FLOAT area_of(const FLOAT *x, const FLOAT *y) {
+    return fabs((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])) / 2;
+}
+
+INLINE FLOAT between(const FLOAT x, const int low, const int high) {
+    const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
+    return above > (FLOAT)high ? (FLOAT)high : above;
+}
+
+/* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window.
+ * A light's: axis: for each axis where the window begins, where it ends, what leads to cells, and the last cell; slack:
+ * relative to an edge; loose: what edges are off by beside that; furthest: where the last ray ends; low, scale: lead from
+ * the plane to cells; off: what cells are off by.
+ * A picture's: axis: the first pixel of each axis, and the one after the last; loose: what edges are off by, and off. */
+typedef struct {
+    double axis[2][4], slack, loose, low[2], scale[2], off;
+    float furthest, price;
+    int pixels, levels;
+} Place;
+
+/* Which cells polygons cover: first column and row, how many more; those that do; area, width plus height, in cells. */
+typedef struct {
+    INT begin[2], more[2];
+    MASK within, sprawls;
+    FLOAT area, sides;
+    REAL corner[2][3];
+} Covered;
+
+INLINE Covered cells_under(const Polygon p, const MASK seen, __constant Place *place) {
+    Covered c;
+    c.within = seen;
+    for (int k = 0; k < 2; k++) {
+        if (place->pixels) {
+            const int shift = 31 - clz(place->pixels), first = place->axis[k][0], stop = place->axis[k][1];
+            const float off = place->loose;
+            const FLOAT begin = between(ceil(p.edge[2 * k] - off), first, stop),
+                        end = between(floor(p.edge[2 * k + 1] + off), first - 1, stop - 1);
+            c.within &= begin <= end;
+            c.begin[k] = TO_INT(begin) >> shift;
+            c.more[k] = (TO_INT(end) >> shift) - c.begin[k];
+        } else {
+            const REAL low = TO_REAL(p.edge[2 * k]) - place->loose, high = TO_REAL(p.edge[2 * k + 1]) + place->loose;
+            const REAL loose = place->slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
+            __constant double *axis = place->axis[k];
+            const REAL first = (begin - axis[0]) * axis[2] - 0.015625, last = (end - axis[0]) * axis[2] + 0.015625;
+            const REAL from = first < 0 ? (REAL)0 : first > axis[3] ? (REAL)axis[3] : first;
+            const REAL to = last < 0 ? (REAL)0 : last > axis[3] ? (REAL)axis[3] : last;
+            c.within &= TO_MASK((end >= axis[0]) & (begin <= axis[1]));
+            c.begin[k] = TO_INT(from);
+            c.more[k] = TO_INT(to) - c.begin[k];
+        }
+    }
+    if (!place->pixels)
+        c.within &= p.near < place->furthest;
+    const FLOAT wide = TO_FLOAT(c.more[0]), high = TO_FLOAT(c.more[1]);
+    c.sprawls = c.within & (c.more[0] > 0) & (c.more[1] > 0);
+    FLOAT x[3], y[3];
+    for (int j = 0; j < 3; j++) {
+        for (int k = 0; k < 2; k++)
+            c.corner[k][j] = (TO_REAL(p.corner[k][j]) - place->low[k]) * place->scale[k];
+        x[j] = TO_FLOAT(c.corner[0][j]), y[j] = TO_FLOAT(c.corner[1][j]);
+    }
+    const float pixels = max(1, place->pixels);
+    const FLOAT exact = area_of(x, y) / (pixels * pixels), area = wide * high;
+    c.area = (c.sprawls & (exact < area)) ? exact : area;
+    c.sides = wide + high;
+    return c;
+}
+
+/* The sizes of some triangles, from the first one on, one in `stride`: two numbers each, -1 where it is not entered. With
+ * levels: area, width plus height in cells; else: the area on the plane. */
+__kernel void sample_polygons(
+    const int count,
+    const int first,
+    const int stride,
+    const int side,
+    __constant Pane *pane,
+    __constant Place *place,
+    __global const int *restrict point,
+    __global const int *restrict face,
+    __global const char *restrict among,
+    __global float *restrict size
+) {
+    FOR_EACH_PACKET(i, count) {
+        const Corners at = corners_of(point, face, first, stride, count, i);
+        const Polygon p = polygon_of(at, side, pane);
+        MASK seen = those_of(among, first, stride, count, i) & may_be_seen(at, side) & is_inside(at, side) & !p.large;
+        FLOAT area = area_of(p.corner[0], p.corner[1]), sides = 0;
+        if (place->levels) {
+            const Covered c = cells_under(p, seen, place);
+            seen = c.within, area = c.area, sides = c.sides;
+        }
+        WRITE_ROWS_2(float, ((__global float2 *)size), i, seen ? area : (FLOAT)-1, sides);
+    }
+}
+
+/* An outline is eight numbers: three corners in cells, across and up each, what they are off by, and the bits of the
+ * triangle's index. */
+#define OUTLINE 8
+/* This is added to the level of a triangle that has one. */
+#define OUTLINED 32
+
+/* Enters triangles: level -1 where one is not entered. outlines: how many there are. For each work-item: which levels
+ * are used, as bits, the last triangle, how many are entered, and how many entries those without outlines take. */
+__kernel void place_polygons(
+    const int m,
+    const int pitch,
+    const int side,
+    __constant Pane *pane,
+    __constant Place *place,
+    __global const int *restrict point,
+    __global const int *restrict face,
+    __global const char *restrict among,
+    __global short *restrict covers,
+    __global float *restrict near,
+    __global char *restrict level_of,
+    __global int *restrict outlines,
+    __global float *restrict outline,
+    __global long *restrict part
+) {
+    int used = 0, last = -1;
+    long members = 0, entries = 0;
+    FOR_EACH_PACKET(i, m) {
+        const Corners at = corners_of(point, face, 0, 1, m, i);
+        const MASK wanted = those_of(among, 0, 1, m, i) & may_be_seen(at, side) & is_inside(at, side);
+        Polygon p;
+        Covered c;
+        if (ANY(wanted)) {
+            p = polygon_of(at, side, pane);
+            c = cells_under(p, wanted & !p.large, place);
+        }
+        if (!ANY(wanted) || !ANY(c.within)) {
+            store_flags((INT)-1, level_of + i);
+            continue;
+        }
+        INT level = 0;
+        for (int k = 1; k < place->levels; k++) {
+            const float finer = 1 << (k - 1), cell = 1 << k;
+            const FLOAT looks = c.sides * finer + 3 * finer * finer,
+                        won = place->price * (c.area * (3 / (cell * cell)) + c.sides * (1 / cell));
+            const MASK up = c.within & (c.sides > 0) & (looks <= won);
+            if (!ANY(up))
+                break;
+            level += up ? (INT)1 : (INT)0;
+        }
+        store_short(c.begin[0], covers + i);
+        store_short(c.begin[1], covers + pitch + i);
+        store_short(c.more[0], covers + 2L * pitch + i);
+        store_short(c.more[1], covers + 3L * pitch + i);
+        STORE_LANES(p.near, near + i);
+        int lane[W], within[W];
+        STORE_LANES(level, lane);
+        STORE_LANES(c.within ? (INT)1 : (INT)0, within);
+        for (int k = 0; k < W; k++)
+            if (within[k])
+                used |= 1 << lane[k], last = i + k, members++;
+        const INT columns = ((c.begin[0] + c.more[0]) >> level) - (c.begin[0] >> level) + 1,
+                  rows = ((c.begin[1] + c.more[1]) >> level) - (c.begin[1] >> level) + 1;
+        entries += sum_of_lanes(TO_LONG((c.within & !c.sprawls) ? columns * rows : (INT)0));
+        store_flags(c.within ? (c.sprawls ? level + OUTLINED : level) : (INT)-1, level_of + i);
+        if (!ANY(c.sprawls))
+            continue;
+        REAL most = 0;
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 2; k++)
+                most = fabs(c.corner[k][j]) > most ? fabs(c.corner[k][j]) : most;
+        float number[7][W];
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 2; k++)
+                STORE_LANES(TO_FLOAT(c.corner[k][j]), number[2 * j + k]);
+        STORE_LANES(-rounded_down(-(place->off + SLACK * most)), number[6]);
+        STORE_LANES(c.sprawls ? (INT)1 : (INT)0, within);
+        for (int k = 0; k < W; k++) {
+            if (!within[k])
+                continue;
+            __global float *out = outline + (long)OUTLINE * atomic_inc(outlines);
+            for (int j = 0; j < 7; j++)
+                out[j] = number[j][k];
+            out[7] = as_float(i + k);
+        }
+    }
+    __global long *note = part + 4 * get_global_id(0);
+    note[0] = used, note[1] = last, note[2] = members, note[3] = entries;
+}
+
+/* A polygon's cells in rows of them. x, y: where its sides begin, lower end first, end_y, slope: where they end. */
+typedef struct {
+    float x[3], y[3], end_y[3], slope[3], loose, side, gap;
+    int left, top, right, bottom, level;
+    bool pixels;
+} Outline;
+
+static Outline outline_of(
+    __global const float *restrict at,
+    const int pixels,
+    const int pitch,
+    __global const short *restrict covers,
+    __global const char *restrict level_of
+) {
+    Outline o;
+    const int i = as_int(at[7]);
+    o.level = level_of[i] - OUTLINED;
+    o.left = covers[i] >> o.level, o.right = (covers[i] + covers[2L * pitch + i]) >> o.level;
+    o.top = covers[pitch + i] >> o.level, o.bottom = (covers[pitch + i] + covers[3L * pitch + i]) >> o.level;
+    o.loose = at[6], o.side = max(1, pixels) << o.level, o.gap = pixels > 0, o.pixels = pixels > 0;
+    for (int k = 0; k < 3; k++) {
+        const int next = 2 * ((k + 1) % 3);
+        const bool falls = at[2 * k + 1] > at[next + 1];
+        const int begin = falls ? next : 2 * k, end = falls ? 2 * k : next;
+        o.x[k] = at[begin], o.y[k] = at[begin + 1], o.end_y[k] = at[end + 1];
+        const bool flat = o.end_y[k] - o.y[k] < 0x1p-10f;
+        o.slope[k] = flat ? 0 : (at[end] - o.x[k]) / (o.end_y[k] - o.y[k]);
+    }
+    return o;
+}
+
+/* The first and the last cell of a row, none if the former is larger. */
+static int2 run_of(const Outline *o, const int row, __constant Levels *levels) {
+    const float low = row * o->side - o->loose, up = low + ((o->side + 2 * o->loose) - o->gap);
+    float least = INFINITY, most = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const float begin = LARGER(low, o->y[k]), stop = LESS(up, o->end_y[k]);
+        if (begin > stop)
+            continue;
+        const float x = o->x[k] + (begin - o->y[k]) * o->slope[k], end = x + (stop - begin) * o->slope[k];
+        least = LESS(LESS(least, x), end);
+        most = LARGER(LARGER(most, x), end);
+    }
+    least -= o->loose;
+    most += o->loose;
+    if (o->pixels)
+        least = ceil(least);
+    if (!(least <= most))
+        return (int2)(1, 0);
+    const float first = least / o->side, last = most / o->side;
+    const int begin = first < o->left ? o->left : first > o->right + 1 ? o->right + 1 : first;
+    const int end = last < o->left - 1 ? o->left - 1 : last > o->right ? o->right : last;
+    const int cell = levels->base[o->level] + row * levels->pitch[o->level];
+    return (int2)(cell + begin, cell + end);
+}
+
+/* How many entries each cell has of polygons with outlines; for each work-item, how many in all. */
+__kernel void count_outlines(
+    const int n,
+    const int pitch,
+    const int pixels,
+    __constant Levels *levels,
+    __global const float *restrict outline,
+    __global const short *restrict covers,
+    __global const char *restrict level_of,
+    volatile __global int *count,
+    __global long *restrict part
+) {
+    long entries = 0;
+    FOR_EACH_SPHERE(i, n) {
+        const Outline o = outline_of(outline + (long)OUTLINE * i, pixels, pitch, covers, level_of);
+        for (int row = o.top; row <= o.bottom; row++) {
+            const int2 run = run_of(&o, row, levels);
+            for (int cell = run.x; cell <= run.y; cell++, entries++)
+                atomic_inc(count + cell);
+        }
+    }
+    part[get_global_id(0)] = entries;
+}
+
+/* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
+__kernel void scatter_outlines(
+    const int n,
+    const int pitch,
+    const int pixels,
+    const int index,
+    const int first,
+    const uint mask,
+    __constant Levels *levels,
+    __global const float *restrict outline,
+    __global const short *restrict covers,
+    __global const char *restrict level_of,
+    __global const float *restrict near,
+    volatile __global int *next,
+    __global ulong *restrict entry
+) {
+    FOR_EACH_SPHERE(i, n) {
+        __global const float *at = outline + (long)OUTLINE * i;
+        const Outline o = outline_of(at, pixels, pitch, covers, level_of);
+        const int triangle = as_int(at[7]);
+        const ulong key = key_of(near[triangle], mask, index + triangle);
+        for (int row = o.top; row <= o.bottom; row++) {
+            const int2 run = run_of(&o, row, levels);
+            for (int cell = run.x; cell <= run.y; cell++)
+                entry[atomic_inc(next + cell) - first] = key;
+        }
+    }
+}
+
+/* How many entries each cell has of polygons without outlines, and these. */
+__kernel void count_polygons(
+    const int n,
+    const int pitch,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const short *restrict covers,
+    volatile __global int *count
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[i];
+        if (level < 0 || level >= OUTLINED)
+            continue;
+        FOR_EACH_CELL(cell, i, level)
+            atomic_inc(count + cell);
+    }
+}
+
+__kernel void scatter_polygons(
+    const int n,
+    const int pitch,
+    const int index,
+    const int first,
+    const uint mask,
+    __constant Levels *levels,
+    __global const char *restrict level_of,
+    __global const short *restrict covers,
+    __global const float *restrict near,
+    volatile __global int *next,
+    __global ulong *restrict entry
+) {
+    FOR_EACH_SPHERE(i, n) {
+        const int level = level_of[i];
+        if (level < 0 || level >= OUTLINED)
+            continue;
+        const ulong key = key_of(near[i], mask, index + i);
+        FOR_EACH_CELL(cell, i, level)
+            entry[atomic_inc(next + cell) - first] = key;
+    }
+}
