@@ -21,7 +21,7 @@ from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.progress import bar
 from cltrace.run.devices import Device, check_process, choose, is_all
 from cltrace.run.executor import WIDTHS, Executor, Frame
-from cltrace.run.maker import Maker, maker_of
+from cltrace.run.maker import Maker, maker_of, order_on
 from cltrace.scene import AnyCamera, Scene, colors_given, with_spheres
 
 
@@ -90,7 +90,8 @@ class Renderer:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
         start = time.perf_counter()
         self._lock = threading.Lock()
-        self._world = World.of(scene, self.request)
+        order_of = order_on(self.device, len(scene.columns), self.precision)
+        self._world = World.of(scene, self.request, None, order_of)
         self._maker: Maker | None = None
         self._see(scene, start)
 
@@ -220,7 +221,8 @@ class Renderer:
         old, world, executor, view = self.scene, self._world, self._executor, None
         if not _is_seen_anew(old, scene):
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
-            self._world = World.of(scene, self.request, Before(old, world) if alike else None)
+            order_of = order_on(self.device, len(scene.columns), self.precision)
+            self._world = World.of(scene, self.request, Before(old, world) if alike else None, order_of)
             if alike and scene.camera == old.camera and self._world.differs_in_materials(world):
                 view = self._view
         self._see(scene, start, executor, view)

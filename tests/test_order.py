@@ -7,6 +7,8 @@ import pytest
 
 from cltrace.plan import order
 from cltrace.plan.order import spatial_order, step
+from cltrace.run.devices import Device
+from cltrace.run.order import Order
 
 
 @pytest.mark.parametrize("processors", [1, 2, 7])
@@ -39,3 +41,22 @@ def test_some_of_many_points_are_in_the_order_that_they_have_alone() -> None:
     rng = np.random.default_rng(3)
     center, which = rng.normal(size=(500, 3)), rng.integers(0, 500, 2**16 + 7).astype(np.int32)
     assert np.array_equal(spatial_order(center, which), spatial_order(center.take(which, axis=0)))
+
+
+@pytest.mark.parametrize("points", ["apart", "in pairs", "in one place", "in a plane", "far apart"])
+def test_a_device_finds_the_same_order(device: Device, points: str) -> None:
+    sort, rng = Order.on(device, "accurate"), np.random.default_rng(5)
+    if sort is None:
+        pytest.skip("numpy sorts for this device")
+    for n in (1, 2, 1000, 30_011):
+        center = rng.normal(size=(n, 3))
+        if points == "in pairs":
+            center[n // 2 :] = center[: n - n // 2]
+        if points == "in one place":
+            center[:] = 1
+        if points == "in a plane":
+            center[:, 1] = -0.0
+        if points == "far apart":
+            center *= 10 ** rng.uniform(-300, 308, (n, 1)) / 10
+        for places in (center, center.astype(np.float32)) if points != "far apart" else (center,):
+            assert np.array_equal(sort(places), spatial_order(places)), (n, places.dtype)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -13,6 +13,28 @@ from cltrace.blocks import BLOCK, blockwise, concurrently, empty, processors
 
 # One in so many spheres is looked at to know how good an order is.
 SAMPLE = 16
+
+
+class Curve(NamedTuple):
+    """How n points (x, y, z) become the whole numbers that are sorted.
+
+    From the top, each has `bits` bits of each coordinate in turn, then the point's index, which has index_bits.
+    A coordinate is (x / 2 - low / 2) * scale, as a whole number, of low (3,).
+    """
+
+    low: NDArray[np.float64]
+    scale: float
+    bits: int
+    index_bits: int
+
+    @classmethod
+    def of(cls, n: int, low: NDArray[np.float64], high: NDArray[np.float64]) -> Curve:
+        """low, high: (3,), the ends of the points' coordinates."""
+        # Halves, as the difference of two doubles may overflow.
+        size = max(1e-300, float((high / 2 - low / 2).max()))
+        index_bits = (n - 1).bit_length()
+        bits = (63 - index_bits) // 3
+        return cls(low, (2**bits - 1) / size, bits, index_bits)
 
 
 def spatial_order(center: NDArray[Any], which: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
@@ -26,17 +48,12 @@ def spatial_order(center: NDArray[Any], which: NDArray[np.int32] | None = None) 
         return _axes(center[block] if which is None else center.take(which[block], axis=0))
 
     ends = blockwise(n, lambda block: [(x.min(), x.max()) for x in axes(block)])
-    low, high = np.min(ends, axis=0)[:, 0].tolist(), np.max(ends, axis=0)[:, 1].tolist()
-    # Halves, as the difference of two doubles may overflow.
-    size = max(1e-300, *(most / 2 - least / 2 for most, least in zip(high, low, strict=True)))
-    # One whole number for each point is sorted. From the top it has the bits of the three coordinates in turn, then the
-    # point's index.
-    index_bits = (n - 1).bit_length()
-    bits = (63 - index_bits) // 3
+    curve = Curve.of(n, np.min(ends, axis=0)[:, 0], np.max(ends, axis=0)[:, 1])
+    low, scale, bits, index_bits = curve.low, curve.scale, curve.bits, curve.index_bits
     every_third = np.zeros(2**bits, np.int64)
     for bit in range(bits):
         every_third |= (np.arange(2**bits) >> bit & 1) << 3 * bit + index_bits
-    scale, key = (2**bits - 1) / size, np.arange(n)
+    key = np.arange(n)
 
     def interleave(block: slice) -> None:
         for k, x in enumerate(axes(block)):

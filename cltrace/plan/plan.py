@@ -43,6 +43,7 @@ from cltrace.scene import AMBIENT, PARALLEL, AnyCamera, Scene, Vector
 # From so many spheres on, they are sorted by place. A shell of 100,000 then takes 27 ms a frame instead of 37. One of
 # 10,000 takes 10 either way, as all that a picture needs stays in a cache.
 MANY = 4096
+OrderOf = Callable[[NDArray[Any]], NDArray[np.int32]]
 # Up to so many times as far as at first may neighbours in an order be from each other before it is made anew.
 WORSE = 2.0
 
@@ -93,14 +94,16 @@ class World:
         return np.asarray(bounce[self.material_of[:n], 1] == 0) if len(bounce) else np.ones(n, bool)
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: Before | None = None) -> World:
+    def of(
+        cls, scene: Scene, request: Request, before: Before | None = None, order_of: OrderOf = spatial_order
+    ) -> World:
         """The world of a scene. Many spheres are sorted by place, so that neighbours are near each other in memory.
 
         before: a world of another scene with as many meshes, for the same request. What they have in common is taken
-        from it, and the spheres' order, if it is still good.
+        from it, and the spheres' order, if it is still good. order_of: what finds the order that spatial_order() does.
         """
         columns, keep = scene.columns, request.keep
-        places = _places(scene, request, before)
+        places = _places(scene, request, before, order_of)
         center, radius, order = places.center, places.radius, places.order
         known = before.world if before and before.world.center is center else None
         sided = bool(scene.meshes) and may_bounce(scene, request)
@@ -188,8 +191,8 @@ class _Places(NamedTuple):
     radius: Array
 
 
-def _places(scene: Scene, request: Request, before: Before | None) -> _Places:
-    """Where the spheres are. before: see World.of()."""
+def _places(scene: Scene, request: Request, before: Before | None, order_of: OrderOf) -> _Places:
+    """Where the spheres are. before, order_of: see World.of()."""
     columns = scene.columns
     n = len(columns)
     by_place = n >= MANY and "order" not in request.keep
@@ -201,7 +204,7 @@ def _places(scene: Scene, request: Request, before: Before | None) -> _Places:
         if by_place and center is not world.center and step(center) > WORSE * far:
             order = None
     if order is None or center is None:
-        order = spatial_order(columns.center) if by_place else np.arange(n, dtype=np.int32)
+        order = order_of(columns.center) if by_place else np.arange(n, dtype=np.int32)
         center = gathered(columns.center, order, (n, 3), np.float64)
         far = step(center) if by_place else 0.0
     if old and world and old.radius is columns.radius and order is world.order:

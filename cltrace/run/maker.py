@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from cltrace.plan.plan import View, World
+from cltrace.plan.abi import Precision
+from cltrace.plan.order import spatial_order
+from cltrace.plan.plan import OrderOf, View, World
 from cltrace.plan.request import Request
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera
@@ -30,6 +32,18 @@ class Maker(Protocol):
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
         """
+
+
+def order_on(device: Device, n: int, precision: Precision) -> OrderOf:
+    """What finds the order in memory of n spheres: the device if they are many, else numpy.
+
+    Raises what maker_of() does.
+    """
+    if n <= MANY:
+        return spatial_order
+    from cltrace.run.order import Order
+
+    return Order.on(device, precision) or spatial_order
 
 
 def maker_of(world: World, request: Request, device: Device, before: Maker | None = None) -> Maker | None:

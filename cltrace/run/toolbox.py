@@ -29,6 +29,7 @@ SOURCES = (
     "pack/cells.cl",
     "pack/facets.cl",
     "pack/polygons.cl",
+    "pack/order.cl",
 )
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
