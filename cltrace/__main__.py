@@ -1,5 +1,6 @@
 """The program `cltrace`, also python -m cltrace."""
 
+import sys
 from typing import NoReturn
 
 from cltrace.start import start
@@ -7,7 +8,15 @@ from cltrace.start import start
 
 def main() -> NoReturn:
     """Runs the command line and leaves with its exit status."""
-    start("cltrace.cli")
+    start("cltrace.cli", _begin_cluster)
+
+
+def _begin_cluster() -> None:
+    """Where a cluster of this machine is asked for, its first process starts beside the imports of this one."""
+    if "--cluster local" in " ".join(sys.argv).replace("=", " "):
+        from cltrace.forks import prepare
+
+        prepare()
 
 
 if __name__ == "__main__":

@@ -17,9 +17,10 @@ from typing import Any, NoReturn
 ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if hasattr(signal, name)]
 
 
-def start(module: str) -> NoReturn:
+def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
     """Runs main() of this module as a program, and leaves with the exit status that it returns.
 
+    first: is called before the module is imported, with the environment that it is imported in.
     Before and after main() there is nothing to be cleaned up, and a signal ends the program at once. At its end the
     program does not wait for Python and the OpenCL drivers to be taken apart, where a signal could still do harm.
     """
@@ -27,7 +28,7 @@ def start(module: str) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     try:
-        status = _main_of(module)()
+        status = _main_of(module, first)()
     except SystemExit as end:  # argparse, after --help and --version
         status = end.code
         if sys.stdout is not None:
@@ -35,12 +36,13 @@ def start(module: str) -> NoReturn:
     os._exit(status or 0)
 
 
-def _main_of(module: str) -> Callable[[], Any]:
+def _main_of(module: str, first: Callable[[], None]) -> Callable[[], Any]:
     """main() of a module, imported in less of a processor's time."""
     # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing. Nor do
     # threads that numpy starts for products of large matrices, and that wait for work by spinning: there are none.
     gc.disable()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    first()
     main = importlib.import_module(module).main
     gc.freeze()
     gc.enable()

@@ -249,6 +249,9 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     ):
         assert cli.main([str(FILE), *more]) == 2
         assert message in capsys.readouterr().err
+    for more in (["-o", "x.png"], ["--orbit", "3", "-o", "x%d.png"]):  # before it looks for the scheduler
+        assert cli.main(["nothing.xml", "--cluster", "nonsense", *more]) == 2
+        assert capsys.readouterr().err.startswith("nothing.xml: ")
     assert not (tmp_path / "x.png").exists()
 
 

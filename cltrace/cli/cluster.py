@@ -8,8 +8,9 @@ import importlib.util
 import logging
 import re
 import signal
+import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,19 @@ from cltrace.cli.picture import options_of
 from cltrace.cli.source import scene_of
 from cltrace.cli.target import targets_of
 from cltrace.errors import DeviceError, MissingPackageError, UsageError
+from cltrace.forks import METHOD, prepare
 from cltrace.picture.image import Image, Output
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
-# Of a local cluster. A profile of what its workers do would cost a hundredth of their time.
-SETTINGS = {"distributed.scheduler.allowed-failures": 2, "distributed.worker.profile.enabled": False}
+# Of a local cluster. What dask watches by default, up to fifty times a second, takes a tenth of a processor.
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": 2,
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "2s",
+    "distributed.worker.multiprocessing-method": METHOD,
+    "distributed.admin.tick.interval": "10s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
 START = 60  # seconds in which the workers of a local cluster are there
 NOT_HERE = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
@@ -40,19 +49,18 @@ def draw_tiles(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         raise UsageError(f"--show {args.show} does not go with --cluster")
     if args.output and (len(args.output) > 1 or "-" in args.output):
         raise UsageError("--cluster takes one -o, of a file")
-    with client_of(args.cluster) as ready:
-        scene = scene_of(args, say)  # while workers start
-        (target,) = targets_of(scene, args, (".png",))
-        outputs: tuple[Output, ...] = ("rgb8",) if args.show == "color" else (args.show,)
-        axes = scene.camera.basis() if args.space == "camera" else None
+    scene = scene_of(args, say)
+    (target,) = targets_of(scene, args, (".png",))
+    outputs: tuple[Output, ...] = ("rgb8",) if args.show == "color" else (args.show,)
+    axes = scene.camera.basis() if args.space == "camera" else None
 
-        def shown(image: Image) -> NDArray[np.uint8]:
-            return np.asarray(image) if args.show == "color" else image.as_rgb8(args.show, axes)
+    def shown(image: Image) -> NDArray[np.uint8]:
+        return np.asarray(image) if args.show == "color" else image.as_rgb8(args.show, axes)
 
+    how = {"tiles": args.tiles, "device": args.device, "progress": False if args.quiet else None}
+    with client_of(args.cluster) as client:
         from cltrace.distributed import render
 
-        how = {"tiles": args.tiles, "device": args.device, "progress": False if args.quiet else None}
-        client = ready()
         try:
             render(scene, client, target, shown=shown, **how, **options_of(args, outputs))
         except ValueError as error:
@@ -64,50 +72,52 @@ def draw_tiles(args: argparse.Namespace, say: Callable[[str], None]) -> int:
 
 
 @contextmanager
-def client_of(spec: str) -> Iterator[Callable[[], Any]]:
-    """What waits for a cluster that has begun to start, and returns a client of it.
+def client_of(spec: str) -> Iterator[Any]:
+    """A client of a cluster, whose workers are there.
 
     spec: the address of a scheduler, the file that it has written, or local:N for N processes here.
 
-    Raises MissingPackageError without the extra `dask`, and DeviceError if there is no such scheduler, and when it is
-    waited for if the workers do not start.
+    Raises MissingPackageError without the extra `dask`, and DeviceError if there is no such scheduler, or the workers
+    do not start.
     """
     if importlib.util.find_spec("distributed") is None:
         raise MissingPackageError("--cluster", "distributed", "dask")
-    dask: Any = importlib.import_module("dask")
+    local = LOCAL.fullmatch(spec)
+    if local:
+        prepare()
     distributed: Any = importlib.import_module("distributed")
-    with ExitStack() as stack:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        if local := LOCAL.fullmatch(spec):
-            count = int(local[1] or processors())
-            stack.enter_context(dask.config.set(SETTINGS))
-            cluster = distributed.LocalCluster(
-                n_workers=0,
-                threads_per_worker=1,
-                memory_limit=1 / count,
-                processes=True,
-                dashboard_address=":0",
-                silence_logs=logging.CRITICAL,
-            )
-            client = stack.enter_context(distributed.Client(stack.enter_context(cluster)))
-            cluster.scale(count)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if local:
+        with _local_client(distributed, int(local[1] or processors())) as client:
+            yield client
+        return
+    try:
+        where = {"scheduler_file": spec} if Path(spec).is_file() else {"address": spec}
+        client = distributed.Client(**where, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        raise DeviceError(f"--cluster {spec}: there is no scheduler: {error}") from None
+    with client:
+        yield client
 
-            def ready() -> Any:
-                try:
-                    client.wait_for_workers(count, timeout=START)
-                except TimeoutError as error:
-                    raise DeviceError(f"--cluster {spec}: its workers do not start: {error}") from None
-                client.run(_leave_ctrl_c_to_the_client)
-                return client
 
-            yield ready
-            return
-        try:
-            where = {"scheduler_file": spec} if Path(spec).is_file() else {"address": spec}
-            client = stack.enter_context(distributed.Client(**where, timeout=10))
-        except (OSError, ValueError, TypeError) as error:
-            raise DeviceError(f"--cluster {spec}: there is no scheduler: {error}") from None
-        yield lambda: client
+@contextmanager
+def _local_client(distributed: Any, count: int) -> Iterator[Any]:
+    """A client of so many processes here, which end with it. Raises DeviceError if they do not start."""
+    dask: Any = importlib.import_module("dask")
+    how = {"threads_per_worker": 1, "memory_limit": 1 / count, "processes": True, "silence_logs": logging.CRITICAL}
+    with (
+        dask.config.set(SETTINGS),
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, **how) as cluster,
+        distributed.Client(cluster, direct_to_workers=True) as client,
+    ):
+        cluster.scale(count)
+        patience = time.monotonic() + START
+        while len(cluster.scheduler.workers) < count:
+            if time.monotonic() > patience:
+                raise DeviceError(f"--cluster local:{count}: its workers do not start in {START} s")
+            time.sleep(0.01)
+        client.run(_leave_ctrl_c_to_the_client)
+        yield client
 
 
 def _leave_ctrl_c_to_the_client() -> None:

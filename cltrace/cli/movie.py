@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,7 @@ def movie(args: argparse.Namespace, say: Say) -> int:
     work = _Work(args, say, options_of(args, outputs))
     work.check_names()
     try:
-        with work.begun():
-            work.draw()
+        work.draw()
     except ValueError as error:
         raise UsageError(str(error)) from None
     except OSError as error:
@@ -87,29 +87,26 @@ class _Work:
     options: dict[str, Any]
     status: int = 0
 
-    @contextmanager
-    def begun(self) -> Iterator[None]:
-        """Starts what draws: the device, or a cluster."""
-        if self.args.cluster is None:
-            self.artist: Artist = Here(self.args.device, self.options)
-            yield
-            return
-        from cltrace.cli.cluster import client_of
-
-        with client_of(self.args.cluster) as ready:
-            from cltrace.distributed.api import FarmArtist
-            from cltrace.distributed.farm import Farm
-
-            with Farm(ready(), self.args.device, self.options) as farm:
-                self.artist = FarmArtist(farm)
-                yield
-
     def draw(self) -> None:
         """Everything that is asked for."""
-        if self.args.orbit is None:
-            self.draw_scenes()
-        else:
-            self.draw_orbits()
+        with ExitStack() as self._begun:
+            if self.args.orbit is None:
+                self.draw_scenes()
+            else:
+                self.draw_orbits()
+
+    @cached_property
+    def artist(self) -> Artist:
+        """What draws: the device, or a cluster. It starts when it is needed, after a scene's faults have been told."""
+        if self.args.cluster is None:
+            return Here(self.args.device, self.options)
+        from cltrace.cli.cluster import client_of
+
+        client = self._begun.enter_context(client_of(self.args.cluster))
+        from cltrace.distributed.api import FarmArtist
+        from cltrace.distributed.farm import Farm
+
+        return FarmArtist(self._begun.enter_context(Farm(client, self.args.device, self.options)))
 
     def check_names(self) -> None:
         """Raises UsageError where -o makes no sense, or two scenes have the same name."""

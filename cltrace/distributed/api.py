@@ -30,6 +30,8 @@ from cltrace.scene import Camera, Scene
 Pixels = NDArray[np.uint8]
 # Tiles for each worker, so that none waits long for the last one.
 TILES = 8
+# Every packet's rows, and the finest tiles', divide it.
+STEP = 4
 # Pixels of a picture whose lists a worker has room for.
 ONCE = 2**27
 
@@ -141,11 +143,12 @@ class FarmArtist:
 def _tiles(scene: Scene, region: Region, count: int) -> Iterator[Task]:
     """Rows of a region, about as many in each tile, from the top.
 
-    A worker packs all of a picture once, unless it is a very large one, whose tiles are packed one by one.
+    They begin at multiples of STEP, as the kernel would draw what is left of a packet for nothing. A worker packs all
+    of a picture once, unless it is a very large one, whose tiles are packed one by one.
     """
     x, y, width, height = region
     once = width * height <= ONCE
-    edges = [y + height * k // count for k in range(count + 1)]
+    edges = [y, *(max(y, (y + height * k // count) // STEP * STEP) for k in range(1, count)), y + height]
     for first, end in pairwise(edges):
         label, tile = f"rows {first} to {end - 1}", (x, first, x + width, end)
         if first < end:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 import warnings
@@ -22,6 +23,8 @@ from cltrace.scene import Scene
 
 # Seconds after which it is looked whether the scheduler is still there.
 PATIENCE = 2.0
+# Seconds for which it is remembered which workers there are.
+SEEN = 0.5
 # Seconds after which a cluster without a worker is given up.
 ALONE = 60.0
 # How often a task is done again.
@@ -75,6 +78,7 @@ class Farm:
         self._options = dict(options)
         self._pending: deque[tuple[Task, Any]] = deque()
         self._base: _Base | None = None
+        self._seen, self._addresses = -math.inf, list[str]()
         with self._gone():
             client.wait_for_workers(1, timeout=60)
             hosts = Counter(address.rpartition(":")[0] for address in self._workers())
@@ -118,7 +122,11 @@ class Farm:
                 yield self._next()
 
     def _workers(self) -> list[str]:
-        return list(self._client.scheduler_info(n_workers=-1)["workers"])
+        """The addresses of the workers, as they were at most SEEN seconds ago."""
+        if time.monotonic() > self._seen + SEEN:
+            self._addresses = list(self._client.scheduler_info(n_workers=-1)["workers"])
+            self._seen = time.monotonic()
+        return self._addresses
 
     def _handed_out(self, task: Task) -> Any:
         """A future of the task's Image. A scene is sent to all workers once, however many cameras look at it."""

@@ -1,0 +1,26 @@
+"""Where the workers of a local cluster come from: forks of one process, which imports what they need while this one is
+still busy with other things. It opens no device, so that each fork can open its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import sys
+import threading
+from multiprocessing import forkserver
+
+# How multiprocessing starts them. Only Linux's libraries are all made for forks.
+METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+
+
+def prepare() -> None:
+    """Starts that process, where there is to be one and it is not there yet."""
+    if METHOD != "forkserver" or threading.current_thread() is not threading.main_thread():
+        return
+    multiprocessing.set_forkserver_preload(["cltrace.distributed.workers"])
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # it inherits that, as Ctrl-C is left to this process
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)
