@@ -101,7 +101,7 @@ def among_each_other(name: str, device: Device, side: int, count: int) -> None:
     """Rays that leave triangles, and those that leave spheres and ellipsoids: `count` of each, and all are right."""
     rays, seed = np.zeros(2, int), 0
     while rays.min() < count:
-        assert seed < 50
+        assert seed < 200
         scene = mixed_scene(name, seed, (side, side))
         image = draw(scene, device, ("id", "primitive", "color"))
         for i, verdict in enumerate(judge_mixed(scene, seen(image), image.color)):
@@ -135,6 +135,14 @@ def test_one_by_one(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_which_lights_reach_them(device: Device, name: str) -> None:
     assert judged(lights(name, device, 16), 5 if name in SPARSE else 200) > 0
+
+
+def test_a_shadow_of_what_is_2_to_the_minus_101_away(device: Device) -> None:
+    """Two triangles have an edge in common; a point of one, 2^-64 of it beside that edge, is in the other's shadow:
+    only whole numbers tell on which side of the other's plane it is."""
+    verdict = lights("eye in a plane", device, 64)(33)
+    assert verdict.rays > 1000
+    assert (verdict.leaks, verdict.phantoms) == (0, 0)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -23,8 +23,9 @@ static INT primitives_of(const Scene scene, const INT index) {
 #if REAL_BYTES == 8
 static FinePath fine_path(const Spheres spheres, const Leaving ray) {
     const INT own = ray.own - (ray.own >= spheres.first ? (INT)spheres.first : (INT)0);
+    const REAL_MASK whole = TO_REAL_MASK((ray.own < 0) | (ray.own >= spheres.first));
     const FinePath path = {ray.center, fine_start(spheres, ray), pairs_in_world(spheres, ray.d), ray.reach, ray.w1,
-                           TO_REAL_MASK((ray.own < 0) | (ray.own >= spheres.first)), ray.d, ray.q, own};
+                           whole, whole, ray.d, ray.q, own};
     return path;
 }
 
@@ -219,7 +220,8 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
 #endif
     const Pair3 step = fine_start(spheres, point);
     const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)}, along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
-    FinePath path = {P.anchor, step, along, P.reach, size_of(to), 0, none, none, P.index};
+    const REAL_MASK placed = TO_REAL_MASK(P.index >= spheres.first);
+    FinePath path = {P.anchor, step, along, P.reach, size_of(to), 0, placed, none, P.q, P.index - (INT)spheres.first};
     if (at_point) {
         const Pair3 way = pairs_between(to, P.anchor);
         path.anchor = to;
@@ -229,6 +231,7 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
         path.w.z = plus(way.z, step.z);
         path.reach = 0;
         path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+        path.placed = 0;
     }
     const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
     if (!at_point) return fine.hit;
@@ -241,10 +244,8 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
     const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
     REAL beyond_it = sign_from(side.hi, 0x1p-97 * size * gh);
     /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
-    const MASK unsure = TO_MASK(fine.hit & (beyond_it == 0)) & (P.index >= spheres.first);
+    const MASK unsure = TO_MASK(fine.hit & (beyond_it == 0) & placed);
     if (ANY(unsure)) {
-        path.q = P.q;
-        path.own = P.index - (INT)spheres.first;
         const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
         beyond_it = TO_REAL_MASK(unsure) ? -whole : beyond_it;
     }

@@ -290,9 +290,10 @@ typedef struct {
     Real3 anchor;
     Pair3 step, w;
     REAL reach, w1;
-    /* Of a ray from the eye or from a triangle, for whole numbers: */
-    REAL_MASK whole; /* whether it is one */
-    Real3 d, q;      /* its direction in camera space; as in Leaving */
+    /* For whole numbers: */
+    REAL_MASK whole;  /* whether it starts at the eye or on a triangle, along d of camera space */
+    REAL_MASK placed; /* whether it starts there, wherever it leads */
+    Real3 d, q;       /* q and own as in Leaving, but that own counts triangles */
     INT own;
 } FinePath;
 
@@ -654,7 +655,7 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
     const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
     FineTriangle fine;
     fine.side = sign_from(D.hi, D_error);
-    const MASK unsure = TO_MASK(wanted & path.whole & (fine.side == 0));
+    const MASK unsure = TO_MASK(wanted & path.placed & (fine.side == 0));
     if (ANY(unsure)) {
         const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
         fine.side = TO_REAL_MASK(unsure) ? whole : fine.side;
