@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import cltrace
 from cltrace.plan.abi import Precision
-from cltrace.plan.accel import cells
+from cltrace.plan.accel import cells, tiles
 from cltrace.plan.plan import View, World
 from cltrace.plan.request import Request
 from cltrace.run import maker
@@ -191,6 +191,36 @@ def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spa
     monkeypatch.setattr(cells, "SPARE", spare)
     for make in (crowded, of_all_sizes, lambda: around(300)):
         both(make(), device, Request())
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "glass")]
+
+
+@pytest.mark.parametrize("name", ["crowded", "of all sizes", "touching", "wide", "one cell", *SLOW])
+def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Of tiles that a sphere covers, lists lack what is behind; no picture tells."""
+    colors = np.random.default_rng(8).uniform(0, 1, (3000, 3))
+    places = {"around the eye": balls(3000, 4.0), "of all sizes": (balls(3000)[0], np.geomspace(1e-4, 0.8, 3000))}
+    centers, radii = places.get(name, balls(3000, 0.3, 6))
+    if name == "touching":
+        centers[1::2], radii[1::2] = centers[::2] + (0, 0, 0.1), radii[::2] - 0.1 + 2.0**-40
+        radii = np.maximum(radii, 1e-3)
+    by = {"wide": {"horizontal_fov": 85.0, "position": (0.9, 1.2, 1.3)}, "one cell": {"resolution": (4, 3)}}
+    how = {"transmittance": 0.5, "index": 1.5} if name == "glass" else {}
+    seen_by = camera(**({"resolution": (322, 187)} | by.get(name, {})))
+    some = cltrace.Scene.from_spheres(seen_by, LIGHTS[:3], centers, radii, colors, **how)  # type: ignore[arg-type]
+    other = camera(position=(1.0, 2.0, 2.5), resolution=(322, 187))
+    every = cltrace.Renderer(some, device)
+    monkeypatch.setattr(tiles, "CROWD", 0)
+    monkeypatch.setattr(tiles, "CROWDED", 0)
+    both(some, device, Request(), other)
+    fewer = cltrace.Renderer(some, device)
+    sizes = [renderer._executor.buffers["entry"].size for renderer in (every, fewer)]
+    assert sizes[1] < sizes[0] / 1.2 or name in ("around the eye", "one cell", "touching")
+    assert np.array_equal(fewer.render().rgb8, every.render().rgb8)
+    for request in (Request("single"), Request(antialias=1.0, crop=(8, 9, 50, 40))):
+        if name == "crowded":
+            both(some, device, request)
 
 
 def test_pictures(device: Device) -> None:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from cltrace.blocks import blockwise, empty, joined
 from cltrace.plan import abi
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
-from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, whole_grid
+from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, build, entries_of_boxes, whole_grid
 from cltrace.plan.accel.light_buffer import FINE_SLACK, Shadows, parallel_buffer, point_buffer
-from cltrace.plan.accel.tiles import LOOSE, Window, picture_tiles
+from cltrace.plan.accel.tiles import LOOSE, Window, behind, is_crowded, picture_tiles
 from cltrace.plan.attributes import Attributes
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.culling import hidden, parallel_shadows, point_shadows, repeated
@@ -606,6 +606,10 @@ def _grids(
     total = len(among)
     corners = faces[0].corners if total > n else None
     tiles = picture_tiles(seen, among, window, corners)
+    if total == n and not world.maps and not window.parallel:
+        covered = entries_of_boxes(tiles.covers[2:])
+        if is_crowded(request, n, len(tiles.member), covered):
+            tiles = replace(tiles, behind=behind(tiles, seen, window))
     # What is not in the picture itself may be seen in a mirror.
     receiver = np.full(total, "receivers" in keep or world.bounces.any or request.antialias is not None)
     if "lists" in keep:

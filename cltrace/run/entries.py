@@ -141,10 +141,14 @@ class Entries:
         self._pieces: list[Listed] = []
         self._cells = self._filled = 0
 
-    def add(self, grid: CellGrid, covers: Covers) -> None:
-        """Makes the lists of a grid, whose own members are not looked at."""
+    def add(self, grid: CellGrid, covers: Covers, behind: Any = None) -> None:
+        """Makes the lists of a grid, whose own members are not looked at. behind: of CellGrid, a buffer."""
         tools, layout = self._tools, self._layout(grid, covers)
-        spheres = np.int32(covers.n), np.int32(covers.pitch), np.int32(-1 if layout.lift is None else layout.lift)
+        if grid.cells == (1, 1):
+            behind = None
+        deepest = covers.near if behind is None else self._deepest(grid, layout, behind)
+        lift, some = np.int32(-1 if layout.lift is None else layout.lift), np.int32(behind is not None)
+        spheres = np.int32(covers.n), np.int32(covers.pitch), lift, some, deepest
 
         def count(levels: Any, counts: Any) -> None:
             tools.run("count_entries", *spheres, levels, covers.cells, covers.near, counts)
@@ -152,31 +156,28 @@ class Entries:
         def scatter(first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
             tools.run("scatter_entries", *spheres, first, bits, levels, covers.cells, covers.near, counts, entry)
 
-        self._make(grid, layout, count, scatter)
-
-    def _make(
-        self,
-        grid: CellGrid,
-        layout: _Layout,
-        count: Callable[[Any, Any], None],
-        scatter: Scatter,
-    ) -> None:
-        """Makes lists. count, scatter: start the kernels that count entries and that write them."""
-        tools = self._tools
         counts = tools.room(layout.cells, np.int32)
         tools.clear(counts, layout.cells)
         if layout.entries:
             count(_levels(tools, layout.pitch, layout.base), counts)
-        self._list(grid, layout, counts, scatter)
+        self._list(grid, layout, counts, scatter, behind is not None)
 
-    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter) -> None:
-        """Makes lists of which it is known how many entries each cell has."""
-        tools = self._tools
+    def _deepest(self, grid: CellGrid, layout: _Layout, behind: Any) -> Any:
+        """A buffer with the largest `behind` of each cell."""
+        tools, found = self._tools, self._tools.room(layout.cells, np.float32)
+        levels, (columns, rows) = _levels(tools, layout.pitch, layout.base), map(np.int32, grid.cells)
+        tools.run("find_deepest", columns, rows, np.int32(layout.mask), levels, behind, found)
+        return found
+
+    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter, fewer: bool = False) -> None:
+        """Makes lists of which it is known how many entries each cell has. fewer: whether they may be less in all."""
+        tools, sums = self._tools, self._tools.room(ITEMS, np.int32)
+        tools.run("sum_cells", np.int32(layout.cells), counts, sums, items=ITEMS)
+        if fewer:
+            layout = replace(layout, entries=int(tools.read(sums, ITEMS, np.int32).sum()))
         start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
         levels, bits = _levels(tools, layout.pitch, layout.base), np.uint32(2**32 - 2 ** (32 - layout.near_bits))
         cells, first, stop = (np.int32(k) for k in (layout.cells, self._filled, self._filled + layout.entries))
-        sums = tools.room(ITEMS, np.int32)
-        tools.run("sum_cells", cells, counts, sums, items=ITEMS)
         tools.run("start_cells", cells, first, counts, sums, start, items=ITEMS)
         if layout.entries:
             scatter(first, bits, levels, counts, entry)

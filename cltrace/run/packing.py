@@ -28,7 +28,7 @@ from cltrace.plan.accel.light_buffer import (
     side_axes,
     window_of,
 )
-from cltrace.plan.accel.tiles import SHIFT, TINY, Window, picture_grid
+from cltrace.plan.accel.tiles import MOST, SHIFT, SQUARE, STRIDE, TINY, Window, front_of, is_crowded, picture_grid
 from cltrace.plan.culling import larger, shells
 from cltrace.plan.exact import Array, rotated
 from cltrace.plan.plan import View, World, packed_lights
@@ -276,7 +276,8 @@ class _Look:
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], Entries]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
         tools, entries = self.tools, Entries(self.tools, self.packing.request.precision)
-        entries.add(picture_grid(self.window.size, *NOBODY), self.covers)
+        grid = picture_grid(self.window.size, *NOBODY)
+        entries.add(grid, self.covers, self._behind(grid))
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
         what = "spheres that shadow nothing seen, per light"
@@ -309,6 +310,27 @@ class _Look:
         if not self.along:
             self.lamps = _Lamps(key, None, self.made["light_side"], buffers, self.grids, [], idle)
         return buffers, entries
+
+    def _behind(self, grid: CellGrid) -> Any:
+        """CellGrid.behind of the tiles, a buffer, or None."""
+        covers, tools, (columns, rows) = self.covers, self.tools, grid.cells
+        if not is_crowded(self.packing.request, self.n, covers.members, covers.entries):
+            return None
+        behind = tools.room(columns * rows, np.float32)
+        tools.clear(behind, columns * rows, value=np.float32(np.inf))
+        axes = (
+            vector((axis.scale, (size - 1) / 2)) for axis, size in zip(self.window.axes, self.window.size, strict=True)
+        )
+        sizes = np.int32(self.n), np.int32(self.pitch), self.unit
+        spheres = self.made["center_radius"], self.made["power"], covers.cells, covers.near
+        count = (self.n - 1) // STRIDE + 1
+        sample = tools.room(3 * count, np.float32)
+        tools.run("sample_covers", *sizes[:2], np.int32(STRIDE), covers.cells, covers.near, sample)
+        near, *more = tools.read(sample, 3 * count, np.float32).reshape(count, 3).T
+        front = front_of(near, np.array(more), columns * rows)
+        rule = vector(grid.cells, np.int32), np.int32(SHIFT), np.float64(SQUARE), np.int32(MOST), front
+        tools.run("cover_tiles", *sizes, *axes, *rule, *spheres, behind)
+        return behind
 
     def _see_again(self, lamps: _Lamps, entries: Entries) -> None:
         """Adds what lights see, of which a camera changes directions alone."""

@@ -35,6 +35,7 @@ SOURCES = (
 PAGE = 4096
 # One camera's Views have at most so many buffers of one size.
 SPARE = 2
+ZERO = np.int32(0)
 # Eight doubles are as wide as the widest registers.
 WIDEST = 8
 # Work-items of a kernel that goes through all spheres, and in a group. On a CPU each one takes spheres that are
@@ -131,10 +132,10 @@ class Toolbox:
         self.queue.finish()
         self._in_use.clear()
 
-    def clear(self, buffer: Any, count: int, first: int = 0) -> None:
-        """Sets so many whole numbers of 32 bits to 0, from the first one on."""
+    def clear(self, buffer: Any, count: int, first: int = 0, value: Any = ZERO) -> None:
+        """Sets so many numbers of 32 bits to 0, or to a value, from the first one on."""
         self._in_use.append(buffer)
-        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.int32), 4 * first, 4 * count)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.array([value]), 4 * first, 4 * count)
 
     def copy(self, source: Any, target: Any, offset: int, size: int, first: int = 0) -> None:
         """Copies so many bytes, from the first one on, to an offset of another buffer."""

@@ -111,7 +111,8 @@ class CellGrid:
     points; perspective: whether it is seen from a point, not along a parallel light; coarse: whether the cells are so
     large that coordinates in float32 tell them apart; outlines: of those that cover fewer cells than `covers` says;
     pixels: in the side of a cell, where rays pass through their centres alone, else 0; polygons: whether any surfaces
-    are convex polygons; held: further members, None for none.
+    are convex polygons; held: further members, None for none; behind: (rows, columns) float32, of cells of level 0:
+    no ray meets first what is deeper there, and lists lack it; None where nothing is left out.
     """
 
     axes: Array
@@ -127,6 +128,7 @@ class CellGrid:
     pixels: int = 0
     polygons: bool = False
     held: Held | None = None
+    behind: NDArray[np.float32] | None = None
 
     def entered(self, count: int) -> Mask:
         """(count,): which of so many surfaces, the last ones of which are triangles, are members, once listed."""
@@ -185,10 +187,11 @@ def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
     for part in chain((keys.of_strip(grid, level, strip) for strip in strips), keys.of_boxes(grid, level, outlined)):
         key[filled : filled + len(part)] = part
         filled += len(part)
+    key = key[:filled]
     key.sort()
     counts = np.zeros(keys.cells, np.int32)
     shift = keys.index_bits + keys.near_bits
-    for i in range(0, entries, BLOCK):
+    for i in range(0, filled, BLOCK):
         block_of_keys = key[i : i + BLOCK]
         cell = block_of_keys >> shift
         first = int(cell[0])
@@ -233,7 +236,7 @@ class Placement(NamedTuple):
             def entries_of(block: slice) -> int:
                 which = np.flatnonzero(~outlined[block])
                 edges = _edges(grid.covers[:, block].take(which, axis=1)) >> level[block].take(which)
-                return _entries(edges[2:] - edges[:2])
+                return entries_of_boxes(edges[2:] - edges[:2])
 
             entries = sum(blockwise(len(level), entries_of, BLOCK))
         else:
@@ -284,6 +287,7 @@ class Keys:
     def of_boxes(self, grid: CellGrid, level: NDArray[np.int8], outlined: Mask) -> Iterator[NDArray[np.int64]]:
         """The keys of those that have no outline: one for each cell of the rectangles around them."""
         shift = self.index_bits + self.near_bits
+        deepest = None if grid.behind is None else self._deepest(grid.behind)
         for i in range(0, len(level), BLOCK):
             block = slice(i, i + BLOCK)
             low = self._low(grid, block)
@@ -295,9 +299,20 @@ class Keys:
                 cell = top.astype(np.int64) * self.pitch[k] + left + self.base[k]
                 # First there is one number for each row of cells that a sphere covers, then one for each cell.
                 step, key = self.pitch[k] << shift, cell << shift | low[which]
-                rows_of = joined(list(_spread(bottom - top, step, key, right - left)))
-                for (part,) in _spread(rows_of[1], 1 << shift, rows_of[0]):
-                    yield part
+                depth = () if deepest is None else (grid.near[block][which],)
+                rows_of = joined(list(spread(bottom - top, step, key, right - left, *depth)))
+                for part, *near in spread(rows_of[1], 1 << shift, rows_of[0], *rows_of[2:]):
+                    yield part if deepest is None else part[near[0] <= deepest[part >> shift]]
+
+    def _deepest(self, behind: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(cells,): the largest `behind` of each cell, see CellGrid."""
+        found = np.empty(self.cells, np.float32)
+        for k in self.used:
+            most = behind
+            for axis in (0, 1):
+                most = np.maximum.reduceat(most, range(0, behind.shape[axis], 1 << k), axis=axis)
+            found[self.base[k] : self.base[k] + most.size] = most.reshape(-1)
+        return found
 
     def of_strip(self, grid: CellGrid, level: NDArray[np.int8], strip: Strip) -> NDArray[np.int64]:
         """The keys of polygons: one for each cell of some rows of cells."""
@@ -315,8 +330,8 @@ def _edges(covers: NDArray[np.int16]) -> NDArray[np.int16]:
     return np.concatenate([covers[:2], covers[:2] + covers[2:]])
 
 
-def _spread(
-    more: NDArray[np.int16], step: int, key: NDArray[np.int64], *others: NDArray[np.int16]
+def spread(
+    more: NDArray[np.int16], step: int, key: NDArray[np.int64], *others: NDArray[Any]
 ) -> Iterator[tuple[NDArray[Any], ...]]:
     """For each element key, key + step, ..., key + more step, in any order, with its own elements of the others."""
     yield key, *others
@@ -425,9 +440,9 @@ def _levels(grid: CellGrid) -> tuple[NDArray[np.int8], int]:
 
     def entries_of(lift: int) -> int:
         level = lifted(lift)
-        return _entries((edges[2:] >> level) - (edges[:2] >> level))
+        return entries_of_boxes((edges[2:] >> level) - (edges[:2] >> level))
 
-    lift, entries = chosen_lift(n, _entries(grid.covers[2:]), lambda: int(bits.max()), entries_of)
+    lift, entries = chosen_lift(n, entries_of_boxes(grid.covers[2:]), lambda: int(bits.max()), entries_of)
     return np.zeros(n, np.int8) if lift is None else lifted(lift), entries
 
 
@@ -538,7 +553,7 @@ def areas(corner: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.abs(found.sum(axis=0) if len(found) > 1 else found[0]) / 2)
 
 
-def _entries(more: NDArray[np.int16]) -> int:
+def entries_of_boxes(more: NDArray[np.int16]) -> int:
     """How many entries discs take that cover one column and one row and so many more of them, (2, n)."""
     wide, high = more
     return int(((wide + np.int32(1)) * (high + np.int32(1))).sum(dtype=np.int64))

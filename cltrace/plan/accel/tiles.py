@@ -24,9 +24,10 @@ from cltrace.plan.accel.cells import (
     joined_outlines,
     outlines_of,
     sprawling,
+    spread,
 )
-from cltrace.plan.exact import rounded_down
-from cltrace.plan.request import Region
+from cltrace.plan.exact import rounded_down, rounded_up
+from cltrace.plan.request import Region, Request
 from cltrace.plan.shapes.polygon import TURNED, Corners, Pane, Polygons, Sight, View, polygons
 from cltrace.plan.shapes.sphere import Reals, Seen, length, nearest, slopes
 from cltrace.scene import AnyCamera
@@ -40,6 +41,14 @@ FINE_SLACK = 2.0**-44
 # Of parallel rays, in the float buffers' unit: more than places on the plane are off by in double.
 LOOSE = 2.0**-44
 SHIFT = CONSTANTS["TILE"].bit_length() - 1
+# From so many spheres on, and so many tiles that each one covers, lists lack what is behind others.
+CROWD, CROWDED = 2**15, 4
+# Half of the side of a square within a circle of radius 1, less a hundredth for all that is rounded.
+SQUARE = 0.7
+# A sphere hides what is behind at most so many columns and rows of tiles: a crowd of large ones would take long.
+MOST = 8
+# Of one in so many spheres it is asked how deep those are that cover the tiles so many times.
+STRIDE, LAYERS = 64, 4
 
 
 @dataclass(frozen=True)
@@ -222,6 +231,70 @@ def _triangles_elsewhere(sight: Sight, corners: Corners, among: Mask, window: Wi
     off = float(np.float32(loose))
     held = shown.on(Place((x, y), off, off, pixels=CONSTANTS["TILE"])) if shown.members else None
     return held, corners.some(shown.rest)
+
+
+def is_crowded(request: Request, spheres: int, members: int, entries: int) -> bool:
+    """Whether the picture's lists lack what is behind other spheres, see behind().
+
+    spheres: how many there are, none of them an ellipsoid, and nothing else; members: how many of them are in the
+    picture; entries: how many tiles these cover. In single, rays are not decided exactly, which the proof asks for;
+    where pixels are antialiased, it is not their centres alone that count.
+    """
+    return (
+        spheres >= CROWD and entries > CROWDED * members and request.precision != "single" and request.antialias is None
+    )
+
+
+def front_of(near: NDArray[np.float32], more: NDArray[Any], tiles: int) -> np.float32:
+    """How deep the spheres are that may cover the tiles in front of others: enough of them for nearly all, by a sample.
+
+    near: (s,), the depths of the sphere with index 0 and of each one STRIDE further, infinite for those that are not in
+    the picture; more: (2, s), how many columns and rows of tiles each one covers beside one; tiles: how many there are.
+    """
+    order = np.argsort(near, kind="stable")
+    # A disc of which the rectangle has m + 1 tiles a side covers about (m - 1)^2 / 2 of them as a whole.
+    wide, high = np.maximum(more.take(order, axis=1).astype(np.float64) - 1, 0)
+    enough = np.flatnonzero(np.cumsum(wide * high) * (STRIDE / 2) >= LAYERS * tiles)
+    return np.float32(near[order[enough[0]]] if len(enough) else np.inf)
+
+
+def behind(grid: CellGrid, seen: Seen, window: Window) -> NDArray[np.float32]:
+    """CellGrid.behind of the tiles: squared distances within which each ray of a tile has met a sphere.
+
+    seen: spheres, of rays from the eye, in the float buffers' unit. Let (x, y, -d) be the centre of one that is ahead,
+    with the eye outside, and r its radius. The plane z = -d cuts it in a circle of radius r around the centre, so rays
+    with slopes within r / d of (x, y) / d pass through a point of it. Tiles are covered of which the centres of all
+    pixels are in a square in that circle. There, a ray meets the sphere first where it is at most sqrt(p) away from the
+    eye, p = x^2 + y^2 + d^2 - r^2, as the product of the two distances is p. What has its nearest point further away is
+    not met before, nor as far away.
+
+    Of a covered tile, the circle has a radius of 2 pixels or more, and places of up to 2^16 pixels are off by less than
+    2^-30: the hundredth that SQUARE lacks is more. Depths have 2^-19 of themselves as a margin, and p is off by 2^-50.
+    """
+    columns, rows = grid.cells
+    found = np.full(columns * rows, np.inf, np.float32)
+    sample = np.flatnonzero(grid.member % STRIDE == 0)
+    front = front_of(grid.near[sample], grid.covers[2:, sample], columns * rows)
+    for i in range(0, len(grid.member), BLOCK):
+        large = grid.covers[2:, i : i + BLOCK].min(axis=0) > 0
+        which = grid.member[i : i + BLOCK][large & (grid.near[i : i + BLOCK] <= front)]
+        (x, y, z), r, power = seen.center[which].T, seen.radius[which], seen.power[which]
+        ahead = np.flatnonzero((-z > r) & (power > 0))
+        d, x, y, r, far = -z[ahead], x[ahead], y[ahead], r[ahead], rounded_up(power[ahead])
+        half, first, more = r * SQUARE / d, [], []
+        for c, axis, size, cells in zip((x, -y), window.axes, window.size, grid.cells, strict=True):
+            place, reach = c / d * axis.scale + (size - 1) / 2, half * axis.scale
+            begin = np.clip(np.ceil(place - reach), 0, cells << SHIFT).astype(np.int32)
+            end = np.clip(np.floor(place + reach), -1, (cells << SHIFT) - 1).astype(np.int32)
+            first.append(begin + (CONSTANTS["TILE"] - 1) >> SHIFT)
+            more.append(np.minimum((end + 1 >> SHIFT) - 1 - first[-1], MOST - 1))
+        some = np.flatnonzero((more[0] >= 0) & (more[1] >= 0))
+        (left, top), (wide, high) = (np.array(v)[:, some].astype(np.int16) for v in (first, more))
+        covered = spread(high, columns, top.astype(np.int64) * columns + left, wide, far[some])
+        cell, wide, far = joined(list(covered))
+        for part, depth in spread(wide, 1, cell, far):
+            np.minimum.at(found, part, depth)
+    return found.reshape(rows, columns)
 
 
 def _triangles(
