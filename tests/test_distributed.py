@@ -138,7 +138,7 @@ def test_what_fails_again_and_again_is_named(client: Any, tmp_path: Path, monkey
     monkeypatch.setattr(farm, "draw", fail)
     with pytest.raises(FarmError, match=r"^frame 0: no room \(on host, process 5\)$"):
         animate(cltrace.orbit(small(), 3), client, tmp_path / "f%d.png", scene=small())
-    with pytest.raises(FarmError, match=r"^rows 0 to 23: no room"):
+    with pytest.raises(FarmError, match=r"^rows 0 to 15: no room"):
         render(small(), client, tmp_path / "x.png", tiles=3)
     monkeypatch.undo()
     assert not list(tmp_path.iterdir())

@@ -11,11 +11,11 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.blocks import processors
 from cltrace.cli.options import LIT, parser
@@ -53,10 +53,7 @@ def draw_tiles(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     (target,) = targets_of(scene, args, (".png",))
     outputs: tuple[Output, ...] = ("rgb8",) if args.show == "color" else (args.show,)
     axes = scene.camera.basis() if args.space == "camera" else None
-
-    def shown(image: Image) -> NDArray[np.uint8]:
-        return np.asarray(image) if args.show == "color" else image.as_rgb8(args.show, axes)
-
+    shown = np.asarray if args.show == "color" else partial(Image.as_rgb8, show=args.show, axes=axes)
     how = {"tiles": args.tiles, "device": args.device, "progress": False if args.quiet else None}
     with client_of(args.cluster) as client:
         from cltrace.distributed import render

@@ -7,9 +7,10 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from contextlib import closing
 from copy import copy
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from distributed import Client
@@ -22,16 +23,15 @@ from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import pattern_of
 from cltrace.picture.files import whole_file
 from cltrace.picture.image import Image
-from cltrace.picture.png import Rows
+from cltrace.picture.png import BAND, Packed, Rows, packed
 from cltrace.plan.request import Crop, Region, Request
 from cltrace.progress import bar
 from cltrace.scene import Camera, Scene
 
+T = TypeVar("T")
 Pixels = NDArray[np.uint8]
 # Tiles for each worker, so that none waits long for the last one.
 TILES = 8
-# Every packet's rows, and the finest tiles', divide it.
-STEP = 4
 # Pixels of a picture whose lists a worker has room for.
 ONCE = 2**27
 
@@ -52,8 +52,8 @@ def render(
 
     client: a distributed.Client; output: a PNG, which is assembled on disk, so that it may be larger than the memory
     here; None for an Image. tiles: how many there are, None for 8 for each worker; device: as --device has it, on each
-    worker, None for what its PYOPENCL_CTX says, or its fastest CPU driver; shown: what of an Image the PNG shows. The
-    other arguments are those of Renderer. Returns the Image, or the name of the file.
+    worker, None for what its PYOPENCL_CTX says, or its fastest CPU driver; shown: what of an Image the PNG shows, which
+    workers are sent. The other arguments are those of Renderer. Returns the Image, or the name of the file.
 
     The bytes are those of cltrace.render(), in accurate and double on any mixture of drivers. Raises FarmError if the
     cluster has no device, a tile fails three times, or the scheduler goes, and else what Renderer raises. A file is
@@ -66,13 +66,14 @@ def render(
     if output is not None and Path(output).suffix.lower() != ".png":
         raise ValueError(f"output: must end in .png, got {os.fspath(output)!r}")
     with Farm(client, device, options) as farm:
-        tasks = list(_tiles(scene, region, tiles or TILES * len(farm.devices)))
+        wanted = None if output is None else partial(_packed, shown)
+        tasks = list(_tiles(scene, region, tiles or TILES * len(farm.devices), wanted))
         with closing(farm.drawn(tasks)) as drawn, bar(len(tasks), "tile", progress) as shown_bar:
-            images = (_counted(image, shown_bar) for _, image in drawn)
+            parts = (_counted(part, shown_bar) for _, part in drawn)
             if output is None:
-                return _joined(images, region[2:])
+                return _joined(parts, region[2:])
             with whole_file(Path(output)) as file:
-                _write(images, shown, file, region[2:])
+                _write(parts, file, region[3])
     return os.fspath(output)
 
 
@@ -140,24 +141,29 @@ class FarmArtist:
         return Fingerprints({**self._options, "device": self._device, "look": look})
 
 
-def _tiles(scene: Scene, region: Region, count: int) -> Iterator[Task]:
+def _tiles(scene: Scene, region: Region, count: int, wanted: Callable[[Image], Any] | None = None) -> Iterator[Task]:
     """Rows of a region, about as many in each tile, from the top.
 
-    They begin at multiples of STEP, as the kernel would draw what is left of a packet for nothing. A worker packs all
-    of a picture once, unless it is a very large one, whose tiles are packed one by one.
+    They begin with a band of the PNG, which is as good for the kernel, whose packets have a part of a band's rows. A
+    worker packs all of a picture once, unless it is a very large one, whose tiles are packed one by one.
     """
     x, y, width, height = region
     once = width * height <= ONCE
-    edges = [y, *(max(y, (y + height * k // count) // STEP * STEP) for k in range(1, count)), y + height]
+    edges = [y + height * k // count // BAND * BAND for k in range(count)] + [y + height]
     for first, end in pairwise(edges):
-        label, tile = f"rows {first} to {end - 1}", (x, first, x + width, end)
+        label, whole, tile = f"rows {first} to {end - 1}", (x, y, x + width, y + height), (x, first, x + width, end)
         if first < end:
-            yield Task(label, scene, (x, y, x + width, y + height) if once else tile, (first, end) if once else None)
+            yield Task(label, scene, whole if once else tile, (first, end) if once else None, wanted)
 
 
-def _counted(image: Image, shown: Any) -> Image:
+def _counted(part: T, shown: Any) -> T:
     shown.update()
-    return image
+    return part
+
+
+def _packed(shown: Callable[[Image], Pixels], image: Image) -> Packed:
+    """In a worker: what of the PNG is in a tile. A tenth of the bytes, so there is less to send."""
+    return packed(shown(image))
 
 
 def _joined(images: Iterator[Image], size: tuple[int, int]) -> Image:
@@ -177,13 +183,12 @@ def _joined(images: Iterator[Image], size: tuple[int, int]) -> Image:
     return whole
 
 
-def _write(images: Iterator[Image], shown: Callable[[Image], Pixels], file: Any, size: tuple[int, int]) -> None:
-    """A PNG of the tiles, of which few are in memory at a time."""
+def _write(parts: Iterator[Packed], file: Any, height: int) -> None:
+    """A PNG of the tiles, of which few are in memory at a time. height: of all of them, in pixels."""
     rows: Rows | None = None
-    for image in images:
-        pixels = shown(image)
+    for part in parts:
         if rows is None:
-            rows = Rows(file, (size[1], *pixels.shape[1:]), pixels.dtype)
-        rows.add(pixels)
+            rows = Rows(file, (height, *part.shape[1:]), part.dtype)
+        rows.add(part)
     assert rows
     rows.close()

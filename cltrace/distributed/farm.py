@@ -8,7 +8,7 @@ import threading
 import time
 import warnings
 from collections import Counter, deque
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -48,13 +48,15 @@ class _NobodyError(Exception):
 class Task(NamedTuple):
     """A picture, or a part of one: what it is called in messages, the scene, and the part, None for all of it.
 
-    rows: the first and the one after the last of the part's rows that are drawn, None for all.
+    rows: the first and the one after the last of the part's rows that are drawn, None for all; wanted: what the worker
+    makes of the Image, which can be sent there, None for the Image itself.
     """
 
     label: str
     scene: Scene
     crop: Crop | None = None
     rows: tuple[int, int] | None = None
+    wanted: Callable[[Image], Any] | None = None
 
 
 @dataclass
@@ -108,8 +110,8 @@ class Farm:
         self._pending.clear()
         self._base = None
 
-    def drawn(self, tasks: Iterable[Task]) -> Generator[tuple[Task, Image], None, None]:
-        """The Image of each task, in their order. Raises FarmError for one that fails or whose workers die."""
+    def drawn(self, tasks: Iterable[Task]) -> Generator[tuple[Task, Any], None, None]:
+        """What is wanted of each task, in their order. Raises FarmError for one that fails or whose workers die."""
         iterator, more = iter(tasks), True
         while more or self._pending:
             while more and len(self._pending) < (1 + AHEAD) * max(1, len(self._workers())):
@@ -129,7 +131,7 @@ class Farm:
         return self._addresses
 
     def _handed_out(self, task: Task) -> Any:
-        """A future of the task's Image. A scene is sent to all workers once, however many cameras look at it."""
+        """A future of what is wanted of a task. A scene is sent to workers once, however many cameras look at it."""
         if self._base is None or not _differ_in_cameras(self._base.scene, task.scene):
             self._base = _Base(task.scene)
             data: Any = task.scene  # goes with the task, and is not lost with a worker
@@ -140,10 +142,10 @@ class Farm:
         how = {"pure": False, "retries": RETRIES, "resources": {RESOURCE: 1}}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # dask advises against what is done here on purpose
-            what = self._base.key, data, task.scene.camera, self._options, task.crop, task.rows
+            what = self._base.key, data, task.scene.camera, self._options, task.crop, task.rows, task.wanted
             return self._client.submit(draw, *what, **how)
 
-    def _next(self) -> tuple[Task, Image]:
+    def _next(self) -> tuple[Task, Any]:
         """The first of the tasks that were handed out, when it is done."""
         from distributed.scheduler import KilledWorker
 
@@ -163,7 +165,7 @@ class Farm:
         last = f"; the last words there: {words}" if words else ""
         raise FarmError(f"{task.label}: workers have died over it again and again{last}")
 
-    def _result(self, future: Any) -> Image:
+    def _result(self, future: Any) -> Any:
         from concurrent.futures import CancelledError
 
         done, begun = threading.Event(), time.monotonic()
@@ -179,12 +181,12 @@ class Farm:
                     self._client.cancel([future], force=True)
                     raise _LostError
             try:
-                image: Image = future.result()
+                result = future.result()
             except CancelledError:
                 self._check_scheduler()
                 raise _LostError from None
             future.release()
-            return image
+            return result
 
     def _is_left_alone(self, key: str) -> bool:
         """Whether a task found no worker, and will find none.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -74,8 +74,9 @@ def draw(
     options: Mapping[str, Any],
     crop: Crop | None,
     rows: tuple[int, int] | None = None,
-) -> Image:
-    """The Image of a scene as the worker's device draws it, or of a crop of it.
+    wanted: Callable[[Image], Any] | None = None,
+) -> Any:
+    """The Image of a scene as the worker's device draws it, or of a crop of it, or what is wanted of it.
 
     key: of the base, which names what may be kept; camera: that looks at it, None for its own; rows: of the picture,
     the first and the one after the last of those that are drawn; all that the crop has is kept for others.
@@ -92,10 +93,16 @@ def draw(
             if scene.camera != renderer.scene.camera:
                 renderer = renderer.following(renderer.scene.seen_by(scene.camera))
         image = (renderer.rows(*rows) if rows else renderer).render()
+        found = wanted(image) if wanted else _whole(image)
     except Exception as error:
         # What a driver raises may not be what another machine can read, and the machine's name helps.
         raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None
     _kept[name] = renderer
-    for name in image.outputs:  # without the margin of the buffers that they are in
+    return found
+
+
+def _whole(image: Image) -> Image:
+    """The Image without the margin of the buffers that its outputs are in."""
+    for name in image.outputs:
         setattr(image, name, np.ascontiguousarray(getattr(image, name)))
     return image

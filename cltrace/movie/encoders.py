@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.blocks import processors
 from cltrace.movie.fingerprint import NAME
 from cltrace.picture.files import whole_file
-from cltrace.picture.png import Animation, packed, write_png
+from cltrace.picture.png import Animation, stream_of, write_png
 
 GIF_EXTENSION = 0x21  # the byte with which one begins
 # Says that the movie is repeated for ever, in the way of the program that had it first.
@@ -149,7 +149,7 @@ class Apng(OneFile):
         self._shape: tuple[int, ...] = ()
 
     def encode(self, drawn: Drawn) -> tuple[NDArray[np.uint8], bytes]:
-        return drawn.pixels, packed(drawn.pixels)
+        return drawn.pixels, stream_of(drawn.pixels)
 
     def _write(self, encoded: tuple[NDArray[np.uint8], bytes]) -> None:
         if encoded[0].shape != self._shape and self._shape:

@@ -1,4 +1,4 @@
-"""PNG and animated PNG, written row by row with zlib: as exact as any, and in a third of the time.
+"""PNG and animated PNG, written by bands of rows with zlib: as exact as any, and in a third of the time.
 
 What was measured, processor time and size, of 1920x1080 pixels of a million spheres (2026-11-22): Pillow at level 1,
 which tries five filters for each row, 138 ms and 2.50 MB; here 35 ms and 2.42 MB. Pictures of smooth surfaces become up
@@ -9,22 +9,38 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 KINDS = {1: 0, 3: 2, 4: 6}  # the format's number for grey, RGB and RGBA, by channels
-UP = 2  # the format's number for the filter that subtracts the row above
-# So many bytes are filtered at a time, which stay in a processor's cache.
-BLOCK = 2**19
+# The format's numbers for the filters that subtract the pixel on the left, and the row above.
+SUB, UP = 1, 2
+# So many rows are filtered and compressed on their own, so that several processes can do it. Together they are the one
+# stream of zlib that the format wants: what it begins with, and the last block, in which nothing is, before its sum.
+BAND = 16
+HEAD, LAST = b"\x78\x01", b"\x03\x00"
 # So many compressed bytes are in a chunk of the file.
 CHUNK = 2**20
+# The largest prime below 2^16, modulo which Adler-32 adds.
+ADLER = 65521
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+class Packed(NamedTuple):
+    """Rows that are compressed. shape, dtype: of their pixels; data: blocks of deflate, which end with a whole byte;
+    size, adler: how many bytes were compressed, and their Adler-32.
+    """
+
+    shape: tuple[int, ...]
+    dtype: str
+    data: bytes
+    size: int
+    adler: int
 
 
 def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None) -> None:
@@ -34,7 +50,8 @@ def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None
     names of at most 79 letters, which say something of the picture.
     """
     rows = Rows(file, pixels.shape, pixels.dtype, text)
-    rows.add(pixels)
+    for i in range(0, len(pixels), BAND):
+        rows.add(packed(pixels[i : i + BAND]))
     rows.close()
 
 
@@ -47,54 +64,66 @@ class Rows:
     def __init__(
         self, file: BinaryIO, shape: tuple[int, ...], dtype: DTypeLike, text: dict[str, str] | None = None
     ) -> None:
-        self._file, self._packer, self._ready = file, _Packer(), bytearray()
+        self._file, self._ready, self._adler = file, bytearray(HEAD), 1
         file.write(SIGNATURE + _header(shape, np.dtype(dtype)))
         for name, value in (text or {}).items():
             file.write(_chunk(b"tEXt", name.encode("latin-1") + b"\0" + value.encode("latin-1")))
 
-    def add(self, pixels: Pixels) -> None:
-        """Some rows, with the shape of the whole but for their number."""
-        for part in self._packer.add(pixels):
-            self._ready += part
-            while len(self._ready) >= CHUNK:
-                self._file.write(_chunk(b"IDAT", bytes(self._ready[:CHUNK])))
-                del self._ready[:CHUNK]
+    def add(self, rows: Packed) -> None:
+        """Some rows, with the shape of the whole but for their number, a multiple of BAND but for the last ones."""
+        self._adler = _joined_sums(self._adler, rows.adler, rows.size)
+        self._ready += rows.data
+        while len(self._ready) >= CHUNK:
+            self._file.write(_chunk(b"IDAT", bytes(self._ready[:CHUNK])))
+            del self._ready[:CHUNK]
 
     def close(self) -> None:
-        self._ready += self._packer.end()
+        self._ready += LAST + struct.pack(">I", self._adler)
         self._file.write(_chunk(b"IDAT", bytes(self._ready)) + _chunk(b"IEND"))
 
 
-class _Packer:
-    """Rows, each less the one above it, compressed: what is in a PNG's IDAT."""
-
-    def __init__(self) -> None:
-        self._compress = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
-        self._above: NDArray[np.uint8] | None = None
-
-    def add(self, pixels: Pixels) -> Iterator[bytes]:
-        big = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">"))
-        rows = big.view(np.uint8).reshape(len(pixels), -1)
-        above = np.zeros_like(rows[:1]) if self._above is None else self._above
-        step = max(1, BLOCK // rows.shape[1])
-        for i in range(0, len(rows), step):
-            block = rows[i : i + step]
-            filtered = np.empty((len(block), 1 + rows.shape[1]), np.uint8)
-            filtered[:, 0] = UP
-            np.subtract(block[:1], above, out=filtered[:1, 1:])
-            np.subtract(block[1:], block[:-1], out=filtered[1:, 1:])
-            above = block[-1:]
-            yield self._compress.compress(filtered.data)
-        self._above = above.copy()
-
-    def end(self) -> bytes:
-        return self._compress.flush()
+def packed(pixels: Pixels) -> Packed:
+    """Rows of a picture, of which the first is a multiple of BAND."""
+    big = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">"))
+    rows = big.view(np.uint8).reshape(len(pixels), -1)
+    pixel = rows.shape[1] // pixels.shape[1]
+    data, size, adler = [], 0, 1
+    for i in range(0, len(rows), BAND):
+        filtered = _filtered(rows[i : i + BAND], pixel).data
+        compress = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS, 9, zlib.Z_RLE)
+        data += [compress.compress(filtered), compress.flush(zlib.Z_SYNC_FLUSH)]
+        size, adler = size + filtered.nbytes, zlib.adler32(filtered, adler)
+    return Packed(pixels.shape, pixels.dtype.str, b"".join(data), size, adler)
 
 
-def packed(pixels: Pixels) -> bytes:
+def stream_of(pixels: Pixels) -> bytes:
     """What is in the IDAT of a PNG, in one piece."""
-    packer = _Packer()
-    return b"".join([*packer.add(pixels), packer.end()])
+    rows = packed(pixels)
+    return HEAD + rows.data + LAST + struct.pack(">I", rows.adler)
+
+
+def _filtered(rows: NDArray[np.uint8], pixel: int) -> NDArray[np.uint8]:
+    """Rows of bytes, each with its filter before it: all less the one above, the first less its pixels on the left.
+
+    pixel: bytes that a pixel has.
+    """
+    out = np.empty((len(rows), 1 + rows.shape[1]), np.uint8)
+    out[0, 0], out[1:, 0] = SUB, UP
+    out[0, 1 : 1 + pixel] = rows[0, :pixel]
+    np.subtract(rows[0, pixel:], rows[0, :-pixel], out=out[0, 1 + pixel :])
+    np.subtract(rows[1:], rows[:-1], out=out[1:, 1:])
+    return out
+
+
+def _joined_sums(one: int, other: int, size: int) -> int:
+    """The Adler-32 of bytes that follow others. one: of those before; other: of the `size` bytes that follow.
+
+    Its low half is a = 1 + the sum of the bytes, its high half b the sum of a after each byte, both modulo ADLER. The
+    second part's own b began with a = 1; with a1 instead, each of its `size` terms is a1 - 1 larger.
+    """
+    a, b = one & 0xFFFF, one >> 16
+    high = (b + (other >> 16) + size * (a - 1)) % ADLER
+    return high << 16 | (a + (other & 0xFFFF) - 1) % ADLER
 
 
 def text_of(file: BinaryIO, name: str) -> str | None:
@@ -127,14 +156,14 @@ class Animation:
         self._delay = _delay(fps)
 
     def add(self, pixels: Pixels, compressed: bytes | None = None) -> None:
-        """Adds a frame, all of the same shape. compressed: packed(pixels), if that is there already."""
+        """Adds a frame, all of the same shape. compressed: stream_of(pixels), if that is there already."""
         height, width = pixels.shape[:2]
         if not self._count:
             self._file.write(SIGNATURE + _header(pixels.shape, pixels.dtype))
             self._place = self._file.tell()
             self._file.write(_control(0))
         place = struct.pack(">IIIIIHHBB", self._next(), width, height, 0, 0, *self._delay, 0, 0)
-        data = packed(pixels) if compressed is None else compressed
+        data = stream_of(pixels) if compressed is None else compressed
         self._file.write(_chunk(b"fcTL", place))
         if self._count:
             self._file.write(_chunk(b"fdAT", struct.pack(">I", self._next()) + data))
