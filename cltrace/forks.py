@@ -18,7 +18,7 @@ def prepare() -> None:
     """Starts that process, where there is to be one and it is not there yet."""
     if METHOD != "forkserver" or threading.current_thread() is not threading.main_thread():
         return
-    multiprocessing.set_forkserver_preload(["cltrace.distributed.workers"])
+    multiprocessing.set_forkserver_preload(["cltrace.nursery"])
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # it inherits that, as Ctrl-C is left to this process
     try:
         forkserver.ensure_running()

@@ -28,7 +28,10 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     try:
-        status = _main_of(module, first)()
+        # Threads that numpy starts for products of large matrices wait for work by spinning: there are none.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        first()
+        status = imported(module).main()
     except SystemExit as end:  # argparse, after --help and --version
         status = end.code
         if sys.stdout is not None:
@@ -36,17 +39,14 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
     os._exit(status or 0)
 
 
-def _main_of(module: str, first: Callable[[], None]) -> Callable[[], Any]:
-    """main() of a module, imported in less of a processor's time."""
-    # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing. Nor do
-    # threads that numpy starts for products of large matrices, and that wait for work by spinning: there are none.
+def imported(module: str) -> Any:
+    """A module, imported in less of a processor's time."""
+    # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing.
     gc.disable()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    first()
-    main = importlib.import_module(module).main
+    found = importlib.import_module(module)
     gc.freeze()
     gc.enable()
-    return main  # type: ignore[no-any-return]
+    return found
 
 
 def _leave(number: int, _: object) -> NoReturn:

@@ -25,6 +25,7 @@ from cltrace.cli.target import targets_of
 from cltrace.errors import DeviceError, MissingPackageError, UsageError
 from cltrace.forks import METHOD, prepare
 from cltrace.picture.image import Image, Output
+from cltrace.start import imported
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 # Of a local cluster. What dask watches by default, up to fifty times a second, takes a tenth of a processor.
@@ -82,7 +83,7 @@ def client_of(spec: str) -> Iterator[Any]:
     local = LOCAL.fullmatch(spec)
     if local:
         prepare()
-    distributed: Any = importlib.import_module("distributed")
+    distributed = imported("distributed")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if local:
         with _local_client(distributed, int(local[1] or processors())) as client:
@@ -113,10 +114,5 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
             if time.monotonic() > patience:
                 raise DeviceError(f"--cluster local:{count}: its workers do not start in {START} s")
             time.sleep(0.01)
-        client.run(_leave_ctrl_c_to_the_client)
+        client.run(signal.signal, signal.SIGINT, signal.SIG_IGN)  # which a terminal sends to all processes
         yield client
-
-
-def _leave_ctrl_c_to_the_client() -> None:
-    """In a worker: a terminal sends it to all processes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
