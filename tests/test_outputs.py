@@ -33,7 +33,7 @@ def image() -> Image:
 
 
 def png16(data: bytes) -> np.ndarray:
-    """The pixels of a PNG with 16 bits, read by the format's own rules, of which only filters 0 and 2 occur."""
+    """The pixels of a PNG with 16 bits, read by the format's own rules, of which only filters 1 and 2 occur."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     at, body, head = 8, b"", b""
     while at < len(data):
@@ -45,11 +45,11 @@ def png16(data: bytes) -> np.ndarray:
     assert bits == 16
     channels = {2: 3, 6: 4}[color]
     rows = np.frombuffer(zlib.decompress(body), np.uint8).reshape(height, -1)
-    assert set(rows[:, 0]) <= {0, 2}
-    bytes_ = np.zeros((height + 1, rows.shape[1] - 1), np.uint8)
-    for y, row in enumerate(rows):
-        bytes_[y + 1] = row[1:] + (bytes_[y] if row[0] == 2 else 0)
-    return bytes_[1:].copy().view(">u2").reshape(height, width, channels)
+    assert set(rows[:, 0]) <= {1, 2}
+    bytes_ = rows[:, 1:].reshape(height, width, -1).copy()
+    for y in range(height):
+        bytes_[y] = np.cumsum(bytes_[y], axis=0, dtype=np.uint8) if rows[y, 0] == 1 else bytes_[y] + bytes_[y - 1]
+    return bytes_.view(">u2").reshape(height, width, channels)
 
 
 def channels_of(path: Path) -> dict[str, np.ndarray]:
