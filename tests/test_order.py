@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cltrace.plan import order
-from cltrace.plan.order import spatial_order, step
+from cltrace.plan.order import order_of_rows, spatial_order, step
 from cltrace.run.devices import Device
 from cltrace.run.order import Order
 
@@ -37,10 +37,17 @@ def test_an_order_is_the_same_on_any_number_of_processors(
         assert step(center[found]) < step(center) / 10
 
 
-def test_some_of_many_points_are_in_the_order_that_they_have_alone() -> None:
+@pytest.mark.parametrize("processors", [1, 2, 7])
+def test_rows_are_in_the_order_of_a_curve(processors: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of places in cells of 2^-10 of a cube, the bits of the coordinates in turn rise; those in one cell stay."""
     rng = np.random.default_rng(3)
-    center, which = rng.normal(size=(500, 3)), rng.integers(0, 500, 2**16 + 7).astype(np.int32)
-    assert np.array_equal(spatial_order(center, which), spatial_order(center.take(which, axis=0)))
+    place = np.concatenate([[[0, 0, 0], [1023, 1023, 1023]], rng.integers(0, 1024, (500, 3))])
+    which = rng.integers(0, len(place), 3 * order.BLOCK).astype(np.int32)
+    bits = place[:, :, None] >> np.arange(10) & 1
+    code = (bits << 3 * np.arange(10) + np.arange(3)[:, None]).sum(axis=(1, 2))
+    monkeypatch.setattr(order, "processors", lambda: processors)
+    found = order_of_rows(place.astype(np.float64), which)
+    assert np.array_equal(found, np.argsort(code[which], kind="stable"))
 
 
 @pytest.mark.parametrize("points", ["apart", "in pairs", "in one place", "in a plane", "far apart"])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.blocks import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.exact import Array
-from cltrace.plan.order import spatial_order
+from cltrace.plan.order import order_of_rows
 from cltrace.plan.shapes.sphere import U
 from cltrace.scene import PlacedMesh
 
@@ -61,7 +61,7 @@ class Triangles:
             begin.append(begin[-1] + len(mesh.geometry.faces))
             first += len(mesh.vertices)
         vertex, corner, fourth, m = joined(vertices), joined(corners), joined(fourths), begin[-1]
-        order = spatial_order(vertex, corner[:, 0]) if by_place else np.arange(m, dtype=np.int32)
+        order = order_of_rows(vertex, corner[:, 0]) if by_place else np.arange(m, dtype=np.int32)
         face, number, surface, material = empty((m, 4), np.int32), *(empty((m,), np.int32) for _ in range(3))
         first_of, surface_of, material_of = (
             np.array(values, np.int32)
