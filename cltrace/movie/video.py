@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from cltrace.errors import MissingPackageError, UsageError
 from cltrace.movie.encoders import Drawn, OneFile
 
-# H.264 as every player shows it, with colours at half the resolution and the matrix of HDTV. At 18, hardly anybody sees
-# what is lost. "veryfast" takes a fraction of the time of ffmpeg's own choice.
+# H.264 as every player shows it, with colours at half the resolution and the matrix of HDTV. At 17, hardly anybody sees
+# what is lost. What was measured (2026-11-22) of 1920x1080 pixels, processor time, bytes and similarity (SSIM) of a
+# frame: of 100,000 spheres "superfast" 74 ms, 457 kB and 0.953, "veryfast" at 18 110 ms, 449 kB and 0.957; of smooth
+# surfaces 35 ms, 82 kB and 0.995, and 58 ms, 42 kB and 0.991.
 CODEC = (
-    *("-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p"),
+    *("-c:v", "libx264", "-preset", "superfast", "-crf", "17", "-pix_fmt", "yuv420p"),
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"),
     *("-movflags", "+faststart", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "mp4"),
