@@ -64,24 +64,28 @@ typedef struct {
     INT code[3];
 } Corners;
 
+#define PUT_CORNER(at, c, member)                                \
+    do {                                                         \
+        int4 p[W];                                               \
+        for (int k = 0; k < W; k++)                              \
+            p[k] = vload4(three[k] member, point);               \
+        (at).place[c][0] = AS(float, (INT)EACH_LANE(p, .x));     \
+        (at).place[c][1] = AS(float, (INT)EACH_LANE(p, .y));     \
+        (at).place[c][2] = AS(float, (INT)EACH_LANE(p, .z));     \
+        (at).code[c] = (INT)EACH_LANE(p, .w);                    \
+    } while (0)
+
 INLINE Corners corners_of(
     __global const int *restrict point, __global const int *restrict face, const int first, const int stride, const int count,
     const int i
 ) {
-    int lane[12][W];
-    for (int k = 0; k < W; k++) {
-        const long triangle = first + (long)stride * min(i + k, count - 1);
-        for (int c = 0; c < 3; c++) {
-            const int4 p = vload4(face[4 * triangle + c], point);
-            lane[4 * c][k] = p.x, lane[4 * c + 1][k] = p.y, lane[4 * c + 2][k] = p.z, lane[4 * c + 3][k] = p.w;
-        }
-    }
+    int4 three[W];
+    for (int k = 0; k < W; k++)
+        three[k] = vload4(first + (long)stride * min(i + k, count - 1), face);
     Corners at;
-    for (int c = 0; c < 3; c++) {
-        for (int k = 0; k < 3; k++)
-            at.place[c][k] = AS(float, LOAD_LANES(lane[4 * c + k]));
-        at.code[c] = LOAD_LANES(lane[4 * c + 3]);
-    }
+    PUT_CORNER(at, 0, .x);
+    PUT_CORNER(at, 1, .y);
+    PUT_CORNER(at, 2, .z);
     return at;
 }
 
@@ -317,8 +321,8 @@ __kernel void place_polygons(
     __global float *restrict outline,
     __global long *restrict part
 ) {
-    int used = 0, last = -1;
-    long members = 0, entries = 0;
+    INT used = 0, last = -1;
+    LONG members = 0, entries = 0;
     FOR_EACH_PACKET(i, m) {
         const Corners at = corners_of(point, face, 0, 1, m, i);
         const MASK wanted = those_of(among, 0, 1, m, i) & may_be_seen(at, side) & is_inside(at, side);
@@ -347,15 +351,12 @@ __kernel void place_polygons(
         store_short(c.more[0], covers + 2L * pitch + i);
         store_short(c.more[1], covers + 3L * pitch + i);
         STORE_LANES(p.near, near + i);
-        int lane[W], within[W];
-        STORE_LANES(level, lane);
-        STORE_LANES(c.within ? (INT)1 : (INT)0, within);
-        for (int k = 0; k < W; k++)
-            if (within[k])
-                used |= 1 << lane[k], last = i + k, members++;
+        used |= c.within ? (INT)1 << level : (INT)0;
+        last = c.within ? i + LANE : last;
+        members += TO_LONG(c.within ? (INT)1 : (INT)0);
         const INT columns = ((c.begin[0] + c.more[0]) >> level) - (c.begin[0] >> level) + 1,
                   rows = ((c.begin[1] + c.more[1]) >> level) - (c.begin[1] >> level) + 1;
-        entries += sum_of_lanes(TO_LONG((c.within & !c.sprawls) ? columns * rows : (INT)0));
+        entries += TO_LONG((c.within & !c.sprawls) ? columns * rows : (INT)0);
         store_flags(c.within ? (c.sprawls ? level + OUTLINED : level) : (INT)-1, level_of + i);
         if (!ANY(c.sprawls))
             continue;
@@ -368,9 +369,10 @@ __kernel void place_polygons(
             for (int k = 0; k < 2; k++)
                 STORE_LANES(TO_FLOAT(c.corner[k][j]), number[2 * j + k]);
         STORE_LANES(-rounded_down(-(place->off + SLACK * most)), number[6]);
-        STORE_LANES(c.sprawls ? (INT)1 : (INT)0, within);
+        int sprawls[W];
+        STORE_LANES(c.sprawls ? (INT)1 : (INT)0, sprawls);
         for (int k = 0; k < W; k++) {
-            if (!within[k])
+            if (!sprawls[k])
                 continue;
             __global float *out = outline + (long)OUTLINE * atomic_inc(outlines);
             for (int j = 0; j < 7; j++)
@@ -379,12 +381,16 @@ __kernel void place_polygons(
         }
     }
     __global long *note = part + 4 * get_global_id(0);
-    note[0] = used, note[1] = last, note[2] = members, note[3] = entries;
+    int lane[W], every = 0;
+    STORE_LANES(used, lane);
+    for (int k = 0; k < W; k++)
+        every |= lane[k];
+    note[0] = every, note[1] = LARGEST(last), note[2] = sum_of_lanes(members), note[3] = sum_of_lanes(entries);
 }
 
 /* A polygon's cells in rows of them. x, y: where its sides begin, lower end first, end_y, slope: where they end. */
 typedef struct {
-    float x[3], y[3], end_y[3], slope[3], loose, side, gap;
+    float x[3], y[3], end_y[3], slope[3], loose, side, over, gap;
     int left, top, right, bottom, level;
     bool pixels;
 } Outline;
@@ -401,7 +407,7 @@ static Outline outline_of(
     o.level = level_of[i] - OUTLINED;
     o.left = covers[i] >> o.level, o.right = (covers[i] + covers[2L * pitch + i]) >> o.level;
     o.top = covers[pitch + i] >> o.level, o.bottom = (covers[pitch + i] + covers[3L * pitch + i]) >> o.level;
-    o.loose = at[6], o.side = max(1, pixels) << o.level, o.gap = pixels > 0, o.pixels = pixels > 0;
+    o.loose = at[6], o.side = max(1, pixels) << o.level, o.over = 1 / o.side, o.gap = pixels > 0, o.pixels = pixels > 0;
     for (int k = 0; k < 3; k++) {
         const int next = 2 * ((k + 1) % 3);
         const bool falls = at[2 * k + 1] > at[next + 1];
@@ -431,7 +437,7 @@ static int2 run_of(const Outline *o, const int row, __constant Levels *levels) {
         least = ceil(least);
     if (!(least <= most))
         return (int2)(1, 0);
-    const float first = least / o->side, last = most / o->side;
+    const float first = least * o->over, last = most * o->over;  // a side is a power of two
     const int begin = first < o->left ? o->left : first > o->right + 1 ? o->right + 1 : first;
     const int end = last < o->left - 1 ? o->left - 1 : last > o->right ? o->right : last;
     const int cell = levels->base[o->level] + row * levels->pitch[o->level];

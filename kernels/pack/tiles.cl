@@ -55,10 +55,7 @@ INLINE FLOAT nearest(const EDGE distance, const EDGE r, const REAL power) {
 }
 
 INLINE void store_short(const INT value, __global short *at) {
-    int lane[W];
-    STORE_LANES(value, lane);
-    for (int k = 0; k < W; k++)
-        at[k] = lane[k];
+    STORE_LANES(TO(short, value), at);
 }
 
 INLINE INT load_flags(__global const char *flags) {
@@ -69,10 +66,7 @@ INLINE INT load_flags(__global const char *flags) {
 }
 
 INLINE void store_flags(const INT value, __global char *flags) {
-    int lane[W];
-    STORE_LANES(value, lane);
-    for (int k = 0; k < W; k++)
-        flags[k] = lane[k];
+    STORE_LANES(TO(char, value), flags);
 }
 
 /* The cells that a disc covers along one axis: the first one, and how many more. */
