@@ -21,7 +21,7 @@ from cltrace.plan.request import Crop, Keep, Region, Request
 from cltrace.progress import bar
 from cltrace.run.devices import Device, check_process, choose, is_all
 from cltrace.run.executor import WIDTHS, Executor, Frame
-from cltrace.run.maker import Maker, maker_of, order_on
+from cltrace.run.maker import Maker, loading, maker_of, order_on
 from cltrace.scene import AnyCamera, Scene, colors_given, with_spheres
 
 
@@ -90,8 +90,10 @@ class Renderer:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
         start = time.perf_counter()
         self._lock = threading.Lock()
+        wait = loading(scene, self.request, self.device)
         order_of = order_on(self.device, len(scene.columns), self.precision)
         self._world = World.of(scene, self.request, None, order_of)
+        wait()
         self._maker: Maker | None = None
         self._see(scene, start)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from functools import cache
 from typing import Any
 from weakref import finalize
@@ -11,9 +12,10 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from cltrace.errors import BuildError, DeviceError
 from cltrace.plan import abi
 from cltrace.plan.exact import Array
-from cltrace.run.devices import Device, check_sizes
+from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import context_of, program
 
 EdgeType = type[np.float32] | type[np.float64]
@@ -171,6 +173,12 @@ def _kernel(device: Device, single: bool, edge_bytes: int, name: str) -> tuple[A
     To make one anew takes 2 ms, and a movie of moving spheres needs sixteen in each frame.
     """
     return cl.Kernel(_program(device, single, edge_bytes), name), threading.Lock()
+
+
+def load(device: Device, precision: abi.Precision) -> None:
+    """Loads the program that a toolbox will need first, if it can be loaded."""
+    with suppress(BuildError, DeviceError), driver_errors(device):
+        _program(device, precision == "single", 4)
 
 
 def _program(device: Device, single: bool, edge_bytes: int) -> Any:
