@@ -56,11 +56,15 @@ def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None
     """
     if not scene.triangles > MANY or len(scene.columns) > MANY or request.antialias is not None:
         return lambda: None
-    from cltrace.run.toolbox import load
-
-    thread = threading.Thread(target=load, args=(device, request.precision), daemon=True)
+    thread = threading.Thread(target=_load, args=(device, request.precision), daemon=True)
     thread.start()
     return thread.join
+
+
+def _load(device: Device, precision: Precision) -> None:
+    from cltrace.run.mixed import load
+
+    load(device, precision)
 
 
 def maker_of(world: World, request: Request, device: Device, before: Maker | None = None) -> Maker | None:
@@ -72,9 +76,13 @@ def maker_of(world: World, request: Request, device: Device, before: Maker | Non
     faces = len(world.triangles.face)
     if len(world.radius) + faces <= MANY or (faces and request.antialias is not None):
         return None
-    # Small scenes start faster without these.
-    from cltrace.run.mixed import Mixed
-    from cltrace.run.packing import Packing
-
     tools = before.tools if before else None
-    return Packing.of(world, request, device, tools) or Mixed.of(world, request, device, tools)
+    # Small scenes start faster without these.
+    if not faces:
+        from cltrace.run.packing import Packing
+
+        if packing := Packing.of(world, request, device, tools):
+            return packing
+    from cltrace.run.mixed import Mixed
+
+    return Mixed.of(world, request, device, tools)

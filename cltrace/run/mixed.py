@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.errors import BuildError, DeviceError
+from cltrace.plan.abi import Precision
 from cltrace.plan.accel.cells import CellGrid, Mask
 from cltrace.plan.exact import Array
 from cltrace.plan.plan import MeshView, Methods, View, World, from_point, mesh_views
@@ -23,11 +26,17 @@ from cltrace.run.crowd import Spot
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Entries
 from cltrace.run.program import Announcement
-from cltrace.run.toolbox import Toolbox, is_exact, vector
+from cltrace.run.toolbox import Toolbox, is_exact, kernel_of, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.
 AT_POINT = (-1.0, -1.0)
+
+
+def load(device: Device, precision: Precision) -> None:
+    """Loads the program that a Mixed needs first, if it can be loaded."""
+    with suppress(BuildError, DeviceError), driver_errors(device):
+        kernel_of(device, precision == "single", 4, "facets")
 
 
 class Mixed:

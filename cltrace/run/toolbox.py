@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from contextlib import suppress
 from functools import cache
 from typing import Any
 from weakref import finalize
@@ -12,10 +11,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.errors import BuildError, DeviceError
 from cltrace.plan import abi
 from cltrace.plan.exact import Array
-from cltrace.run.devices import Device, check_sizes, driver_errors
+from cltrace.run.devices import Device, check_sizes
 from cltrace.run.program import context_of, program
 
 EdgeType = type[np.float32] | type[np.float64]
@@ -75,7 +73,7 @@ class Toolbox:
 
         A driver may compile a kernel anew for each size, so there are few of them.
         """
-        kernel, lock = _kernel(self._device, self._single, np.dtype(edge).itemsize, name)
+        kernel, lock = kernel_of(self._device, self._single, np.dtype(edge).itemsize, name)
         self._in_use += arguments
         with lock:  # the arguments are the kernel's until it has been started
             kernel(self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), *arguments)
@@ -167,18 +165,12 @@ def _take_back(spare: list[NDArray[np.uint8]], memory: NDArray[np.uint8]) -> Non
 
 
 @cache
-def _kernel(device: Device, single: bool, edge_bytes: int, name: str) -> tuple[Any, threading.Lock]:
+def kernel_of(device: Device, single: bool, edge_bytes: int, name: str) -> tuple[Any, threading.Lock]:
     """A kernel, which all toolboxes of a device share, and what to hold while it gets its arguments.
 
     To make one anew takes 2 ms, and a movie of moving spheres needs sixteen in each frame.
     """
     return cl.Kernel(_program(device, single, edge_bytes), name), threading.Lock()
-
-
-def load(device: Device, precision: abi.Precision) -> None:
-    """Loads the program that a toolbox will need first, if it can be loaded."""
-    with suppress(BuildError, DeviceError), driver_errors(device):
-        _program(device, precision == "single", 4)
 
 
 def _program(device: Device, single: bool, edge_bytes: int) -> Any:
