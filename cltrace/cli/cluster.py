@@ -84,6 +84,8 @@ def client_of(spec: str) -> Iterator[Any]:
     if local:
         prepare()
     distributed = imported("distributed")
+    # Else it imports pandas here, where that is installed, for a process that has begun already.
+    distributed.utils._forkserver_preload_set = True
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if local:
         with _local_client(distributed, int(local[1] or processors())) as client:
