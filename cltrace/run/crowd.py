@@ -17,7 +17,7 @@ from cltrace.run.toolbox import Toolbox, vector
 # Buffers end with a whole packet, however wide.
 PACKET = 16
 # Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, and numbers of an outline.
-EXTENTS, SIDES, OUTLINE = 11, 6, 8
+EXTENTS, SIDES, OUTLINE = 11, 6, 16
 # `Pane` and `Place` of kernels/pack/polygons.cl.
 PANE = np.dtype([(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")])
 PLACE = np.dtype(
@@ -170,26 +170,25 @@ class Crowd:
         return np.int32(self.shown.spot.count), np.int32(self.shown.spot.count + PACKET)
 
     @property
-    def _outlines(self) -> tuple[np.int32, np.int32, np.int32]:
-        return np.int32(self.outlines), self._sizes[1], np.int32(self.place.pixels)
+    def _outlines(self) -> tuple[np.int32, np.int32]:
+        return np.int32(self.outlines), np.int32(self.place.pixels)
 
     def count(self, levels: Any, counts: Any) -> int:
         """Adds what is entered to the entries of each cell, and returns how many entries that are."""
         self._tools.run("count_polygons", *self._sizes, levels, self.level_of, self.covers, counts)
         if not self.outlines:
             return self._entries
-        common = levels, self.outline, self.covers, self.level_of, counts
+        common = levels, self.outline, counts
         part = self._tools.noted("count_outlines", *self._outlines, *common, columns=1, dtype=np.int64)
         return self._entries + int(part.sum())
 
     def scatter(self, first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
         """Writes the entries: see Scatter of entries.py."""
         common = np.int32(self.shown.spot.first), first, bits, levels
-        where = self.near, counts, entry
-        self._tools.run("scatter_polygons", *self._sizes, *common, self.level_of, self.covers, *where)
+        made = self.level_of, self.covers, self.near
+        self._tools.run("scatter_polygons", *self._sizes, *common, *made, counts, entry)
         if self.outlines:
-            made = self.outline, self.covers, self.level_of
-            self._tools.run("scatter_outlines", *self._outlines, *common, *made, *where)
+            self._tools.run("scatter_outlines", *self._outlines, *common, self.outline, counts, entry)
 
 
 def _pane(pane: Pane) -> NDArray[np.void]:

@@ -297,9 +297,9 @@ __kernel void sample_polygons(
     }
 }
 
-/* An outline is eight numbers: three corners in cells, across and up each, what they are off by, and the bits of the
- * triangle's index. */
-#define OUTLINE 8
+/* An outline is sixteen numbers: three corners in cells, across and up each, what they are off by, and the bits of the
+ * triangle's index, of its depth, of its level, and of the first and the last column and row there. */
+#define OUTLINE 16
 /* This is added to the level of a triangle that has one. */
 #define OUTLINED 32
 
@@ -364,7 +364,14 @@ __kernel void place_polygons(
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 2; k++)
                 most = fabs(c.corner[k][j]) > most ? fabs(c.corner[k][j]) : most;
+        const INT rectangle[6] = {
+            AS(int, p.near), level, c.begin[0] >> level, (c.begin[0] + c.more[0]) >> level, c.begin[1] >> level,
+            (c.begin[1] + c.more[1]) >> level
+        };
         float number[7][W];
+        int whole[6][W];
+        for (int j = 0; j < 6; j++)
+            STORE_LANES(rectangle[j], whole[j]);
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 2; k++)
                 STORE_LANES(TO_FLOAT(c.corner[k][j]), number[2 * j + k]);
@@ -378,6 +385,8 @@ __kernel void place_polygons(
             for (int j = 0; j < 7; j++)
                 out[j] = number[j][k];
             out[7] = as_float(i + k);
+            for (int j = 0; j < 6; j++)
+                out[8 + j] = as_float(whole[j][k]);
         }
     }
     __global long *note = part + 4 * get_global_id(0);
@@ -388,81 +397,94 @@ __kernel void place_polygons(
     note[0] = every, note[1] = LARGEST(last), note[2] = sum_of_lanes(members), note[3] = sum_of_lanes(entries);
 }
 
-/* A polygon's cells in rows of them. x, y: where its sides begin, lower end first, end_y, slope: where they end. */
+/* W polygons' cells in rows of them. x, y: where their sides begin, lower end first, end_y, slope: where they end; over: 1
+ * by the side of a cell, which is a power of two; there: which polygons there are. */
 typedef struct {
-    float x[3], y[3], end_y[3], slope[3], loose, side, over, gap;
-    int left, top, right, bottom, level;
-    bool pixels;
-} Outline;
+    FLOAT x[3], y[3], end_y[3], slope[3], loose, side, over;
+    INT left, right, top, bottom, first, pitch, index, near;
+    MASK there;
+    float gap;
+} Outlines;
 
-static Outline outline_of(
-    __global const float *restrict at,
-    const int pixels,
-    const int pitch,
-    __global const short *restrict covers,
-    __global const char *restrict level_of
+/* W of n outlines, from number i on. */
+INLINE Outlines outlines_of(
+    __global const float *restrict outline, __constant Levels *levels, const int pixels, const int n, const int i
 ) {
-    Outline o;
-    const int i = as_int(at[7]);
-    o.level = level_of[i] - OUTLINED;
-    o.left = covers[i] >> o.level, o.right = (covers[i] + covers[2L * pitch + i]) >> o.level;
-    o.top = covers[pitch + i] >> o.level, o.bottom = (covers[pitch + i] + covers[3L * pitch + i]) >> o.level;
-    o.loose = at[6], o.side = max(1, pixels) << o.level, o.over = 1 / o.side, o.gap = pixels > 0, o.pixels = pixels > 0;
+    float8 number[W];
+    int8 whole[W];
+    int first[W], pitch[W], size[W];
+    for (int k = 0; k < W; k++) {
+        __global const float *at = outline + (long)OUTLINE * min(i + k, n - 1);
+        number[k] = vload8(0, at), whole[k] = as_int8(vload8(1, at));
+        const int level = whole[k].s1;
+        first[k] = levels->base[level], pitch[k] = levels->pitch[level], size[k] = max(1, pixels) << level;
+    }
+    Outlines o;
+    const FLOAT x[3] = {(FLOAT)EACH_LANE(number, .s0), (FLOAT)EACH_LANE(number, .s2), (FLOAT)EACH_LANE(number, .s4)};
+    const FLOAT y[3] = {(FLOAT)EACH_LANE(number, .s1), (FLOAT)EACH_LANE(number, .s3), (FLOAT)EACH_LANE(number, .s5)};
+    o.loose = (FLOAT)EACH_LANE(number, .s6), o.index = AS(int, (FLOAT)EACH_LANE(number, .s7));
+    o.near = (INT)EACH_LANE(whole, .s0), o.left = (INT)EACH_LANE(whole, .s2), o.right = (INT)EACH_LANE(whole, .s3);
+    o.top = (INT)EACH_LANE(whole, .s4), o.bottom = (INT)EACH_LANE(whole, .s5);
+    o.first = LOAD_LANES(first), o.pitch = LOAD_LANES(pitch), o.side = TO_FLOAT(LOAD_LANES(size)), o.over = 1 / o.side;
+    o.there = i + LANE < n, o.gap = pixels > 0;
     for (int k = 0; k < 3; k++) {
-        const int next = 2 * ((k + 1) % 3);
-        const bool falls = at[2 * k + 1] > at[next + 1];
-        const int begin = falls ? next : 2 * k, end = falls ? 2 * k : next;
-        o.x[k] = at[begin], o.y[k] = at[begin + 1], o.end_y[k] = at[end + 1];
-        const bool flat = o.end_y[k] - o.y[k] < 0x1p-10f;
-        o.slope[k] = flat ? 0 : (at[end] - o.x[k]) / (o.end_y[k] - o.y[k]);
+        const int next = (k + 1) % 3;
+        const MASK falls = y[k] > y[next];
+        const FLOAT end = falls ? x[k] : x[next];
+        o.x[k] = falls ? x[next] : x[k], o.y[k] = falls ? y[next] : y[k], o.end_y[k] = falls ? y[k] : y[next];
+        const MASK flat = o.end_y[k] - o.y[k] < 0x1p-10f;
+        o.slope[k] = flat ? (FLOAT)0 : (end - o.x[k]) / (o.end_y[k] - o.y[k]);
     }
     return o;
 }
 
-/* The first and the last cell of a row, none if the former is larger. */
-static int2 run_of(const Outline *o, const int row, __constant Levels *levels) {
-    const float low = row * o->side - o->loose, up = low + ((o->side + 2 * o->loose) - o->gap);
-    float least = INFINITY, most = -INFINITY;
+/* The cells of a row of each polygon: the first one, and the one after the last. */
+typedef struct {
+    int begin[W], end[W];
+} Runs;
+
+INLINE Runs runs_of(const Outlines *o, const INT row) {
+    const FLOAT low = TO_FLOAT(row) * o->side - o->loose, up = low + ((o->side + 2 * o->loose) - o->gap);
+    FLOAT least = INFINITY, most = -INFINITY;
     for (int k = 0; k < 3; k++) {
-        const float begin = LARGER(low, o->y[k]), stop = LESS(up, o->end_y[k]);
-        if (begin > stop)
-            continue;
-        const float x = o->x[k] + (begin - o->y[k]) * o->slope[k], end = x + (stop - begin) * o->slope[k];
-        least = LESS(LESS(least, x), end);
-        most = LARGER(LARGER(most, x), end);
+        const FLOAT begin = LARGER(low, o->y[k]), stop = LESS(up, o->end_y[k]);
+        const FLOAT x = o->x[k] + (begin - o->y[k]) * o->slope[k], end = x + (stop - begin) * o->slope[k];
+        const MASK meets = begin <= stop;
+        least = meets ? LESS(LESS(least, x), end) : least;
+        most = meets ? LARGER(LARGER(most, x), end) : most;
     }
     least -= o->loose;
     most += o->loose;
-    if (o->pixels)
-        least = ceil(least);
-    if (!(least <= most))
-        return (int2)(1, 0);
-    const float first = least * o->over, last = most * o->over;  // a side is a power of two
-    const int begin = first < o->left ? o->left : first > o->right + 1 ? o->right + 1 : first;
-    const int end = last < o->left - 1 ? o->left - 1 : last > o->right ? o->right : last;
-    const int cell = levels->base[o->level] + row * levels->pitch[o->level];
-    return (int2)(cell + begin, cell + end);
+    least = o->gap > 0 ? ceil(least) : least;
+    const MASK some = o->there & (row <= o->bottom) & (least <= most);
+    const FLOAT first = least * o->over, last = most * o->over;
+    const FLOAT left = TO_FLOAT(o->left), right = TO_FLOAT(o->right);
+    const FLOAT begin = first < left ? left : first > right + 1 ? right + 1 : first,
+                end = last < left - 1 ? left - 1 : last > right ? right : last;
+    const INT cell = o->first + row * o->pitch;
+    Runs runs;
+    STORE_LANES(some ? cell + TO_INT(begin) : (INT)0, runs.begin);
+    STORE_LANES(some ? cell + TO_INT(end) + 1 : (INT)0, runs.end);
+    return runs;
 }
 
 /* How many entries each cell has of polygons with outlines; for each work-item, how many in all. */
 __kernel void count_outlines(
     const int n,
-    const int pitch,
     const int pixels,
     __constant Levels *levels,
     __global const float *restrict outline,
-    __global const short *restrict covers,
-    __global const char *restrict level_of,
     volatile __global int *count,
     __global long *restrict part
 ) {
     long entries = 0;
-    FOR_EACH_SPHERE(i, n) {
-        const Outline o = outline_of(outline + (long)OUTLINE * i, pixels, pitch, covers, level_of);
-        for (int row = o.top; row <= o.bottom; row++) {
-            const int2 run = run_of(&o, row, levels);
-            for (int cell = run.x; cell <= run.y; cell++, entries++)
-                atomic_inc(count + cell);
+    FOR_EACH_PACKET(i, n) {
+        const Outlines o = outlines_of(outline, levels, pixels, n, i);
+        for (INT row = o.top; ANY(row <= o.bottom); row++) {
+            const Runs runs = runs_of(&o, row);
+            for (int k = 0; k < W; k++)
+                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++, entries++)
+                    atomic_inc(count + cell);
         }
     }
     part[get_global_id(0)] = entries;
@@ -471,28 +493,29 @@ __kernel void count_outlines(
 /* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
 __kernel void scatter_outlines(
     const int n,
-    const int pitch,
     const int pixels,
     const int index,
     const int first,
     const uint mask,
     __constant Levels *levels,
     __global const float *restrict outline,
-    __global const short *restrict covers,
-    __global const char *restrict level_of,
-    __global const float *restrict near,
     volatile __global int *next,
     __global ulong *restrict entry
 ) {
-    FOR_EACH_SPHERE(i, n) {
-        __global const float *at = outline + (long)OUTLINE * i;
-        const Outline o = outline_of(at, pixels, pitch, covers, level_of);
-        const int triangle = as_int(at[7]);
-        const ulong key = key_of(near[triangle], mask, index + triangle);
-        for (int row = o.top; row <= o.bottom; row++) {
-            const int2 run = run_of(&o, row, levels);
-            for (int cell = run.x; cell <= run.y; cell++)
-                entry[atomic_inc(next + cell) - first] = key;
+    FOR_EACH_PACKET(i, n) {
+        const Outlines o = outlines_of(outline, levels, pixels, n, i);
+        int triangle[W];
+        float near[W];
+        ulong key[W];
+        STORE_LANES(o.index, triangle);
+        STORE_LANES(AS(float, o.near), near);
+        for (int k = 0; k < W; k++)
+            key[k] = key_of(near[k], mask, index + triangle[k]);
+        for (INT row = o.top; ANY(row <= o.bottom); row++) {
+            const Runs runs = runs_of(&o, row);
+            for (int k = 0; k < W; k++)
+                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++)
+                    entry[atomic_inc(next + cell) - first] = key[k];
         }
     }
 }
