@@ -97,6 +97,22 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 #define PUT_ON_FACES(mask, variable, value) PUT_WHERE(mask, variable, value)
 #endif
 
+#if REAL_BYTES == 4
+/* n, in camera space, but for the lanes of `lost`: of what is too short or too long to be squared in float, another unit is
+ * taken; and where float has nothing of N, since the corners are as one in it, the normal is the way back along the ray d. */
+static __attribute__((noinline)) Real3 rescued_normals(const Frame frame, const Real3 N, const Real3 d, const REAL_MASK lost,
+                                                       const Real3 n) {
+    const REAL size = larger_of(fabs(N.x), larger_of(fabs(N.y), fabs(N.z)));
+    const REAL_MASK known = (size > 0) & (N.x - N.x == 0) & (N.y - N.y == 0) & (N.z - N.z == 0);
+    const Real3 m = {N.x / size, N.y / size, N.z / size}, turned = turned_to_camera(frame, m);
+    const REAL over = 1 / sqrt(DOT(m, m)), back = -1 / sqrt(DOT(d, d));
+    const Real3 own = {known ? turned.x * over : d.x * back, known ? turned.y * over : d.y * back,
+                       known ? turned.z * over : d.z * back};
+    const Real3 normal = {lost ? own.x : n.x, lost ? own.y : n.y, lost ? own.z : n.z};
+    return normal;
+}
+#endif
+
 /* Puts the points that are on triangles into an intersection. id: what the rays met, along d; shares: where on it; P: the
  * point, rounded, in camera space.
  *
@@ -108,8 +124,13 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     const INT number = TO_MASK(here) ? id - scene.spheres.first : (INT)-1;
     const FacePoint point = face_point(shares);
     const Real3 N = shading_normals(scene, number, point.weights);
-    const REAL over = 1 / sqrt(DOT(N, N));
-    const Real3 m = {N.x * over, N.y * over, N.z * over}, n = turned_to_camera(frame, m);
+    const REAL square = DOT(N, N), over = 1 / sqrt(square);
+    const Real3 m = {N.x * over, N.y * over, N.z * over};
+    Real3 n = turned_to_camera(frame, m);
+#if REAL_BYTES == 4
+    const REAL_MASK lost = here & !((square > 0x1p-100f) & (square < INFINITY));
+    if (RARELY(ANY(TO_MASK(lost)))) n = rescued_normals(frame, N, d, lost, n);
+#endif
     /* The shading normal faces the ray; the side from which that came is the one of the triangle's own plane. Only rays that
      * go on ask for it. */
 #ifdef WITH_BOUNCES
