@@ -111,9 +111,11 @@ static void fetch_lists(const Scene scene, const int light, INT cell) {
 #endif
 
 #ifdef WITH_SHADING
-/* The same for the material of a surface that some lanes hit. Shading waits for it where each surface has its own. */
+/* The same for the materials of surfaces, which shading waits for where each has its own: which one an entry has, and of a
+ * surface that some lanes hit, that itself. */
 #define FETCH_MATERIAL(scene, index, hit)                                                                             \
     if (ANY(TO_MASK(hit))) FETCH((scene).material, (scene).material_of[index])
+#define FETCH_MATERIAL_OF(scene, k) FETCH((scene).material_of, (scene).lists.entry[k].x)
 #endif
 
 #ifdef WITH_BOUNCES
@@ -154,6 +156,7 @@ static void fetch_surfaces(const Scene scene, const INT index) {
 #endif
 #ifndef FETCH_MATERIAL
 #define FETCH_MATERIAL(scene, index, hit)
+#define FETCH_MATERIAL_OF(scene, k)
 #endif
 #ifndef FETCH_SURFACES
 #define FETCH_SURFACES(scene, index)

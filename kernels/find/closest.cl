@@ -244,6 +244,7 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
             const int2 entry = scene.lists.entry[k];
             if (as_float(entry.y) > reach) break;
             FETCH_ENTRY(scene, scene.eye_filter, -1, k + AHEAD);
+            FETCH_MATERIAL_OF(scene, k + AHEAD);
             const int index = entry.x;
 #ifdef WITH_TRIANGLES
             if (index >= scene.spheres.first) {
