@@ -64,6 +64,8 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "soup": lambda: scene(*soup()),
     "one": lambda: scene(*soup(1)),
     "around the eye": lambda: scene(*soup(301, 4.0)),
+    "around a light": lambda: scene(soup()[0] * 4, soup()[1]),
+    "many": lambda: scene(*soup(70_000, 0.02)),
     "needles": lambda: scene(soup()[0] * (1, 1e-7, 1), soup()[1]),
     "tiny": lambda: scene(*soup(301, 1e-13)),
     "edge on": edge_on,

@@ -89,10 +89,10 @@ class _Table:
         begin = np.cumsum([0, *(len(faces) for faces in self._faces)])[:-1]
 
         def fill(some: slice) -> None:
-            mesh = triangles.face[some, 3] >> 1
-            three = faces.take(begin.take(mesh) + triangles.number[some], axis=0)
-            given = three[:, 0] >= 0
-            out[some, :3], out[some, 3] = np.where(given[:, None], three, 0), np.where(given, mesh, -1)
+            mesh, number, four = triangles.face[some, 3] >> 1, triangles.number[some], out[some]
+            four[:, :3] = faces.take(begin.take(mesh) + number if len(begin) > 1 else number, axis=0)
+            four[:, 3] = mesh
+            four[four[:, 0] < 0] = 0, 0, 0, -1
 
         blockwise(len(out), fill)
         return rows, out

@@ -20,6 +20,17 @@ INLINE Real3 difference(const Real3 a, const Real3 b) {
     return d;
 }
 
+/* The corners `member` of W triangles, `three` vertices each. */
+#define PUT_VERTEX(corner, member)                 \
+    do {                                           \
+        double3 p[W];                              \
+        for (int k = 0; k < W; k++)                \
+            p[k] = vload3(three[k] member, vertex); \
+        (corner).x = (REAL)EACH_LANE(p, .x);       \
+        (corner).y = (REAL)EACH_LANE(p, .y);       \
+        (corner).z = (REAL)EACH_LANE(p, .z);       \
+    } while (0)
+
 /* Three rows for each of `count` triangles, from row 3 first on. known: 0: all of them, and those are noted in `unsure`
  * whose side rounding leaves open; 1: those of `which`, whose sides are known. pane: the largest |x| and |y| of a ray
  * (x, y, -1) from the eye; x < 0: of a light at a point. met: whether a ray from there can meet the triangle. */
@@ -38,24 +49,20 @@ __kernel void facets(
 ) {
     const double turn = pane.x < 0 ? -1 : 1, reach = pane.x < 0 ? 1 : 1 + pane.x + pane.y;
     FOR_EACH_PACKET(i, count) {
-        double place[9][W], sign[W];
+        double sign[W];
         int at[W];
+        int4 three[W];
         for (int k = 0; k < W; k++) {
             const int j = min(i + k, count - 1);
             at[k] = known ? which[j] : j;
             sign[k] = known ? side_of[j] : 0;
-            for (int c = 0; c < 3; c++)
-                for (int x = 0; x < 3; x++)
-                    place[3 * c + x][k] = vertex[3L * face[4L * at[k] + c] + x];
+            three[k] = vload4(at[k], face);
         }
         Real3 corner[3];
-        REAL size[3];
-        for (int c = 0; c < 3; c++) {
-            corner[c].x = LOAD_LANES(place[3 * c]);
-            corner[c].y = LOAD_LANES(place[3 * c + 1]);
-            corner[c].z = LOAD_LANES(place[3 * c + 2]);
-            size[c] = size_of(corner[c]);
-        }
+        PUT_VERTEX(corner[0], .x);
+        PUT_VERTEX(corner[1], .y);
+        PUT_VERTEX(corner[2], .z);
+        const REAL size[3] = {size_of(corner[0]), size_of(corner[1]), size_of(corner[2])};
         const Real3 e = difference(corner[1], corner[0]), f = difference(corner[2], corner[0]), N = cross_product(e, f);
         const REAL D = DOT(corner[0], N), most = LARGER(LARGER(size[0], size[1]), size[2]), total = size_of(N),
                    N_off = (TURNED * most) * (size_of(e) + size_of(f)), D_off = size[0] * (N_off + TURNED * total),
