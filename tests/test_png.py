@@ -60,6 +60,8 @@ def test_rows_may_come_in_any_pieces() -> None:
     rows.close()
     assert file.getvalue() == whole
     assert whole.count(b"IDAT") > 1
+    bytes_ = zlib.decompress(png.stream_of(pixels))
+    assert whole[-20:-16] == struct.pack(">I", zlib.adler32(bytes_))  # before what ends the chunk, and the file
     with Picture.open(file) as picture:
         assert np.array_equal(np.asarray(picture), pixels)
 
