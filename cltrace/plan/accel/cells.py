@@ -10,7 +10,7 @@ then looks at one cell of each level that holds anything. The list of a cell is 
 points, so that a search ends as soon as those lie behind what was found.
 
 Bounds are wider than all rounding, here and in the kernel, can ask for. So a list may hold a sphere in vain, but it
-lacks none that a ray meets, and no list changes a picture. (In single some extreme scenes are an exception:
+lacks none that a ray meets first, and no list changes a picture. (In single some extreme scenes are an exception:
 docs/speed.md.)
 """
 
