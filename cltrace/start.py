@@ -20,7 +20,8 @@ ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIG
 def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
     """Runs main() of this module as a program, and leaves with the exit status that it returns.
 
-    first: is called before the module is imported, with the environment that it is imported in.
+    first: is called before the module is imported, in the environment in which that is done.
+
     Before and after main() there is nothing to be cleaned up, and a signal ends the program at once. At its end the
     program does not wait for Python and the OpenCL drivers to be taken apart, where a signal could still do harm.
     """

@@ -79,7 +79,8 @@ def draw(
     """The Image of a scene as the worker's device draws it, or of a crop of it, or what is wanted of it.
 
     key: of the base, which names what may be kept; camera: that looks at it, None for its own; rows: of the picture,
-    the first and the one after the last of those that are drawn; all that the crop has is kept for others.
+    the first and the one after the last of those that are drawn; all that the crop has is kept for others; wanted: what
+    is made of the Image and sent instead.
     """
     scene = base if camera is None else base.seen_by(camera)
     name = f"{key} {sorted(options.items())!r}"
