@@ -47,19 +47,16 @@ class Spot:
         point = tools.room(4 * (v + PACKET), np.int32, again=True)
         rows = tuple(vector(row) for row in axes)
         tools.run("look_at_vertices", np.int32(v), bits, *rows, seen_through, tools.share(self.vertex), point)
-        pitch = self.count + 1
-        rest, asked = tools.room(SIDES * pitch, np.int32, again=True), tools.share(among)
-        for side in sides:
-            tools.clear(rest, 1, side * pitch)
+        rest, asked = tools.room(SIDES * (1 + self.count), np.int32, again=True), tools.share(among)
+        tools.clear(rest, SIDES)
         common = seen_through, point, self.face, asked, tools.share(receiver), rest
         part = tools.noted("see_polygons", m, bits, *common, columns=SIDES * EXTENTS, dtype=np.float32)
         part = part.reshape(-1, SIDES, EXTENTS)
         most = part[:, :, :-1].max(axis=0).astype(np.float64)
         members = part[:, :, -1].sum(axis=0, dtype=np.int64)
-        found = []
+        counts, found = tools.read(rest, SIDES, np.int32).tolist(), []
         for side in sides:
-            count = int(tools.read(rest, 1, np.int32, side * pitch)[0])
-            left = np.sort(tools.read(rest, count, np.int32, side * pitch + 1))
+            left = np.sort(tools.read(rest, counts[side], np.int32, SIDES + side * self.count))
             edges = most[side, :8].reshape(2, 4) * np.array([-1, 1, -1, 1])
             bounds = -float(most[side, 8]), float(most[side, 9])
             spot = self, np.int32(side), seen_through, point, asked

@@ -71,7 +71,10 @@ class Mixed:
         made: dict[str, Any] = {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             methods = Methods(partial(self._see, made), partial(self._build, made))
-            return View.of(world, camera, self._request, methods), made
+            view = View.of(world, camera, self._request, methods)
+            # What lists are made of takes half as much as all that is kept.
+            self.tools.forget()
+            return view, made
 
     def _see(
         self, made: dict[str, Any], world: World, camera: AnyCamera, lights: NDArray[np.void], near: Array, k: int

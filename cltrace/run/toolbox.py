@@ -107,6 +107,11 @@ class Toolbox:
         finalize(lent, _take_back, spare, memory).atexit = False
         return lent
 
+    def forget(self) -> None:
+        """Gives spare memory back to the system."""
+        for spare in self._spare.values():
+            spare.clear()
+
     def noted(
         self, name: str, *arguments: Any, columns: int, dtype: Any, items: int = 0, edge: EdgeType = np.float32
     ) -> NDArray[Any]:
@@ -132,10 +137,10 @@ class Toolbox:
         self.queue.finish()
         self._in_use.clear()
 
-    def clear(self, buffer: Any, count: int, first: int = 0, value: Any = ZERO) -> None:
-        """Sets so many numbers of 32 bits to 0, or to a value, from the first one on."""
+    def clear(self, buffer: Any, count: int, value: Any = ZERO) -> None:
+        """Sets so many numbers of 32 bits to 0, or to a value."""
         self._in_use.append(buffer)
-        cl.enqueue_fill_buffer(self.queue, buffer, np.array([value]), 4 * first, 4 * count)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.array([value]), 0, 4 * count)
 
     def copy(self, source: Any, target: Any, offset: int, size: int, first: int = 0) -> None:
         """Copies so many bytes, from the first one on, to an offset of another buffer."""

@@ -144,8 +144,8 @@ INLINE Polygon polygon_of(const Corners at, const int side, __constant Pane *pan
  * shadow rays may end, minus the nearest depth of these, the furthest one, and how many polygons there are. */
 #define EXTENTS_OF_SIDE 11
 
-/* What the sides show whose bits are set. rest: for each side, how many triangles are left to the host, and which;
- * part: for each work-item EXTENTS_OF_SIDE numbers for each of six sides. */
+/* What the sides show whose bits are set. rest: for each of six sides, how many triangles are left to the host, then m for
+ * each side, which these are; part: for each work-item EXTENTS_OF_SIDE numbers for each of six sides. */
 __kernel void see_polygons(
     const int m,
     const int sides,
@@ -178,10 +178,9 @@ __kernel void see_polygons(
             if (RARELY(ANY(wanted & !done))) {
                 int lane[W];
                 STORE_LANES((wanted & !done) ? (INT)1 : (INT)0, lane);
-                __global int *list = rest + side * (m + 1L);
                 for (int k = 0; k < W; k++)
                     if (lane[k])
-                        list[1 + atomic_inc(list)] = i + k;
+                        rest[6 + (long)m * side + atomic_inc(rest + side)] = i + k;
             }
             members[side] += done ? (INT)1 : (INT)0;
             for (int k = 0; k < 4; k++) {
