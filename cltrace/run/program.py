@@ -53,6 +53,8 @@ SOURCES = (
     "average/paint.cl",
     "average/patch.cl",
     "average/crowd.cl",
+    "average/hiding.cl",
+    "average/mixture.cl",
     "average/average.cl",
     "render.cl",
 )

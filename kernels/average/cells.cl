@@ -78,6 +78,12 @@ typedef struct {
     Limb limb;
     FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
     FLOAT radius; /* no point is further from the middle, anchor + (p.x.v, p.y.v, p.z.v) */
+#ifdef WITH_SHEETS
+    /* P is ray / over; of what is flat both are planes over the cell, and so are all linear functions of P times over. */
+    int flat;
+    Model over;
+    Model3 ray;
+#endif
 #ifdef WITH_TEXTURES
     Model tu, tv;   /* where they are on a texture */
     Model paint[3]; /* red, green and blue there */
@@ -130,6 +136,9 @@ static void put_points(Area *patch, const Cells cells, const Model t, const real
     patch->v.z = over_d;
 #endif
     patch->P.z = scaled(t, -1);
+#ifdef WITH_SHEETS
+    patch->flat = 0;
+#endif
 }
 
 /* Puts in the points once more, as p from an anchor, and how far they are spread. */

@@ -18,6 +18,7 @@ typedef struct {
     INT by[2];
 #ifdef WITH_TRIANGLES
     MASK sure, leaky; /* whether a mesh surely stops the light somewhere, and whether a rim of one may be before the light */
+    FLOAT off;        /* the share of the cell in which lines tell it wrongly, within the window of what is seen */
 #endif
 } Blocking;
 
@@ -64,6 +65,10 @@ static OwnAxes own_axes(const Scene scene, const int index) {
     return axes;
 }
 
+static int is_round(const OwnAxes axes) {
+    return !axes.stretched;
+}
+
 static Float3 along_axes(const OwnAxes axes, const Float3 v) {
     if (!axes.stretched) return v;
     const Float3 own = {dot_row(axes.x, v), dot_row(axes.y, v), dot_row(axes.z, v)};
@@ -81,6 +86,7 @@ static OwnAxes own_axes(const Scene scene, const int index) {
     return axes;
 }
 
+#define is_round(axes) 1
 #define along_axes(axes, v) v
 #define models_along(axes, v) v
 #endif
@@ -99,6 +105,23 @@ static MASK block_where(Blocking *blocking, const int index, const MASK here, co
     }
     return again | (blocking->by[0] == index) | (blocking->by[1] == index);
 }
+
+#if REAL_BYTES == 8
+/* Whether a sphere surely is clear of the ways to the light, which lead away from it: the one from the patch's middle is nearest to C
+ * where it begins, then. Of a large sphere, such as the ground, the roundings of floats are larger than a patch, so this is in double;
+ * less than 16 of its roundings are 2^-46 of the coordinates. w is off by no more than its radius. */
+static MASK leads_away(const Real3 C, const REAL r, const Area patch, const Model3 w) {
+    const Real3 f = {(C.x - patch.anchor.x) - TO_REAL(patch.p.x.v), (C.y - patch.anchor.y) - TO_REAL(patch.p.y.v),
+                     (C.z - patch.anchor.z) - TO_REAL(patch.p.z.v)};
+    const Real3 to_light = {TO_REAL(w.x.v), TO_REAL(w.y.v), TO_REAL(w.z.v)};
+    const Real3 A = patch.anchor;
+    const REAL size = (fabs(C.x) + fabs(C.y) + fabs(C.z)) + (fabs(A.x) + fabs(A.y) + fabs(A.z)) + r;
+    const REAL far = fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z), off = TO_REAL(radius_of(w.x) + radius_of(w.y) + radius_of(w.z));
+    const REAL cosine = DOT(f, to_light) + 2 * off * size + 0x1p-46 * size * far;
+    const FLOAT gap = TO_FLOAT(sqrt(DOT(f, f)) - r - 0x1p-46 * size);
+    return TO_MASK(cosine < 0) & (gap > patch.radius * (1 + 4 * ROUNDING));
+}
+#endif
 
 /* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
  * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
@@ -125,7 +148,10 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = radius + reach;
     /* Where both ends of the way are inside, so is all of it. */
     const MASK inside = (sqrt(DOT(f0, f0)) + reach < radius) & ((FLOAT)light_side < 0);
-    const MASK near = may & !(gap > outer) & !inside;
+    MASK near = may & !(gap > outer) & !inside;
+#if REAL_BYTES == 8
+    if (is_round(axes) && ANY(near & (off > patch.radius))) near = near & !leads_away(C, scene.unit * s.w, patch, w);
+#endif
     if (!ANY(near)) return;
     const MASK outside = sqrt(DOT(f0, f0)) > outer;
     const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
@@ -151,33 +177,107 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
 }
 
 #ifdef WITH_TRIANGLES
+/* The number of a triangle's edge. Two triangles on the same side of it, as the light sees them, have the same number for it: those of
+ * which one faces the light and the other one does not. If they have two edges in common they take theirs for different ones. side: how
+ * the light sees all triangles. */
+static int number_of_edge(const Scene scene, __global const char *side, const int triangle, const int k) {
+    const int4 around = scene.neighbour[triangle];
+    const int other = k == 0 ? around.x : k == 1 ? around.y : around.z;
+    const int twice = (around.x == other) + (around.y == other) + (around.z == other) > 1;
+    if (other < 0 || twice || side[triangle] * side[other] >= 0) return 4 * triangle + k;
+    const int4 back = scene.neighbour[other];
+    return min(4 * triangle + k, 4 * other + (back.x == triangle ? 0 : back.y == triangle ? 1 : 2));
+}
+
+/* Notes the triangle that blocks the light within some lines: its edges, and its plane. Where one of them alone is in a patch, or one
+ * alone is in what is seen of it, all on its inner side is dark. That may be told already, by the triangle that has this edge in common
+ * with it at a solid's rim. Returns the lanes, of those it is `here` in, in which lines tell all of this triangle. */
+static MASK block_by_lines(const Model *line, const int *number, const Window *seen, const MASK here, Blocking *blocking) {
+    MASK crosses[4], told = 0;
+    INT count = 0;
+    for (int k = 0; k < 4; k++) {
+        crosses[k] = !(least_of(line[k]) > 0);
+        count = crosses[k] ? count + 1 : count;
+        told = told | (here & ((blocking->by[0] == number[k]) | (blocking->by[1] == number[k])));
+    }
+    const MASK some = here & !told & (count > 1);
+    Window dark;
+    if (ANY(some)) {
+        dark = *seen;
+        dark.off = 0;
+        for (int k = 0; k < 4; k++)
+            if (ANY(some & crosses[k])) cut_window(&dark, &line[k], some & crosses[k]);
+        const FLOAT share = dark.share + dark.off;
+        const MASK none = some & (share < TINY);
+        blocking->off += none ? share : (FLOAT)0;
+        told = told | none;
+    }
+    for (int k = 0; k < 4; k++) {
+        MASK alone = here & !told & crosses[k];
+        FLOAT wrong = 0;
+        if (ANY(alone & (count > 1))) {
+            Window all = *seen;
+            all.off = 0;
+            cut_window(&all, &line[k], alone);
+            wrong = count > 1 ? all.share - dark.share + (all.off + dark.off) : (FLOAT)0;
+        }
+        alone = alone & ((count == 1) | (wrong < TINY));
+        if (!ANY(alone)) continue;
+        const MASK noted = alone & block_where(blocking, number[k], alone, line[k]);
+        blocking->off += noted ? wrong : (FLOAT)0;
+        told = told | noted;
+    }
+    return told;
+}
+
+/* The way from a patch's points to a light, as its facets take it, times patch.over where the patch is flat: along, what edges and planes
+ * are linear in; reach, what the plane is beyond; bound: what facets' bounds are to be multiplied by. seen: the part of the cell that
+ * shows the patch. */
+typedef struct {
+    const Window *seen;
+    Model3 along;
+    Model reach;
+    FLOAT bound;
+} Way;
+
+static Way way_to_light(const Light light, const int kind, const Area patch, const Model3 L, const Model3 w, const Window *seen) {
+    Way way;
+    way.seen = seen;
+    Model3 P = patch.P;
+    Model over = constant_model(1);
+    if (patch.flat) {
+        P = patch.ray;
+        over = patch.over;
+    }
+    const FLOAT most = most_of(over);
+    if (kind == 0) {
+        const Real3 axis = {light.axis.x, light.axis.y, light.axis.z}, across = {light.across.x, light.across.y, light.across.z};
+        way.along.x = dot_models(P, constant_vector_in(axis, 1));
+        way.along.y = dot_models(P, constant_vector_in(across, 1));
+        way.along.z = over;
+        way.reach = dot_models(P, L);
+        way.reach.r += 0x1p-26f * most + 0x1p-22f * (fabs(way.reach.v) + radius_of(way.reach));
+        way.bound = most;
+    } else {
+        way.along = patch.flat ? minus_vectors(times_vector(over, L), P) : w;
+        way.reach = over;
+        way.bound = sqrt(most_of(square_of_vector(way.along)));
+    }
+    return way;
+}
+
 /* Whether a light is cut off by a triangle: it is where P is on the positive side of the edges' planes, as the light sees them, and
  * beyond the triangle's own; see triangle_stops().
  *
  * Where no rim of a mesh and no plane is between the light and the patch's points, meshes cut off all of it or nothing. The triangle
  * beyond an edge of the own one, if the light sees both the same way round, is beside the own one as the light sees it, and so cuts
  * off nothing of it; but what goes on in that one goes on in the own one, so the former does not hold there. */
-static void block_by_triangle(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int triangle,
+static void block_by_triangle(const Scene scene, const int number, const int kind, const Area patch, const Way *way, const int triangle,
                               const MASK may, Blocking *blocking) {
     __global const float4 *facet = scene.light_facet + 3 * ((long)number * scene.triangles + triangle);
-    Model3 v = w;
-    FLOAT bound = 1;
-    Model beyond;
-    if (kind == 0) {
-        const Light light = scene.light[number];
-        const Real3 axis = {light.axis.x, light.axis.y, light.axis.z}, across = {light.across.x, light.across.y, light.across.z};
-        const Real3 to = {light.position.x, light.position.y, light.position.z};
-        v.x = dot_models(patch.P, constant_vector_in(axis, 1));
-        v.y = dot_models(patch.P, constant_vector_in(across, 1));
-        v.z = constant_model(1);
-        const Model height = dot_models(patch.P, constant_vector_in(to, 1));
-        beyond = scaled(plus_model(height, plane_along(facet, v)), -1);
-        beyond.r += 0x1p-26f + 0x1p-22f * (fabs(height.v) + radius_of(height));
-    } else {
-        bound = sqrt(most_of(square_of_vector(w)));
-        beyond = minus_model(plane_along(facet, v), constant_model(1));
-    }
-    const Edges edges = edges_along(facet, v, bound);
+    const Model plane = plane_along(facet, way->along);
+    const Model beyond = kind == 0 ? scaled(plus_model(way->reach, plane), -1) : minus_model(plane, way->reach);
+    const Edges edges = edges_along(facet, way->along, way->bound);
     MASK here = may & !(most_of(beyond) < 0);
     for (int k = 0; k < 3; k++) here = here & !(most_of(edges.edge[k]) < 0);
     if (!ANY(here)) return;
@@ -192,11 +292,18 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     blocking->leaky = blocking->leaky | beside | (here & (rim_within(scene, 1 + number, triangle, edges) | !before));
     here = here & !beside;
     blocking->sure = blocking->sure | (here & before & surely_within(edges));
+    Model line[4] = {edges.edge[0], edges.edge[1], edges.edge[2], beyond};
+    int lines[4] = {0, 0, 0, scene.spheres.first + 4 * triangle + 3};
+    for (int k = 0; k < 3; k++) lines[k] = scene.spheres.first + number_of_edge(scene, side, triangle, k);
+    here = here & !block_by_lines(line, lines, way->seen, here, blocking);
+    if (!ANY(here)) return;
     Share sides[4];
     for (int k = 0; k < 3; k++) sides[k] = share_where_positive(edges.edge[k]);
     sides[3] = share_where_positive(beyond);
     block(blocking, scene.spheres.first + triangle, here, share_within(sides, 4));
 }
+#else
+typedef int Way;
 #endif
 
 /* A ball around all patches of a packet, and the way from its middle m to the light. */
@@ -248,8 +355,8 @@ static int is_beside(const Scene scene, const int kind, const Around around, con
 
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
-static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
-                          const int cell, const MASK in, const Around around, Blocking *blocking) {
+static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const Way *way,
+                          const FLOAT far, const int cell, const MASK in, const Around around, Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
@@ -259,7 +366,7 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
         if (!ANY(may)) break;
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
-            block_by_triangle(scene, number, kind, patch, w, index - scene.spheres.first, may & (patch.id != index), blocking);
+            block_by_triangle(scene, number, kind, patch, way, index - scene.spheres.first, may & (patch.id != index), blocking);
             continue;
         }
 #endif
@@ -319,12 +426,13 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 /* So many cells of a level, side by side, a patch's lists are looked at; where it lies on more, all may be blocked. */
 #define MOST_CELLS_A_SIDE 3
 
-/* What is between a patch's points and a light. w: from the points to it; far: see block_by_list(). */
-static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const FLOAT far,
-                           const MASK wanted) {
+/* What is between a patch's points and a light. w: from the points to it; way: the same for triangles; far: see block_by_list(). */
+static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const Way *way,
+                            const FLOAT far, const MASK wanted) {
     Blocking blocking = {{0, 0}, -1, {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}}, {-1, -1}};
 #ifdef WITH_TRIANGLES
     blocking.sure = blocking.leaky = 0;
+    blocking.off = 0;
 #endif
     const Around around = around_patches(patch, w, wanted);
     const int4 grids = scene.light_buffer[number];
@@ -355,7 +463,7 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
                 for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                     const MASK in = pending == c;
                     pending = in ? (INT)-1 : pending;
-                    block_by_list(scene, number, kind, patch, w, far, c, in, around, &blocking);
+                    block_by_list(scene, number, kind, patch, w, way, far, c, in, around, &blocking);
                 }
             }
         }
@@ -412,9 +520,12 @@ static Model spot_strength(const Light light, const Model cosine) {
 #endif
 
 /* Of a colour, for red, green and blue: v, its mean over the cell within a window and 0 elsewhere, off by at most e, and what it
- * is within at all points of the cell. */
+ * is within at all points of the cell, as far as the window shows them. */
 typedef struct {
     FLOAT v[3], e[3], least[3], most[3];
+#ifdef WITH_SHEETS
+    FLOAT off; /* the share of the cell in which it may be beyond that */
+#endif
 } Tint;
 
 /* Means over the cell of 1, s, t and w within a window, and 0 elsewhere; off: what that of w is off by. */
@@ -533,11 +644,19 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     if (ANY((unsure))) {
         const FLOAT depth = kind == 0 ? -least_of(dot_models(patch.P, L)) : most_of(a);
         const FLOAT far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
-        const Blocking blocking = blocking_of(scene, number, kind, patch, w, far, unsure);
+#ifdef WITH_TRIANGLES
+        const Way way = way_to_light(light, kind, patch, L, w, seen);
+#else
+        const Way way = 0;
+#endif
+        const Blocking blocking = blocking_of(scene, number, kind, patch, w, &way, far, unsure);
         const Share blocked = blocking.blocked;
         const FLOAT most = reach.blocked.most + blocked.most;
         reach.blocked.least = (unsure & (blocked.least > reach.blocked.least)) ? blocked.least : reach.blocked.least;
         reach.blocked.most = unsure ? (most < 1 ? most : (FLOAT)1) : reach.blocked.most;
+#ifdef WITH_TRIANGLES
+        reach.off = unsure ? blocking.off : (FLOAT)0;
+#endif
         for (int k = 0; k < 2; k++) {
             line[2 + k] = blocking.free[k];
             cut[2 + k] = unsure & (blocking.by[k] >= 0);
@@ -554,9 +673,12 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
             if (ANY(on & cut[k])) cut_window(&window, &line[k], on & cut[k]);
         }
         find_moments(&window, &patch.limb, &reach.lit);
-        reach.off = window.off;
+        reach.off += window.off;
     }
     reach.all = !any & !(reach.blocked.most > 0);
+#ifdef WITH_SHEETS
+    tint->off += on ? reach.off : (FLOAT)0;
+#endif
     const Model amount = times_model(choose_model(cut[0], cosine, positive_part(cosine)), strength);
     Model highlight = constant_model(0);
 #ifdef WITH_SPECULAR
@@ -575,6 +697,9 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
 #else
 typedef struct {
     FLOAT v[3], e[3], least[3], most[3];
+#ifdef WITH_SHEETS
+    FLOAT off; /* the share of the cell in which it may be beyond that */
+#endif
 } Tint;
 #endif
 
@@ -583,6 +708,9 @@ static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *wor
     const Intersection at = material_at(scene, patch.id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     Tint tint;
+#ifdef WITH_SHEETS
+    tint.off = 0;
+#endif
     for (int k = 0; k < 3; k++) {
         tint.v[k] = ambient[k] * seen->share;
         tint.least[k] = tint.most[k] = ambient[k];

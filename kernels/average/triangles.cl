@@ -159,6 +159,15 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     put_points(&patch, cells, t, scene.unit);
     put_anchor(&patch, origin, patch.P);
     patch.limb = no_limb();
+    patch.flat = 1;
+#ifdef WITH_PARALLEL_RAYS
+    patch.ray = patch.P;
+    patch.over = constant_model(1);
+#else
+    const REAL nearness = 1 / (D.x * scene.unit), wrong = fabs(nearness) * u * s * gh / fabs(D.x) * (fabs(den.x) + fabs(den.y) + fabs(den.z));
+    patch.ray = directions_of(cells, scene.unit);
+    patch.over = narrowed_by(den, nearness, 2 * (den_error * fabs(nearness) + wrong));
+#endif
 #ifdef WITH_TEXTURES
     patch.tu = patch.tv = constant_model(0);
     const int4 place = scene.uv_face[number];

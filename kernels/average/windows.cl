@@ -6,8 +6,14 @@
  * such as light, is off by no more than the larger of what is missing and what is too much.
  */
 #ifdef WITH_AVERAGE
-/* A silhouette, the edge of a spot's cone, and some shadows. */
+/* A silhouette, the edge of a spot's cone, and some shadows; of a triangle three edges, and those of some others before it. */
+#ifdef WITH_SHEETS
+#define MOST_LINES 10
+/* So small a share of a cell is no matter, and counts as an error. */
+#define TINY 0x1p-10f
+#else
 #define MOST_LINES 6
+#endif
 
 /* The polygon's sides, from (s0, t0) to (s1, t1), counterclockwise, in no order; those that are cut off are points. share: of the
  * cell, 0 .. 1, and off: what may be missing from it at most, or be too much. */
