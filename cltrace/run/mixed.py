@@ -1,7 +1,7 @@
 """Views of worlds of triangles, ellipsoids and spheres: numpy packs them, but for what takes longest.
 
-The planes of triangles' edges, the polygons that triangles are to the eye and to lights at points, and the lists are made
-on the device, with the same bits. A few polygons, which need clipping, are numpy's.
+The planes of triangles' edges, the polygons that triangles are to the eye and to lights at points, and the lists are
+made on the device, with the same bits. A few polygons, which need clipping, are numpy's.
 """
 
 from __future__ import annotations
