@@ -51,6 +51,7 @@ SOURCES = (
     "average/sight.cl",
     "average/triangles.cl",
     "average/paint.cl",
+    "average/highlights.cl",
     "average/patch.cl",
     "average/crowd.cl",
     "average/hiding.cl",

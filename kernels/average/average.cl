@@ -1,26 +1,27 @@
 /* average.cl: the mean colour of a pixel's square, each colour up to 1, with a bound of what it is off by.
  *
- * A pixel is one cell, then 16, 256 or 4,096: those cells that are known least are split, breadth first, until the bounds of all
- * add up to no more than `levels`, or too many would be split at once. Sums are whole numbers, so that no order of cells changes
+ * A pixel is one cell, then 4, and so on up to 4,096: those cells that are known least are split, breadth first, until the bounds of
+ * all add up to no more than `levels`, or too many would be split at once. The cells of all pixels of a packet that are split are
+ * packets in turn. Sums are whole numbers, so that no order of cells changes
  * a bit.
  */
 #ifdef WITH_AVERAGE
 /* The finest level, where textures may ask for it all over the picture a coarser one; how many cells of a level may be split, those
  * that are known least; the finest level where there is no proof. */
 #ifdef WITH_TEXTURES
-#define FINEST 2
+#define FINEST 4
 #else
-#define FINEST 3
+#define FINEST 6
 #endif
 /* Of meshes many cells of a pixel may be known equally little. */
 #ifdef WITH_TRIANGLES
 #define MOST_SPLIT 256
 #else
-#define MOST_SPLIT 96
+#define MOST_SPLIT 128
 #endif
 #define FINEST_ESTIMATE FINEST
-/* The share of a pixel's error that its cells of one level may leave when others are split. */
-#define KEPT 0.4f
+/* What part of the error that is left to a pixel its cells of one level may leave when others are split. */
+#define KEPT 0.5f
 /* Errors above that many levels are rough. */
 #define ROUGH 2
 
@@ -113,11 +114,6 @@ static FLOAT contrast_of(const Tint *front, const Tint *behind, const int k) {
     const FLOAT lighter = front->most[k] - behind->least[k], darker = behind->most[k] - front->least[k];
     return (lighter > 0 ? lighter : (FLOAT)0) + (darker > 0 ? darker : (FLOAT)0);
 }
-
-/* What cells show: nothing but the cover; something before it; or two, one behind the other. */
-typedef struct {
-    MASK plain, mixed, pair;
-} Kind;
 
 /* The surfaces' part of what cells show. Returns the lanes in which it is known. */
 static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, const Sight view, Kind kind, Tint *out,
@@ -234,33 +230,18 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
     return known;
 }
 
-/* Where pixels are too large a part of the surface that they show for its colour to be a plane in them: by a 16th of its radius
- * the normal turns by 3.6 degrees. There is no use in looking for what shadows them. */
-static MASK too_bent(const Scene scene, const Cells cells, const Sight view) {
-#ifdef WITH_PARALLEL_RAYS
-    const FLOAT far = 1;
-#else
-    const FLOAT far = view.of_cover.least;
-#endif
-    return (view.cover >= 0) & (far * (float)(fabs(cells.h) + fabs(cells.k)) * 16 > TO_FLOAT(scene.unit * spheres_of(scene.spheres, view.cover).r));
-}
 #endif
 
-/* level, column, row, size: see cells_at(); tile: see sight_of(). */
-static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const int2 size, const int level, const INT column,
-                                                    const INT row, const int2 tile, Means *means, MASK *overgrown, Work *work) {
-    const Cells cells = cells_at(frame, size, level, column, row);
+/* What cells show, given which surfaces these are. */
+static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells, const int level, const int2 tile,
+                                                    const Sight *sight, Means *means, MASK *overgrown, Work *work) {
     Tint tint;
 #ifdef WITH_TRIANGLES
     MASK estimated, edges;
     const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, &edges, work);
 #else
-    const Sight view = sight_of(scene, cells, tile);
-    const MASK bent = level == 0 ? too_bent(scene, cells, view) : (MASK)0;
-    Kind kind;
-    kind.plain = !bent & behind_cover(view, view.of_front.least);
-    kind.mixed = !bent & !kind.plain & behind_cover(view, view.of_second.least);
-    kind.pair = !bent & !kind.plain & !kind.mixed & behind_cover(view, view.others);
+    const Sight view = *sight;
+    const Kind kind = kind_of_sight(view);
     const MASK plain = kind.plain, edges = !plain;
     const MASK estimated = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & (!plain));
     const MASK known = mean_tint(frame, scene, cells, view, kind, &tint, &means->coverage, work);
@@ -316,6 +297,39 @@ typedef struct {
     int estimated;
 } Sum;
 
+/* A cell that may be split. place: its column in the pixel, plus 64 times its row, plus 4,096 times the pixel's lane. */
+typedef struct {
+    float color[3], coverage, error;
+    ushort place, estimated;
+} Part;
+
+static void add_cell(Sum *sum, const Part *cell, const float area) {
+    for (int k = 0; k < 3; k++) sum->color[k] += (long)(cell->color[k] * area * 0x1p40f);
+    sum->coverage += (long)(cell->coverage * area * 0x1p40f);
+    sum->error += cell->error * area;
+    sum->estimated |= cell->estimated;
+}
+
+/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it, unless
+ * those are all about equally large. */
+static float largest_kept(const Part *cells, const int count, const float area, const float budget) {
+    float kept = 0;
+    for (int i = 0; i < count; i++) kept = fmax(kept, cells[i].error);
+    for (int first = 1;; first = 0) {
+        const float lower = kept * 0.75f;
+        float sum = 0;
+        int above = 0;
+        for (int i = 0; i < count; i++) {
+            if (cells[i].error > lower) above++;
+            if (cells[i].error <= kept) sum += cells[i].error * area;
+        }
+        if (above > MOST_SPLIT) return first ? lower : kept;
+        if (sum <= budget || !(lower > 0)) return kept;
+        kept = lower;
+    }
+}
+
+#ifdef WITH_BOUNCES
 /* 16 cells of one level, 4 x 4. */
 typedef struct {
     float color[3][16], coverage[16], error[16];
@@ -346,19 +360,6 @@ static void estimate_errors(Group *group, const float (*border)[16]) {
     }
 }
 
-/* A cell that may be split: place: its column and row in the pixel, times 64. */
-typedef struct {
-    float color[3], coverage, error;
-    ushort place, estimated;
-} Part;
-
-static void add_cell(Sum *sum, const Part *cell, const float area) {
-    for (int k = 0; k < 3; k++) sum->color[k] += (long)(cell->color[k] * area * 0x1p40f);
-    sum->coverage += (long)(cell->coverage * area * 0x1p40f);
-    sum->error += cell->error * area;
-    sum->estimated |= cell->estimated;
-}
-
 /* The colours at points of the border of what is split: of its left, right, upper and lower side, beside the cells there. level: of
  * these cells. */
 static void look_at_border(const Frame frame, const Scene scene, const int2 size, const int level, const int column, const int row,
@@ -370,7 +371,7 @@ static void look_at_border(const Frame frame, const Scene scene, const int2 size
             x[lane] = 8 * column + (side < 2 ? 8 * side : place);
             y[lane] = 8 * row + (side < 2 ? place : 8 * (side - 2));
         }
-        const Cells cells = cells_around(frame, size, level, LOAD_LANES(x), LOAD_LANES(y));
+        const Cells cells = cells_around(frame, size, 2 * level, LOAD_LANES(x), LOAD_LANES(y));
         Means means;
         sample_cells(frame, scene, cells, tile, ALL_LANES, &means, overgrown, work);
         for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), &border[k][part * W]);
@@ -387,7 +388,9 @@ static void look_at_group(const Frame frame, const Scene scene, const int2 size,
         const INT across = LANE_COLUMN, down = LANE_ROW + part * PACKET_HEIGHT;
 #endif
         Means means;
-        look_at_cells(frame, scene, size, level, 4 * column + across, 4 * row + down, tile, &means, overgrown, work);
+        const Cells cells = cells_at(frame, size, 2 * level, 4 * column + across, 4 * row + down);
+        const Sight view = sight_of(scene, cells, tile);
+        look_at_cells(frame, scene, cells, 2 * level, tile, &view, &means, overgrown, work);
         for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), &group->color[k][part * W]);
         STORE_LANES(means.coverage, &group->coverage[part * W]);
         STORE_LANES(means.error, &group->error[part * W]);
@@ -399,25 +402,6 @@ static void look_at_group(const Frame frame, const Scene scene, const int2 size,
     float border[3][16];
     look_at_border(frame, scene, size, level, column, row, tile, border, overgrown, work);
     estimate_errors(group, border);
-}
-
-/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it, unless
- * those are all about equally large. */
-static float largest_kept(const Part *cells, const int count, const float area, const float budget) {
-    float kept = 0;
-    for (int i = 0; i < count; i++) kept = fmax(kept, cells[i].error);
-    for (int first = 1;; first = 0) {
-        const float lower = kept * 0.75f;
-        float sum = 0;
-        int above = 0;
-        for (int i = 0; i < count; i++) {
-            if (cells[i].error > lower) above++;
-            if (cells[i].error <= kept) sum += cells[i].error * area;
-        }
-        if (above > MOST_SPLIT) return first ? lower : kept;
-        if (sum <= budget || !(lower > 0)) return kept;
-        kept = lower;
-    }
 }
 
 /* The mean of one pixel, by its parts. column, row: of the pixel. */
@@ -445,11 +429,11 @@ static Sum split_pixel(const Frame frame, const Scene scene, const int2 size, co
                 total += part.error * area;
             }
         }
-        const int last = level == FINEST || total <= levels;
-        const float kept = last ? INFINITY : largest_kept(cells, 16 * count, area, levels * KEPT - sum.error);
+        const int last = 2 * level == FINEST || total <= levels;
+        const float kept = last ? INFINITY : largest_kept(cells, 16 * count, area, levels * 0.4f - sum.error);
         int next = 0;
         for (int i = 0; i < 16 * count; i++) {
-            if (cells[i].error <= kept || last || next == MOST_SPLIT || (cells[i].estimated && level >= FINEST_ESTIMATE)) {
+            if (cells[i].error <= kept || last || next == MOST_SPLIT || (cells[i].estimated && 2 * level >= FINEST_ESTIMATE)) {
                 add_cell(&sum, &cells[i], area);
             } else {
                 split[next++] = cells[i].place;
@@ -460,15 +444,138 @@ static Sum split_pixel(const Frame frame, const Scene scene, const int2 size, co
     return sum;
 }
 
+/* The same of all pixels of a packet. */
+static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
+                         const int2 tile, Sum *sums, int *late, Work *work) {
+    for (int lane = 0; lane < W; lane++) {
+        if (!again[lane]) continue;
+        MASK many = 0;
+        sums[lane] = split_pixel(frame, scene, size, columns[lane], rows[lane], tile, &many, work);
+        late[lane] = ANY(many) != 0;
+    }
+}
+#else
+/* Those of a packet's pixels' parts that are lanes of one packet, by their order. columns, rows: of the pixels. */
+static Cells cells_of_parts(const Frame frame, const int2 size, const int level, const int *columns, const int *rows, const Part *parts,
+                            const int *order) {
+    int x[W], y[W];
+    for (int lane = 0; lane < W; lane++) {
+        const int place = parts[order[lane]].place, pixel = place >> 12;
+        x[lane] = (columns[pixel] << level) + (place & 63);
+        y[lane] = (rows[pixel] << level) + (place >> 6 & 63);
+    }
+    return cells_at(frame, size, level, LOAD_LANES(x), LOAD_LANES(y));
+}
+
+/* So many cells are seen before they are looked at. */
+#define MOST_SEEN (8 * W)
+
+/* Puts cells of which as many surfaces are to be looked at beside each other: the order is that of their ranks, and beyond the last
+ * the last is repeated. */
+static void sort_by_rank(const int *rank, const int count, int *order) {
+    int next = 0;
+    for (int one = 0; one < RANKS; one++)
+        for (int i = 0; i < count; i++)
+            if (rank[i] == one) order[next++] = i;
+    for (int lane = 0; lane < W; lane++) order[count + lane] = order[count - 1];
+}
+
+/* Looks at parts of a packet's pixels, MOST_SEEN at most. level: of the cells; see cells_of_parts(). */
+static void look_at_parts(const Frame frame, const Scene scene, const int2 size, const int level, const int *columns, const int *rows,
+                          const int2 tile, Part *parts, const int count, int *late, Work *work) {
+    int order[MOST_SEEN + W], rank[MOST_SEEN];
+    Sights sights;
+    for (int i = 0; i < count + W; i++) order[i] = i < count ? i : count - 1;
+    for (int first = 0; first < count; first += W) {
+        const Sight view = sight_of(scene, cells_of_parts(frame, size, level, columns, rows, parts, order + first), tile);
+        store_sight(&sights, first, view);
+        STORE_LANES(rank_of(view), rank + first);
+    }
+    sort_by_rank(rank, count, order);
+    for (int first = 0; first < count; first += W) {
+        Means means;
+        MASK overgrown = 0;
+        const Sight view = load_sight(&sights, order + first);
+        const Cells cells = cells_of_parts(frame, size, level, columns, rows, parts, order + first);
+        look_at_cells(frame, scene, cells, level, tile, &view, &means, &overgrown, work);
+        float color[3][W], coverage[W], error[W];
+        int grown[W];
+        for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), color[k]);
+        STORE_LANES(means.coverage, coverage);
+        STORE_LANES(means.error, error);
+        STORE_LANES(overgrown, grown);
+        for (int lane = 0; lane < W; lane++) {
+            Part *part = &parts[order[first + lane]];
+            for (int k = 0; k < 3; k++) part->color[k] = color[k][lane];
+            part->coverage = coverage[lane];
+            part->error = error[lane];
+            part->estimated = 0;
+            late[part->place >> 12] |= grown[lane] != 0;
+        }
+    }
+}
+
+/* Puts in the places of the four parts of each cell. */
+static void place_parts(const ushort *split, const int count, Part *parts) {
+    for (int i = 0; i < 4 * count; i++) {
+        const int from = split[i >> 2], across = 2 * (from & 63) + (i & 1), down = 2 * (from >> 6 & 63) + (i >> 1 & 1);
+        parts[i].place = (ushort)((from & ~4095) | down << 6 | across);
+    }
+}
+
+/* Adds those cells of one pixel that stay whole to its sum, and puts the places of the others into `split`. Returns how many these are. */
+static int keep_or_split(const Part *cells, const int count, const int level, const float levels, Sum *sum, ushort *split) {
+    const float area = 1.0f / (1 << 2 * level);
+    float total = sum->error;
+    for (int i = 0; i < count; i++) total += cells[i].error * area;
+    const int last = level == FINEST || total <= levels;
+    const float kept = last ? INFINITY : largest_kept(cells, count, area, KEPT * (levels - sum->error));
+    int next = 0;
+    for (int i = 0; i < count; i++) {
+        if (cells[i].error <= kept || last || next == MOST_SPLIT) {
+            add_cell(sum, &cells[i], area);
+        } else {
+            split[next++] = cells[i].place;
+        }
+    }
+    return next;
+}
+
+/* The means of those pixels of a packet that are wanted `again`, by their parts. */
+static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
+                         const int2 tile, Sum *sums, int *late, Work *work) {
+    ushort split[W * MOST_SPLIT];
+    Part cells[4 * W * MOST_SPLIT];
+    int count = 0;
+    for (int lane = 0; lane < W; lane++)
+        if (again[lane]) split[count++] = (ushort)(lane << 12);
+    for (int level = 1; count > 0; level++) {
+        place_parts(split, count, cells);
+        for (int first = 0; first < 4 * count; first += MOST_SEEN)
+            look_at_parts(frame, scene, size, level, columns, rows, tile, cells + first, min(4 * count - first, MOST_SEEN), late, work);
+        int next = 0;
+        for (int first = 0, end = 0; first < 4 * count; first = end) {
+            const int pixel = cells[first].place >> 12;
+            while (end < 4 * count && cells[end].place >> 12 == pixel) end++;
+            next += keep_or_split(cells + first, end - first, level, scene.average.w, &sums[pixel], split + next);
+        }
+        count = next;
+    }
+}
+#endif
+
 /* Puts the means into a packet of pixels. within: which of them are wanted. */
 static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
                            const MASK within, Pixels *pixels, Work *work) {
     const float levels = scene.average.w;
     Means means;
     MASK overgrown = 0;
-    look_at_cells(frame, scene, size, 0, column, row, tile, &means, &overgrown, work);
+    const Cells cells = cells_at(frame, size, 0, column, row);
+    const Sight view = sight_of(scene, cells, tile);
+    look_at_cells(frame, scene, cells, 0, tile, &view, &means, &overgrown, work);
     float color[3][W], coverage[W], error[W];
     int again[W], columns[W], rows[W], estimated[W], late[W];
+    Sum sums[W];
     for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), color[k]);
     STORE_LANES(means.coverage, coverage);
     STORE_LANES(means.error, error);
@@ -476,15 +583,18 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
     STORE_LANES(column, columns);
     STORE_LANES(row, rows);
     for (int lane = 0; lane < W; lane++) {
-        estimated[lane] = late[lane] = 0;
+        const Sum nothing = {{0, 0, 0}, 0, 0, 0};
+        sums[lane] = nothing;
+        late[lane] = 0;
+    }
+    split_pixels(frame, scene, size, columns, rows, again, tile, sums, late, work);
+    for (int lane = 0; lane < W; lane++) {
+        const Sum sum = sums[lane];
+        estimated[lane] = sum.estimated;
         if (!again[lane]) continue;
-        MASK many = 0;
-        const Sum sum = split_pixel(frame, scene, size, columns[lane], rows[lane], tile, &many, work);
         for (int k = 0; k < 3; k++) color[k][lane] = (float)sum.color[k] * 0x1p-40f;
         coverage[lane] = (float)sum.coverage * 0x1p-40f;
         error[lane] = sum.error;
-        estimated[lane] = sum.estimated;
-        late[lane] = ANY(many) != 0;
     }
     pixels->color.x = TO_SHADE(LOAD_LANES(color[0]));
     pixels->color.y = TO_SHADE(LOAD_LANES(color[1]));

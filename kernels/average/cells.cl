@@ -1,6 +1,6 @@
 /* cells.cl: which surfaces a cell of the picture shows, decided for all of its rays at once.
  *
- * Cells of level k have sides of 4^-k pixels. A packet of 4 x W/4 of them goes side by side, as pixels do.
+ * Cells of level k have sides of 2^-k pixels. A packet of 4 x W/4 of them goes side by side, as pixels do.
  */
 #ifdef WITH_AVERAGE
 /* The rays (x, y, -1) through cells, and their squared lengths. dx, dy, h, k: x is dx + h s, and y is dy + k t. Of an orthographic
@@ -17,9 +17,16 @@ static Model narrowed(const REAL v, const REAL x, const REAL y, const REAL r) {
     return with_rounding(m);
 }
 
+/* v + x s + y t - (ss s^2 + st s t + tt t^2), known in double. */
+static Conic conic_of(const REAL v, const REAL x, const REAL y, const REAL ss, const REAL st, const REAL tt, const REAL r) {
+    Conic D = {TO_FLOAT(v), TO_FLOAT(x), TO_FLOAT(y), TO_FLOAT(ss), TO_FLOAT(st), TO_FLOAT(tt), TO_FLOAT(r)};
+    D.r += 0x1p-23f * (fabs(D.v) + fabs(D.x) + fabs(D.y) + (fabs(D.ss) + fabs(D.st) + fabs(D.tt))) + 0x1p-19f * D.r + VANISHING;
+    return D;
+}
+
 /* x, y: the places of the middles, in halves of the cells of their level; size: of the whole picture in pixels. */
 static Cells cells_around(const Frame frame, const int2 size, const int level, const INT x, const INT y) {
-    const int parts = 1 << 2 * level;
+    const int parts = 1 << level;
     Cells cells;
     cells.h = frame.pixel.x / parts;
     cells.k = frame.pixel.y / parts;
@@ -141,11 +148,13 @@ static void put_points(Area *patch, const Cells cells, const Model t, const real
 #endif
 }
 
-/* Puts in the points once more, as p from an anchor, and how far they are spread. */
+/* Puts in the points once more, as p from an anchor, and how far they are spread. Shadows are looked for by planes, but at outlines. */
 static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
     patch->anchor = anchor;
-    patch->p = p;
-    const FLOAT x = radius_of(p.x), y = radius_of(p.y), z = radius_of(p.z);
+    patch->p.x = flattened_inside(p.x, &patch->limb);
+    patch->p.y = flattened_inside(p.y, &patch->limb);
+    patch->p.z = flattened_inside(p.z, &patch->limb);
+    const FLOAT x = radius_of(patch->p.x), y = radius_of(patch->p.y), z = radius_of(patch->p.z);
     patch->radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
 }
 #endif

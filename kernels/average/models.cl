@@ -143,12 +143,11 @@ static Model over_root_of(const Model a) {
     return m;
 }
 
-/* max(0, a). */
+/* max(0, a). Where a is hardly ever negative, it is a and what is within 0 and -least more. */
 static Model positive_part(const Model a) {
-    const FLOAT low = least_of(a), high = most_of(a);
-    const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high);
-    const MASK whole = low >= 0;
-    return choose_model(whole, a, range);
+    const FLOAT low = least_of(a), high = most_of(a), more = low < 0 ? (FLOAT)-0.5f * low : (FLOAT)0;
+    const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high), shifted = {a.v + more, a.x, a.y, a.r + more, a.z};
+    return choose_model(shifted.r < range.r, with_rounding(shifted), range);
 }
 
 static Model dot_models(const Model3 a, const Model3 b) {
@@ -157,6 +156,16 @@ static Model dot_models(const Model3 a, const Model3 b) {
 
 static Model square_of_vector(const Model3 a) {
     return plus_model(plus_model(square_of(a.x), square_of(a.y)), square_of(a.z));
+}
+
+/* a c, where c is the same in all of the cell but for its r. */
+static Model times_constant(const Model a, const Model c) {
+    const Model m = {c.v * a.v, c.v * a.x, c.v * a.y, fabs(c.v) * a.r + c.r * (fabs(a.v) + gradient(a) + a.r), c.v * a.z};
+    return with_rounding(m);
+}
+
+static Model dot_constant(const Model3 a, const Model3 c) {
+    return plus_model(plus_model(times_constant(a.x, c.x), times_constant(a.y, c.y)), times_constant(a.z, c.z));
 }
 
 static Model3 minus_vectors(const Model3 a, const Model3 b) {
@@ -177,6 +186,12 @@ static Model3 plus_vectors(const Model3 a, const Model3 b) {
 static Model3 cross_models(const Model3 a, const Model3 b) {
     const Model3 m = {minus_model(times_model(a.y, b.z), times_model(a.z, b.y)), minus_model(times_model(a.z, b.x), times_model(a.x, b.z)),
                       minus_model(times_model(a.x, b.y), times_model(a.y, b.x))};
+    return m;
+}
+
+static Model3 cross_constant(const Model3 a, const Model3 c) {
+    const Model3 m = {minus_model(times_constant(a.y, c.z), times_constant(a.z, c.y)), minus_model(times_constant(a.z, c.x), times_constant(a.x, c.z)),
+                      minus_model(times_constant(a.x, c.y), times_constant(a.y, c.x))};
     return m;
 }
 

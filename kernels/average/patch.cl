@@ -122,17 +122,30 @@ static MASK leads_away(const Real3 C, const REAL r, const Area patch, const Mode
     return TO_MASK(cosine < 0) & (gap > patch.radius * (1 + 4 * ROUNDING));
 }
 #endif
+/* Whether the eye, or all that parallel rays start at, surely is outside of a sphere. */
+static int eye_is_outside(const Scene scene, const int index) {
+#ifdef WITH_ELLIPSOIDS
+    if (scene.spheres.map_of[index] != 0) return 0;
+#endif
+#ifdef WITH_PARALLEL_RAYS
+    const real4 s = scene.spheres.center_radius[index];
+    return s.z + s.w < 0;
+#else
+    return scene.spheres.power[index].x > 0;
+#endif
+}
 
 /* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
  * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
- * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points.
+ * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points. Where f.w < 0 and P is outside, so is the way.
+ * What the eye sees from outside of a sphere is outside of it, and what the patch has else is in no window.
  *
  * The way from a point P' that is no further than `radius` from P is nowhere further than that from the way from P. So
  * what the distance of C from that way says of P', it says of all of the patch, but for `radius`. */
 static void block_by_sphere(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int index,
                             const MASK may, Blocking *blocking) {
     const real4 s = scene.spheres.center_radius[index];
-    const int light_side = scene.light_side[(long)number * scene.count + index];
+    const int light_side = scene.light_side[(long)number * scene.count + index], seen_from_outside = eye_is_outside(scene, index);
     const Real3 C = {scene.unit * s.x, scene.unit * s.y, scene.unit * s.z};
     /* From the anchor to C. */
     const Float3 g = {TO_FLOAT(C.x - patch.anchor.x), TO_FLOAT(C.y - patch.anchor.y), TO_FLOAT(C.z - patch.anchor.z)};
@@ -161,14 +174,16 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
         const Model3 from_anchor = {narrowed(C.x - patch.anchor.x, 0, 0, rounded), narrowed(C.y - patch.anchor.y, 0, 0, rounded),
                                     narrowed(C.z - patch.anchor.z, 0, 0, rounded)};
         const Model3 f = models_along(axes, minus_vectors(from_anchor, patch.p)), v = models_along(axes, w);
-        const Model a = square_of_vector(v), b = dot_models(f, v), X = square_of_vector(cross_models(f, v));
+        const Model a = square_of_vector(v), b = kind == 0 ? dot_constant(f, v) : dot_models(f, v);
+        const Model X = square_of_vector(kind == 0 ? cross_constant(f, v) : cross_models(f, v));
         const Model D = minus_model(scaled(a, radius * radius), X);
-        const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & outside;
+        const MASK started = outside | ((FLOAT)seen_from_outside > 0), behind = started & (most_of(b) < 0);
+        const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & started;
         const MASK told = block_where(blocking, index, near & !wholly & between, D);
         const Model flat = {D.v, D.x, D.y, D.r + fabs(D.z), 0};
         const Share part = share_where_positive(flat);
         share.least = between ? part.least : (FLOAT)0;
-        share.most = between ? (told ? (FLOAT)0 : part.most) : (FLOAT)1;
+        share.most = between ? (told ? (FLOAT)0 : part.most) : (behind ? (FLOAT)0 : (FLOAT)1);
         share.least = told ? (FLOAT)0 : share.least;
     }
     share.least = wholly ? (FLOAT)1 : share.least;
@@ -542,7 +557,11 @@ static __attribute__((noinline)) void find_moments(const Window *window, const L
     moments->w = 0;
     moments->off = limb->here ? one : (FLOAT)0;
     if (!ANY(limb->here)) return;
-    const FLOAT w = (mean_of_root(window, limb->D) - limb->middle * one) / limb->swing, off = limb->off / limb->swing;
+    FLOAT root = 0, off = 0;
+    if (ANY(limb->here & limb->round)) root = dome_over(window, limb->D, limb->dome, &off);
+    if (ANY(limb->here & !limb->round)) root = limb->round ? root : mean_of_root(window, limb->plane);
+    off = ((limb->round ? off : (FLOAT)0) + limb->off) / limb->swing;
+    const FLOAT w = (root - limb->middle * one) / limb->swing;
     const MASK known = limb->here & (fabs(w) <= one) & (off < one);
     moments->w = known ? w : (FLOAT)0;
     moments->off = known ? off + 0x1p-14f : moments->off;
@@ -557,9 +576,9 @@ typedef struct {
     MASK all;
 } Reach;
 
-/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. */
-static void add_light(Tint *tint, const Light light, const Area patch, const Intersection at, const Model amount, const Model highlight, const Reach *reach,
-                      const MASK on) {
+/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. shine: what has the highlight's mean. */
+static void add_light(Tint *tint, const Light light, const Area patch, const Intersection at, const Model amount, const Model highlight,
+                      const Model shine, const Reach *reach, const MASK on) {
     const float color[3] = {light.color.x, light.color.y, light.color.z};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
     const Moments lit = reach->lit;
@@ -569,8 +588,8 @@ static void add_light(Tint *tint, const Light light, const Area patch, const Int
 #else
         const Model diffuse = scaled(amount, kd[k]);
 #endif
-        const Model m = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]);
-        const FLOAT low = least_of(m), least = low > 0 ? low : (FLOAT)0, high = most_of(m), most = high <= 0 ? (FLOAT)0 : high;
+        const Model all = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]), m = scaled(plus_model(diffuse, shine), (FLOAT)color[k]);
+        const FLOAT low = least_of(all), least = low > 0 ? low : (FLOAT)0, high = most_of(all), most = high <= 0 ? (FLOAT)0 : high;
         const FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
         const FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
         const FLOAT less = mean - most * reach->blocked.most, dim = less > 0 ? less : (FLOAT)0;
@@ -602,9 +621,9 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     const Model over = kind == 0 ? constant_model(1) : over_root_of(a);
     const Model3 l = kind == 0 ? w : times_vector(over, w);
 #ifdef WITH_QUADRICS
-    const Model cosine = at_most_one(dot_models(patch.n, l));
+    const Model cosine = at_most_one(kind == 0 ? dot_constant(patch.n, l) : dot_models(patch.n, l));
 #else
-    const Model cosine = dot_models(patch.n, l);
+    const Model cosine = kind == 0 ? dot_constant(patch.n, l) : dot_models(patch.n, l);
 #endif
     MASK on = (patch.id >= 0) & !(most_of(cosine) < 0);
     Model strength = constant_model(1);
@@ -613,10 +632,8 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     MASK cut[4] = {0, 0, 0, 0};
     Reach reach = {*moments, {0, 0}, 0, on};
     /* Where the light is on the horizon of some points. */
-    const FLOAT slack = cosine.r + fabs(cosine.z);
-    const Model flat = {cosine.v, cosine.x, cosine.y, slack, 0};
-    line[0] = flat;
-    cut[0] = on & (least_of(cosine) < 0) & (2 * slack < fabs(cosine.x) + fabs(cosine.y));
+    line[0] = flattened_on(cosine, &patch.limb);
+    cut[0] = on & (least_of(cosine) < 0) & (2 * line[0].r < fabs(line[0].x) + fabs(line[0].y));
 #ifdef WITH_SPOT
     if (kind == 2) {
         const Real3 axis = {-light.axis.x, -light.axis.y, -light.axis.z};
@@ -626,7 +643,7 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
             strength = spot_strength(light, angle);
         } else {
             const Model within = minus_model(angle, with_rounding(constant_model((FLOAT)(float)light.axis.w)));
-            const Model edge = {within.v, within.x, within.y, within.r + fabs(within.z), 0};
+            const Model edge = flattened_on(within, &patch.limb);
             const Share lit = share_where_positive(edge);
             line[1] = edge;
             cut[1] = on & (least_of(edge) < 0) & (edge.r < fabs(edge.x) + fabs(edge.y));
@@ -680,7 +697,7 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
     tint->off += on ? reach.off : (FLOAT)0;
 #endif
     const Model amount = times_model(choose_model(cut[0], cosine, positive_part(cosine)), strength);
-    Model highlight = constant_model(0);
+    Model highlight = constant_model(0), shine = highlight;
 #ifdef WITH_SPECULAR
     const MASK shines = on & (at.hit) & (TO_FLOAT(at.ks) > 0);
     if (ANY((shines))) {
@@ -690,9 +707,17 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
         const Model some = between_bounds(0, most_of(power));
         power = choose_model((least_of(cosine) > 0) | cut[0], power, some);
         highlight = choose_model(shines, scaled(times_model(power, strength), TO_FLOAT(at.ks)), highlight);
+        shine = highlight;
+        const MASK rough = shines & reach.all & (seen->share >= 1) & (least_of(cosine) > 0) & (highlight.r > DULL) &
+                           (!patch.limb.here | patch.limb.round);
+        if (kind != 2 && ANY(rough)) {
+            const Model to_eye = dot_models(patch.n, patch.v), between = dot_models(l, patch.v);
+            mean_highlight(&cosine, &to_eye, &between, TO_FLOAT(at.exponent), &patch.limb, rough, &power);
+            shine = choose_model(rough, scaled(power, TO_FLOAT(at.ks)), highlight);
+        }
     }
 #endif
-    add_light(tint, light, patch, at, amount, highlight, &reach, on);
+    add_light(tint, light, patch, at, amount, highlight, shine, &reach, on);
 }
 #else
 typedef struct {

@@ -96,6 +96,7 @@ static REAL norm_of(const Real3 v) {
  * lead towards it, negative where all start inside, and else 0. */
 typedef struct {
     Model a, b, D;
+    Conic exact; /* D */
     Model3 G, X;
     REAL D0, Ds, Dt, ss, st, tt, off;
     FLOAT c;
@@ -144,8 +145,9 @@ static Outline outline_of(const Cells cells, const Quadric own, const real unit)
     outline.st = 2 * DOT(X.s, X.t) - ast * rr;
     outline.tt = DOT(X.t, X.t) - att * rr;
     outline.off = 2 * all * e + 3 * e * e + 4 * rounding * (g * g * rr + all * all);
-    const REAL h2 = (REAL)0.5f, D = outline.D0 - h2 * (outline.ss + outline.tt);
-    outline.D = narrowed(D, outline.Ds, outline.Dt, h2 * (fabs(outline.ss) + fabs(outline.tt)) + fabs(outline.st) + outline.off);
+    const REAL h2 = (REAL)0.5f;
+    outline.exact = conic_of(outline.D0, outline.Ds, outline.Dt, outline.ss, outline.st, outline.tt, outline.off);
+    outline.D = model_of_conic(outline.exact);
     outline.a = narrowed(a + h2 * (ass + att), as, at, h2 * (ass + att) + fabs(ast) + rounding * g * g);
     outline.b = narrowed(b, bs, bt, e);
     outline.X = narrowed_vector(X, e);
@@ -213,7 +215,7 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     Area patch;
     patch.id = own.sphere.index;
     patch.side = outline.c < 0 ? (FLOAT)-1 : (FLOAT)1;
-    const Model root = scaled(root_with(outline.D, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
+    const Model root = scaled(root_with(outline.exact, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
     Model t = times_model(plus_model(outline.b, root), over);
     t.r = outline.c != 0 ? t.r : (FLOAT)INFINITY;
     const Real3 origin = {0, 0, 0};

@@ -72,4 +72,94 @@ static Sight sight_of(const Scene scene, const Cells cells, const int2 tile) {
     }
     return view;
 }
+
+/* What cells show: nothing but the cover; something before it; or two, one behind the other. */
+typedef struct {
+    MASK plain, mixed, pair;
+} Kind;
+
+static Kind kind_of_sight(const Sight view) {
+    Kind kind;
+    kind.plain = behind_cover(view, view.of_front.least);
+    kind.mixed = !kind.plain & behind_cover(view, view.of_second.least);
+    kind.pair = !kind.plain & !kind.mixed & behind_cover(view, view.others);
+    return kind;
+}
+
+/* By how many surfaces are to be looked at. */
+#define RANKS 5
+static INT rank_of(const Sight view) {
+    const Kind kind = kind_of_sight(view);
+    const INT plain = view.cover < 0 ? (INT)0 : (INT)1;
+    return kind.plain ? plain : (kind.mixed ? (INT)2 : (kind.pair ? (INT)3 : (INT)4));
+}
+
+/* What 8 packets of cells show, in memory. */
+typedef struct {
+    int id[3][8 * W], covers[3][8 * W];
+    float least[3][8 * W], most[3][8 * W], others[8 * W];
+} Sights;
+
+/* first: where it is put, of the packet's first cell. */
+static void store_sight(Sights *to, const int first, const Sight view) {
+    const Extent extent[3] = {view.of_cover, view.of_front, view.of_second};
+    const INT id[3] = {view.cover, view.front, view.second};
+    for (int k = 0; k < 3; k++) {
+        STORE_LANES(id[k], to->id[k] + first);
+        STORE_LANES(extent[k].covers, to->covers[k] + first);
+        STORE_LANES(extent[k].least, to->least[k] + first);
+        STORE_LANES(extent[k].most, to->most[k] + first);
+    }
+    STORE_LANES(view.others, to->others + first);
+}
+
+/* which: the cell of each lane. */
+static Sight load_sight(const Sights *from, const int *which) {
+    int id[3][W], covers[3][W];
+    float least[3][W], most[3][W], others[W];
+    for (int lane = 0; lane < W; lane++) {
+        const int i = which[lane];
+        for (int k = 0; k < 3; k++) {
+            id[k][lane] = from->id[k][i];
+            covers[k][lane] = from->covers[k][i];
+            least[k][lane] = from->least[k][i];
+            most[k][lane] = from->most[k][i];
+        }
+        others[lane] = from->others[i];
+    }
+    Extent extent[3];
+    for (int k = 0; k < 3; k++) {
+        extent[k].covers = LOAD_LANES(covers[k]);
+        extent[k].misses = 0;
+        extent[k].least = LOAD_LANES(least[k]);
+        extent[k].most = LOAD_LANES(most[k]);
+    }
+    const Sight view = {LOAD_LANES(id[0]), LOAD_LANES(id[1]), LOAD_LANES(id[2]), extent[0], extent[1], extent[2], LOAD_LANES(others)};
+    return view;
+}
+#endif
+
+#if defined(WITH_AVERAGE) && defined(WITH_TRIANGLES)
+/* Meshes have crowd.cl for this. */
+typedef struct {
+    int nothing;
+} Sight, Sights;
+#define RANKS 1
+
+static Sight sight_of(const Scene scene, const Cells cells, const int2 tile) {
+    const Sight view = {0};
+    return view;
+}
+
+static INT rank_of(const Sight view) {
+    return 0;
+}
+
+static void store_sight(Sights *to, const int first, const Sight view) {
+}
+
+static Sight load_sight(const Sights *from, const int *which) {
+    const Sight view = {0};
+    return view;
+}
 #endif

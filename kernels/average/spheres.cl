@@ -15,6 +15,7 @@ static Quadric quadrics_of(const Spheres spheres, const INT index) {
  * in the float buffers' unit. */
 typedef struct {
     Model b, D;
+    Conic exact; /* D */
     FLOAT c;
 } Outline;
 
@@ -34,11 +35,12 @@ static Outline outline_of(const Cells cells, const Quadric sphere, const real un
     const REAL c = unit * unit * sphere.c, dx = cells.dx, dy = cells.dy, h = cells.h, k = cells.k, X = C.x * h, Y = C.y * k;
     const REAL sum = fabs(C.x * dx) + fabs(C.y * dy) + fabs(C.z), all = sum + (fabs(X) + fabs(Y));
     const REAL b = C.x * dx + C.y * dy - C.z, a = (dx * dx + dy * dy) + 1;
-    const REAL ss = (REAL)0.5f * (X * X - c * h * h), tt = (REAL)0.5f * (Y * Y - c * k * k), st = 2 * X * Y;
+    const REAL ss = c * h * h - X * X, tt = c * k * k - Y * Y, st = -2 * X * Y;
     const REAL off = 4 * (REAL)OUTLINE_ROUNDING * (all * all + (a + (h + k) * (1 + h + k)) * fabs(c));
     Outline outline;
     outline.b = narrowed(b, X, Y, (REAL)OUTLINE_ROUNDING * all);
-    outline.D = narrowed(b * b - a * c + (ss + tt), 2 * (b * X - c * dx * h), 2 * (b * Y - c * dy * k), fabs(ss) + fabs(tt) + fabs(st) + off);
+    outline.exact = conic_of(b * b - a * c, 2 * (b * X - c * dx * h), 2 * (b * Y - c * dy * k), ss, st, tt, off);
+    outline.D = model_of_conic(outline.exact);
     outline.c = TO_FLOAT(c);
     return outline;
 }
@@ -98,7 +100,7 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     patch.id = sphere.index;
     const MASK inside = outline.c <= 0;
     patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
-    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), root = root_with(outline.D, &patch.limb), sum = plus_model(b, root);
+    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), root = root_with(outline.exact, &patch.limb), sum = plus_model(b, root);
     const MASK far = inside & (outline.b.v >= 0);
     const Model over = reciprocal_of(choose_model(far, cells.a, sum));
     const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
