@@ -229,7 +229,6 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
 #endif
     return known;
 }
-
 #endif
 
 /* What cells show, given which surfaces these are. */

@@ -9,7 +9,7 @@
 /* So many squares are on each side of a cell. */
 #define SQUARES 4
 /* Highlights are looked at so where they are off by more than that. */
-#define DULL 0x1p-10f
+#define DULL 0x1p-8f
 
 /* A function over a square: what it is in the middle, and its slopes and second derivatives along s and t there; what these are off by
  * in all of the square; and what the function is off by, of itself. */
@@ -77,7 +77,8 @@ static Share mean_power(const Jet c, const FLOAT exponent, const FLOAT side) {
     const FLOAT rad = reach_of(c, side) + c.off, high = c.v + rad < 1 ? c.v + rad : (FLOAT)1, low = c.v - rad, v = c.v < 1 ? c.v : (FLOAT)1;
     const MASK curved = (low > 0) & (exponent >= 2);
     const SHADE e = TO_SHADE(exponent);
-    const FLOAT at = TO_FLOAT(lobe(TO_SHADE(v - 1), e)), up = TO_FLOAT(lobe(TO_SHADE(high - 1), e)) * (1 + 0x1p-14f), down = TO_FLOAT(lobe(TO_SHADE(low - 1), e)) * (1 - 0x1p-14f);
+    const FLOAT at = TO_FLOAT(lobe(TO_SHADE(v - 1), e));
+    const FLOAT up = TO_FLOAT(lobe(TO_SHADE(high - 1), e)) * (1 + 0x1p-14f), down = TO_FLOAT(lobe(TO_SHADE(low - 1), e)) * (1 - 0x1p-14f);
     const FLOAT over_high = 1 / high, over_low = 1 / (curved ? low : (FLOAT)1);
     const FLOAT up1 = exponent * up * over_high, down1 = exponent * down * over_low;
     const FLOAT up2 = (exponent - 1) * up1 * over_high, down2 = (exponent - 1) * down1 * over_low;
@@ -113,8 +114,8 @@ static Model model_in(const Models *from, const int lane) {
     return m;
 }
 
-/* The mean over cells of (2 a b - c)^exponent, in some lanes, where the highlight's model is `rough`: a and b are the normal's cosines with the ways to
- * the light and to the eye, and c is that between these. */
+/* Puts the mean over whole cells of (2 a b - c)^exponent into some lanes of a highlight's model, where it is nearer: a and b are the
+ * normal's cosines with the ways to the light and to the eye, and c is that between these. */
 static __attribute__((noinline)) void mean_highlight(const Model *a, const Model *b, const Model *c, const FLOAT exponent, const Limb *limb,
                                                      const MASK here, Model *highlight) {
     const float side = 1.0f / SQUARES;

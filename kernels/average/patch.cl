@@ -158,15 +158,18 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
     const FLOAT off = 4 * ROUNDING * ((fabs(g.x) + fabs(g.y) + fabs(g.z) + radius) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
                                       x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
-    const FLOAT gap = sqrt(DOT(q, q)), reach = patch.radius + off, outer = radius + reach;
+    const FLOAT reach = patch.radius + off, outer = radius + reach, apart = DOT(q, q);
+    const MASK within = may & !(apart > outer * outer);
+    if (!ANY(within)) return;
+    const FLOAT gap = sqrt(apart), away = sqrt(DOT(f0, f0));
     /* Where both ends of the way are inside, so is all of it. */
-    const MASK inside = (sqrt(DOT(f0, f0)) + reach < radius) & ((FLOAT)light_side < 0);
-    MASK near = may & !(gap > outer) & !inside;
+    const MASK inside = (away + reach < radius) & ((FLOAT)light_side < 0);
+    MASK near = within & !inside;
 #if REAL_BYTES == 8
     if (is_round(axes) && ANY(near & (off > patch.radius))) near = near & !leads_away(C, scene.unit * s.w, patch, w);
 #endif
     if (!ANY(near)) return;
-    const MASK outside = sqrt(DOT(f0, f0)) > outer;
+    const MASK outside = away > outer;
     const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
     Share share = {0, 1};
     if (light_side > 0 && ANY(near & !wholly)) {

@@ -180,7 +180,8 @@ static FLOAT dome_over(const Window *window, const Conic D, const Dome dome, FLO
     FLOAT sum = 0, unsure = 0;
     for (int k = 0; k < window->sides; k++) {
         const FLOAT s0 = window->s0[k], t0 = window->t0[k], s1 = window->s1[k], t1 = window->t1[k];
-        const FLOAT U0 = dome.a * s0 + dome.b * t0 - dome.u, V0 = dome.c * t0 - dome.v, U = dome.a * (s1 - s0) + dome.b * (t1 - t0), V = dome.c * (t1 - t0);
+        const FLOAT U0 = dome.a * s0 + dome.b * t0 - dome.u, V0 = dome.c * t0 - dome.v;
+        const FLOAT U = dome.a * (s1 - s0) + dome.b * (t1 - t0), V = dome.c * (t1 - t0);
         const FLOAT size = sqrt(U * U + V * V), over = 1 / (size > 0 ? size : (FLOAT)1), T0 = (U0 * U + V0 * V) * over, T1 = T0 + size;
         const FLOAT d = (U0 * V - V0 * U) * over, dd = d * d, near = fabs(d) < R ? d : (d < 0 ? -R : R);
         const FLOAT D0 = conic_at(D, s0, t0), D1 = conic_at(D, s1, t1);
@@ -231,34 +232,37 @@ static FLOAT root_mean_off(const FLOAT least, const FLOAT top, const FLOAT r, co
     return ((steep > 0) & (sloped < within)) ? sloped : within;
 }
 
-/* The root of D, and what stands for it elsewhere. */
+/* The root of D, and what stands for it elsewhere. A plane does where it is off by less than 2^-12 of the root. */
 static Model root_with(const Conic D, Limb *limb) {
     const Model plane = model_of_conic(D), root = root_of(plane);
     const FLOAT least = least_of(plane), most = most_of(plane), low = least > 0 ? least : (FLOAT)0, high = most > 0 ? most : (FLOAT)0;
-    const FLOAT w0 = sqrt(low), w1 = sqrt(high), x = fabs(D.x), y = fabs(D.y);
+    const FLOAT w1 = sqrt(high);
+    const MASK steep = low < 0.25f * high, bent = steep | (root.r > 0x1p-12f * w1);
+    *limb = no_limb();
+    if (!ANY(bent)) return root;
     limb->dome = dome_of(D, &limb->round);
-    /* A plane serves where it is off by less than a thousandth of the radius. */
-    const MASK curved = limb->round & (root.r > limb->dome.R * 0x1p-10f);
-    limb->steep = low < 0.25f * high;
-    limb->here = is_known(plane) & (limb->steep | curved);
+    limb->steep = steep;
+    limb->here = is_known(plane) & (steep | (bent & limb->round));
     limb->D = D;
     limb->plane = plane;
+    const FLOAT w0 = sqrt(low), x = fabs(D.x), y = fabs(D.y);
     limb->middle = (FLOAT)0.5f * (w0 + w1);
     limb->swing = (FLOAT)0.5f * (w1 - w0);
     const FLOAT bend_x = 2 * fabs(D.ss) + fabs(D.st), bend_y = 2 * fabs(D.tt) + fabs(D.st);
     const FLOAT steep_x = x - bend_x, steep_y = y - bend_y;
     const FLOAT r = limb->round ? D.r : plane.r;
-    const FLOAT steep = limb->round ? (steep_x > steep_y ? steep_x : steep_y) : (x > y ? x : y);
-    limb->off = root_mean_off(least, limb->round ? high : plane.v + (x + y), r, steep);
-    const Model bent = {limb->middle, 0, 0, 4 * ROUNDING * w1 + VANISHING, limb->swing};
+    const FLOAT slope = limb->round ? (steep_x > steep_y ? steep_x : steep_y) : (x > y ? x : y);
+    limb->off = root_mean_off(least, limb->round ? high : plane.v + (x + y), r, slope);
+    const Model bow = {limb->middle, 0, 0, 4 * ROUNDING * w1 + VANISHING, limb->swing};
     limb->flat = minus_model(root, constant_model(limb->middle));
-    return choose_model(limb->here, bent, root);
+    return choose_model(limb->here, bow, root);
 }
 
 /* A model with a plane for w: where the outline is in the cell, w is within -1 .. 1. */
 static Model flattened_on(const Model m, const Limb *limb) {
     const FLOAT z = m.z / limb->swing;
-    const Model f = limb->flat, flat = {m.v + z * f.v, m.x + z * f.x, m.y + z * f.y, m.r + fabs(z) * f.r, 0}, loose = {m.v, m.x, m.y, m.r + fabs(m.z), 0};
+    const Model f = limb->flat, flat = {m.v + z * f.v, m.x + z * f.x, m.y + z * f.y, m.r + fabs(z) * f.r, 0};
+    const Model loose = {m.v, m.x, m.y, m.r + fabs(m.z), 0};
     return choose_model(flat.r < loose.r, with_rounding(flat), loose);
 }
 
