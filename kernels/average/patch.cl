@@ -442,7 +442,7 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 }
 
 /* So many cells of a level, side by side, a patch's lists are looked at; where it lies on more, all may be blocked. */
-#define MOST_CELLS_A_SIDE 3
+#define MOST_CELLS_A_SIDE 12
 
 /* What is between a patch's points and a light. w: from the points to it; way: the same for triangles; far: see block_by_list(). */
 static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const Way *way,
@@ -473,8 +473,9 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
             blocking.leaky = blocking.leaky | ((many) & cover.here);
 #endif
             const MASK some = (cover.here) & !many;
-            for (int place = 0; place < MOST_CELLS_A_SIDE * MOST_CELLS_A_SIDE; place++) {
-                const int across = place % MOST_CELLS_A_SIDE, down = place / MOST_CELLS_A_SIDE;
+            const int width = LARGEST(some ? columns : (INT)0) + 1, height = LARGEST(some ? rows : (INT)0) + 1;
+            for (int place = 0; place < width * height; place++) {
+                const int across = place % width, down = place / width;
                 const MASK inside = some & (columns >= across) & (rows >= down);
                 if (!ANY(inside)) continue;
                 INT pending = inside ? level.first + (row + down) * level.columns + (column + across) : (INT)-1;
