@@ -321,6 +321,7 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     block(blocking, scene.spheres.first + triangle, here, share_within(sides, 4));
 }
 #else
+/* There are no triangles. */
 typedef int Way;
 #endif
 
