@@ -241,9 +241,12 @@ def test_no_epsilon_in_the_sources() -> None:
     assert powers == {
         "0x1p-10",
         "0x1p-100",
+        "0x1p-100f",
         "0x1p-101",
+        "0x1p-10f",
         "0x1p-120f",
         "0x1p-12f",
+        "0x1p-13f",
         "0x1p-14f",
         "0x1p-15f",
         "0x1p-16",

@@ -72,7 +72,8 @@ static Jet reflected_jet(const Jet a, const Jet b, const Jet c, const FLOAT side
 }
 
 /* Between what the mean of c^exponent over the square is. With g = c^e: g'' = e c^(e-1) c'' + e (e-1) c^(e-2) c'^2, whose powers grow with c,
- * for e >= 2. It is also between the least and the largest power. */
+ * for e >= 2. It is also between the least and the largest power. lobe() is right to 2^-15 of the power, see highlight_power(), and
+ * what is added up here rounds by less than that once more. */
 static Share mean_power(const Jet c, const FLOAT exponent, const FLOAT side) {
     const FLOAT rad = reach_of(c, side) + c.off, high = c.v + rad < 1 ? c.v + rad : (FLOAT)1, low = c.v - rad, v = c.v < 1 ? c.v : (FLOAT)1;
     const MASK curved = (low > 0) & (exponent >= 2);

@@ -431,7 +431,7 @@ INLINE Outlines outlines_of(
         const MASK falls = y[k] > y[next];
         const FLOAT end = falls ? x[k] : x[next];
         o.x[k] = falls ? x[next] : x[k], o.y[k] = falls ? y[next] : y[k], o.end_y[k] = falls ? y[k] : y[next];
-        const MASK flat = o.end_y[k] - o.y[k] < 0x1p-10f;
+        const MASK flat = o.end_y[k] - o.y[k] < 0x1p-10f; /* why: see _across() in plan/accel/cells.py */
         o.slope[k] = flat ? (FLOAT)0 : (end - o.x[k]) / (o.end_y[k] - o.y[k]);
     }
     return o;
