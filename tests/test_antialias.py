@@ -245,7 +245,7 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["shadow rims", "crossing eggs, parallel", "box"])
+@pytest.mark.parametrize("name", ["shadow rims", "crossing eggs, parallel", "box", "tiny", "tiny triangles"])
 def test_same_bits(device: Device, name: str) -> None:
     """Of crops and of packets of one pixel."""
     scene = HOSTILE[name]()

@@ -279,7 +279,7 @@ class View:
                 arrays |= {"neighbour": world.triangles.face[:0], "face_side": np.zeros(0, np.int8)}
             else:
                 arrays["neighbour"] = world.triangles.neighbours
-            window = Window.of(camera, base.region, k, 0 if request.antialias is None else 0.5)
+            window = Window.of(camera, request, k)
             arrays["light_buffer"] = np.zeros((len(lights), 4), np.int32)
             what = views.views, faces, arrays["light_buffer"], skipped
             arrays |= methods.build(_grids(world, small, seen, window, request, *what))

@@ -119,8 +119,7 @@ class Packing:
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
         """
-        region = self.request.region_of(camera.resolution)
-        window = Window.of(camera, region, 0, 0 if self.request.antialias is None else 0.5)
+        window = Window.of(camera, self.request)
         # Of tiny pixels, the kernels' float32 is too coarse; and they know no parallel rays.
         if min(window.step) <= TINY or camera.parallel:
             return View.of(world, camera, self.request), {}

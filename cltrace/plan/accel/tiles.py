@@ -68,11 +68,18 @@ class Window:
     spread: float = 0
 
     @classmethod
-    def of(cls, camera: AnyCamera, region: Region, k: int = 0, spread: float = 0) -> Window:
-        """The window of a part of a camera's picture. k: see View.without_spheres()."""
+    def of(cls, camera: AnyCamera, request: Request, k: int = 0) -> Window:
+        """The window of what a request wants of a camera's picture. k: see View.without_spheres().
+
+        Where pixels are antialiased, it is all of the picture, whatever the crop: the more is listed beside a pixel,
+        the less is known of it, and that is to be the same in all crops.
+        """
         (x, y), (width, height) = camera.image_plane(), camera.resolution
         unit = 2.0**k if camera.parallel else 1.0
-        return cls((x * unit / width, y * unit / height), camera.resolution, region, camera.parallel, spread)
+        wanted, spread = request.region_of(camera.resolution), 0.0
+        if request.antialias is not None:
+            wanted, spread = (0, 0, width, height), 0.5
+        return cls((x * unit / width, y * unit / height), camera.resolution, wanted, camera.parallel, spread)
 
     @property
     def axes(self) -> tuple[Axis, Axis]:
