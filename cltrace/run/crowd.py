@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, Place, Sizes, most_levels, price_of
 from cltrace.plan.exact import Array
 from cltrace.plan.shapes.polygon import Pane, Shown
-from cltrace.run.toolbox import Toolbox, vector
+from cltrace.run.toolbox import PACKET, Toolbox, vector
 
-# Buffers end with a whole packet, however wide.
-PACKET = 16
-# Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, and numbers of an outline.
-EXTENTS, SIDES, OUTLINE = 11, 6, 16
+# Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, numbers of an outline, and what is no level.
+EXTENTS, SIDES, OUTLINE, ABSENT = 11, 6, 16, -1
 # `Pane` and `Place` of kernels/pack/polygons.cl.
 PANE = np.dtype([(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")])
 PLACE = np.dtype(
@@ -110,7 +108,7 @@ class Crowd:
     """Polygons that are entered on a grid: Held of accel/cells.py.
 
     Once enter() has been called: used: the levels of those that are entered; last: the last one's index as a primitive;
-    level_of: a buffer, -1 for triangles that are not entered.
+    level_of: a buffer, ABSENT for triangles that are not entered.
     """
 
     shown: Seen
@@ -120,7 +118,7 @@ class Crowd:
 
     def entered(self) -> Mask:
         """See Held."""
-        return self._tools.read(self.level_of, self.shown.spot.count, np.int8) >= 0
+        return np.asarray(self._tools.read(self.level_of, self.shown.spot.count, np.int8) != ABSENT)
 
     @property
     def _tools(self) -> Toolbox:
@@ -172,7 +170,7 @@ class Crowd:
 
     def count(self, levels: Any, counts: Any) -> int:
         """Adds what is entered to the entries of each cell, and returns how many entries that are."""
-        self._tools.run("count_polygons", *self._sizes, levels, self.level_of, self.covers, counts)
+        self._tools.run("count_members", *self._sizes, levels, self.level_of, self.covers, counts)
         if not self.outlines:
             return self._entries
         common = levels, self.outline, counts

@@ -36,6 +36,8 @@ PAGE = 4096
 # One camera's Views have at most so many buffers of one size.
 SPARE = 2
 ZERO = np.int32(0)
+# Buffers end with a whole packet, however wide.
+PACKET = 16
 # Eight doubles are as wide as the widest registers.
 WIDEST = 8
 # Work-items of a kernel that goes through all spheres, and in a group. On a CPU each one takes spheres that are

@@ -213,9 +213,9 @@ INLINE int2 covered_tiles(const double place, const double reach, const int cell
     return (int2)(first, min(((end + 1) >> shift) - 1, first + most - 1));
 }
 
-/* Squared distances within which each ray of a tile has met a sphere: behind() of tiles.py. x_axis, y_axis: x: leads from
- * slopes to pixels, y: the middle of the picture; square: SQUARE; front: how
- * deep the nearest points of spheres are that are looked at. */
+/* Squared distances within which each ray of a tile has met a sphere: behind() of tiles.py. x_axis, y_axis: what leads from
+ * slopes to pixels, and the middle of the picture, in pixels; square, most: SQUARE and MOST there; front: how deep the
+ * nearest points of those spheres are, at most, that are looked at. */
 __kernel void cover_tiles(
     const int n,
     const int pitch,

@@ -299,10 +299,11 @@ __kernel void sample_polygons(
 /* An outline is sixteen numbers: three corners in cells, across and up each, what they are off by, and the bits of the
  * triangle's index, of its depth, of its level, and of the first and the last column and row there. */
 #define OUTLINE 16
-/* This is added to the level of a triangle that has one. */
-#define OUTLINED 32
+/* What stands in the place of a level where a triangle has an outline, and where it is not entered. */
+#define OUTLINED -2
+#define ABSENT -1
 
-/* Enters triangles: level -1 where one is not entered. outlines: how many there are. For each work-item: which levels
+/* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many there are. For each work-item: which levels
  * are used, as bits, the last triangle, how many are entered, and how many entries those without outlines take. */
 __kernel void place_polygons(
     const int m,
@@ -332,7 +333,7 @@ __kernel void place_polygons(
             c = cells_under(p, wanted & !p.large, place);
         }
         if (!ANY(wanted) || !ANY(c.within)) {
-            store_flags((INT)-1, level_of + i);
+            store_flags((INT)ABSENT, level_of + i);
             continue;
         }
         INT level = 0;
@@ -356,7 +357,7 @@ __kernel void place_polygons(
         const INT columns = ((c.begin[0] + c.more[0]) >> level) - (c.begin[0] >> level) + 1,
                   rows = ((c.begin[1] + c.more[1]) >> level) - (c.begin[1] >> level) + 1;
         entries += TO_LONG((c.within & !c.sprawls) ? columns * rows : (INT)0);
-        store_flags(c.within ? (c.sprawls ? level + OUTLINED : level) : (INT)-1, level_of + i);
+        store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : level) : (INT)ABSENT, level_of + i);
         if (!ANY(c.sprawls))
             continue;
         REAL most = 0;
@@ -519,24 +520,7 @@ __kernel void scatter_outlines(
     }
 }
 
-/* How many entries each cell has of polygons without outlines, and these. */
-__kernel void count_polygons(
-    const int n,
-    const int pitch,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const short *restrict covers,
-    volatile __global int *count
-) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[i];
-        if (level < 0 || level >= OUTLINED)
-            continue;
-        FOR_EACH_CELL(cell, i, level)
-            atomic_inc(count + cell);
-    }
-}
-
+/* The entries of polygons without outlines, which count_members() in cells.cl counts. */
 __kernel void scatter_polygons(
     const int n,
     const int pitch,
@@ -552,7 +536,7 @@ __kernel void scatter_polygons(
 ) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
-        if (level < 0 || level >= OUTLINED)
+        if (level < 0)
             continue;
         const ulong key = key_of(near[i], mask, index + i);
         FOR_EACH_CELL(cell, i, level)
