@@ -37,26 +37,12 @@ from cltrace.plan.space import Space
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Covers, Entries, Listed
 from cltrace.run.program import Announcement
-from cltrace.run.toolbox import EdgeType, Toolbox, is_exact, vector
+from cltrace.run.toolbox import PACKET, EdgeType, Toolbox, is_exact, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
-# What a request may keep that changes nothing here. That goes for receivers, too: shadow rays may end on all spheres,
-# so that cameras have the lists of lights in common.
-KEPT = {
-    "filter",
-    "features",
-    "highlights",
-    "outputs",
-    "order",
-    "bounces",
-    "tree",
-    "weightless",
-    "branches",
-    "lights",
-    "receivers",
-}
-# Buffers end with a whole packet, however wide.
-PACKET = 16
+# What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so
+# that cameras have the lists of lights in common.
+OTHERS = {"lists", "hidden", "unstopped"}
 # member, covers and near of a grid whose members only the device knows.
 NOBODY = np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32)
 
@@ -104,7 +90,7 @@ class Packing:
             len(world.radius) > CONSTANTS["FEW"]
             and world.maps is None
             and not len(world.triangles.face)
-            and KEPT.issuperset(request.keep)
+            and OTHERS.isdisjoint(request.keep)
             and is_exact(device)
         )
         with driver_errors(device):
