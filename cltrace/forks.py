@@ -5,6 +5,7 @@ still busy with other things. It opens no device, so that each fork can open its
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import sys
 import threading
@@ -16,6 +17,8 @@ METHOD = "forkserver" if sys.platform == "linux" else "spawn"
 
 def prepare() -> None:
     """Starts that process, where there is to be one and it is not there yet."""
+    # Python's helper processes would look for modules in the current folder first, and take a user's re.py for its own.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     if METHOD != "forkserver" or threading.current_thread() is not threading.main_thread():
         return
     multiprocessing.set_forkserver_preload(["cltrace.nursery"])

@@ -219,9 +219,15 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
 
 
 def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """In processes of its own: workers import the program anew."""
-    monkeypatch.chdir(tmp_path)
-    line = [sys.executable, "-m", "cltrace", str(FILE), "--size", "96x72", "--cluster", "local:2"]
+    """In processes of its own: workers import the program anew, and nothing from the user's folder."""
+    script = tmp_path / "bin" / "cltrace"
+    script.parent.mkdir()
+    script.write_text("from cltrace.__main__ import main\n\nif __name__ == '__main__':\n    main()\n")
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "re.py").write_text("raise SystemExit('a file of the user')\n")
+    monkeypatch.chdir(work)
+    line = [sys.executable, str(script), str(FILE), "--size", "96x72", "--cluster", "local:2"]
     for more in (
         ["-o", "a.png", "--tiles", "5"],
         ["--orbit", "3", "-o", "f%d.png"],
@@ -234,7 +240,7 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     for output, more in (("b.png", []), ("m.png", ["--show", "normal"]), ("g%d.png", ["--orbit", "3"])):
         assert cli.main([str(FILE), "--size", "96x72", "-q", "-o", output, *more]) == 0
     for one, other in (("a", "b"), ("n", "m"), ("f0", "g0"), ("f1", "g1"), ("f2", "g2")):
-        assert (tmp_path / f"{one}.png").read_bytes() == (tmp_path / f"{other}.png").read_bytes()
+        assert (work / f"{one}.png").read_bytes() == (work / f"{other}.png").read_bytes()
     for more, message in (
         (["--cluster", "tcp://127.0.0.1:1"], "--cluster tcp://127.0.0.1:1: there is no scheduler: "),
         (["--cluster", "nonsense"], "--cluster nonsense: there is no scheduler: "),
@@ -252,7 +258,7 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     for more in (["-o", "x.png"], ["--orbit", "3", "-o", "x%d.png"]):  # before it looks for the scheduler
         assert cli.main(["nothing.xml", "--cluster", "nonsense", *more]) == 2
         assert capsys.readouterr().err.startswith("nothing.xml: ")
-    assert not (tmp_path / "x.png").exists()
+    assert not (work / "x.png").exists()
 
 
 def test_ctrl_c(tmp_path: Path) -> None:
