@@ -167,8 +167,23 @@ def globes() -> cltrace.Scene:
     return cltrace.Scene(scene.camera, lights, spheres, materials, to_object=maps, textures=(IMAGE,))
 
 
+NOISE = np.random.default_rng(8).integers(0, 65536, (37, 53, 3)).astype(np.uint16)
+
+
+def papered(texels: float, *lights: np.ndarray) -> cltrace.Scene:
+    """A wall of noise, so many texels a pixel, which lean by some 20 degrees, and a ball that shadows it."""
+    corners = np.array([(-3, -2), (3, -2), (3, 2), (-3, 2)])
+    uv = corners @ np.array([[0.93, -0.36], [0.36, 0.93]]) * (texels * SIZE[0] / 2.2 / 53)
+    material = replace(PAINTED, texture=NOISE)
+    wall = cltrace.Mesh(np.column_stack([corners, np.full(4, -5)]), [(0, 1, 2), (0, 2, 3)], uv=uv, material=material)
+    return meshed([wall], *(lights or (LAMP,)), spheres=np.array([(0.2, 0.1, -4.2, 0.2)]))
+
+
 HOSTILE |= {
     "globes": globes,
+    "large texels": lambda: papered(0.3),
+    "small texels": lambda: papered(2.5, cltrace.spot_light((0.5, 1, -3), (-0.2, -0.5, -1), 10, 10), LAMP),
+    "tiny texels": lambda: papered(20),
     "painted": lambda: meshed(
         [cltrace.Mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], uv=[(0, 0), (3, 0), (3, 2), (0, 2)], material=PAINTED)],
         LAMP,
@@ -178,7 +193,18 @@ HOSTILE |= {
 # As an orthographic camera sees them.
 HOSTILE |= {
     f"{name}, parallel": lambda name=name: parallel(HOSTILE[name]())  # type: ignore[misc]
-    for name in ("crossing", "shadow rims", "cones", "tiny", "crossing eggs", "box", "smooth", "triangles", "painted")
+    for name in (
+        "crossing",
+        "shadow rims",
+        "cones",
+        "tiny",
+        "crossing eggs",
+        "box",
+        "smooth",
+        "triangles",
+        "painted",
+        "small texels",
+    )
 }
 
 
@@ -245,7 +271,9 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["shadow rims", "crossing eggs, parallel", "box", "tiny", "tiny triangles"])
+@pytest.mark.parametrize(
+    "name", ["shadow rims", "crossing eggs, parallel", "box", "tiny", "tiny triangles", "small texels"]
+)
 def test_same_bits(device: Device, name: str) -> None:
     """Of crops and of packets of one pixel."""
     scene = HOSTILE[name]()

@@ -94,6 +94,7 @@ typedef struct {
 #ifdef WITH_TEXTURES
     Model tu, tv;   /* where they are on a texture */
     Model paint[3]; /* red, green and blue there */
+    MASK rough;     /* where these are the middle's, and what other places have besides: see paint_of() */
     Model3 q;       /* of a sphere the outward normal, in its own axes if they are `stretched`, else in camera space */
     MASK stretched;
 #endif

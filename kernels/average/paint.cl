@@ -36,113 +36,299 @@ typedef struct {
     int columns, rows, begin, full;
 } Sheet;
 
-/* Three colours of a texel, 0 .. 1. The texture repeats. */
-static float3 texel_at(const Scene scene, const Sheet sheet, const int column, const int row) {
-    const int x = (column % sheet.columns + sheet.columns) % sheet.columns, y = (row % sheet.rows + sheet.rows) % sheet.rows;
+static int wrapped(const int place, const int size) {
+    const int rest = place % size;
+    return rest < 0 ? rest + size : rest;
+}
+
+/* Three colours of a texel, 0 .. 1. x, y: within the texture. */
+static float3 texel_at(const Scene scene, const Sheet sheet, const int x, const int y) {
     const int deep = sheet.full > 255, shift = deep ? 16 : 8;
     const ulong bytes = as_ulong(vload8(0, scene.texel + sheet.begin + (deep ? 6 : 3) * (y * sheet.columns + x))), most = (ulong)sheet.full;
     return (float3)((float)(bytes & most), (float)(bytes >> shift & most), (float)(bytes >> 2 * shift & most)) / (float)sheet.full;
 }
 
-/* The colour at a place, in texels. */
-static float3 blend_at(const Scene scene, const Sheet sheet, const float x, const float y) {
-    const int column = (int)floor(x), row = (int)floor(y);
-    const float across = x - column, down = y - row;
-    const float3 a = texel_at(scene, sheet, column, row), b = texel_at(scene, sheet, column + 1, row);
-    const float3 c = texel_at(scene, sheet, column, row + 1), d = texel_at(scene, sheet, column + 1, row + 1);
-    const float3 top = a + across * (b - a), bottom = c + across * (d - c);
-    return top + down * (bottom - top);
+/* A coordinate on textures by lanes: a model, whose z is in `off`. */
+typedef struct {
+    float v[W], x[W], y[W], off[W];
+} Coordinate;
+
+static void store_coordinate(const Model m, Coordinate *to) {
+    STORE_LANES(m.v, to->v);
+    STORE_LANES(m.x, to->x);
+    STORE_LANES(m.y, to->y);
+    STORE_LANES(m.r + fabs(m.z), to->off);
 }
 
-/* Of so many texels across or down the range of colours is looked up; of more it is 0 .. 1. */
-#define MOST_TEXELS 8
+/* The same of one lane in texels: c is at + s + t, off by `off`, and within `radius`. The texels that matter are `count` from `first`. */
+typedef struct {
+    float at, s, t, off, radius;
+    int first, count;
+} Range;
 
-/* The range of a texture's colours over a rectangle. Between texels colours are bilinear, and so largest and least where lines
- * through texels, or the rectangle's sides, cross. */
-static void range_of_texture(const Scene scene, const Sheet sheet, const float x0, const float x1, const float y0, const float y1,
-                             float3 *low, float3 *high) {
-    *low = 0;
-    *high = 1;
-    const float left = floor(x0), top = floor(y0);
-    if (!(x1 - left < MOST_TEXELS && y1 - top < MOST_TEXELS)) return;
-    *low = 1;
-    *high = 0;
-    for (int j = 0; j <= MOST_TEXELS + 1; j++) {
-        const float y = j == 0 ? y0 : fmin(top + j, y1);
-        for (int i = 0; i <= MOST_TEXELS + 1; i++) {
-            const float x = i == 0 ? x0 : fmin(left + i, x1);
-            const float3 color = blend_at(scene, sheet, x, y);
-            *low = fmin(*low, color);
-            *high = fmax(*high, color);
-            if (x >= x1) break;
+/* Of more texels across or down the colours are not looked up. */
+#define MOST_TEXELS 12
+
+/* Of a coordinate that is unknown, or of too many texels, count is 0. */
+static Range range_of(const Coordinate *c, const int lane, const int size) {
+    const float more = 1 + 0x1p-20f, at = c->v[lane] * size;
+    Range range = {at, c->x[lane] * size, c->y[lane] * size, 0, 0, 0, 0};
+    range.off = (c->off[lane] * size + fabs(at) * 0x1p-22f) * more;
+    range.radius = (fabs(range.s) + fabs(range.t) + range.off) * more;
+    if (!(range.radius < MOST_TEXELS && fabs(at) < 0x1p22f)) return range;
+    range.first = (int)floor(at - range.radius);
+    range.count = (int)floor(at + range.radius) - range.first + 2;
+    range.at = at - range.first;
+    if (range.count > MOST_TEXELS) range.count = 0;
+    return range;
+}
+
+/* Texels that a cell may show, less the colour in its middle; sum: their integrals along rows, from the column on that the middle is in.
+ * low, high: their range; steep: up to what colours differ from one texel to the next, across and down, and total: the sum of that
+ * over all squares between four texels. */
+typedef struct {
+    float3 texel[MOST_TEXELS][MOST_TEXELS], sum[MOST_TEXELS][MOST_TEXELS];
+    float3 middle, low, high, steep[2], total[2];
+} Texels;
+
+static float3 blend_in(const Texels *texels, const float x, const float y, const int i, const int j) {
+    const float3 top = texels->texel[j][i] + (x - i) * (texels->texel[j][i + 1] - texels->texel[j][i]);
+    const float3 bottom = texels->texel[j + 1][i] + (x - i) * (texels->texel[j + 1][i + 1] - texels->texel[j + 1][i]);
+    return top + (y - j) * (bottom - top);
+}
+
+static void load_texels(const Scene scene, const Sheet sheet, const Range x, const Range y, Texels *texels) {
+    const int left = wrapped(x.first, sheet.columns), top = wrapped(y.first, sheet.rows), here = (int)x.at;
+    for (int j = 0, row = top; j < y.count; j++, row = row + 1 == sheet.rows ? 0 : row + 1)
+        for (int i = 0, column = left; i < x.count; i++, column = column + 1 == sheet.columns ? 0 : column + 1)
+            texels->texel[j][i] = texel_at(scene, sheet, column, row);
+    const float3 middle = blend_in(texels, x.at, y.at, here, (int)y.at);
+    texels->middle = middle;
+    texels->low = texels->high = texels->steep[0] = texels->steep[1] = texels->total[0] = texels->total[1] = 0;
+    for (int j = 0; j < y.count; j++) {
+        float3 sum = 0;
+        for (int i = 0; i < x.count; i++) {
+            const float3 color = texels->texel[j][i] - middle;
+            texels->texel[j][i] = color;
+            texels->low = fmin(texels->low, color);
+            texels->high = fmax(texels->high, color);
+            if (i > 0) sum += 0.5f * (texels->texel[j][i - 1] + color);
+            texels->sum[j][i] = sum;
+            if (i == 0 || j == 0) continue;
+            const float3 a = texels->texel[j - 1][i - 1], b = texels->texel[j - 1][i], c = texels->texel[j][i - 1];
+            const float3 across = fmax(fabs(b - a), fabs(color - c)), down = fmax(fabs(c - a), fabs(color - b));
+            texels->steep[0] = fmax(texels->steep[0], across);
+            texels->steep[1] = fmax(texels->steep[1], down);
+            texels->total[0] += across;
+            texels->total[1] += down;
         }
-        if (y >= y1) break;
+        const float3 begin = texels->sum[j][here];
+        for (int i = 0; i < x.count; i++) texels->sum[j][i] -= begin;
+    }
+}
+
+/* The integral of colours along a row, which is y from the top, up to x, between the four texels from (i, j) on. */
+static float3 row_integral(const Texels *texels, const float x, const float y, const int i, const int j) {
+    const float part = x - i, half_part = 0.5f * part;
+    const float3 upper = texels->sum[j][i] + part * (texels->texel[j][i] + half_part * (texels->texel[j][i + 1] - texels->texel[j][i]));
+    const float3 lower = texels->sum[j + 1][i] + part * (texels->texel[j + 1][i] + half_part * (texels->texel[j + 1][i + 1] - texels->texel[j + 1][i]));
+    return upper + (y - j) * (lower - upper);
+}
+
+/* The next whole number in the direction in which x goes on from a whole number or from between two, in units of `step`. */
+static float way_to_next(const float x, const float step) {
+    return step > 0 ? (floor(x) + 1 - x) / step : step < 0 ? (ceil(x) - 1 - x) / step : INFINITY;
+}
+
+/* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is row_integral(). Between lines through texels it is of
+ * the third degree in the place on the line, so two points tell it (Gauss and Legendre). */
+static float3 integral_along(const Texels *texels, const int columns, const int rows, const float x, const float y, const float dx, const float dy) {
+    float next_x = way_to_next(x, dx), next_y = way_to_next(y, dy), done = 0;
+    float3 sum = 0;
+    if (dy == 0) return sum;
+    for (int n = 0; n < 2 * MOST_TEXELS && done < 1; n++) {
+        const float end = fmin(fmin(next_x, next_y), 1.0f), middle = 0.5f * (done + end), length = end - done, apart = 0.288675135f * length;
+        const int i = clamp((int)floor(x + middle * dx), 0, columns - 2), j = clamp((int)floor(y + middle * dy), 0, rows - 2);
+        const float first = middle - apart, last = middle + apart;
+        sum += length * (row_integral(texels, x + first * dx, y + first * dy, i, j) + row_integral(texels, x + last * dx, y + last * dy, i, j));
+        if (next_x <= end) next_x += 1 / fabs(dx);
+        if (next_y <= end) next_y += 1 / fabs(dy);
+        done = end;
+    }
+    return 0.5f * dy * sum;
+}
+
+/* The sides of windows by lanes. */
+typedef struct {
+    float s0[4 + MOST_LINES][W], t0[4 + MOST_LINES][W], s1[4 + MOST_LINES][W], t1[4 + MOST_LINES][W], share[W];
+    int sides;
+} Polygons;
+
+static void store_polygons(const Window *window, Polygons *to) {
+    to->sides = window->sides;
+    STORE_LANES(window->share, to->share);
+    for (int k = 0; k < window->sides; k++) {
+        STORE_LANES(window->s0[k], to->s0[k]);
+        STORE_LANES(window->t0[k], to->t0[k]);
+        STORE_LANES(window->s1[k], to->s1[k]);
+        STORE_LANES(window->t1[k], to->t1[k]);
+    }
+}
+
+/* Makes places that lie on a line, or nearly so, no less than a little wide, as otherwise their area would be all roundings. What these
+ * are off by grows by that. */
+static float widened_area(Range *x, Range *y) {
+    const float area = x->s * y->t - x->t * y->s, gx = fabs(x->s) + fabs(x->t), gy = fabs(y->s) + fabs(y->t);
+    Range *wide = gy > gx ? x : y;
+    const Range *along = gy > gx ? y : x;
+    const float g = fmax(gx, gy), more = 0x1p-8f * fmin(g, 1.0f);
+    if (fabs(area) > more * g) return area;
+    const float sign = (area < 0) != (gy > gx) ? 1.0f : -1.0f, turn = sign * more / fmax(g, 0x1p-60f);
+    wide->s += turn * along->t;
+    wide->t -= turn * along->s;
+    wide->off += more;
+    return x->s * y->t - x->t * y->s;
+}
+
+/* The mean over the cell of a texels's colours within a window, and 0 elsewhere. off: what that is off by.
+ *
+ * By Green's theorem it is the integral of F dy around the window, divided by what the cell's area is on the texture, which is 4
+ * times `area`. Where places are off by e, colours are by e times their slope there, whose mean over the cell is no more than
+ * the largest, and no more than the sum over all squares, each wider by e, divided by the cell's area.
+ * Of n columns and m rows, with A for the largest of the texels's colours, coordinates are off by less than 2^-22 (n + m), and the
+ * length of the window's border is 4 (rx + ry) at most; F is off by 2^-20 n A, as its sums are of n numbers; and what is
+ * added up along the border by 64 roundings of numbers that make 8 A rx ry together. In all this is less than
+ * 2^-18 (n + m) (rx + ry) A / area. */
+static float3 mean_within(const Texels *texels, Range x, Range y, const Polygons *window, const int lane, float3 *off) {
+    const float area = widened_area(&x, &y), over = 0.25f / area;
+    float3 sum = 0;
+    for (int k = 0; k < window->sides; k++) {
+        const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s = window->s1[k][lane] - s0, t = window->t1[k][lane] - t0;
+        sum += integral_along(texels, x.count, y.count, x.at + (x.s * s0 + x.t * t0), y.at + (y.s * s0 + y.t * t0), x.s * s + x.t * t, y.s * s + y.t * t);
+    }
+    const float wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over), rounded = 0x1p-18f * (x.count + y.count) * (x.radius + y.radius) / fabs(area);
+    const float3 largest = fmax(texels->high, -texels->low);
+    const float3 steep_x = fmin(texels->steep[0], texels->total[0] * wider), steep_y = fmin(texels->steep[1], texels->total[1] * wider);
+    *off = (x.off * steep_x + y.off * steep_y + rounded * largest) * (1 + 0x1p-18f);
+    return sum * over;
+}
+
+/* Where a patch is on its texture, by lanes. */
+typedef struct {
+    int which[W];
+    Coordinate u, v;
+} Places;
+
+static void store_places(const Scene scene, const Area patch, Places *places) {
+    STORE_LANES(patch.id, places->which);
+    for (int lane = 0; lane < W; lane++)
+        places->which[lane] = places->which[lane] < 0 ? -1 : scene.texture_of[scene.material_of[places->which[lane]]];
+    store_coordinate(patch.tu, &places->u);
+    store_coordinate(patch.tv, &places->v);
+}
+
+static Sheet sheet_at(const Scene scene, const int which) {
+    const int4 texture = scene.texture[which];
+    const Sheet sheet = {texture.x, texture.y, texture.z, texture.w};
+    return sheet;
+}
+
+static void put_color(float to[3][W], const int lane, const float3 color) {
+    to[0][lane] = color.x;
+    to[1][lane] = color.y;
+    to[2][lane] = color.z;
+}
+
+/* Puts in the moments of textures within a window, in some lanes: of what they have besides patch.paint, which is the colour in the
+ * middle where cells show more than four texels. Of the mean's bounds the smaller one holds: that of mean_within(), or the range of colours. */
+static void find_texture_moments(const Scene scene, const Area patch, const Window *window, const MASK here, Moments *moments) {
+    if (!ANY(here & patch.rough)) return;
+    Places places;
+    Polygons polygons;
+    int wanted[W];
+    float mean[3][W], off[3][W], range[3][W];
+    store_places(scene, patch, &places);
+    store_polygons(window, &polygons);
+    STORE_LANES(here & patch.rough, wanted);
+    for (int k = 0; k < 3; k++) {
+        STORE_LANES(patch.paint[k].r, range[k]);
+        STORE_LANES(moments->paint[k], mean[k]);
+        STORE_LANES(moments->paint_off[k], off[k]);
+    }
+    for (int lane = 0; lane < W; lane++) {
+        if (!wanted[lane]) continue;
+        const Sheet sheet = sheet_at(scene, places.which[lane]);
+        const Range x = range_of(&places.u, lane, sheet.columns), y = range_of(&places.v, lane, sheet.rows);
+        const float3 all = polygons.share[lane] * (float3)(range[0][lane], range[1][lane], range[2][lane]);
+        float3 value = 0, wrong = INFINITY;
+        if (x.count > 0 && y.count > 0) {
+            Texels texels;
+            load_texels(scene, sheet, x, y, &texels);
+            value = mean_within(&texels, x, y, &polygons, lane, &wrong);
+        }
+        put_color(mean, lane, wrong < all ? value : (float3)0);
+        put_color(off, lane, wrong < all ? wrong : all);
+    }
+    for (int k = 0; k < 3; k++) {
+        moments->paint[k] = LOAD_LANES(mean[k]);
+        moments->paint_off[k] = LOAD_LANES(off[k]);
     }
 }
 
 /* What textures multiply the colours of a patch with. Within four texels, colour is a + (b - a) s + (c - a) t + (a - b - c + d) s t;
- * of a larger rectangle the range is known. */
-static void paint_of(const Scene scene, const Area patch, Model paint[3]) {
-    float u[4][W], v[4][W], part[3][4][W], off[3][W], s0[W], t0[W];
-    int each[W], any = 0;
-    STORE_LANES(patch.id, each);
-    STORE_LANES(patch.tu.v, u[0]);
-    STORE_LANES(radius_of(patch.tu), u[1]);
-    STORE_LANES(patch.tv.v, v[0]);
-    STORE_LANES(radius_of(patch.tv), v[1]);
+ * of more, it is what is in the middle, and a range. */
+static void paint_of(const Scene scene, Area *patch) {
+    Places places;
+    store_places(scene, *patch, &places);
+    float part[4][3][W], off[3][W], s0[W], t0[W], wide[W], high[W];
+    int rough[W], any = 0;
     for (int lane = 0; lane < W; lane++) {
-        for (int k = 0; k < 3; k++) {
-            part[k][0][lane] = 1;
-            part[k][1][lane] = part[k][2][lane] = part[k][3][lane] = off[k][lane] = 0;
-        }
-        s0[lane] = t0[lane] = u[2][lane] = v[2][lane] = 0;
-        const int which = each[lane] < 0 ? -1 : scene.texture_of[scene.material_of[each[lane]]];
-        if (which < 0) continue;
+        put_color(part[0], lane, 1);
+        for (int n = 1; n < 4; n++) put_color(part[n], lane, 0);
+        put_color(off, lane, 0);
+        s0[lane] = t0[lane] = wide[lane] = high[lane] = 0;
+        rough[lane] = 0;
+        if (places.which[lane] < 0) continue;
         any = 1;
-        const int4 texture = scene.texture[which];
-        const Sheet sheet = {texture.x, texture.y, texture.z, texture.w};
-        const float x = u[0][lane] * sheet.columns, y = v[0][lane] * sheet.rows, more = 1 + 0x1p-20f;
-        const float rx = (u[1][lane] * sheet.columns + fabs(x) * 0x1p-22f) * more, ry = (v[1][lane] * sheet.rows + fabs(y) * 0x1p-22f) * more;
-        const int near = rx < 0x1p20f && ry < 0x1p20f && fabs(x) < 0x1p22f && fabs(y) < 0x1p22f;
-        const float left = floor(x - rx), top = floor(y - ry);
-        if (near && x + rx < left + 1 && y + ry < top + 1) {
-            const int i = (int)left, j = (int)top;
-            const float3 a = texel_at(scene, sheet, i, j), b = texel_at(scene, sheet, i + 1, j);
-            const float3 c = texel_at(scene, sheet, i, j + 1), d = texel_at(scene, sheet, i + 1, j + 1);
-            const float3 ab = b - a, ac = c - a, abcd = (a - b) - (c - d);
-            for (int k = 0; k < 3; k++) {
-                part[k][0][lane] = k == 0 ? a.x : k == 1 ? a.y : a.z;
-                part[k][1][lane] = k == 0 ? ab.x : k == 1 ? ab.y : ab.z;
-                part[k][2][lane] = k == 0 ? ac.x : k == 1 ? ac.y : ac.z;
-                part[k][3][lane] = k == 0 ? abcd.x : k == 1 ? abcd.y : abcd.z;
-                off[k][lane] = 0x1p-20f;
-            }
-            s0[lane] = -left;
-            t0[lane] = -top;
-            u[2][lane] = sheet.columns;
-            v[2][lane] = sheet.rows;
-        } else {
-            float3 low = 0, high = 1;
-            if (near) range_of_texture(scene, sheet, x - rx, x + rx, y - ry, y + ry, &low, &high);
-            const float3 middle = 0.5f * (low + high), half_way = 0.5f * (high - low) + 0x1p-20f;
-            for (int k = 0; k < 3; k++) {
-                part[k][0][lane] = k == 0 ? middle.x : k == 1 ? middle.y : middle.z;
-                off[k][lane] = k == 0 ? half_way.x : k == 1 ? half_way.y : half_way.z;
-            }
+        const Sheet sheet = sheet_at(scene, places.which[lane]);
+        const Range x = range_of(&places.u, lane, sheet.columns), y = range_of(&places.v, lane, sheet.rows);
+        rough[lane] = -1;
+        put_color(part[0], lane, 0.5f);
+        put_color(off, lane, 0.5f);
+        if (x.count == 0 || y.count == 0) continue;
+        Texels texels;
+        load_texels(scene, sheet, x, y, &texels);
+        if (x.count > 2 || y.count > 2) {
+            const float3 most = fmin(texels.steep[0] * x.radius + texels.steep[1] * y.radius, fmax(texels.high, -texels.low));
+            put_color(part[0], lane, texels.middle);
+            put_color(off, lane, most * (1 + 0x1p-18f) + 0x1p-20f);
+            continue;
         }
+        rough[lane] = 0;
+        const float3 a = texels.texel[0][0], b = texels.texel[0][1], c = texels.texel[1][0], d = texels.texel[1][1];
+        put_color(part[0], lane, a + texels.middle);
+        put_color(part[1], lane, b - a);
+        put_color(part[2], lane, c - a);
+        put_color(part[3], lane, (a - b) - (c - d));
+        put_color(off, lane, 0x1p-20f);
+        s0[lane] = -x.first;
+        t0[lane] = -y.first;
+        wide[lane] = sheet.columns;
+        high[lane] = sheet.rows;
     }
-    for (int k = 0; k < 3; k++) paint[k] = constant_model(1);
+    for (int k = 0; k < 3; k++) patch->paint[k] = constant_model(1);
+    patch->rough = LOAD_LANES(rough);
     if (!any) return;
     /* Where a range stands for the colour, the place does not matter, known or not. */
-    const FLOAT wide = LOAD_LANES(u[2]), high = LOAD_LANES(v[2]);
+    const FLOAT columns = LOAD_LANES(wide), rows = LOAD_LANES(high);
     const Model zero = constant_model(0);
-    const Model s = plus_model(choose_model(wide > 0, scaled(patch.tu, wide), zero), constant_model(LOAD_LANES(s0)));
-    const Model t = plus_model(choose_model(wide > 0, scaled(patch.tv, high), zero), constant_model(LOAD_LANES(t0)));
+    const Model s = plus_model(choose_model(columns > 0, scaled(patch->tu, columns), zero), constant_model(LOAD_LANES(s0)));
+    const Model t = plus_model(choose_model(columns > 0, scaled(patch->tv, rows), zero), constant_model(LOAD_LANES(t0)));
     const Model st = times_model(s, t);
     for (int k = 0; k < 3; k++) {
-        const Model first = plus_model(constant_model(LOAD_LANES(part[k][0])), scaled(s, LOAD_LANES(part[k][1])));
-        paint[k] = plus_model(plus_model(first, scaled(t, LOAD_LANES(part[k][2]))), scaled(st, LOAD_LANES(part[k][3])));
-        paint[k].r += LOAD_LANES(off[k]);
+        const Model first = plus_model(constant_model(LOAD_LANES(part[0][k])), scaled(s, LOAD_LANES(part[1][k])));
+        patch->paint[k] = plus_model(plus_model(first, scaled(t, LOAD_LANES(part[2][k]))), scaled(st, LOAD_LANES(part[3][k])));
+        patch->paint[k].r += LOAD_LANES(off[k]);
     }
 }
 #endif

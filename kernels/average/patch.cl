@@ -548,30 +548,6 @@ typedef struct {
 #endif
 } Tint;
 
-/* Means over the cell of 1, s, t and w within a window, and 0 elsewhere; off: what that of w is off by. */
-typedef struct {
-    FLOAT one, s, t, w, off;
-} Moments;
-
-static __attribute__((noinline)) void find_moments(const Window *window, const Limb *limb, Moments *moments) {
-    const FLOAT one = window->share;
-    const Center center = center_of(window);
-    moments->one = one;
-    moments->s = center.s;
-    moments->t = center.t;
-    moments->w = 0;
-    moments->off = limb->here ? one : (FLOAT)0;
-    if (!ANY(limb->here)) return;
-    FLOAT root = 0, off = 0;
-    if (ANY(limb->here & limb->round)) root = dome_over(window, limb->D, limb->dome, &off);
-    if (ANY(limb->here & !limb->round)) root = limb->round ? root : mean_of_root(window, limb->plane);
-    off = ((limb->round ? off : (FLOAT)0) + limb->off) / limb->swing;
-    const FLOAT w = (root - limb->middle * one) / limb->swing;
-    const MASK known = limb->here & (fabs(w) <= one) & (off < one);
-    moments->w = known ? w : (FLOAT)0;
-    moments->off = known ? off + 0x1p-14f : moments->off;
-}
-
 /* What a light gives a patch within a window. lit: the moments of where it does so, but for `blocked`; off: what share of the
  * cell that is off by; all: the lanes in which all of the cell is lit. */
 typedef struct {
@@ -588,15 +564,24 @@ static void add_light(Tint *tint, const Light light, const Area patch, const Int
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
     const Moments lit = reach->lit;
     for (int k = 0; k < 3; k++) {
+        const Model plain = scaled(amount, kd[k]);
 #ifdef WITH_TEXTURES
-        const Model diffuse = times_model(scaled(amount, kd[k]), patch.paint[k]);
+        const Model diffuse = times_model(plain, patch.paint[k]), even = choose_model(patch.rough, scaled(plain, patch.paint[k].v), diffuse);
 #else
-        const Model diffuse = scaled(amount, kd[k]);
+        const Model diffuse = plain, even = plain;
 #endif
-        const Model all = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]), m = scaled(plus_model(diffuse, shine), (FLOAT)color[k]);
+        const Model all = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]), m = scaled(plus_model(even, shine), (FLOAT)color[k]);
         const FLOAT low = least_of(all), least = low > 0 ? low : (FLOAT)0, high = most_of(all), most = high <= 0 ? (FLOAT)0 : high;
-        const FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
-        const FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
+        FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
+        FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
+#ifdef WITH_TEXTURES
+        /* Of amount C, what the mean of C has besides its model counts by the amount in the middle, and any of C by what the amount
+         * differs from that: the means of |s| and |t| are at most 1/2. */
+        const FLOAT half_lit = lit.one < 0.5f ? lit.one : (FLOAT)0.5f;
+        const FLOAT varied = half_lit * (fabs(plain.x) + fabs(plain.y)) + lit.one * (fabs(plain.z) + plain.r);
+        mean += color[k] * plain.v * lit.paint[k];
+        off += patch.rough ? color[k] * (fabs(plain.v) * lit.paint_off[k] + varied * patch.paint[k].r) : (FLOAT)0;
+#endif
         const FLOAT less = mean - most * reach->blocked.most, dim = less > 0 ? less : (FLOAT)0;
         const FLOAT top = most * (1 - reach->blocked.least), bright = mean < top ? mean : top;
         const MASK some = reach->blocked.most > 0;
@@ -695,6 +680,13 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
             if (ANY(on & cut[k])) cut_window(&window, &line[k], on & cut[k]);
         }
         find_moments(&window, &patch.limb, &reach.lit);
+#ifdef WITH_TEXTURES
+        for (int k = 0; k < 3; k++) {
+            reach.lit.paint[k] = moments->paint[k];
+            reach.lit.paint_off[k] = moments->paint_off[k];
+        }
+        find_texture_moments(scene, patch, &window, on & any, &reach.lit);
+#endif
         reach.off += window.off;
     }
     reach.all = !any & !(reach.blocked.most > 0);
@@ -746,20 +738,23 @@ static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *wor
         tint.least[k] = tint.most[k] = ambient[k];
         tint.e[k] = 0;
     }
+#if defined(WITH_LIGHTS) || defined(WITH_TEXTURES)
+    Moments moments;
+    find_moments(seen, &patch.limb, &moments);
+#endif
 #ifdef WITH_TEXTURES
-    paint_of(scene, patch, patch.paint);
-    const Center center = center_of(seen);
+    paint_of(scene, &patch);
+    find_texture_moments(scene, patch, seen, patch.id >= 0, &moments);
     for (int k = 0; k < 3; k++) {
         const Model m = scaled(patch.paint[k], ambient[k]);
-        tint.v[k] = seen->share * m.v + (center.s * m.x + center.t * m.y);
-        tint.e[k] = seen->share * (m.r + fabs(m.z)) + 16 * ROUNDING * (fabs(m.v) + gradient(m));
+        const FLOAT within = patch.rough ? ambient[k] * moments.paint_off[k] : seen->share * (m.r + fabs(m.z));
+        tint.v[k] = seen->share * m.v + (moments.s * m.x + moments.t * m.y) + ambient[k] * moments.paint[k];
+        tint.e[k] = within + 16 * ROUNDING * (fabs(m.v) + gradient(m));
         tint.least[k] = least_of(m);
         tint.most[k] = most_of(m);
     }
 #endif
 #ifdef WITH_LIGHTS
-    Moments moments;
-    find_moments(seen, &patch.limb, &moments);
     for (int number = 0; number < scene.lights.w; number++)
         illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, seen, &moments, &tint, work);
 #endif

@@ -270,4 +270,34 @@ static Model flattened_on(const Model m, const Limb *limb) {
 static Model flattened_inside(const Model m, const Limb *limb) {
     return choose_model(limb->here & !limb->steep, flattened_on(m, limb), m);
 }
+
+/* Means over the cell of 1, s, t and w within a window, and 0 elsewhere; off: what that of w is off by. */
+typedef struct {
+    FLOAT one, s, t, w, off;
+#ifdef WITH_TEXTURES
+    FLOAT paint[3], paint_off[3]; /* of what a texture's red, green and blue have besides their model, and what these are off by */
+#endif
+} Moments;
+
+static __attribute__((noinline)) void find_moments(const Window *window, const Limb *limb, Moments *moments) {
+    const FLOAT one = window->share;
+    const Center center = center_of(window);
+    moments->one = one;
+    moments->s = center.s;
+    moments->t = center.t;
+    moments->w = 0;
+#ifdef WITH_TEXTURES
+    for (int k = 0; k < 3; k++) moments->paint[k] = moments->paint_off[k] = 0;
+#endif
+    moments->off = limb->here ? one : (FLOAT)0;
+    if (!ANY(limb->here)) return;
+    FLOAT root = 0, off = 0;
+    if (ANY(limb->here & limb->round)) root = dome_over(window, limb->D, limb->dome, &off);
+    if (ANY(limb->here & !limb->round)) root = limb->round ? root : mean_of_root(window, limb->plane);
+    off = ((limb->round ? off : (FLOAT)0) + limb->off) / limb->swing;
+    const FLOAT w = (root - limb->middle * one) / limb->swing;
+    const MASK known = limb->here & (fabs(w) <= one) & (off < one);
+    moments->w = known ? w : (FLOAT)0;
+    moments->off = known ? off + 0x1p-14f : moments->off;
+}
 #endif
