@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pyopencl as cl
+from numpy.typing import NDArray
 
 import cltrace
+from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.plan import View
 from cltrace.run.toolbox import Toolbox
 
+# Where lists are in these is each one's own affair.
+LISTS = {"grid", "start", "entry"}
 LIGHTS = [
     cltrace.ambient_light(),
     cltrace.parallel_light((-1, -2, -0.5)),
@@ -19,8 +25,30 @@ LIGHTS = [
 def check_same_view(view: View, made: dict[str, cl.Buffer], tools: Toolbox, expected: View) -> None:
     """Asserts that a view, with the buffers that a device made for it, has the bits of numpy's."""
     assert made.keys() | view.arrays.keys() == expected.arrays.keys()
-    for name, array in expected.arrays.items():
-        found = tools.read(made[name], array.size, array.dtype.base) if name in made else view.arrays[name]
-        assert found.tobytes() == array.tobytes(), name
+    found = view.arrays | {name: read(made, name, tools, expected.arrays[name]) for name in made}
+    for name in expected.arrays.keys() - (LISTS if "entry" in made else set()):
+        assert found[name].tobytes() == expected.arrays[name].tobytes(), name
+    if "entry" in made:
+        for one, other in zip(lists_of(found), lists_of(expected.arrays), strict=True):
+            assert one == other
     assert (view.skipped, view.inside, view.values) == (expected.skipped, expected.inside, expected.values)
     assert (view.region, view.exponent) == (expected.region, expected.exponent)
+
+
+def read(made: dict[str, cl.Buffer], name: str, tools: Toolbox, like: NDArray[Any]) -> NDArray[Any]:
+    """A buffer as an array with so many numbers, or, of lists, with all that there are."""
+    dtype = like.dtype.base
+    return tools.read(made[name], made[name].size // dtype.itemsize if name in LISTS else like.size, dtype)
+
+
+def lists_of(arrays: dict[str, NDArray[Any]]) -> list[tuple[bytes, bytes, bytes]]:
+    """Of each grid, its record, but for where its lists are; where these begin, from the first one on; and them all."""
+    lists, entry = [], arrays["entry"].reshape(-1, 2)
+    for record in arrays["grid"].copy():
+        columns, rows, first, mask = record["cells"].tolist()
+        record["cells"][2] = 0
+        sides = [((columns - 1 >> k) + 1) * ((rows - 1 >> k) + 1) for k in range(16) if mask >> k & 1]
+        cells = sum(sides) if mask and mask != 1 << CONSTANTS["WHOLE"] else 1
+        start = arrays["start"].reshape(-1)[first : first + cells + 1]
+        lists.append((record.tobytes(), (start - start[0]).tobytes(), entry[start[0] : start[-1]].tobytes()))
+    return lists

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from device_views import LIGHTS, check_same_view
+from device_views import LIGHTS, check_same_view, lists_of, read
 from numpy.typing import NDArray
 
 import cltrace
@@ -17,7 +17,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.accel import cells, tiles
 from cltrace.plan.plan import View, World
 from cltrace.plan.request import Request
-from cltrace.run import maker
+from cltrace.run import maker, shelf
 from cltrace.run.devices import Device
 from cltrace.run.packing import Packing
 from cltrace.run.toolbox import Toolbox
@@ -176,6 +176,39 @@ def test_what_lights_see_is_made_once(device: Device) -> None:
     assert far["light_side"] is not first["light_side"]
 
 
+@pytest.mark.parametrize(("kind", "few"), [("cpu", 2**17), ("cpu", 3000), ("gpu", 0)])
+def test_lists_of_cameras_are_side_by_side(
+    device: Device, monkeypatch: pytest.MonkeyPatch, kind: str, few: int
+) -> None:
+    """What lights see is there once, views of any age keep their lists, and what nobody keeps has others in its place.
+
+    What has no room is on another shelf. A GPU has none to spare.
+    """
+    if kind != device.kind:
+        monkeypatch.setattr(Device, "kind", kind)
+    monkeypatch.setattr(shelf, "FEW", few)
+    world = World.of(crowded(lights=LIGHTS[2:]), Request())
+    packing = Packing.of(world, Request(), device)
+    assert packing is not None
+    cameras = [camera(position=(0.1 * k, 0.2, 3 + 0.1 * k)) for k in range(9)]
+    views = [(by, *packing.view(world, by)) for by in cameras]
+    expected = {by: View.of(world, by, Request(keep=("receivers",))) for by in cameras}
+    assert (len({id(made["entry"]) for _, _, made in views}) == 1) == (few > 3000)
+    for by, view, made in views:
+        check_same_view(view, made, packing.tools, expected[by])
+    del by, view, made, views[1:]
+    shelves = set()
+    for by in cameras:
+        view, made = packing.view(world, by)
+        assert packing.lamps is not None
+        check_same_view(view, made, packing.tools, expected[by])
+        shelves.add(id(packing.lamps.shelf))
+        del view, made
+    assert len(shelves) == 1
+    by, view, made = views[0]
+    check_same_view(view, made, packing.tools, expected[by])
+
+
 def test_bits_of_a_crop(device: Device) -> None:
     both(crowded(), device, Request(crop=(13, 7, 30, 22)))
 
@@ -191,6 +224,13 @@ def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spa
     monkeypatch.setattr(cells, "SPARE", spare)
     for make in (crowded, of_all_sizes, lambda: around(300)):
         both(make(), device, Request())
+
+
+def tiles_of(renderer: cltrace.Renderer) -> bytes:
+    """The entries of the picture's lists."""
+    buffers, tools, like = renderer._executor.buffers, Toolbox(renderer.device, "accurate"), np.zeros(1, np.int32)
+    found = {name: read(buffers, name, tools, like) for name in ("start", "entry")}
+    return lists_of(renderer.plan.arrays | found)[0][2]
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "glass")]
@@ -215,7 +255,7 @@ def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.Monkey
     monkeypatch.setattr(tiles, "CROWDED", 0)
     both(some, device, Request(), other)
     fewer = cltrace.Renderer(some, device)
-    sizes = [renderer._executor.buffers["entry"].size for renderer in (every, fewer)]
+    sizes = [len(tiles_of(renderer)) for renderer in (every, fewer)]
     assert sizes[1] < sizes[0] / 1.2 or name in ("around the eye", "one cell", "touching")
     assert np.array_equal(fewer.render().rgb8, every.render().rgb8)
     for request in (Request("single"), Request(antialias=1.0, crop=(8, 9, 50, 40))):

@@ -177,9 +177,9 @@ class Crowd:
         part = self._tools.noted("count_outlines", *self._outlines, *common, columns=1, dtype=np.int64)
         return self._entries + int(part.sum())
 
-    def scatter(self, first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+    def scatter(self, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
         """Writes the entries: see Scatter of entries.py."""
-        common = np.int32(self.shown.spot.first), first, bits, levels
+        common = np.int32(self.shown.spot.first), bits, levels
         made = self.level_of, self.covers, self.near
         self._tools.run("scatter_polygons", *self._sizes, *common, *made, counts, entry)
         if self.outlines:

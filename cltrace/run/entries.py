@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
 from cltrace.plan.accel.cells import SPARE, CellGrid, Keys, Placement, chosen_lift, entered_in, fill_record
 from cltrace.run.crowd import Crowd
+from cltrace.run.shelf import Block, Shelf
 from cltrace.run.toolbox import EdgeType, Toolbox
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
 NONE = np.zeros(0, np.int32)
-# Starts the kernels that write entries, of which the first one's place, the bits of depth that count, the levels, where
-# the next entry of each cell belongs, and the entries are given.
-Scatter = Callable[[np.int32, np.uint32, Any, Any, Any], None]
+# Starts the kernels that write entries, of which the bits of depth that count, the levels, where the next entry of each
+# cell belongs, and the entries are given.
+Scatter = Callable[[np.uint32, Any, Any, Any], None]
 
 
 class Covers:
@@ -55,21 +56,10 @@ class _Layout:
     near_bits: int
 
 
-@dataclass(frozen=True)
-class Listed:
-    """Where the lists of one grid are.
+class Listed(NamedTuple):
+    """Where the lists of one grid are. cell: the first one in `start`; mask: of its record."""
 
-    start, entry: buffers; cell, filled: of the grid, the first cell in `start` and the first entry in `entry`; cells,
-    entries: how many there are; begins: where, as `start` says, the first list begins; mask: of its record.
-    """
-
-    start: Any
     cell: int
-    cells: int
-    entry: Any
-    filled: int
-    entries: int
-    begins: int
     mask: int
 
 
@@ -104,9 +94,9 @@ class _Own:
         if s:
             self.tools.run("count_strips", s, levels, level, *self.strips, counts)
 
-    def scatter(self, first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+    def scatter(self, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
         (n, s), (boxes, level, covers, member, near) = self.sizes, self.columns
-        common, written = (first, bits, levels), (member, near, counts, entry)
+        common, written = (bits, levels), (member, near, counts, entry)
         if n:
             self.tools.run("scatter_members", n, n, *common, boxes, covers, *written)
         if s:
@@ -132,14 +122,18 @@ def _of_levels(tools: Toolbox, counts: Any, every: Keys, keys: Keys, rows: int) 
 
 
 class Entries:
-    """The lists of one grid after the other. records: of abi's `Grid`; listed: where each one's are, once joined()."""
+    """The lists of one grid after the other, each of which is written where it stays.
 
-    def __init__(self, tools: Toolbox, precision: Precision) -> None:
+    records: of abi's `Grid`; listed: where each one's are; shelf: what they are on, another one if they need that.
+    """
+
+    def __init__(self, tools: Toolbox, precision: Precision, shelf: Shelf) -> None:
         self.records: list[NDArray[np.void]] = []
         self.listed: list[Listed] = []
+        self.shelf = shelf
         self._tools, self._dtype = tools, dtype_of("Grid", precision)
-        self._pieces: list[Listed] = []
-        self._cells = self._filled = 0
+        # Where lists began, where those of the second grid did, and where the next ones belong: a cell and an entry.
+        self._begin = self._second = self._next = (0, 0)
 
     def add(self, grid: CellGrid, covers: Covers, behind: Any = None) -> None:
         """Makes the lists of a grid, whose own members are not looked at. behind: of CellGrid, a buffer."""
@@ -153,8 +147,8 @@ class Entries:
         def count(levels: Any, counts: Any) -> None:
             tools.run("count_entries", *spheres, levels, covers.cells, covers.near, counts)
 
-        def scatter(first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
-            tools.run("scatter_entries", *spheres, first, bits, levels, covers.cells, covers.near, counts, entry)
+        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+            tools.run("scatter_entries", *spheres, bits, levels, covers.cells, covers.near, counts, entry)
 
         counts = tools.room(layout.cells, np.int32)
         tools.clear(counts, layout.cells)
@@ -175,26 +169,33 @@ class Entries:
         tools.run("sum_cells", np.int32(layout.cells), counts, sums, items=ITEMS)
         if fewer:
             layout = replace(layout, entries=int(tools.read(sums, ITEMS, np.int32).sum()))
-        start, entry = tools.room(layout.cells, np.int32), tools.room(layout.entries, np.uint64)
         levels, bits = _levels(tools, layout.pitch, layout.base), np.uint32(2**32 - 2 ** (32 - layout.near_bits))
-        cells, first, stop = (np.int32(k) for k in (layout.cells, self._filled, self._filled + layout.entries))
-        tools.run("start_cells", cells, first, counts, sums, start, items=ITEMS)
+        at, first = self._place(layout.cells, layout.entries)
+        cells, start, entry = np.int32(layout.cells), self.shelf.start, self.shelf.entry
+        tools.run("start_cells", cells, np.int32(at), np.int32(first), counts, sums, start, items=ITEMS)
         if layout.entries:
-            scatter(first, bits, levels, counts, entry)
-            tools.run("sort_lists", cells, first, stop, start, entry)
-        self._note(grid, layout.mask, start, layout.cells, entry, layout.entries)
+            scatter(bits, levels, counts, entry)
+            tools.run("sort_lists", cells, np.int32(at), start, entry)
+        self.add_again(grid, Listed(at, layout.mask))
 
-    def _note(self, grid: CellGrid, mask: int, start: Any, cells: int, entry: Any, entries: int) -> None:
-        self.add_again(grid, Listed(start, 0, cells, entry, 0, entries, self._filled, mask))
+    def _place(self, cells: int, entries: int) -> tuple[int, int]:
+        """The first cell and the first entry of the next grid's lists. There is room for so many then."""
+        more, shelf = (cells + 1, entries + CONSTANTS["AHEAD"]), self.shelf
+        gap = self._next if self.records else shelf.gap(*more)
+        at, first = gap or (shelf.common.cell_stop, shelf.common.entry_stop)
+        if not gap or not shelf.fits(at + more[0], first + more[1]):
+            self.shelf = shelf.another((at, first), at + more[0], first + more[1])
+        self._next = at + cells, first + entries
+        if not self.records:
+            self._begin, self._second = (at, first), self._next
+        return at, first
 
     def add_again(self, grid: CellGrid, listed: Listed) -> None:
-        """Takes over the lists of a grid."""
+        """Adds a grid whose lists are on the shelf."""
         record = np.zeros(1, self._dtype)
-        fill_record(record[0], grid, self._cells, listed.mask)
+        fill_record(record[0], grid, *listed)
         self.records.append(record)
-        self._pieces.append(listed)
-        self._cells += listed.cells
-        self._filled += listed.entries
+        self.listed.append(listed)
 
     def add_members(self, grid: CellGrid) -> None:
         """Makes the lists of a grid, of its own members and of those that are held."""
@@ -203,8 +204,11 @@ class Entries:
             raise TypeError("what is held elsewhere is not on this device")
         price = held.enter(grid) if held else None
         if grid.cells == (1, 1) or not (len(grid.member) or (held and held.used)):
-            start, entry, mask = entered_in(grid)
-            self._note(grid, mask, tools.upload(start + np.int32(self._filled)), 1, tools.upload(entry), len(entry))
+            _, entry, mask = entered_in(grid)
+            at, first = self._place(1, len(entry))
+            tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.shelf.start, 4 * at, 8)
+            tools.copy(tools.upload(entry), self.shelf.entry, 8 * first, 8 * len(entry))
+            self.add_again(grid, Listed(at, mask))
             return
         own = _Own.of(tools, grid, price)
         used = sorted({*own.used, *(held.used if held else ())})
@@ -219,10 +223,10 @@ class Entries:
         counts = _of_levels(tools, counts, every, keys, grid.cells[1])
         layout = _Layout(None, keys.pitch, keys.base, keys.cells, entries, keys.mask, keys.near_bits)
 
-        def scatter(first: np.int32, bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
-            own.scatter(first, bits, levels, counts, entry)
+        def scatter(bits: np.uint32, levels: Any, counts: Any, entry: Any) -> None:
+            own.scatter(bits, levels, counts, entry)
             if held:
-                held.scatter(first, bits, levels, counts, entry)
+                held.scatter(bits, levels, counts, entry)
 
         self._list(grid, layout, counts, scatter)
 
@@ -249,22 +253,16 @@ class Entries:
         keys = Keys.on(used, grid.cells, covers.last)
         return _Layout(lift, keys.pitch, keys.base, keys.cells, entries, keys.mask, keys.near_bits)
 
-    def joined(self) -> tuple[dict[str, Any], NDArray[np.void]]:
-        """The buffers `start` and `entry`, and the records."""
-        tools, ahead = self._tools, CONSTANTS["AHEAD"]
-        start = tools.room(self._cells + 1, np.int32, again=True)
-        entry = tools.room(self._filled + ahead, np.uint64, again=True)
-        cells = filled = 0
-        while self._pieces:
-            piece = self._pieces.pop(0)
-            tools.copy(piece.start, start, 4 * cells, 4 * piece.cells, 4 * piece.cell)
-            if piece.begins != filled:
-                tools.run("move_lists", np.int32(piece.cells), np.int32(cells), np.int32(filled - piece.begins), start)
-            tools.copy(piece.entry, entry, 8 * filled, 8 * piece.entries, 8 * piece.filled)
-            tools.finish()
-            self.listed.append(replace(piece, start=start, cell=cells, entry=entry, filled=filled, begins=filled))
-            cells, filled = cells + piece.cells, filled + piece.entries
-            del piece  # There is never room for all of it twice.
-        tools.copy(tools.upload(np.array([filled], np.int32)), start, 4 * cells, 4)
-        tools.copy(tools.upload(np.zeros(ahead, np.uint64)), entry, 8 * filled, 8 * ahead)
-        return {"start": start, "entry": entry}, np.concatenate(self.records)
+    def done(self) -> tuple[dict[str, Any], NDArray[np.void]]:
+        """The buffers `start` and `entry`, and the records: lists of the first grid stay while somebody keeps these.
+
+        Those of the others, if they were made here, are common to all that is put on the shelf from now on.
+        """
+        tools, shelf, ahead, (cell, entry) = self._tools, self.shelf, CONSTANTS["AHEAD"], self._next
+        tools.copy(tools.upload(np.zeros(ahead, np.uint64)), shelf.entry, 8 * entry, 8 * ahead)
+        records, stop = np.concatenate(self.records), (cell + 1, entry + ahead)
+        if self._next != self._second:
+            shelf.common, stop = Block(*self._second, *stop), self._second
+        shelf.take(Block(*self._begin, *stop), records)
+        tools.finish()
+        return {"start": shelf.start, "entry": shelf.entry}, records

@@ -27,6 +27,7 @@ from cltrace.run.crowd import Spot
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Entries
 from cltrace.run.program import Announcement
+from cltrace.run.shelf import Shelf
 from cltrace.run.toolbox import Toolbox, is_exact, kernel_of, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
@@ -71,7 +72,8 @@ class Mixed:
         """
         made: dict[str, Any] = {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            methods = Methods(partial(self._see, made), partial(self._build, made))
+            shelf = Shelf.of(self.tools, len(world.id), len(world.lights))
+            methods = Methods(partial(self._see, made), partial(self._build, made, shelf))
             view = View.of(world, camera, self._request, methods)
             # What lists are made of takes half as much as all that is kept.
             self.tools.forget()
@@ -111,13 +113,13 @@ class Mixed:
             return None
         return Spot(self.tools, near, self._face, len(self._triangles.face), first)
 
-    def _build(self, made: dict[str, Any], grids: Iterator[CellGrid]) -> dict[str, NDArray[Any]]:
+    def _build(self, made: dict[str, Any], shelf: Shelf, grids: Iterator[CellGrid]) -> dict[str, NDArray[Any]]:
         """Makes the lists of grids, which are in `made` then, and returns the records."""
-        entries = Entries(self.tools, self._request.precision)
+        entries = Entries(self.tools, self._request.precision, shelf)
         for grid in grids:
             entries.add_members(grid)
             del grid  # The next one has room in its place.
-        lists, records = entries.joined()
+        lists, records = entries.done()
         made |= lists
         return {"grid": records}
 

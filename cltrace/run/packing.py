@@ -37,6 +37,7 @@ from cltrace.plan.space import Space
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.entries import Covers, Entries, Listed
 from cltrace.run.program import Announcement
+from cltrace.run.shelf import Shelf
 from cltrace.run.toolbox import PACKET, EdgeType, Toolbox, is_exact, vector
 from cltrace.scene import PARALLEL, AnyCamera
 
@@ -52,7 +53,8 @@ class _Lamps:
     """What lights at points see, which cameras that agree in `key` have in common.
 
     filters, sides: light_filter of one of them, and light_side; buffers: (m, 4), its light_buffer; grids: of all lights
-    in turn, along the world's axes, and where their lists are; idle: how many spheres are in none, per light, summed.
+    in turn, along the world's axes, and where on the shelf their lists are; idle: how many spheres are in none, per
+    light, summed.
     """
 
     key: tuple[Any, ...]
@@ -61,6 +63,7 @@ class _Lamps:
     buffers: NDArray[np.int32]
     grids: list[CellGrid]
     listed: list[Listed]
+    shelf: Shelf | None
     idle: int
 
 
@@ -137,18 +140,16 @@ class _Look:
         self.covers = Covers(self.tools, self.n, self.pitch)
 
     def view(self) -> tuple[View, dict[str, Any]]:
-        world, tools, packing = self.world, self.tools, self.packing
+        world, packing = self.world, self.packing
         inside, there = self._see_from_eye()
         view = View.without_spheres(world, self.camera, packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
         skipped["spheres inside others, or the same"] = self.n - there
-        light_buffer, grids = self._lists(skipped)
-        tools.finish()
-        del self.seen, self.unsure  # Lists have room in their place.
-        lists, grid = grids.joined()
+        light_buffer, entries = self._lists(skipped)
+        lists, grid = entries.done()
         if self.lamps:
-            filters = self.made["light_filter"]
-            packing.lamps = replace(self.lamps, filters=filters, listed=grids.listed[1:])
+            filters, listed = self.made["light_filter"], entries.listed[1:]
+            packing.lamps = replace(self.lamps, filters=filters, listed=listed, shelf=entries.shelf)
         arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer}
         none = np.zeros((1, 4), np.float32)
         face = np.zeros((1, *world.triangles.face.shape[1:]), np.int32)
@@ -157,7 +158,6 @@ class _Look:
             arrays["world"] = np.zeros((1, 4), self.real)
         if not len(world.lights):
             arrays |= {"light_filter": none, "light_side": np.zeros(1, np.int8)}
-        tools.finish()
         seconds = {"lists": time.perf_counter() - start}
         return replace(view, arrays=arrays, inside=inside, skipped=skipped, seconds=seconds), self.made | lists
 
@@ -260,23 +260,25 @@ class _Look:
 
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], Entries]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
-        tools, entries = self.tools, Entries(self.tools, self.packing.request.precision)
+        tools, lights, lamps = self.tools, self.world.lights, self.packing.lamps
+        m, key = len(lights), (self.k, self.shells, lights.tobytes())
+        known = lamps if lamps and lamps.key == key else None
+        shelf = known.shelf if known and known.shelf else Shelf.of(tools, self.n, m)
+        entries = Entries(tools, self.packing.request.precision, shelf)
         grid = picture_grid(self.window.size, *NOBODY)
         entries.add(grid, self.covers, self._behind(grid))
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
         what = "spheres that shadow nothing seen, per light"
-        lights, lamps = self.world.lights, self.packing.lamps
-        m, key = len(lights), (self.k, self.shells, lights.tobytes())
         if not m:
             skipped[what] = 0
             return np.zeros((1, 4), np.int32), entries
         self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
-        if lamps and lamps.key == key:
-            self.lamps = lamps
-            self._see_again(lamps, entries)
-            skipped[what] = lamps.idle
-            return lamps.buffers, entries
+        if known:
+            self.lamps = known
+            self._see_again(known, entries)
+            skipped[what] = known.idle
+            return known.buffers, entries
         self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
         if not self.along:
             self.seen = tools.room(4 * self.pitch, np.float64)
@@ -293,7 +295,7 @@ class _Look:
                 self._pack_light(light)
         skipped[what] = idle
         if not self.along:
-            self.lamps = _Lamps(key, None, self.made["light_side"], buffers, self.grids, [], idle)
+            self.lamps = _Lamps(key, None, self.made["light_side"], buffers, self.grids, [], None, idle)
         return buffers, entries
 
     def _behind(self, grid: CellGrid) -> Any:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cltrace.plan import abi
 from cltrace.plan.exact import Array
-from cltrace.run.devices import Device, check_sizes
+from cltrace.run.devices import MAX_ROWS, Device, check_sizes
 from cltrace.run.program import context_of, program
 
 EdgeType = type[np.float32] | type[np.float64]
@@ -91,6 +91,10 @@ class Toolbox:
             memory = self._memory_again(size) if again else _memory(size)
             return cl.Buffer(self.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, size)
+
+    def most(self, dtype: Any) -> int:
+        """How many numbers a buffer may have."""
+        return int(min(MAX_ROWS, self._device.largest_buffer // np.dtype(dtype).itemsize))
 
     def _memory_again(self, size: int) -> NDArray[np.uint8]:
         """So many bytes, which are spare again when nobody uses them any longer.

@@ -162,10 +162,11 @@ __kernel void sum_cells(const int cells, __global const int *restrict count, __g
     sum[item] = total;
 }
 
-/* Where each list begins, and the same in `count`, for scattering. sum: of sum_cells(); first: where the first list
- * begins. */
+/* Where each list begins, from `at` on, and the same in `count`, for scattering; after them, where the last one ends. sum:
+ * of sum_cells(); first: where the first list begins. */
 __kernel void start_cells(
     const int cells,
+    const int at,
     const int first,
     __global int *restrict count,
     __global const int *restrict sum,
@@ -177,15 +178,11 @@ __kernel void start_cells(
         total += sum[k];
     for (int i = (long)cells * item / items; i < (long)cells * (item + 1) / items; i++) {
         const int more = count[i];
-        start[i] = count[i] = total;
+        start[at + i] = count[i] = total;
         total += more;
     }
-}
-
-/* Moves the beginnings of lists, from the one of cell `first` on. */
-__kernel void move_lists(const int cells, const int first, const int by, __global int *restrict start) {
-    FOR_EACH_SPHERE(cell, cells)
-        start[first + cell] += by;
+    if (item == items - 1)
+        start[at + cells] = total;
 }
 
 /* The entries of all spheres, each into the lists of its cells. mask: the bits of a depth that an entry keeps. */
@@ -195,7 +192,6 @@ __kernel void scatter_entries(
     const int lift,
     const int some,
     __global const float *restrict deepest,
-    const int first,
     const uint mask,
     __constant Levels *levels,
     __global const short *restrict covers,
@@ -211,14 +207,13 @@ __kernel void scatter_entries(
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         FOR_EACH_CELL(cell, i, level)
             if (!some || depth <= deepest[cell])
-                entry[atomic_inc(next + cell) - first] = key;
+                entry[atomic_inc(next + cell)] = key;
     }
 }
 
 __kernel void scatter_members(
     const int n,
     const int pitch,
-    const int first,
     const uint mask,
     __constant Levels *levels,
     __global const char *restrict level_of,
@@ -234,13 +229,12 @@ __kernel void scatter_members(
             continue;
         const ulong key = key_of(near[i], mask, member[i]);
         FOR_EACH_CELL(cell, i, level)
-            entry[atomic_inc(next + cell) - first] = key;
+            entry[atomic_inc(next + cell)] = key;
     }
 }
 
 __kernel void scatter_strips(
     const int n,
-    const int first,
     const uint mask,
     __constant Levels *levels,
     __global const char *restrict level_of,
@@ -257,7 +251,7 @@ __kernel void scatter_strips(
         const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
         const ulong key = key_of(near[at[i]], mask, member[at[i]]);
         for (int k = 0; k <= more[i]; k++)
-            entry[atomic_inc(next + cell + k) - first] = key;
+            entry[atomic_inc(next + cell + k)] = key;
     }
 }
 
@@ -330,18 +324,16 @@ static void heap_sort(__global ulong *list, const int count) {
     }
 }
 
-/* Sorts each list, and gives the depths their own bits. first, last: where the first list begins, and the last one
- * ends. */
+/* Sorts each list, and gives the depths their own bits. at: of the first list in `start`. */
 __kernel void sort_lists(
     const int cells,
-    const int first,
-    const int last,
+    const int at,
     __global const int *restrict start,
     __global ulong *restrict entry
 ) {
     FOR_EACH_SPHERE(cell, cells) {
-        __global ulong *list = entry + (start[cell] - first);
-        const int count = (cell + 1 < cells ? start[cell + 1] : last) - start[cell];
+        __global ulong *list = entry + start[at + cell];
+        const int count = start[at + cell + 1] - start[at + cell];
         if (count <= MERGED)
             merge_sort(list, count);
         else

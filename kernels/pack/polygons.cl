@@ -495,7 +495,6 @@ __kernel void scatter_outlines(
     const int n,
     const int pixels,
     const int index,
-    const int first,
     const uint mask,
     __constant Levels *levels,
     __global const float *restrict outline,
@@ -515,7 +514,7 @@ __kernel void scatter_outlines(
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
                 for (int cell = runs.begin[k]; cell < runs.end[k]; cell++)
-                    entry[atomic_inc(next + cell) - first] = key[k];
+                    entry[atomic_inc(next + cell)] = key[k];
         }
     }
 }
@@ -525,7 +524,6 @@ __kernel void scatter_polygons(
     const int n,
     const int pitch,
     const int index,
-    const int first,
     const uint mask,
     __constant Levels *levels,
     __global const char *restrict level_of,
@@ -540,6 +538,6 @@ __kernel void scatter_polygons(
             continue;
         const ulong key = key_of(near[i], mask, index + i);
         FOR_EACH_CELL(cell, i, level)
-            entry[atomic_inc(next + cell) - first] = key;
+            entry[atomic_inc(next + cell)] = key;
     }
 }
