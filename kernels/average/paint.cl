@@ -66,8 +66,9 @@ typedef struct {
     int first, count;
 } Range;
 
-/* Of more texels across or down the colours are not looked up. */
-#define MOST_TEXELS 12
+/* Of more texels across or down, or in all, colours are not looked up. */
+#define MOST_ACROSS 96
+#define MOST_TEXELS 576
 
 /* Of a coordinate that is unknown, or of too many texels, count is 0. */
 static Range range_of(const Coordinate *c, const int lane, const int size) {
@@ -75,64 +76,75 @@ static Range range_of(const Coordinate *c, const int lane, const int size) {
     Range range = {at, c->x[lane] * size, c->y[lane] * size, 0, 0, 0, 0};
     range.off = (c->off[lane] * size + fabs(at) * 0x1p-22f) * more;
     range.radius = (fabs(range.s) + fabs(range.t) + range.off) * more;
-    if (!(range.radius < MOST_TEXELS && fabs(at) < 0x1p22f)) return range;
+    if (!(range.radius < MOST_ACROSS && fabs(at) < 0x1p22f)) return range;
     range.first = (int)floor(at - range.radius);
     range.count = (int)floor(at + range.radius) - range.first + 2;
     range.at = at - range.first;
-    if (range.count > MOST_TEXELS) range.count = 0;
+    if (range.count > MOST_ACROSS) range.count = 0;
     return range;
 }
 
-/* Texels that a cell may show, less the colour in its middle; sum: their integrals along rows, from the column on that the middle is in.
- * low, high: their range; steep: up to what colours differ from one texel to the next, across and down, and total: the sum of that
- * over all squares between four texels. */
+static int are_known(const Range x, const Range y) {
+    return x.count > 0 && y.count > 0 && x.count * y.count <= MOST_TEXELS;
+}
+
+/* Texels that a cell may show, row by row, less the colour in its middle; sum: their integrals along rows, from the column on that the
+ * middle is in. low, high: their range; steep: up to what colours differ from one texel to the next, across and down, and total: the
+ * sum of that over all squares between four texels. */
 typedef struct {
-    float3 texel[MOST_TEXELS][MOST_TEXELS], sum[MOST_TEXELS][MOST_TEXELS];
+    int columns, rows;
+    float3 texel[MOST_TEXELS], sum[MOST_TEXELS];
     float3 middle, low, high, steep[2], total[2];
 } Texels;
 
 static float3 blend_in(const Texels *texels, const float x, const float y, const int i, const int j) {
-    const float3 top = texels->texel[j][i] + (x - i) * (texels->texel[j][i + 1] - texels->texel[j][i]);
-    const float3 bottom = texels->texel[j + 1][i] + (x - i) * (texels->texel[j + 1][i + 1] - texels->texel[j + 1][i]);
+    const float3 *upper = texels->texel + j * texels->columns + i, *lower = upper + texels->columns;
+    const float3 top = upper[0] + (x - i) * (upper[1] - upper[0]), bottom = lower[0] + (x - i) * (lower[1] - lower[0]);
     return top + (y - j) * (bottom - top);
 }
 
 static void load_texels(const Scene scene, const Sheet sheet, const Range x, const Range y, Texels *texels) {
-    const int left = wrapped(x.first, sheet.columns), top = wrapped(y.first, sheet.rows), here = (int)x.at;
+    const int left = wrapped(x.first, sheet.columns), top = wrapped(y.first, sheet.rows), columns = x.count;
+    texels->columns = columns;
+    texels->rows = y.count;
     for (int j = 0, row = top; j < y.count; j++, row = row + 1 == sheet.rows ? 0 : row + 1)
-        for (int i = 0, column = left; i < x.count; i++, column = column + 1 == sheet.columns ? 0 : column + 1)
-            texels->texel[j][i] = texel_at(scene, sheet, column, row);
-    const float3 middle = blend_in(texels, x.at, y.at, here, (int)y.at);
+        for (int i = 0, column = left; i < columns; i++, column = column + 1 == sheet.columns ? 0 : column + 1)
+            texels->texel[j * columns + i] = texel_at(scene, sheet, column, row);
+    const float3 middle = blend_in(texels, x.at, y.at, (int)x.at, (int)y.at);
     texels->middle = middle;
     texels->low = texels->high = texels->steep[0] = texels->steep[1] = texels->total[0] = texels->total[1] = 0;
     for (int j = 0; j < y.count; j++) {
+        float3 *now = texels->texel + j * columns, *sums = texels->sum + j * columns;
         float3 sum = 0;
-        for (int i = 0; i < x.count; i++) {
-            const float3 color = texels->texel[j][i] - middle;
-            texels->texel[j][i] = color;
+        for (int i = 0; i < columns; i++) {
+            const float3 color = now[i] - middle;
+            now[i] = color;
             texels->low = fmin(texels->low, color);
             texels->high = fmax(texels->high, color);
-            if (i > 0) sum += 0.5f * (texels->texel[j][i - 1] + color);
-            texels->sum[j][i] = sum;
+            if (i > 0) sum += 0.5f * (now[i - 1] + color);
+            sums[i] = sum;
             if (i == 0 || j == 0) continue;
-            const float3 a = texels->texel[j - 1][i - 1], b = texels->texel[j - 1][i], c = texels->texel[j][i - 1];
-            const float3 across = fmax(fabs(b - a), fabs(color - c)), down = fmax(fabs(c - a), fabs(color - b));
+            const float3 *before = now - columns;
+            const float3 across = fmax(fabs(before[i] - before[i - 1]), fabs(color - now[i - 1]));
+            const float3 down = fmax(fabs(now[i - 1] - before[i - 1]), fabs(color - before[i]));
             texels->steep[0] = fmax(texels->steep[0], across);
             texels->steep[1] = fmax(texels->steep[1], down);
             texels->total[0] += across;
             texels->total[1] += down;
         }
-        const float3 begin = texels->sum[j][here];
-        for (int i = 0; i < x.count; i++) texels->sum[j][i] -= begin;
+        const float3 begin = sums[(int)x.at];
+        for (int i = 0; i < columns; i++) sums[i] -= begin;
     }
 }
 
 /* The integral of colours along a row, which is y from the top, up to x, between the four texels from (i, j) on. */
 static float3 row_integral(const Texels *texels, const float x, const float y, const int i, const int j) {
+    const int place = j * texels->columns + i;
     const float part = x - i, half_part = 0.5f * part;
-    const float3 upper = texels->sum[j][i] + part * (texels->texel[j][i] + half_part * (texels->texel[j][i + 1] - texels->texel[j][i]));
-    const float3 lower = texels->sum[j + 1][i] + part * (texels->texel[j + 1][i] + half_part * (texels->texel[j + 1][i + 1] - texels->texel[j + 1][i]));
-    return upper + (y - j) * (lower - upper);
+    const float3 *upper = texels->texel + place, *lower = upper + texels->columns;
+    const float3 top = texels->sum[place] + part * (upper[0] + half_part * (upper[1] - upper[0]));
+    const float3 bottom = texels->sum[place + texels->columns] + part * (lower[0] + half_part * (lower[1] - lower[0]));
+    return top + (y - j) * (bottom - top);
 }
 
 /* The next whole number in the direction in which x goes on from a whole number or from between two, in units of `step`. */
@@ -142,13 +154,13 @@ static float way_to_next(const float x, const float step) {
 
 /* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is row_integral(). Between lines through texels it is of
  * the third degree in the place on the line, so two points tell it (Gauss and Legendre). */
-static float3 integral_along(const Texels *texels, const int columns, const int rows, const float x, const float y, const float dx, const float dy) {
+static float3 integral_along(const Texels *texels, const float x, const float y, const float dx, const float dy) {
     float next_x = way_to_next(x, dx), next_y = way_to_next(y, dy), done = 0;
     float3 sum = 0;
     if (dy == 0) return sum;
-    for (int n = 0; n < 2 * MOST_TEXELS && done < 1; n++) {
+    for (int n = 0; n < texels->columns + texels->rows && done < 1; n++) {
         const float end = fmin(fmin(next_x, next_y), 1.0f), middle = 0.5f * (done + end), length = end - done, apart = 0.288675135f * length;
-        const int i = clamp((int)floor(x + middle * dx), 0, columns - 2), j = clamp((int)floor(y + middle * dy), 0, rows - 2);
+        const int i = clamp((int)floor(x + middle * dx), 0, texels->columns - 2), j = clamp((int)floor(y + middle * dy), 0, texels->rows - 2);
         const float first = middle - apart, last = middle + apart;
         sum += length * (row_integral(texels, x + first * dx, y + first * dy, i, j) + row_integral(texels, x + last * dx, y + last * dy, i, j));
         if (next_x <= end) next_x += 1 / fabs(dx);
@@ -204,7 +216,7 @@ static float3 mean_within(const Texels *texels, Range x, Range y, const Polygons
     float3 sum = 0;
     for (int k = 0; k < window->sides; k++) {
         const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s = window->s1[k][lane] - s0, t = window->t1[k][lane] - t0;
-        sum += integral_along(texels, x.count, y.count, x.at + (x.s * s0 + x.t * t0), y.at + (y.s * s0 + y.t * t0), x.s * s + x.t * t, y.s * s + y.t * t);
+        sum += integral_along(texels, x.at + (x.s * s0 + x.t * t0), y.at + (y.s * s0 + y.t * t0), x.s * s + x.t * t, y.s * s + y.t * t);
     }
     const float wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over), rounded = 0x1p-18f * (x.count + y.count) * (x.radius + y.radius) / fabs(area);
     const float3 largest = fmax(texels->high, -texels->low);
@@ -239,53 +251,72 @@ static void put_color(float to[3][W], const int lane, const float3 color) {
     to[2][lane] = color.z;
 }
 
+/* The moments of one lane's texture. */
+typedef struct {
+    float mean[3][W], off[3][W];
+} TextureMoments;
+
+/* Of what the texture has besides the colour in the middle: its mean within a window, and what that is off by. Of bounds the smaller one
+ * holds: that of mean_within(), or up to what colours differ from the middle's, `range`. */
+static void put_mean(const Texels *texels, const Range x, const Range y, const Polygons *window, const int lane, const float3 range,
+                     TextureMoments *to) {
+    float3 wrong;
+    const float3 mean = mean_within(texels, x, y, window, lane, &wrong), all = window->share[lane] * range;
+    put_color(to->mean, lane, wrong < all ? mean : (float3)0);
+    put_color(to->off, lane, wrong < all ? wrong : all);
+}
+
 /* Puts in the moments of textures within a window, in some lanes: of what they have besides patch.paint, which is the colour in the
- * middle where cells show more than four texels. Of the mean's bounds the smaller one holds: that of mean_within(), or the range of colours. */
+ * middle where cells show more than four texels. */
 static void find_texture_moments(const Scene scene, const Area patch, const Window *window, const MASK here, Moments *moments) {
     if (!ANY(here & patch.rough)) return;
     Places places;
     Polygons polygons;
+    TextureMoments found;
     int wanted[W];
-    float mean[3][W], off[3][W], range[3][W];
+    float range[3][W];
     store_places(scene, patch, &places);
     store_polygons(window, &polygons);
     STORE_LANES(here & patch.rough, wanted);
     for (int k = 0; k < 3; k++) {
         STORE_LANES(patch.paint[k].r, range[k]);
-        STORE_LANES(moments->paint[k], mean[k]);
-        STORE_LANES(moments->paint_off[k], off[k]);
+        STORE_LANES(moments->paint[k], found.mean[k]);
+        STORE_LANES(moments->paint_off[k], found.off[k]);
     }
     for (int lane = 0; lane < W; lane++) {
         if (!wanted[lane]) continue;
         const Sheet sheet = sheet_at(scene, places.which[lane]);
         const Range x = range_of(&places.u, lane, sheet.columns), y = range_of(&places.v, lane, sheet.rows);
-        const float3 all = polygons.share[lane] * (float3)(range[0][lane], range[1][lane], range[2][lane]);
-        float3 value = 0, wrong = INFINITY;
-        if (x.count > 0 && y.count > 0) {
-            Texels texels;
-            load_texels(scene, sheet, x, y, &texels);
-            value = mean_within(&texels, x, y, &polygons, lane, &wrong);
-        }
-        put_color(mean, lane, wrong < all ? value : (float3)0);
-        put_color(off, lane, wrong < all ? wrong : all);
+        const float3 most = (float3)(range[0][lane], range[1][lane], range[2][lane]);
+        put_color(found.mean, lane, 0);
+        put_color(found.off, lane, polygons.share[lane] * most);
+        if (!are_known(x, y)) continue;
+        Texels texels;
+        load_texels(scene, sheet, x, y, &texels);
+        put_mean(&texels, x, y, &polygons, lane, most, &found);
     }
     for (int k = 0; k < 3; k++) {
-        moments->paint[k] = LOAD_LANES(mean[k]);
-        moments->paint_off[k] = LOAD_LANES(off[k]);
+        moments->paint[k] = LOAD_LANES(found.mean[k]);
+        moments->paint_off[k] = LOAD_LANES(found.off[k]);
     }
 }
 
-/* What textures multiply the colours of a patch with. Within four texels, colour is a + (b - a) s + (c - a) t + (a - b - c + d) s t;
- * of more, it is what is in the middle, and a range. */
-static void paint_of(const Scene scene, Area *patch) {
+/* What textures multiply the colours of a patch with, and its moments within the window in which it is seen. Within four texels, colour
+ * is a + (b - a) s + (c - a) t + (a - b - c + d) s t; of more, it is what is in the middle, and a range. */
+static void paint_of(const Scene scene, const Window *seen, Area *patch, Moments *moments) {
     Places places;
+    Polygons polygons;
+    TextureMoments found;
     store_places(scene, *patch, &places);
+    store_polygons(seen, &polygons);
     float part[4][3][W], off[3][W], s0[W], t0[W], wide[W], high[W];
     int rough[W], any = 0;
     for (int lane = 0; lane < W; lane++) {
         put_color(part[0], lane, 1);
         for (int n = 1; n < 4; n++) put_color(part[n], lane, 0);
         put_color(off, lane, 0);
+        put_color(found.mean, lane, 0);
+        put_color(found.off, lane, 0);
         s0[lane] = t0[lane] = wide[lane] = high[lane] = 0;
         rough[lane] = 0;
         if (places.which[lane] < 0) continue;
@@ -295,17 +326,21 @@ static void paint_of(const Scene scene, Area *patch) {
         rough[lane] = -1;
         put_color(part[0], lane, 0.5f);
         put_color(off, lane, 0.5f);
-        if (x.count == 0 || y.count == 0) continue;
+        put_color(found.off, lane, 0.5f * polygons.share[lane]);
+        if (!are_known(x, y)) continue;
         Texels texels;
         load_texels(scene, sheet, x, y, &texels);
         if (x.count > 2 || y.count > 2) {
-            const float3 most = fmin(texels.steep[0] * x.radius + texels.steep[1] * y.radius, fmax(texels.high, -texels.low));
+            const float3 far = fmin(texels.steep[0] * x.radius + texels.steep[1] * y.radius, fmax(texels.high, -texels.low));
+            const float3 most = far * (1 + 0x1p-18f) + 0x1p-20f;
             put_color(part[0], lane, texels.middle);
-            put_color(off, lane, most * (1 + 0x1p-18f) + 0x1p-20f);
+            put_color(off, lane, most);
+            put_mean(&texels, x, y, &polygons, lane, most, &found);
             continue;
         }
         rough[lane] = 0;
-        const float3 a = texels.texel[0][0], b = texels.texel[0][1], c = texels.texel[1][0], d = texels.texel[1][1];
+        put_color(found.off, lane, 0);
+        const float3 a = texels.texel[0], b = texels.texel[1], c = texels.texel[2], d = texels.texel[3];
         put_color(part[0], lane, a + texels.middle);
         put_color(part[1], lane, b - a);
         put_color(part[2], lane, c - a);
@@ -329,6 +364,8 @@ static void paint_of(const Scene scene, Area *patch) {
         const Model first = plus_model(constant_model(LOAD_LANES(part[0][k])), scaled(s, LOAD_LANES(part[1][k])));
         patch->paint[k] = plus_model(plus_model(first, scaled(t, LOAD_LANES(part[2][k]))), scaled(st, LOAD_LANES(part[3][k])));
         patch->paint[k].r += LOAD_LANES(off[k]);
+        moments->paint[k] = LOAD_LANES(found.mean[k]);
+        moments->paint_off[k] = LOAD_LANES(found.off[k]);
     }
 }
 #endif

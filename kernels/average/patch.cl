@@ -743,8 +743,7 @@ static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *wor
     find_moments(seen, &patch.limb, &moments);
 #endif
 #ifdef WITH_TEXTURES
-    paint_of(scene, &patch);
-    find_texture_moments(scene, patch, seen, patch.id >= 0, &moments);
+    paint_of(scene, seen, &patch, &moments);
     for (int k = 0; k < 3; k++) {
         const Model m = scaled(patch.paint[k], ambient[k]);
         const FLOAT within = patch.rough ? ambient[k] * moments.paint_off[k] : seen->share * (m.r + fabs(m.z));
@@ -761,12 +760,13 @@ static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *wor
     return tint;
 }
 
-/* The same tint where every colour is 1 at most. share: of the window. With c <= 1 + excess at all points, the mean of min(c, 1) is
- * no less than that of c minus the excess. */
+/* The same tint where every colour is 1 at most. share: of the window. What c exceeds 1 by is convex in c, and so nowhere above its
+ * chord from the least c to the most, where it is `excess`: no more is lost of the mean of c than the chord has at that mean. */
 static void clamp_tint(Tint *tint, const FLOAT share) {
     for (int k = 0; k < 3; k++) {
-        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1;
-        const FLOAT by_mean = tint->v[k] - tint->e[k] - excess * share, above = tint->v[k] + tint->e[k];
+        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1, range = tint->most[k] - low;
+        const FLOAT least = tint->v[k] - tint->e[k], chord = excess * ((least - low * share) / (range > 0 ? range : (FLOAT)1));
+        const FLOAT by_mean = least - (chord > 0 ? chord : (FLOAT)0), above = tint->v[k] + tint->e[k];
         const FLOAT bottom = by_mean > low * share ? by_mean : low * share, top = above < share ? above : share;
         const MASK over = excess > 0;
         tint->v[k] = over ? (FLOAT)0.5f * (bottom + top) : tint->v[k];
