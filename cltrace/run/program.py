@@ -56,6 +56,7 @@ SOURCES = (
     "average/crowd.cl",
     "average/hiding.cl",
     "average/mixture.cl",
+    "average/quick.cl",
     "average/average.cl",
     "render.cl",
 )

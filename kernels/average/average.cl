@@ -25,19 +25,6 @@
 /* Errors above that many levels are rough. */
 #define ROUGH 2
 
-/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; ESTIMATED: the colour at the cell's
- * middle alone is known. */
-#define SURE 0
-#define OPEN 1
-#define ESTIMATED 2
-
-/* What is known of a packet of cells: the mean colour, the share that surfaces have, and the colour's error in levels of 255. */
-typedef struct {
-    SHADE color[3];
-    FLOAT coverage, error;
-    INT state;
-} Means;
-
 /* The rays through the middles of those cells that are `wanted`: their colours, 1 at most. */
 static __attribute__((noinline)) void sample_cells(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK wanted, Means *means,
                          MASK *overgrown, Work *work) {
@@ -563,6 +550,25 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
 }
 #endif
 
+/* What pixels show, as whole cells: quickly, where that is enough. */
+static void look_at_pixels(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK within, Sight *view,
+                           Means *means, MASK *overgrown, Work *work) {
+#ifdef WITH_QUICK
+    Means quick;
+    const MASK known = look_quickly(frame, scene, &cells, view, &quick);
+    *means = quick;
+    if (!ANY(within & !known)) return;
+    *view = choose_sight(known, empty_sight(), *view);
+    look_at_cells(frame, scene, cells, 0, tile, view, means, overgrown, work);
+    for (int k = 0; k < 3; k++) PUT_WHERE(TO_SHADE_MASK(known), means->color[k], quick.color[k]);
+    PUT_WHERE(known, means->coverage, quick.coverage);
+    PUT_WHERE(known, means->error, quick.error);
+    PUT_WHERE(known, means->state, quick.state);
+#else
+    look_at_cells(frame, scene, cells, 0, tile, view, means, overgrown, work);
+#endif
+}
+
 /* Puts the means into a packet of pixels. within: which of them are wanted. */
 static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
                            const MASK within, Pixels *pixels, Work *work) {
@@ -570,8 +576,8 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
     Means means;
     MASK overgrown = 0;
     const Cells cells = cells_at(frame, size, 0, column, row);
-    const Sight view = sight_of(scene, cells, tile);
-    look_at_cells(frame, scene, cells, 0, tile, &view, &means, &overgrown, work);
+    Sight view = sight_of(scene, cells, tile);
+    look_at_pixels(frame, scene, cells, tile, within, &view, &means, &overgrown, work);
     float color[3][W], coverage[W], error[W];
     int again[W], columns[W], rows[W], estimated[W], late[W];
     Sum sums[W];

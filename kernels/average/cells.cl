@@ -85,6 +85,7 @@ typedef struct {
     Limb limb;
     FLOAT side;   /* 1 where it is seen from outside, -1 from inside */
     FLOAT radius; /* no point is further from the middle, anchor + (p.x.v, p.y.v, p.z.v) */
+    int bare;     /* whether nothing else of them is known but this, P and side, so that shadows' rims are not */
 #ifdef WITH_SHEETS
     /* P is ray / over; of what is flat both are planes over the cell, and so are all linear functions of P times over. */
     int flat;
@@ -151,6 +152,7 @@ static void put_points(Area *patch, const Cells cells, const Model t, const real
 
 /* Puts in the points once more, as p from an anchor, and how far they are spread. Shadows are looked for by planes, but at outlines. */
 static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
+    patch->bare = 0;
     patch->anchor = anchor;
     patch->p.x = flattened_inside(p.x, &patch->limb);
     patch->p.y = flattened_inside(p.y, &patch->limb);
@@ -158,4 +160,17 @@ static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
     const FLOAT x = radius_of(patch->p.x), y = radius_of(patch->p.y), z = radius_of(patch->p.z);
     patch->radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
 }
+
+/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; ESTIMATED: the colour at the cell's
+ * middle alone is known. */
+#define SURE 0
+#define OPEN 1
+#define ESTIMATED 2
+
+/* What is known of a packet of cells: the mean colour, the share that surfaces have, and the colour's error in levels of 255. */
+typedef struct {
+    SHADE color[3];
+    FLOAT coverage, error;
+    INT state;
+} Means;
 #endif

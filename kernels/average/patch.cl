@@ -110,16 +110,16 @@ static MASK block_where(Blocking *blocking, const int index, const MASK here, co
 /* Whether a sphere surely is clear of the ways to the light, which lead away from it: the one from the patch's middle is nearest to C
  * where it begins, then. Of a large sphere, such as the ground, the roundings of floats are larger than a patch, so this is in double;
  * less than 16 of its roundings are 2^-46 of the coordinates. w is off by no more than its radius. */
-static MASK leads_away(const Real3 C, const REAL r, const Area patch, const Model3 w) {
-    const Real3 f = {(C.x - patch.anchor.x) - TO_REAL(patch.p.x.v), (C.y - patch.anchor.y) - TO_REAL(patch.p.y.v),
-                     (C.z - patch.anchor.z) - TO_REAL(patch.p.z.v)};
+static MASK leads_away(const Real3 C, const REAL r, const Area *patch, const Model3 w) {
+    const Real3 f = {(C.x - patch->anchor.x) - TO_REAL(patch->p.x.v), (C.y - patch->anchor.y) - TO_REAL(patch->p.y.v),
+                     (C.z - patch->anchor.z) - TO_REAL(patch->p.z.v)};
     const Real3 to_light = {TO_REAL(w.x.v), TO_REAL(w.y.v), TO_REAL(w.z.v)};
-    const Real3 A = patch.anchor;
+    const Real3 A = patch->anchor;
     const REAL size = (fabs(C.x) + fabs(C.y) + fabs(C.z)) + (fabs(A.x) + fabs(A.y) + fabs(A.z)) + r;
     const REAL far = fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z), off = TO_REAL(radius_of(w.x) + radius_of(w.y) + radius_of(w.z));
     const REAL cosine = DOT(f, to_light) + 2 * off * size + 0x1p-46 * size * far;
     const FLOAT gap = TO_FLOAT(sqrt(DOT(f, f)) - r - 0x1p-46 * size);
-    return TO_MASK(cosine < 0) & (gap > patch.radius * (1 + 4 * ROUNDING));
+    return TO_MASK(cosine < 0) & (gap > patch->radius * (1 + 4 * ROUNDING));
 }
 #endif
 /* Whether the eye, or all that parallel rays start at, surely is outside of a sphere. */
@@ -142,14 +142,14 @@ static int eye_is_outside(const Scene scene, const int index) {
  *
  * The way from a point P' that is no further than `radius` from P is nowhere further than that from the way from P. So
  * what the distance of C from that way says of P', it says of all of the patch, but for `radius`. */
-static void block_by_sphere(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const int index,
+static void block_by_sphere(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const int index,
                             const MASK may, Blocking *blocking) {
     const real4 s = scene.spheres.center_radius[index];
     const int light_side = scene.light_side[(long)number * scene.count + index], seen_from_outside = eye_is_outside(scene, index);
     const Real3 C = {scene.unit * s.x, scene.unit * s.y, scene.unit * s.z};
     /* From the anchor to C. */
-    const Float3 g = {TO_FLOAT(C.x - patch.anchor.x), TO_FLOAT(C.y - patch.anchor.y), TO_FLOAT(C.z - patch.anchor.z)};
-    const Float3 way = {g.x - patch.p.x.v, g.y - patch.p.y.v, g.z - patch.p.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
+    const Float3 g = {TO_FLOAT(C.x - patch->anchor.x), TO_FLOAT(C.y - patch->anchor.y), TO_FLOAT(C.z - patch->anchor.z)};
+    const Float3 way = {g.x - patch->p.x.v, g.y - patch->p.y.v, g.z - patch->p.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
     const OwnAxes axes = own_axes(scene, index);
     const Float3 f0 = along_axes(axes, way), w0 = along_axes(axes, to_light);
     const FLOAT radius = (FLOAT)((float)(scene.unit * s.w) * axes.over);
@@ -158,7 +158,7 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
     const FLOAT off = 4 * ROUNDING * ((fabs(g.x) + fabs(g.y) + fabs(g.z) + radius) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
                                       x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
-    const FLOAT reach = patch.radius + off, outer = radius + reach, apart = DOT(q, q);
+    const FLOAT reach = patch->radius + off, outer = radius + reach, apart = DOT(q, q);
     const MASK within = may & !(apart > outer * outer);
     if (!ANY(within)) return;
     const FLOAT gap = sqrt(apart), away = sqrt(DOT(f0, f0));
@@ -166,17 +166,17 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const MASK inside = (away + reach < radius) & ((FLOAT)light_side < 0);
     MASK near = within & !inside;
 #if REAL_BYTES == 8
-    if (is_round(axes) && ANY(near & (off > patch.radius))) near = near & !leads_away(C, scene.unit * s.w, patch, w);
+    if (is_round(axes) && ANY(near & (off > patch->radius))) near = near & !leads_away(C, scene.unit * s.w, patch, w);
 #endif
     if (!ANY(near)) return;
     const MASK outside = away > outer;
     const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
     Share share = {0, 1};
-    if (light_side > 0 && ANY(near & !wholly)) {
+    if (light_side > 0 && !patch->bare && ANY(near & !wholly)) {
         const REAL rounded = (REAL)CENTER_ROUNDING * ((fabs(C.x) + fabs(C.y)) + fabs(C.z));
-        const Model3 from_anchor = {narrowed(C.x - patch.anchor.x, 0, 0, rounded), narrowed(C.y - patch.anchor.y, 0, 0, rounded),
-                                    narrowed(C.z - patch.anchor.z, 0, 0, rounded)};
-        const Model3 f = models_along(axes, minus_vectors(from_anchor, patch.p)), v = models_along(axes, w);
+        const Model3 from_anchor = {narrowed(C.x - patch->anchor.x, 0, 0, rounded), narrowed(C.y - patch->anchor.y, 0, 0, rounded),
+                                    narrowed(C.z - patch->anchor.z, 0, 0, rounded)};
+        const Model3 f = models_along(axes, minus_vectors(from_anchor, patch->p)), v = models_along(axes, w);
         const Model a = square_of_vector(v), b = kind == 0 ? dot_constant(f, v) : dot_models(f, v);
         const Model X = square_of_vector(kind == 0 ? cross_constant(f, v) : cross_models(f, v));
         const Model D = minus_model(scaled(a, radius * radius), X);
@@ -290,7 +290,7 @@ static Way way_to_light(const Light light, const int kind, const Area patch, con
  * Where no rim of a mesh and no plane is between the light and the patch's points, meshes cut off all of it or nothing. The triangle
  * beyond an edge of the own one, if the light sees both the same way round, is beside the own one as the light sees it, and so cuts
  * off nothing of it; but what goes on in that one goes on in the own one, so the former does not hold there. */
-static void block_by_triangle(const Scene scene, const int number, const int kind, const Area patch, const Way *way, const int triangle,
+static void block_by_triangle(const Scene scene, const int number, const int kind, const Area *patch, const Way *way, const int triangle,
                               const MASK may, Blocking *blocking) {
     __global const float4 *facet = scene.light_facet + 3 * ((long)number * scene.triangles + triangle);
     const Model plane = plane_along(facet, way->along);
@@ -305,7 +305,7 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     MASK beside = 0;
     for (int k = 0; k < 3; k++)
         if (each[k] >= 0 && side[triangle] != 0 && side[max(each[k], 0)] == side[triangle])
-            beside = beside | (here & (patch.id == scene.spheres.first + each[k]));
+            beside = beside | (here & (patch->id == scene.spheres.first + each[k]));
     const MASK before = least_of(beyond) > 0;
     blocking->leaky = blocking->leaky | beside | (here & (rim_within(scene, 1 + number, triangle, edges) | !before));
     here = here & !beside;
@@ -331,29 +331,24 @@ typedef struct {
     float r, over_a;
 } Around;
 
-static Around around_patches(const Area patch, const Model3 w, const MASK here) {
-    float x[W], y[W], z[W], r[W], wx[W], wy[W], wz[W];
-    int used[W];
-    STORE_LANES(here, used);
-    STORE_LANES(TO_FLOAT(patch.anchor.x) + patch.p.x.v, x);
-    STORE_LANES(TO_FLOAT(patch.anchor.y) + patch.p.y.v, y);
-    STORE_LANES(TO_FLOAT(patch.anchor.z) + patch.p.z.v, z);
-    STORE_LANES(w.x.v, wx);
-    STORE_LANES(w.y.v, wy);
-    STORE_LANES(w.z.v, wz);
-    STORE_LANES(patch.radius, r);
-    int one = 0;
-    for (int lane = 0; lane < W; lane++) one = used[lane] ? lane : one;
+static Around around_patches(const Area *patch, const Model3 w, const MASK here) {
+    const FLOAT x = TO_FLOAT(patch->anchor.x) + patch->p.x.v, y = TO_FLOAT(patch->anchor.y) + patch->p.y.v;
+    const FLOAT z = TO_FLOAT(patch->anchor.z) + patch->p.z.v;
+    float each[6][W];
+    STORE_LANES(x, each[0]);
+    STORE_LANES(y, each[1]);
+    STORE_LANES(z, each[2]);
+    STORE_LANES(w.x.v, each[3]);
+    STORE_LANES(w.y.v, each[4]);
+    STORE_LANES(w.z.v, each[5]);
+    const int one = max(LARGEST(here ? LANE_COLUMN + PACKET_WIDTH * LANE_ROW : (INT)-1), 0);
     Around around;
-    around.m = (float3)(x[one], y[one], z[one]);
-    around.w = (float3)(wx[one], wy[one], wz[one]);
+    around.m = (float3)(each[0][one], each[1][one], each[2][one]);
+    around.w = (float3)(each[3][one], each[4][one], each[5][one]);
     around.over_a = 1 / DOT(around.w, around.w);
-    around.r = 0;
-    for (int lane = 0; lane < W; lane++) {
-        const float3 off = (float3)(x[lane], y[lane], z[lane]) - around.m;
-        const float far = sqrt(DOT(off, off)) + r[lane];
-        around.r = (used[lane] && !(far < around.r)) ? far : around.r;
-    }
+    const Float3 off = {x - around.m.x, y - around.m.y, z - around.m.z};
+    const FLOAT far = sqrt(DOT(off, off)) + patch->radius;
+    around.r = LARGEST_FLOAT(here ? magnitude(far) : (FLOAT)0);
     return around;
 }
 
@@ -374,7 +369,7 @@ static int is_beside(const Scene scene, const int kind, const Around around, con
 
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
-static void block_by_list(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const Way *way,
+static void block_by_list(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
                           const FLOAT far, const int cell, const MASK in, const Around around, Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
@@ -385,18 +380,18 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
         if (!ANY(may)) break;
 #ifdef WITH_TRIANGLES
         if (index >= scene.spheres.first) {
-            block_by_triangle(scene, number, kind, patch, way, index - scene.spheres.first, may & (patch.id != index), blocking);
+            block_by_triangle(scene, number, kind, patch, way, index - scene.spheres.first, may & (patch->id != index), blocking);
             continue;
         }
 #endif
         if (is_beside(scene, kind, around, index)) continue;
-        const MASK own = may & (patch.id == index);
+        const MASK own = may & (patch->id == index);
         if (ANY(own)) {
             /* From inside, it stands before every light outside of it. */
             const Share all = {1, 1};
             const int light_side = scene.light_side[(long)number * scene.count + index];
-            block(blocking, index, (own) & (patch.side < 0) & ((FLOAT)light_side > 0), all);
-            may = may & (patch.id != index);
+            block(blocking, index, (own) & (patch->side < 0) & ((FLOAT)light_side > 0), all);
+            may = may & (patch->id != index);
         }
         block_by_sphere(scene, number, kind, patch, w, index, (may), blocking);
     }
@@ -414,11 +409,11 @@ static INT index_on(const FLOAT x, const float side, const float scale, const in
     return TO_INT(low < last ? low : (FLOAT)last);
 }
 
-static Cover cover_of(const Scene scene, const Grid grid, const int kind, const Area patch, const Model3 w, const MASK wanted) {
+static Cover cover_of(const Scene scene, const Grid grid, const int kind, const Area *patch, const Model3 w, const MASK wanted) {
     Cover cover = {wanted, 0, 0, 0, 0, 0};
     if (grid.cells.x <= 1 && grid.cells.y <= 1) return cover;
     const FLOAT k = kind == 0 ? 1 : -1;
-    const Model3 from = kind == 0 ? patch.P : w;
+    const Model3 from = kind == 0 ? patch->P : w;
     const Float3 m = {k * from.x.v, k * from.y.v, k * from.z.v};
     const Float3 off = {fabs(k) * radius_of(from.x), fabs(k) * radius_of(from.y), fabs(k) * radius_of(from.z)};
     const float4 right = fabs(grid.near_right), up = fabs(grid.near_up), ahead = fabs(grid.near_ahead);
@@ -446,7 +441,7 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 #define MOST_CELLS_A_SIDE 12
 
 /* What is between a patch's points and a light. w: from the points to it; way: the same for triangles; far: see block_by_list(). */
-static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area patch, const Model3 w, const Way *way,
+static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
                             const FLOAT far, const MASK wanted) {
     Blocking blocking = {{0, 0}, -1, {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}}, {-1, -1}};
 #ifdef WITH_TRIANGLES
@@ -656,7 +651,7 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
 #else
         const Way way = 0;
 #endif
-        const Blocking blocking = blocking_of(scene, number, kind, patch, w, &way, far, unsure);
+        const Blocking blocking = blocking_of(scene, number, kind, &patch, w, &way, far, unsure);
         const Share blocked = blocking.blocked;
         const FLOAT most = reach.blocked.most + blocked.most;
         reach.blocked.least = (unsure & (blocked.least > reach.blocked.least)) ? blocked.least : reach.blocked.least;

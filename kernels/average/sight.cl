@@ -22,6 +22,17 @@ static void put_extent(const MASK here, Extent *to, const Extent from) {
     PUT_WHERE(here, to->covers, from.covers);
 }
 
+static Sight choose_sight(const MASK first, const Sight a, Sight b) {
+    PUT_WHERE(first, b.cover, a.cover);
+    PUT_WHERE(first, b.front, a.front);
+    PUT_WHERE(first, b.second, a.second);
+    put_extent(first, &b.of_cover, a.of_cover);
+    put_extent(first, &b.of_front, a.of_front);
+    put_extent(first, &b.of_second, a.of_second);
+    PUT_WHERE(first, b.others, a.others);
+    return b;
+}
+
 static void see(Sight *view, const int index, const Extent extent) {
     const MASK nearer = extent.covers & (extent.most < view->of_cover.most);
     /* What is no cover, or no longer. */
