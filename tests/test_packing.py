@@ -21,21 +21,27 @@ from cltrace.run import maker, shelf
 from cltrace.run.devices import Device
 from cltrace.run.packing import Packing
 from cltrace.run.toolbox import Toolbox
+from cltrace.scene import AnyCamera
 
 Floats = NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 
 
-def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: cltrace.Camera) -> None:
-    """Asserts that the device's views of a scene are numpy's: by its own camera, and by others after it."""
+def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCamera) -> int:
+    """Asserts that the device's views of a scene are numpy's: by its own camera, and by others after it.
+
+    Returns how many the device has made.
+    """
     world = World.of(scene, request)
     packing = Packing.of(world, request, device)
     assert packing is not None
     # On the device, shadow rays may end on all spheres.
-    plain = replace(request, keep=(*request.keep, "receivers"))
+    plain, count = replace(request, keep=(*request.keep, "receivers")), 0
     for by in (scene.camera, *cameras):
         view, made = packing.view(world, by)
-        check_same_view(view, made, packing.tools, View.of(world, by, plain))
+        check_same_view(view, made, packing.tools, View.of(world, by, plain if made else request))
+        count += bool(made)
+    return count
 
 
 def camera(**changes: object) -> cltrace.Camera:
@@ -174,6 +180,38 @@ def test_what_lights_see_is_made_once(device: Device) -> None:
     assert other["light_side"] is first["light_side"]
     _, far = packing.view(world, camera(position=(70, 0, 90)))
     assert far["light_side"] is not first["light_side"]
+
+
+def parallel(**changes: object) -> cltrace.Orthographic:
+    arguments = {"position": (0.1, 0.2, 3.0), "lookat": (0, 0, 0), "height": 2.5, "resolution": (97, 61)}
+    return cltrace.Orthographic(**(arguments | changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("precision", ["accurate", "single"])
+@pytest.mark.parametrize("name", CASES)
+def test_bits_along_the_view(device: Device, precision: Precision, name: str) -> None:
+    """Parallel rays, whose plane is before the spheres, or cuts some, or whose picture is larger than all of them."""
+    seen, at = CASES[name](), np.array(CASES[name]().camera.position)
+    size = np.abs(seen.columns.center - at).max()
+    by = [
+        parallel(
+            position=tuple(at),
+            lookat=tuple(at + size * np.array(aim)),
+            height=height,
+            resolution=seen.camera.resolution,
+        )
+        for aim, height in (((0, 0, -1), 0.7 * size), ((0.1, -0.1, -1), 0.1 * size), ((-1, 0.5, -2), 9 * size))
+    ]
+    made = both(seen.seen_by(by[0]), device, Request(precision), *by[1:], seen.camera, by[1])
+    # A light that is far away makes pixels tiny.
+    assert made == 5 or name == "few in the light"
+
+
+def test_bits_along_the_view_of_what_is_wanted(device: Device) -> None:
+    """Of a crop, of antialiased pixels, and of pixels that float32 does not tell apart, which are numpy's."""
+    for request in (Request(crop=(13, 7, 30, 22)), Request(antialias=1.0, crop=(8, 9, 50, 40))):
+        both(crowded().seen_by(parallel()), device, request)
+    assert not both(crowded().seen_by(parallel(height=2.0**-13, lookat=(0.1, 0.2, 0))), device, Request())
 
 
 @pytest.mark.parametrize(("kind", "few"), [("cpu", 2**17), ("cpu", 3000), ("gpu", 0)])

@@ -28,7 +28,7 @@ from cltrace.plan.accel.light_buffer import (
     side_axes,
     window_of,
 )
-from cltrace.plan.accel.tiles import MOST, SHIFT, SQUARE, STRIDE, TINY, Window, front_of, is_crowded, picture_grid
+from cltrace.plan.accel.tiles import FINE, MOST, SHIFT, SQUARE, STRIDE, TINY, Window, front_of, is_crowded, picture_grid
 from cltrace.plan.culling import larger, shells
 from cltrace.plan.exact import Array, rotated
 from cltrace.plan.plan import View, World, packed_lights
@@ -108,12 +108,9 @@ class Packing:
 
         world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
         """
-        window = Window.of(camera, self.request)
-        # Of tiny pixels, the kernels' float32 is too coarse; and they know no parallel rays.
-        if min(window.step) <= TINY or camera.parallel:
-            return View.of(world, camera, self.request), {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            return _Look(self, world, camera, window).view()
+            found = _Look(self, world, camera).view()
+        return found or (View.of(world, camera, self.request), {})
 
 
 class _Look:
@@ -122,8 +119,8 @@ class _Look:
     seen: four columns of `pitch` doubles, see kernels/pack/space.cl; along: whether any light is a parallel one.
     """
 
-    def __init__(self, packing: Packing, world: World, camera: AnyCamera, window: Window) -> None:
-        self.packing, self.world, self.camera, self.window = packing, world, camera, window
+    def __init__(self, packing: Packing, world: World, camera: AnyCamera) -> None:
+        self.packing, self.world, self.camera = packing, world, camera
         self.tools = packing.tools
         self.n = len(self.world.radius)
         self.pitch = -(-self.n // PACKET) * PACKET
@@ -139,9 +136,13 @@ class _Look:
         self.flags = self.tools.room(self.pitch, np.int8, again=True)
         self.covers = Covers(self.tools, self.n, self.pitch)
 
-    def view(self) -> tuple[View, dict[str, Any]]:
+    def view(self) -> tuple[View, dict[str, Any]] | None:
+        """See Packing.view(); None if pixels are so tiny that the kernels' float32 is too coarse."""
         world, packing = self.world, self.packing
-        inside, there = self._see_from_eye()
+        seen = self._see_from_eye()
+        if seen is None:
+            return None
+        inside, there = seen
         view = View.without_spheres(world, self.camera, packing.request, self.k)
         skipped, start = dict(view.skipped), time.perf_counter()
         skipped["spheres inside others, or the same"] = self.n - there
@@ -179,10 +180,10 @@ class _Look:
         tools = self.tools
         tools.run("mend", np.int32(len(rows)), np.int32(first), tools.upload(rows), tools.upload(values), column)
 
-    def _see_from_eye(self) -> tuple[bool, int]:
-        """Makes what depends on the eye alone, and k.
+    def _see_from_eye(self) -> tuple[bool, int] | None:
+        """Makes what depends on the eye alone, and k and the window.
 
-        Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen.
+        Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen; None as view().
         """
         tools, packing, lights = self.tools, self.packing, self.world.lights
         room, columns = partial(tools.room, again=True), {"center_radius": 4, "power": 2}
@@ -193,18 +194,23 @@ class _Look:
         self.made |= made
         # Few spheres nearly always tell which one is the k of all.
         some, nothing = np.append(np.arange(self.n)[sampled(self.n)], packing.shells), np.zeros((0, 3))
-        most, k = 0.0, None
+        parallel, k = self.camera.parallel, None
+        most = max(self.camera.image_plane()) if parallel else 0.0
         while k != (k := self._few(some).exponent(lights, nothing, most)):
             self.k, self.unit = k, np.float64(2.0**k)
+            self.window = Window.of(self.camera, packing.request, k)
+            if min(self.window.step) <= (FINE if parallel else TINY):
+                return None
             part = self._see_all()
-            most = float(part[:, 0].max())
+            most = max(most, float(part[:, 0].max()))
         inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
         if len(rows):
             space = self._few(rows)
             values = (tools.upload(values) for values in (rows, space.power, space.power_rest))
             spheres = (packing.center, packing.radius, *self._buffers, self.covers.near)
-            tools.run("mend_eye", np.int32(len(rows)), self.unit, *self._camera, *values, *spheres)
-            inside |= bool((space.power <= 0).any())
+            sizes = np.int32(len(rows)), np.int32(parallel)
+            tools.run("mend_eye", *sizes, self.unit, *self._camera, *values, *spheres)
+            inside |= not parallel and bool((space.power <= 0).any())
         return inside, int(part[:, 2].sum())
 
     @property
@@ -224,6 +230,7 @@ class _Look:
             *(vector((a.first, a.stop), np.int32) for a in (x, y)),
             *(
                 np.int32(SHIFT),
+                np.int32(self.camera.parallel),
                 np.int32(self.along),
                 packing.center,
                 packing.radius,
@@ -250,7 +257,8 @@ class _Look:
         """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
         rows = self.packing.shells
         few = self._few(rows).times_two_to(self.k)
-        outside = (few.power > 0) & self.world.opaque[rows]
+        seen = few.seen_along_view() if self.camera.parallel else few.seen_from_eye()
+        outside = (seen.power > 0) & self.world.opaque[rows]
         for light in np.flatnonzero(self.world.lights["kind"] != PARALLEL).tolist():
             outside &= few.seen_from_light(light)[1] > 0
         inner = 2 * few.radius - larger(few.radius, self.slack)
@@ -301,7 +309,7 @@ class _Look:
     def _behind(self, grid: CellGrid) -> Any:
         """CellGrid.behind of the tiles, a buffer, or None."""
         covers, tools, (columns, rows) = self.covers, self.tools, grid.cells
-        if not is_crowded(self.packing.request, self.n, covers.members, covers.entries):
+        if self.camera.parallel or not is_crowded(self.packing.request, self.n, covers.members, covers.entries):
             return None
         behind = tools.room(columns * rows, np.float32)
         tools.clear(behind, columns * rows, value=np.float32(np.inf))

@@ -2,6 +2,8 @@
  * what cltrace/plan/space.py, shapes/sphere.py, culling.py and accel/tiles.py make, with the same arithmetic.
  */
 #if EDGE_BYTES == 4
+/* See accel/tiles.py. */
+#define LOOSE 0x1p-44
 
 /* A sphere as the eye sees it. X, Y, Z, r, whole + cut: in scene units, along the camera's axes, with |centre|^2 - r^2;
  * x, y, z: in the float buffers' unit. */
@@ -38,14 +40,48 @@ INLINE MASK is_outside(
     return outside;
 }
 
-/* What is on which work-item's spheres: the largest coordinate or radius, and minus the least power of those that are
- * sure, in scene units; how many may be seen; how many of them are in the picture, how many cells of level 0 these
+/* A sphere in the picture. across, down: its edges; loose: see pixels_of(); ahead: whether any of it may be before the rays'
+ * starts; near: the depth of its nearest point, at least. */
+typedef struct {
+    Slopes across, down;
+    float loose;
+    MASK ahead;
+    FLOAT near;
+} Disc;
+
+/* As slopes; depths are squared distances. r, c: the radius, and |centre|^2 - radius^2, in the float buffers' unit. */
+INLINE Disc disc_from_eye(const FromEye s, const REAL r, const REAL c) {
+    const FLOAT x = TO_FLOAT(s.x), y = TO_FLOAT(s.y), z = TO_FLOAT(s.z), small = TO_FLOAT(r);
+    const FLOAT gap = TO_FLOAT((s.z - r) * (s.z + r)), d = -z;
+    const MASK clear = is_clear(d, gap);
+    const FLOAT over = 1 / (clear ? gap : (FLOAT)1), forward = d * over, around = small * over;
+    const Disc disc = {
+        slopes(x, gap, forward, around, clear), slopes(-y, gap, forward, around, clear), 0,
+        TO_MASK(s.z < r * (1 + SLACK)), nearest(length_of(x, y, z), small, c)
+    };
+    return disc;
+}
+
+/* Of parallel rays: as places on the plane where they start; depths are distances from there. */
+INLINE Disc disc_along_view(const FromEye s, const REAL r) {
+    const FLOAT x = TO_FLOAT(s.x), y = TO_FLOAT(s.y), small = TO_FLOAT(r);
+    const REAL depth = -(s.z + r), size = fabs(s.z) + r;
+    const Disc disc = {
+        {x - small, x + small}, {-y - small, small - y}, (float)LOOSE,
+        TO_MASK(s.z - r < SLACK * r + LOOSE), rounded_down(depth - SLACK * size - LOOSE)
+    };
+    return disc;
+}
+
+/* What is on which work-item's spheres: the largest coordinate or radius, in scene units; minus the least power of those that
+ * are sure, in scene units, or, along the view, minus 0 if the plane where rays start may cut any, else minus 1; how many may be seen; how many of them are in the picture, how many cells of level 0 these
  * cover, and the last one of them. */
 #define NOTES 6
 
 /* unit: leads from scene units to the float buffers' unit; some_again, again: whether spheres are equal to one before
  * them, which is not seen; shells, shell, slack: see is_outside(); x_axis, y_axis, x_range, y_range: see pixels_of();
- * shift: a cell has 2^shift pixels a side; keep_seen: whether to write the first three columns of `seen`. */
+ * shift: a cell has 2^shift pixels a side; along: whether rays are parallel; keep_seen: whether to write the first three
+ * columns of `seen`. */
 __kernel void see_from_eye(
     const int n,
     const int pitch,
@@ -62,6 +98,7 @@ __kernel void see_from_eye(
     const int2 x_range,
     const int2 y_range,
     const int shift,
+    const int along,
     const int keep_seen,
     __global const double *restrict center,
     __global const double *restrict radius,
@@ -87,7 +124,10 @@ __kernel void see_from_eye(
         const REAL c = s.excess.hi * (unit * unit), small = s.r * unit;
         note_unsure(unsure, i, n, s.excess.lo);
         most = LARGER(LARGER(LARGER(most, s.r), fabs(s.X)), LARGER(fabs(s.Y), fabs(s.Z)));
-        least = ((s.excess.lo == s.excess.lo) & (s.excess.hi < least)) ? s.excess.hi : least;
+        if (along)
+            least = fabs(s.z) - small > SLACK * (fabs(s.z) + small) + LOOSE ? least : (REAL)0;
+        else
+            least = ((s.excess.lo == s.excess.lo) & (s.excess.hi < least)) ? s.excess.hi : least;
         if (keep_seen) {
             STORE_LANES(s.x, seen + i);
             STORE_LANES(s.y, seen + pitch + i);
@@ -95,7 +135,10 @@ __kernel void see_from_eye(
         }
 
         const FLOAT x = TO_FLOAT(s.x), y = TO_FLOAT(s.y), z = TO_FLOAT(s.z), r = TO_FLOAT(small);
-        WRITE_ROWS_4(float, eye_filter, i, x, y, z, filter_constant(s.x, s.y, s.z, c));
+        if (along)
+            WRITE_ROWS_4(float, eye_filter, i, x, y, disc_filter(s.x, s.y, small, LOOSE), (FLOAT)0);
+        else
+            WRITE_ROWS_4(float, eye_filter, i, x, y, z, filter_constant(s.x, s.y, s.z, c));
 #if OUT_BYTES == 4
         const REAL over_r = 1 / small, bounded = over_r < (REAL)FLT_MAX ? over_r : (REAL)FLT_MAX;
         WRITE_ROWS_4(float, center_radius, i, x, y, z, r);
@@ -118,17 +161,15 @@ __kernel void see_from_eye(
         store_flags(visible ? (INT)VISIBLE : (INT)0, flags + i);
         there += TO_LONG(visible ? (INT)1 : (INT)0);
 
-        const FLOAT gap = TO_FLOAT((s.z - small) * (s.z + small)), d = -z;
-        const MASK clear = is_clear(d, gap);
-        const FLOAT over = 1 / (clear ? gap : (FLOAT)1), forward = d * over, around = r * over;
-        const Run row = pixels_of(slopes(x, gap, forward, around, clear), x_axis, x_range, shift);
-        const Run rows = pixels_of(slopes(-y, gap, forward, around, clear), y_axis, y_range, shift);
-        visible &= TO_MASK(s.z < small * (1 + SLACK)) & row.any & rows.any;
+        const Disc disc = along ? disc_along_view(s, small) : disc_from_eye(s, small, c);
+        const Run row = pixels_of(disc.across, disc.loose, x_axis, x_range, shift);
+        const Run rows = pixels_of(disc.down, disc.loose, y_axis, y_range, shift);
+        visible &= disc.ahead & row.any & rows.any;
         store_short(row.begin, covers + i);
         store_short(rows.begin, covers + pitch + i);
         store_short(row.more, covers + 2L * pitch + i);
         store_short(rows.more, covers + 3L * pitch + i);
-        STORE_LANES(visible ? nearest(length_of(x, y, z), r, c) : (FLOAT)INFINITY, near + i);
+        STORE_LANES(visible ? disc.near : (FLOAT)INFINITY, near + i);
         members += TO_LONG(visible ? (INT)1 : (INT)0);
         last = visible ? i + LANE : last;
         entries += TO_LONG(visible ? (row.more + 1) * (rows.more + 1) : (INT)0);
@@ -138,9 +179,11 @@ __kernel void see_from_eye(
     note[3] = sum_of_lanes(members), note[4] = sum_of_lanes(entries), note[5] = LARGEST(last);
 }
 
-/* What follows from |centre|^2 - radius^2 = hi + lo, in scene units, of `count` spheres of these indices. */
+/* What follows from |centre|^2 - radius^2 = hi + lo, in scene units, of `count` spheres of these indices. along: see
+ * see_from_eye(). */
 __kernel void mend_eye(
     const int count,
+    const int along,
     const double unit,
     const double4 eye,
     const double4 right,
@@ -177,8 +220,10 @@ __kernel void mend_eye(
         STORE_LANES(c, small);
         for (int k = 0; k < W && i + k < count; k++) {
             const int at = index[i + k];
-            eye_filter[at].w = filter[k];
-            near[at] = near[at] < INFINITY ? depth[k] : near[at];
+            if (!along) {
+                eye_filter[at].w = filter[k];
+                near[at] = near[at] < INFINITY ? depth[k] : near[at];
+            }
 #if OUT_BYTES == 4
             power[at].x = (float)small[k];
 #else

@@ -47,6 +47,13 @@ INLINE FLOAT filter_constant(const REAL x, const REAL y, const REAL z, const REA
     return rounded_down(bound > 0 ? bound : (REAL)-INFINITY);
 }
 
+/* r'^2, see filter_leaves() in kernels/find/stopped.cl, of spheres with these places across rays. loose: what is to be added
+ * to radii. */
+INLINE FLOAT disc_filter(const REAL u, const REAL v, const REAL r, const double loose) {
+    const REAL reach = (r + (DISC_ROUNDINGS * ROUNDING) * ((fabs(u) + fabs(v)) + r)) + loose;
+    return -rounded_down(-(reach * reach));
+}
+
 /* Spheres as a light at a point sees them, along the world's axes. lamp: the light in the world, in the float
  * buffers' unit. */
 __kernel void see_from_light(
@@ -143,9 +150,8 @@ __kernel void pack_along(
 ) {
     FOR_EACH_PACKET(i, n) {
         const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
-                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
-                   reach = (r + (DISC_ROUNDINGS * ROUNDING) * ((fabs(u) + fabs(v)) + r)) + 0x1p-60;
-        WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), -rounded_down(-(reach * reach)), (FLOAT)0);
+                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z;
+        WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), disc_filter(u, v, r, 0x1p-60), (FLOAT)0);
         for (int k = 0; k < W; k++)
             light_side[first + i + k] = 1;
     }

@@ -81,10 +81,10 @@ INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
     return above > (FLOAT)high ? (FLOAT)high : above;
 }
 
-/* axis: x: leads from slopes to pixels, y, z: what is added to begin and end; range: the first pixel, and the one after
- * the last. */
-INLINE Run pixels_of(const Slopes s, const float4 axis, const int2 range, const int shift) {
-    const FLOAT slack = (fabs(s.low) + fabs(s.high)) * (float)SLACK;
+/* loose: by how much slopes are off, beside a share of themselves; axis: x: leads from slopes to pixels, y, z: what is added
+ * to begin and end; range: the first pixel, and the one after the last. */
+INLINE Run pixels_of(const Slopes s, const float loose, const float4 axis, const int2 range, const int shift) {
+    const FLOAT slack = (fabs(s.low) + fabs(s.high)) * (float)SLACK + loose;
     const FLOAT first = clipped(ceil((s.low - slack) * axis.x + axis.y), range.x, range.y);
     const FLOAT last = clipped(floor((s.high + slack) * axis.x + axis.z), range.x - 1, range.y - 1);
     const INT begin = TO_INT(first) >> shift;
