@@ -88,29 +88,44 @@ static int are_known(const Range x, const Range y) {
     return x.count > 0 && y.count > 0 && x.count * y.count <= MOST_TEXELS;
 }
 
-/* Texels that a cell may show, row by row, less the colour in its middle; sum: their integrals along rows, from the column on that the
- * middle is in. low, high: their range; steep: up to what colours differ from one texel to the next, across and down, and total: the
- * sum of that over all squares between four texels. */
+/* Texels that a cell may show, less the colour in its middle: rows of so many columns, or if they are `turned`, columns of so many rows.
+ * All is named as of rows. sum: their integrals along rows, from below the middle on. low, high: their range; steep: up to what colours
+ * differ from one texel to the next, across and down, and total: the sum of that over all squares between four texels. */
 typedef struct {
-    int columns, rows;
+    int columns, rows, turned;
     float3 texel[MOST_TEXELS], sum[MOST_TEXELS];
     float3 middle, low, high, steep[2], total[2];
 } Texels;
 
-static float3 blend_in(const Texels *texels, const float x, const float y, const int i, const int j) {
+/* The colour, or the integral of colours along a row up to x, between the four texels from (i, j) on. */
+static float3 color_in(const Texels *texels, const float x, const float y, const int i, const int j) {
     const float3 *upper = texels->texel + j * texels->columns + i, *lower = upper + texels->columns;
     const float3 top = upper[0] + (x - i) * (upper[1] - upper[0]), bottom = lower[0] + (x - i) * (lower[1] - lower[0]);
     return top + (y - j) * (bottom - top);
 }
 
-static void load_texels(const Scene scene, const Sheet sheet, const Range x, const Range y, Texels *texels) {
-    const int left = wrapped(x.first, sheet.columns), top = wrapped(y.first, sheet.rows), columns = x.count;
+static float3 row_integral(const Texels *texels, const float x, const int i, const int j) {
+    const int place = j * texels->columns + i;
+    const float part = x - i;
+    return texels->sum[place] + part * (texels->texel[place] + 0.5f * part * (texels->texel[place + 1] - texels->texel[place]));
+}
+
+static float3 integral_in(const Texels *texels, const float x, const float y, const int i, const int j) {
+    const float3 top = row_integral(texels, x, i, j), bottom = row_integral(texels, x, i, j + 1);
+    return top + (y - j) * (bottom - top);
+}
+
+static void load_texels(const Scene scene, const Sheet sheet, const Range u, const Range v, Texels *texels) {
+    texels->turned = v.radius > u.radius && (u.count > 2 || v.count > 2);
+    const Range x = texels->turned ? v : u, y = texels->turned ? u : v;
+    const int left = wrapped(u.first, sheet.columns), top = wrapped(v.first, sheet.rows), columns = x.count, middle_column = (int)x.at;
+    const int step = texels->turned ? 1 : columns, next = texels->turned ? columns : 1;
     texels->columns = columns;
     texels->rows = y.count;
-    for (int j = 0, row = top; j < y.count; j++, row = row + 1 == sheet.rows ? 0 : row + 1)
-        for (int i = 0, column = left; i < columns; i++, column = column + 1 == sheet.columns ? 0 : column + 1)
-            texels->texel[j * columns + i] = texel_at(scene, sheet, column, row);
-    const float3 middle = blend_in(texels, x.at, y.at, (int)x.at, (int)y.at);
+    for (int j = 0, row = top; j < v.count; j++, row = row + 1 == sheet.rows ? 0 : row + 1)
+        for (int i = 0, column = left; i < u.count; i++, column = column + 1 == sheet.columns ? 0 : column + 1)
+            texels->texel[j * step + i * next] = texel_at(scene, sheet, column, row);
+    const float3 middle = color_in(texels, x.at, y.at, middle_column, (int)y.at);
     texels->middle = middle;
     texels->low = texels->high = texels->steep[0] = texels->steep[1] = texels->total[0] = texels->total[1] = 0;
     for (int j = 0; j < y.count; j++) {
@@ -132,37 +147,27 @@ static void load_texels(const Scene scene, const Sheet sheet, const Range x, con
             texels->total[0] += across;
             texels->total[1] += down;
         }
-        const float3 begin = sums[(int)x.at];
+        const float3 begin = row_integral(texels, x.at, middle_column, j);
         for (int i = 0; i < columns; i++) sums[i] -= begin;
     }
 }
 
-/* The integral of colours along a row, which is y from the top, up to x, between the four texels from (i, j) on. */
-static float3 row_integral(const Texels *texels, const float x, const float y, const int i, const int j) {
-    const int place = j * texels->columns + i;
-    const float part = x - i, half_part = 0.5f * part;
-    const float3 *upper = texels->texel + place, *lower = upper + texels->columns;
-    const float3 top = texels->sum[place] + part * (upper[0] + half_part * (upper[1] - upper[0]));
-    const float3 bottom = texels->sum[place + texels->columns] + part * (lower[0] + half_part * (lower[1] - lower[0]));
-    return top + (y - j) * (bottom - top);
-}
-
-/* The next whole number in the direction in which x goes on from a whole number or from between two, in units of `step`. */
+/* How far on a line of the length 1 the next whole number of x is, which has the slope `step`. */
 static float way_to_next(const float x, const float step) {
     return step > 0 ? (floor(x) + 1 - x) / step : step < 0 ? (ceil(x) - 1 - x) / step : INFINITY;
 }
 
-/* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is row_integral(). Between lines through texels it is of
+/* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is integral_in(). Between lines through texels it is of
  * the third degree in the place on the line, so two points tell it (Gauss and Legendre). */
 static float3 integral_along(const Texels *texels, const float x, const float y, const float dx, const float dy) {
-    float next_x = way_to_next(x, dx), next_y = way_to_next(y, dy), done = 0;
     float3 sum = 0;
     if (dy == 0) return sum;
+    float next_x = way_to_next(x, dx), next_y = way_to_next(y, dy), done = 0;
     for (int n = 0; n < texels->columns + texels->rows && done < 1; n++) {
         const float end = fmin(fmin(next_x, next_y), 1.0f), middle = 0.5f * (done + end), length = end - done, apart = 0.288675135f * length;
         const int i = clamp((int)floor(x + middle * dx), 0, texels->columns - 2), j = clamp((int)floor(y + middle * dy), 0, texels->rows - 2);
         const float first = middle - apart, last = middle + apart;
-        sum += length * (row_integral(texels, x + first * dx, y + first * dy, i, j) + row_integral(texels, x + last * dx, y + last * dy, i, j));
+        sum += length * (integral_in(texels, x + first * dx, y + first * dy, i, j) + integral_in(texels, x + last * dx, y + last * dy, i, j));
         if (next_x <= end) next_x += 1 / fabs(dx);
         if (next_y <= end) next_y += 1 / fabs(dy);
         done = end;
@@ -188,37 +193,40 @@ static void store_polygons(const Window *window, Polygons *to) {
 }
 
 /* Makes places that lie on a line, or nearly so, no less than a little wide, as otherwise their area would be all roundings. What these
- * are off by grows by that. */
+ * are off by grows by that. Returns a quarter of the area that the cell has on the texture, with its sign. */
 static float widened_area(Range *x, Range *y) {
     const float area = x->s * y->t - x->t * y->s, gx = fabs(x->s) + fabs(x->t), gy = fabs(y->s) + fabs(y->t);
     Range *wide = gy > gx ? x : y;
     const Range *along = gy > gx ? y : x;
-    const float g = fmax(gx, gy), more = 0x1p-8f * fmin(g, 1.0f);
+    const float g = fmax(gx, gy), more = 0x1p-10f * fmin(g, 1.0f);
     if (fabs(area) > more * g) return area;
     const float sign = (area < 0) != (gy > gx) ? 1.0f : -1.0f, turn = sign * more / fmax(g, 0x1p-60f);
     wide->s += turn * along->t;
     wide->t -= turn * along->s;
     wide->off += more;
+    wide->radius += more;
     return x->s * y->t - x->t * y->s;
 }
 
-/* The mean over the cell of a texels's colours within a window, and 0 elsewhere. off: what that is off by.
+/* The mean over the cell of texels' colours within a window, and 0 elsewhere. off: what that is off by.
  *
  * By Green's theorem it is the integral of F dy around the window, divided by what the cell's area is on the texture, which is 4
  * times `area`. Where places are off by e, colours are by e times their slope there, whose mean over the cell is no more than
  * the largest, and no more than the sum over all squares, each wider by e, divided by the cell's area.
- * Of n columns and m rows, with A for the largest of the texels's colours, coordinates are off by less than 2^-22 (n + m), and the
- * length of the window's border is 4 (rx + ry) at most; F is off by 2^-20 n A, as its sums are of n numbers; and what is
- * added up along the border by 64 roundings of numbers that make 8 A rx ry together. In all this is less than
- * 2^-18 (n + m) (rx + ry) A / area. */
-static float3 mean_within(const Texels *texels, Range x, Range y, const Polygons *window, const int lane, float3 *off) {
+ * Roundings, with u = 2^-24, n columns, m rows, and A for the largest colour: F is off by (n^2 + 8) u A, as sums are of up to n colours,
+ * and the border goes down and up by 4 ry in all; corners are off by 3 u rx and 3 u ry, which is an area of 24 u rx ry; and F is A rx
+ * at most, so what is added up are less than n + m + 26 roundings of 4 A rx ry. All this is divided by 4 area, too. */
+static float3 mean_within(const Texels *texels, const Range u, const Range v, const Polygons *window, const int lane, float3 *off) {
+    Range x = texels->turned ? v : u, y = texels->turned ? u : v;
     const float area = widened_area(&x, &y), over = 0.25f / area;
     float3 sum = 0;
     for (int k = 0; k < window->sides; k++) {
-        const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s = window->s1[k][lane] - s0, t = window->t1[k][lane] - t0;
-        sum += integral_along(texels, x.at + (x.s * s0 + x.t * t0), y.at + (y.s * s0 + y.t * t0), x.s * s + x.t * t, y.s * s + y.t * t);
+        const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s1 = window->s1[k][lane], t1 = window->t1[k][lane];
+        const float x0 = x.s * s0 + x.t * t0, y0 = y.s * s0 + y.t * t0;
+        sum += integral_along(texels, x.at + x0, y.at + y0, x.s * s1 + x.t * t1 - x0, y.s * s1 + y.t * t1 - y0);
     }
-    const float wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over), rounded = 0x1p-18f * (x.count + y.count) * (x.radius + y.radius) / fabs(area);
+    const float n = texels->columns, m = texels->rows, wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over);
+    const float rounded = 0x1p-23f * y.radius * (n * n + 8 + (2 * (n + m) + 64) * x.radius) / fabs(area);
     const float3 largest = fmax(texels->high, -texels->low);
     const float3 steep_x = fmin(texels->steep[0], texels->total[0] * wider), steep_y = fmin(texels->steep[1], texels->total[1] * wider);
     *off = (x.off * steep_x + y.off * steep_y + rounded * largest) * (1 + 0x1p-18f);
@@ -331,7 +339,8 @@ static void paint_of(const Scene scene, const Window *seen, Area *patch, Moments
         Texels texels;
         load_texels(scene, sheet, x, y, &texels);
         if (x.count > 2 || y.count > 2) {
-            const float3 far = fmin(texels.steep[0] * x.radius + texels.steep[1] * y.radius, fmax(texels.high, -texels.low));
+            const float across = texels.turned ? y.radius : x.radius, down = texels.turned ? x.radius : y.radius;
+            const float3 far = fmin(texels.steep[0] * across + texels.steep[1] * down, fmax(texels.high, -texels.low));
             const float3 most = far * (1 + 0x1p-18f) + 0x1p-20f;
             put_color(part[0], lane, texels.middle);
             put_color(off, lane, most);
