@@ -367,10 +367,53 @@ static int is_beside(const Scene scene, const int kind, const Around around, con
     return DOT(q, q) > outer * outer;
 }
 
+/* The ways to a light from all that is within `radius` of a patch's middle, for the light's filters: the way from there to a light at a
+ * point, and its square, or where parallel light meets the plane across it. */
+typedef struct {
+    Float3 w;
+    FLOAT a, u, v, radius;
+} Shaft;
+
+static Shaft shaft_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w) {
+    const Real3 P = patch->anchor;
+    Shaft shaft = {{w.x.v, w.y.v, w.z.v}, w.x.v * w.x.v + w.y.v * w.y.v + w.z.v * w.z.v, 0, 0, patch->radius};
+    if (kind == 0) {
+        const Light light = scene.light[number];
+        shaft.u = TO_FLOAT(DOT(P, light.axis));
+        shaft.v = TO_FLOAT(DOT(P, light.across));
+    }
+    return shaft;
+}
+
+/* Whether the light's filter leaves it open that a sphere is in the way of any point within the shaft.
+ *
+ * A way that meets the sphere does so no further than `radius` from a point of the way to the middle, at the same part of both. So that meets
+ * a sphere whose radius is larger by it, R = r + radius: with R^2 - r^2 in place, filter_leaves() tells it. That is made of 5
+ * roundings, for which 2^-19 of it is enough, and as many of c' are less than 2^-21. A parallel light's coordinates are off by 2^-24 of
+ * (2 |U| + R), and the sum of squares by three roundings. */
+static MASK shaft_may_meet(const Scene scene, const int number, const int kind, const Shaft shaft, const int index, const MASK may) {
+#ifdef WITH_FILTER
+#ifdef WITH_ELLIPSOIDS
+    if (scene.spheres.map_of[index] != 0) return may;
+#endif
+    const float4 s = scene.light_filter[(long)number * scene.count + index];
+    const float r = (float)(scene.unit * scene.spheres.center_radius[index].w);
+    if (kind == 0) {
+        const FLOAT x = s.x - shaft.u, y = s.y - shaft.v;
+        const FLOAT R = (1 + ROUNDING) * (r + shaft.radius) + ROUNDING * (fabs(s.x) + fabs(s.y)) + 0x1p-60f;
+        return may & !(x * x + y * y > R * R);
+    }
+    const FLOAT b = dot_float(shaft.w, s), more = (2 * r + shaft.radius) * shaft.radius * (1 + 0x1p-19f);
+    return may & ((shaft.a < 0x1p-40f) | !(b * magnitude(b) < shaft.a * (s.w - 0x1p-21f * fabs(s.w) - more)));
+#else
+    return may;
+#endif
+}
+
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
 static void block_by_list(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
-                          const FLOAT far, const int cell, const MASK in, const Around around, Blocking *blocking) {
+                          const FLOAT far, const int cell, const MASK in, const Around around, const Shaft shaft, Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
@@ -384,7 +427,12 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
             continue;
         }
 #endif
-        if (is_beside(scene, kind, around, index)) continue;
+        if (patch->bare) {
+            may = shaft_may_meet(scene, number, kind, shaft, index, may);
+            if (!ANY(may)) continue;
+        } else if (is_beside(scene, kind, around, index)) {
+            continue;
+        }
         const MASK own = may & (patch->id == index);
         if (ANY(own)) {
             /* From inside, it stands before every light outside of it. */
@@ -448,7 +496,12 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
     blocking.sure = blocking.leaky = 0;
     blocking.off = 0;
 #endif
-    const Around around = around_patches(patch, w, wanted);
+    Around around = {(float3)(0), (float3)(0), 0, 0};
+    Shaft shaft = {{0, 0, 0}, 0, 0, 0, 0};
+    if (patch->bare)
+        shaft = shaft_of(scene, number, kind, patch, w);
+    else
+        around = around_patches(patch, w, wanted);
     const int4 grids = scene.light_buffer[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
@@ -478,7 +531,7 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
                 for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                     const MASK in = pending == c;
                     pending = in ? (INT)-1 : pending;
-                    block_by_list(scene, number, kind, patch, w, way, far, c, in, around, &blocking);
+                    block_by_list(scene, number, kind, patch, w, way, far, c, in, around, shaft, &blocking);
                 }
             }
         }

@@ -30,7 +30,7 @@ typedef struct {
 #else
 #define OUTLINE_ROUNDING 0x1p-20f
 #endif
-static Outline outline_of(const Cells cells, const Quadric sphere, const real unit) {
+static __attribute__((always_inline)) Outline outline_of(const Cells cells, const Quadric sphere, const real unit) {
     const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
     const REAL c = unit * unit * sphere.c, dx = cells.dx, dy = cells.dy, h = cells.h, k = cells.k, X = C.x * h, Y = C.y * k;
     const REAL sum = fabs(C.x * dx) + fabs(C.y * dy) + fabs(C.z), all = sum + (fabs(X) + fabs(Y));
