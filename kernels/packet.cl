@@ -25,6 +25,13 @@
 #define TO(type, x) PASTE(convert_, LANES(type))(x)
 #define AS(type, x) PASTE(as_, LANES(type))(x)
 
+/* Tells a CPU to fetch what is at an index of an array. OpenCL's own prefetch() does nothing on the CPU drivers. */
+#if W > 1 && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+#define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))
+#endif
+#endif
+
 /* real: the precision that decides. shade_t: the precision of colours. */
 #if REAL_BYTES == 8
 typedef double real;

@@ -192,17 +192,17 @@ class _Look:
         if self.real.itemsize == 8:
             made["world"] = room(4 * self.pitch, self.real)
         self.made |= made
-        # Few spheres nearly always tell which one is the k of all.
-        some, nothing = np.append(np.arange(self.n)[sampled(self.n)], packing.shells), np.zeros((0, 3))
-        parallel, k = self.camera.parallel, None
-        most = max(self.camera.image_plane()) if parallel else 0.0
-        while k != (k := self._few(some).exponent(lights, nothing, most)):
+        parallel, none, nothing = self.camera.parallel, self._few(slice(0)), np.zeros((0, 3))
+        plane = max(self.camera.image_plane()) if parallel else 0.0
+        # Some spheres nearly always tell which one is the k of all.
+        most, k = self._largest_of_some(), None
+        while k != (k := none.exponent(lights, nothing, max(plane, most))):
             self.k, self.unit = k, np.float64(2.0**k)
             self.window = Window.of(self.camera, packing.request, k)
             if min(self.window.step) <= (FINE if parallel else TINY):
                 return None
             part = self._see_all()
-            most = max(most, float(part[:, 0].max()))
+            most = float(part[:, 0].max())
         inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
         if len(rows):
             space = self._few(rows)
@@ -212,6 +212,12 @@ class _Look:
             tools.run("mend_eye", *sizes, self.unit, *self._camera, *values, *spheres)
             inside |= not parallel and bool((space.power <= 0).any())
         return inside, int(part[:, 2].sum())
+
+    def _largest_of_some(self) -> float:
+        """About the largest coordinate or radius of some spheres in camera space, in scene units."""
+        center = self.world.center[sampled(self.n)] - np.array(self.camera.position)
+        radius = self.world.radius[self.packing.shells]
+        return max(float(np.abs(center @ self.basis.T).max()), float(radius.max()))
 
     @property
     def _buffers(self) -> tuple[Any, ...]:
@@ -350,7 +356,7 @@ class _Look:
             self._mend(rows, seen.power, self.seen, 3 * self.pitch)
 
     def _lamp(self, light: int) -> Any:
-        return vector(self._few(slice(0)).times_two_to(self.k).lamp[light])
+        return vector(self.world.lights["position"][light] * self.unit)
 
     def _along(self, light: int, entries: Entries) -> int:
         """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""

@@ -42,13 +42,6 @@ static int tile_has_any(const Lists lists, const int2 tile) {
     return 0;
 }
 
-/* Tells a CPU to fetch what is at an index of an array. OpenCL's own prefetch() does nothing on the CPU drivers. */
-#if W > 1 && defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
-#define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))
-#endif
-#endif
-
 /* Fetches what an entry of a list will ask for: filter constants, and the sphere itself. With many spheres those are far
  * apart in memory, and most of the time went into waiting for them. */
 #if defined(WITH_PREFETCH) && defined(FETCH)

@@ -34,7 +34,11 @@ INLINE MASK is_outside(
     const REAL roomy = r + (16 * slack) * (1 + 1 / r);
     for (int k = 0; k < shells; k++) {
         const double4 outer = shell[k];
-        const REAL X = x - outer.x, Y = y - outer.y, Z = z - outer.z;
+        const REAL X = x - outer.x;
+        /* The root below is no less than this but for a rounding, and `roomy` is more than that. */
+        if (!ANY(TO_MASK(fabs(X) < outer.w)))
+            continue;
+        const REAL Y = y - outer.y, Z = z - outer.z;
         outside &= TO_MASK(sqrt((X * X + Y * Y) + Z * Z) + roomy >= outer.w);
     }
     return outside;
@@ -119,8 +123,10 @@ __kernel void see_from_eye(
     LONG there = 0, members = 0, entries = 0;
     INT last = -1;
     FOR_EACH_PACKET(i, n) {
-        const REAL place[3] = {column(center, 3, n, i), column(center + 1, 3, n, i), column(center + 2, 3, n, i)};
-        const FromEye s = from_eye(place[0], place[1], place[2], column(radius, 1, n, i), unit, eye, right, up, back);
+        FETCH_ROWS(center, 3, i);
+        FETCH_ROWS(radius, 1, i);
+        const Point place = point_of(center, n, i);
+        const FromEye s = from_eye(place.x, place.y, place.z, column(radius, n, i), unit, eye, right, up, back);
         const REAL c = s.excess.hi * (unit * unit), small = s.r * unit;
         note_unsure(unsure, i, n, s.excess.lo);
         most = LARGER(LARGER(LARGER(most, s.r), fabs(s.X)), LARGER(fabs(s.Y), fabs(s.Z)));
@@ -146,7 +152,7 @@ __kernel void see_from_eye(
 #else
         WRITE_ROWS_4(double, center_radius, i, s.X, s.Y, s.Z, s.r);
         WRITE_ROWS_2(double, power, i, s.excess.hi, 1 / s.r);
-        WRITE_ROWS_4(double, world, i, place[0], place[1], place[2], s.excess.lo);
+        WRITE_ROWS_4(double, world, i, place.x, place.y, place.z, s.excess.lo);
 #endif
 
         MASK visible = LANE < n - i;
@@ -157,7 +163,7 @@ __kernel void see_from_eye(
             visible &= LOAD_LANES(lane) == 0;
         }
         if (shells)
-            visible &= is_outside(place[0] * unit, place[1] * unit, place[2] * unit, small, slack, shells, shell);
+            visible &= is_outside(place.x * unit, place.y * unit, place.z * unit, small, slack, shells, shell);
         store_flags(visible ? (INT)VISIBLE : (INT)0, flags + i);
         there += TO_LONG(visible ? (INT)1 : (INT)0);
 

@@ -28,7 +28,8 @@ __kernel void look_at_vertices(
     __global int *restrict point
 ) {
     FOR_EACH_PACKET(i, n) {
-        const REAL x = column(vertex, 3, n, i), y = column(vertex + 1, 3, n, i), z = column(vertex + 2, 3, n, i);
+        const Point p = point_of(vertex, n, i);
+        const REAL x = p.x, y = p.y, z = p.z;
         const FLOAT place[3] = {
             TO_FLOAT(turned_along(a, x, y, z)), TO_FLOAT(turned_along(b, x, y, z)), TO_FLOAT(turned_along(c, x, y, z))
         };

@@ -27,13 +27,51 @@
 #define LANE (LANE_COLUMN + 4 * LANE_ROW)
 #define LARGER(a, b) ((a) > (b) ? (a) : (b))
 
-/* One column of rows of `width` numbers, from row i on. */
-INLINE REAL column(__global const double *table, const int width, const int n, const int i) {
+/* What is in a column of n numbers from row i on; beyond the last one, that again. */
+INLINE REAL column(__global const double *table, const int n, const int i) {
+    if (i + W <= n)
+        return LOAD_LANES(table + i);
     double lane[W];
     for (int k = 0; k < W; k++)
-        lane[k] = table[width * (long)min(i + k, n - 1)];
+        lane[k] = table[min(i + k, n - 1)];
     return LOAD_LANES(lane);
 }
+
+/* The same of three columns, side by side. */
+typedef struct {
+    REAL x, y, z;
+} Point;
+
+INLINE Point point_of(__global const double *table, const int n, const int i) {
+    Point p;
+#if W == 8
+    if (i + W <= n) {
+        __global const double *row = table + 3L * i;
+        const double8 a = vload8(0, row), b = vload8(1, row), c = vload8(2, row);
+        p.x = (double8)(a.s036, b.s147, c.s25);
+        p.y = (double8)(a.s147, b.s25, c.s036);
+        p.z = (double8)(a.s25, b.s036, c.s147);
+        return p;
+    }
+#endif
+    double lane[3][W];
+    for (int k = 0; k < W; k++)
+        for (int column = 0; column < 3; column++)
+            lane[column][k] = table[3L * min(i + k, n - 1) + column];
+    p.x = LOAD_LANES(lane[0]), p.y = LOAD_LANES(lane[1]), p.z = LOAD_LANES(lane[2]);
+    return p;
+}
+
+/* Fetches the rows, of `width` numbers, that will be read some packets after row i: by itself, a CPU does not look into
+ * the next page of memory. */
+#ifdef FETCH
+#define FAR (8L * W)
+#define FETCH_ROWS(table, width, i)                                       \
+    for (int k_ = 0; k_ < (width) * W; k_ += 64 / (int)sizeof(*(table)))  \
+        FETCH(table, (width) * ((i) + FAR) + k_)
+#else
+#define FETCH_ROWS(table, width, i)
+#endif
 
 /* The largest and the smallest lane, and the sum of all. */
 INLINE double largest_lane(const REAL x) {

@@ -67,10 +67,11 @@ __kernel void see_from_light(
     __global int *restrict unsure
 ) {
     FOR_EACH_PACKET(i, n) {
-        const Pair x = two_sum(column(center, 3, n, i) * unit, -lamp.x),
-                   y = two_sum(column(center + 1, 3, n, i) * unit, -lamp.y),
-                   z = two_sum(column(center + 2, 3, n, i) * unit, -lamp.z),
-                   c = square_excess(x, y, z, column(radius, 1, n, i) * unit);
+        FETCH_ROWS(center, 3, i);
+        FETCH_ROWS(radius, 1, i);
+        const Point p = point_of(center, n, i);
+        const Pair x = two_sum(p.x * unit, -lamp.x), y = two_sum(p.y * unit, -lamp.y), z = two_sum(p.z * unit, -lamp.z),
+                   c = square_excess(x, y, z, column(radius, n, i) * unit);
         STORE_LANES(x.hi, seen + i);
         STORE_LANES(y.hi, seen + pitch + i);
         STORE_LANES(z.hi, seen + 2L * pitch + i);
@@ -124,8 +125,10 @@ __kernel void turn_light(
     __global float4 *restrict light_filter
 ) {
     FOR_EACH_PACKET(i, n) {
-        const REAL x = column(center, 3, n, i) * unit - lamp.x, y = column(center + 1, 3, n, i) * unit - lamp.y,
-                   z = column(center + 2, 3, n, i) * unit - lamp.z;
+        FETCH_ROWS(center, 3, i);
+        FETCH_ROWS(before + first, 1, i);
+        const Point p = point_of(center, n, i);
+        const REAL x = p.x * unit - lamp.x, y = p.y * unit - lamp.y, z = p.z * unit - lamp.z;
         const FLOAT X = TO_FLOAT(-turned_along(right, x, y, z)), Y = TO_FLOAT(-turned_along(up, x, y, z)),
                     Z = TO_FLOAT(-turned_along(back, x, y, z));
         float lane[W];
@@ -150,7 +153,7 @@ __kernel void pack_along(
 ) {
     FOR_EACH_PACKET(i, n) {
         const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
-                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z;
+                   r = column(radius, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z;
         WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), disc_filter(u, v, r, 0x1p-60), (FLOAT)0);
         for (int k = 0; k < W; k++)
             light_side[first + i + k] = 1;

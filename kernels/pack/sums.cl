@@ -8,10 +8,9 @@ typedef struct {
     REAL hi, low, lower;
 } Sum;
 
-INLINE Sum sum_of(const Pair a) {
-    const Sum s = {a.hi, 0, 0};
-    const Pair hi = two_sum(s.hi, a.lo), low = two_sum(s.low, hi.lo);
-    const Sum sum = {hi.hi, low.hi, s.lower + low.lo};
+/* Of a product, hi is hi + lo rounded, so that to add one to the other changes neither. */
+INLINE Sum sum_of(const Pair product) {
+    const Sum sum = {product.hi, product.lo, 0};
     return sum;
 }
 

@@ -143,7 +143,7 @@ __kernel void cube_sides(
     int sides = 0;
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const OnCube at = on_cube(seen, pitch, i, column(radius, 1, n, i) * unit, a, b, c);
+        const OnCube at = on_cube(seen, pitch, i, column(radius, n, i) * unit, a, b, c);
         const EDGE size[3] = {fabs(at.e[0]), fabs(at.e[1]), fabs(at.e[2])}, reach = reach_of(at, size);
         for (int side = 0; side < 6; side++)
             if (ANY(is_on_side(at, size, reach, side / 2, side % 2) & ((flag & VISIBLE) != 0)))
@@ -180,7 +180,7 @@ __kernel void cube_discs(
         extent[k] = -INFINITY;
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const REAL exact_r = column(radius, 1, n, i) * unit;
+        const REAL exact_r = column(radius, n, i) * unit;
         const OnCube at = on_cube(seen, pitch, i, exact_r, a, b, c);
         const EDGE size[3] = {fabs(at.e[0]), fabs(at.e[1]), fabs(at.e[2])};
         const MASK member = is_on_side(at, size, reach_of(at, size), axis, side % 2) & ((flag & VISIBLE) != 0);
@@ -235,7 +235,7 @@ __kernel void discs_along(
         const INT flag = load_flags(flags + i);
         const MASK member = (flag & VISIBLE) != 0;
         const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
-                   r = column(radius, 1, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
+                   r = column(radius, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
                    s = (x * c.x + y * c.y) + z * c.z;
         const REAL edge[4] = {u - r, u + r, v - r, v + r};
         const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
