@@ -209,23 +209,29 @@ static int number_of_edge(const Scene scene, __global const char *side, const in
 
 /* Notes the triangle that blocks the light within some lines: its edges, and its plane. Where one of them alone is in a patch, or one
  * alone is in what is seen of it, all on its inner side is dark. That may be told already, by the triangle that has this edge in common
- * with it at a solid's rim. Returns the lanes, of those it is `here` in, in which lines tell all of this triangle. */
-static MASK block_by_lines(const Model *line, const int *number, const Window *seen, const MASK here, Blocking *blocking) {
-    MASK crosses[4], told = 0;
+ * with it at a solid's rim. Returns the lanes, of those it is `here` in, in which lines tell all of this triangle. most: of what is seen
+ * the triangle darkens no larger share of the cell, where that is known. A line that may be anywhere in the cell cuts off nothing. */
+static MASK block_by_lines(const Model *line, const int *number, const Window *seen, const MASK here, Blocking *blocking, FLOAT *most) {
+    MASK crosses[4], told = 0, loose = 0;
     INT count = 0;
     for (int k = 0; k < 4; k++) {
         crosses[k] = !(least_of(line[k]) > 0);
         count = crosses[k] ? count + 1 : count;
+        const MASK straight = line[k].r < fabs(line[k].x) + fabs(line[k].y);
+        loose = loose | (crosses[k] & !straight);
+        crosses[k] = crosses[k] & straight;
         told = told | (here & ((blocking->by[0] == number[k]) | (blocking->by[1] == number[k])));
     }
     const MASK some = here & !told & (count > 1);
     Window dark;
+    *most = 1;
     if (ANY(some)) {
         dark = *seen;
         dark.off = 0;
         for (int k = 0; k < 4; k++)
             if (ANY(some & crosses[k])) cut_window(&dark, &line[k], some & crosses[k]);
         const FLOAT share = dark.share + dark.off;
+        *most = (some & (share < 1)) ? share : (FLOAT)1;
         const MASK none = some & (share < TINY);
         blocking->off += none ? share : (FLOAT)0;
         told = told | none;
@@ -239,7 +245,7 @@ static MASK block_by_lines(const Model *line, const int *number, const Window *s
             cut_window(&all, &line[k], alone);
             wrong = count > 1 ? all.share - dark.share + (all.off + dark.off) : (FLOAT)0;
         }
-        alone = alone & ((count == 1) | (wrong < TINY));
+        alone = alone & !loose & ((count == 1) | (wrong < TINY));
         if (!ANY(alone)) continue;
         const MASK noted = alone & block_where(blocking, number[k], alone, line[k]);
         blocking->off += noted ? wrong : (FLOAT)0;
@@ -313,12 +319,16 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     Model line[4] = {edges.edge[0], edges.edge[1], edges.edge[2], beyond};
     int lines[4] = {0, 0, 0, scene.spheres.first + 4 * triangle + 3};
     for (int k = 0; k < 3; k++) lines[k] = scene.spheres.first + number_of_edge(scene, side, triangle, k);
-    here = here & !block_by_lines(line, lines, way->seen, here, blocking);
+    FLOAT most;
+    here = here & !block_by_lines(line, lines, way->seen, here, blocking, &most);
     if (!ANY(here)) return;
     Share sides[4];
     for (int k = 0; k < 3; k++) sides[k] = share_where_positive(edges.edge[k]);
     sides[3] = share_where_positive(beyond);
-    block(blocking, scene.spheres.first + triangle, here, share_within(sides, 4));
+    Share share = share_within(sides, 4);
+    share.most = share.most < most ? share.most : most;
+    share.least = share.least < most ? share.least : most;
+    block(blocking, scene.spheres.first + triangle, here, share);
 }
 #else
 /* There are no triangles. */
