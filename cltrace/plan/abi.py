@@ -411,6 +411,7 @@ FLAGS = {
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "WITH_AVERAGE": "colours are means over pixels",
+    "WITH_MARKS": "samples are told apart by what their rays have met",
     "WITH_SHEETS": "what is beyond triangles' edges is known",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",

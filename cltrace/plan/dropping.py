@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import Precision, real_dtype
+from cltrace.plan.abi import real_dtype
 from cltrace.plan.bounces import Bounces
 from cltrace.plan.exact import Array
 from cltrace.plan.materials import Materials, used
+from cltrace.plan.request import Request
 from cltrace.scene import Vector
 
 # Sums count in such parts.
@@ -35,6 +36,8 @@ PARTS = 2.0**40
 # With r + t = 1 nothing is lost on the way, and the more is in what is dropped. Floats need so small limits that little
 # is left to drop: 0.9, 0.9, 1.0, 1.4 with 2^-32.
 FAINT, FAINT_FOR_FLOATS = 2.0**-16, 2.0**-32
+# The same for samples of a pixel's mean, which may lack 2^-11 each: MOST_DROPPED of kernels/shade/tree_of_rays.cl.
+FAINT_FOR_SAMPLES = 2.0**-13
 
 
 def brightest(
@@ -54,9 +57,11 @@ def brightest(
     return np.asarray(np.maximum(shown.max(axis=0, initial=0), background) * (1 + 2.0**-12))
 
 
-def limits(bounces: Bounces, peak: Array, outputs: tuple[str, ...], precision: Precision) -> dict[str, Any]:
+def limits(bounces: Bounces, peak: Array, request: Request) -> dict[str, Any]:
     """The kernel's arguments `brightest` and `faint`. peak: of brightest()."""
-    largest = float(np.finfo(real_dtype(precision)).max)
+    largest = float(np.finfo(real_dtype(request.precision)).max)
     parts = [value if value <= largest else math.inf for value in (peak * PARTS).tolist()]
-    faint = FAINT_FOR_FLOATS if "color" in outputs else FAINT
+    faint = FAINT_FOR_FLOATS if "color" in request.outputs else FAINT
+    if request.antialias is not None:
+        faint = FAINT_FOR_SAMPLES
     return {"brightest": (*parts, max(parts)), "faint": faint * PARTS if bounces.shrinks else -1.0}

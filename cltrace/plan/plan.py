@@ -379,7 +379,7 @@ class Plan:
             view.arrays,
             view.values
             | _average(world, request)
-            | limits(world.bounces, world.peak, request.outputs, request.precision)
+            | limits(world.bounces, world.peak, request)
             | {"frame": _frame(world, view, request), "size": view.camera.resolution},
             view.skipped,
             view.seconds,

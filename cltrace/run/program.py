@@ -57,6 +57,7 @@ SOURCES = (
     "average/hiding.cl",
     "average/mixture.cl",
     "average/quick.cl",
+    "average/samples.cl",
     "average/average.cl",
     "render.cl",
 )

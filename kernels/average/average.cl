@@ -7,7 +7,7 @@
  */
 #ifdef WITH_AVERAGE
 /* The finest level, where textures may ask for it all over the picture a coarser one; how many cells of a level may be split, those
- * that are known least; the finest level where there is no proof. */
+ * that are known least. */
 #ifdef WITH_TEXTURES
 #define FINEST 4
 #else
@@ -19,7 +19,6 @@
 #else
 #define MOST_SPLIT 128
 #endif
-#define FINEST_ESTIMATE FINEST
 /* What part of the error that is left to a pixel its cells of one level may leave when others are split. */
 #define KEPT 0.5f
 /* Errors above that many levels are rough. */
@@ -223,16 +222,18 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
                                                     const Sight *sight, Means *means, MASK *overgrown, Work *work) {
     Tint tint;
 #ifdef WITH_TRIANGLES
-    MASK estimated, edges;
-    const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &estimated, &edges, work);
+    MASK beyond;
+    const MASK known = crowd_tint(frame, scene, cells, tile, &tint, &means->coverage, &beyond, work);
 #else
     const Sight view = *sight;
-    const Kind kind = kind_of_sight(view);
-    const MASK plain = kind.plain, edges = !plain;
-    const MASK estimated = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & (!plain));
+    Kind kind = kind_of_sight(view);
+    const MASK beyond = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & !kind.plain);
+    kind.plain = kind.plain & !beyond;
+    kind.mixed = kind.mixed & !beyond;
+    kind.pair = kind.pair & !beyond;
     const MASK known = mean_tint(frame, scene, cells, view, kind, &tint, &means->coverage, work);
 #endif
-    const MASK open = (!known) & !estimated;
+    const MASK open = (!known) & !beyond;
     FLOAT error = 0;
     for (int k = 0; k < 3; k++) {
         means->color[k] = TO_SHADE(tint.v[k]);
@@ -242,13 +243,13 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
      * background alone is exact, as it is where no list holds anything. */
     const MASK nothing = known & (error == 0) & (means->coverage == 0);
     means->error = nothing ? (FLOAT)0 : error * 255.0f * 1.0001f + 0x1p-12f;
-    means->state = estimated ? (INT)ESTIMATED : open ? (INT)OPEN : (INT)SURE;
+    means->state = beyond ? (INT)BEYOND : open ? (INT)OPEN : (INT)SURE;
     /* What is known but roughly is sampled, too, where it is not split any more: of what is within the bounds the sample is mostly
      * nearer to the mean than the middle. */
-    const MASK rough = (known & !estimated) & (means->error > ROUGH) & (level == FINEST ? ALL_LANES : (MASK)0);
-    if (level == 0 || !ANY(estimated | open | rough)) return;
+    const MASK rough = (known & !beyond) & (means->error > ROUGH) & (level == FINEST ? ALL_LANES : (MASK)0);
+    if (level == 0 || !ANY(open | rough)) return;
     const FLOAT coverage = means->coverage;
-    sample_cells(frame, scene, cells, tile, estimated | open | rough, means, overgrown, work);
+    sample_cells(frame, scene, cells, tile, open | rough, means, overgrown, work);
     means->coverage = rough ? coverage : means->coverage;
     FLOAT beside = 0;
     for (int k = 0; k < 3; k++) {
@@ -271,29 +272,19 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     most = ((view.cover < 0) & (1 > most)) ? (FLOAT)1 : most;
 #endif
 #endif
-    /* No sample need show an edge in a cell: an estimate counts a quarter of it. */
-    const FLOAT part = estimated ? (edges ? (FLOAT)0.25f : (FLOAT)0) : (FLOAT)1;
-    means->error = estimated | open ? part * most * 255.0f + 0x1p-12f : means->error;
+    means->error = open ? most * 255.0f + 0x1p-12f : means->error;
 }
-
-/* Of a pixel or a part of one: sums of colours times areas, in units of 2^-40, and of errors times areas. */
-typedef struct {
-    long color[3], coverage;
-    float error;
-    int estimated;
-} Sum;
 
 /* A cell that may be split. place: its column in the pixel, plus 64 times its row, plus 4,096 times the pixel's lane. */
 typedef struct {
     float color[3], coverage, error;
-    ushort place, estimated;
+    ushort place;
 } Part;
 
 static void add_cell(Sum *sum, const Part *cell, const float area) {
     for (int k = 0; k < 3; k++) sum->color[k] += (long)(cell->color[k] * area * 0x1p40f);
     sum->coverage += (long)(cell->coverage * area * 0x1p40f);
     sum->error += cell->error * area;
-    sum->estimated |= cell->estimated;
 }
 
 /* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it, unless
@@ -315,132 +306,6 @@ static float largest_kept(const Part *cells, const int count, const float area, 
     }
 }
 
-#ifdef WITH_BOUNCES
-/* 16 cells of one level, 4 x 4. */
-typedef struct {
-    float color[3][16], coverage[16], error[16];
-    int state[16];
-} Group;
-
-/* What a colour without a proof is off by is taken to be three quarters of the largest difference from the cells beside it, and from the
- * points of the border, 4 for each side: an edge between this group of cells and the next one is seen by these. It is no less than
- * what an edge that is known to be in the cell may make, see look_at_cells(). */
-static void estimate_errors(Group *group, const float (*border)[16]) {
-    for (int cell = 0; cell < 16; cell++) {
-        if (group->state[cell] != ESTIMATED) continue;
-        float most = 0;
-        for (int side = 0; side < 4; side++) {
-            const int across = side == 0 ? -1 : side == 1, down = side == 2 ? -1 : side == 3;
-            const int column = (cell & 3) + across, row = (cell >> 2) + down;
-            if (column < 0 || column > 3 || row < 0 || row > 3) {
-                const int point = 4 * side + (side < 2 ? row : column);
-                for (int k = 0; k < 3; k++) most = fmax(most, fabs(group->color[k][cell] - border[k][point]));
-                continue;
-            }
-            for (int k = 0; k < 3; k++) most = fmax(most, fabs(group->color[k][cell] - group->color[k][4 * row + column]));
-#ifdef OUT_COVERAGE
-            most = fmax(most, fabs(group->coverage[cell] - group->coverage[4 * row + column]));
-#endif
-        }
-        group->error[cell] = fmax(group->error[cell], most * 191.25f);
-    }
-}
-
-/* The colours at points of the border of what is split: of its left, right, upper and lower side, beside the cells there. level: of
- * these cells. */
-static void look_at_border(const Frame frame, const Scene scene, const int2 size, const int level, const int column, const int row,
-                           const int2 tile, float (*border)[16], MASK *overgrown, Work *work) {
-    for (int part = 0; part < 16 / W; part++) {
-        int x[W], y[W];
-        for (int lane = 0; lane < W; lane++) {
-            const int side = (part * W + lane) >> 2, place = 2 * ((part * W + lane) & 3) + 1;
-            x[lane] = 8 * column + (side < 2 ? 8 * side : place);
-            y[lane] = 8 * row + (side < 2 ? place : 8 * (side - 2));
-        }
-        const Cells cells = cells_around(frame, size, 2 * level, LOAD_LANES(x), LOAD_LANES(y));
-        Means means;
-        sample_cells(frame, scene, cells, tile, ALL_LANES, &means, overgrown, work);
-        for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), &border[k][part * W]);
-    }
-}
-
-/* Where the first of the cells is that one is split into: column, row: of its own level. */
-static void look_at_group(const Frame frame, const Scene scene, const int2 size, const int level, const int column, const int row,
-                          const int2 tile, Group *group, MASK *overgrown, Work *work) {
-    for (int part = 0; part < 16 / W; part++) {
-#if W == 1
-        const INT across = part & 3, down = part >> 2;
-#else
-        const INT across = LANE_COLUMN, down = LANE_ROW + part * PACKET_HEIGHT;
-#endif
-        Means means;
-        const Cells cells = cells_at(frame, size, 2 * level, 4 * column + across, 4 * row + down);
-        const Sight view = sight_of(scene, cells, tile);
-        look_at_cells(frame, scene, cells, 2 * level, tile, &view, &means, overgrown, work);
-        for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), &group->color[k][part * W]);
-        STORE_LANES(means.coverage, &group->coverage[part * W]);
-        STORE_LANES(means.error, &group->error[part * W]);
-        STORE_LANES(means.state, &group->state[part * W]);
-    }
-    int estimated = 0;
-    for (int cell = 0; cell < 16; cell++) estimated |= group->state[cell] == ESTIMATED;
-    if (!estimated) return;
-    float border[3][16];
-    look_at_border(frame, scene, size, level, column, row, tile, border, overgrown, work);
-    estimate_errors(group, border);
-}
-
-/* The mean of one pixel, by its parts. column, row: of the pixel. */
-static Sum split_pixel(const Frame frame, const Scene scene, const int2 size, const int column, const int row, const int2 tile,
-                       MASK *overgrown, Work *work) {
-    const float levels = scene.average.w;
-    Sum sum = {{0, 0, 0}, 0, 0, 0};
-    ushort split[MOST_SPLIT];
-    Part cells[16 * MOST_SPLIT];
-    int count = 1;
-    split[0] = 0;
-    for (int level = 1; count > 0; level++) {
-        const int parts = 1 << 2 * (level - 1);
-        const float area = 1.0f / (16 * parts * parts);
-        float total = sum.error;
-        for (int i = 0; i < count; i++) {
-            const int x = split[i] & 63, y = split[i] >> 6;
-            Group group;
-            look_at_group(frame, scene, size, level, column * parts + x, row * parts + y, tile, &group, overgrown, work);
-            for (int k = 0; k < 16; k++) {
-                const int place = (4 * x + (k & 3)) | (4 * y + (k >> 2)) << 6;
-                const Part part = {{group.color[0][k], group.color[1][k], group.color[2][k]}, group.coverage[k], group.error[k],
-                                   (ushort)place, group.state[k] == ESTIMATED};
-                cells[16 * i + k] = part;
-                total += part.error * area;
-            }
-        }
-        const int last = 2 * level == FINEST || total <= levels;
-        const float kept = last ? INFINITY : largest_kept(cells, 16 * count, area, levels * 0.4f - sum.error);
-        int next = 0;
-        for (int i = 0; i < 16 * count; i++) {
-            if (cells[i].error <= kept || last || next == MOST_SPLIT || (cells[i].estimated && 2 * level >= FINEST_ESTIMATE)) {
-                add_cell(&sum, &cells[i], area);
-            } else {
-                split[next++] = cells[i].place;
-            }
-        }
-        count = next;
-    }
-    return sum;
-}
-
-/* The same of all pixels of a packet. */
-static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
-                         const int2 tile, Sum *sums, int *late, Work *work) {
-    for (int lane = 0; lane < W; lane++) {
-        if (!again[lane]) continue;
-        MASK many = 0;
-        sums[lane] = split_pixel(frame, scene, size, columns[lane], rows[lane], tile, &many, work);
-        late[lane] = ANY(many) != 0;
-    }
-}
-#else
 /* Those of a packet's pixels' parts that are lanes of one packet, by their order. columns, rows: of the pixels. */
 static Cells cells_of_parts(const Frame frame, const int2 size, const int level, const int *columns, const int *rows, const Part *parts,
                             const int *order) {
@@ -468,7 +333,7 @@ static void sort_by_rank(const int *rank, const int count, int *order) {
 
 /* Looks at parts of a packet's pixels, MOST_SEEN at most. level: of the cells; see cells_of_parts(). */
 static void look_at_parts(const Frame frame, const Scene scene, const int2 size, const int level, const int *columns, const int *rows,
-                          const int2 tile, Part *parts, const int count, int *late, Work *work) {
+                          const int2 tile, Part *parts, const int count, int *beyond, int *late, Work *work) {
     int order[MOST_SEEN + W], rank[MOST_SEEN];
     Sights sights;
     for (int i = 0; i < count + W; i++) order[i] = i < count ? i : count - 1;
@@ -485,17 +350,18 @@ static void look_at_parts(const Frame frame, const Scene scene, const int2 size,
         const Cells cells = cells_of_parts(frame, size, level, columns, rows, parts, order + first);
         look_at_cells(frame, scene, cells, level, tile, &view, &means, &overgrown, work);
         float color[3][W], coverage[W], error[W];
-        int grown[W];
+        int grown[W], state[W];
         for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), color[k]);
         STORE_LANES(means.coverage, coverage);
         STORE_LANES(means.error, error);
         STORE_LANES(overgrown, grown);
+        STORE_LANES(means.state, state);
         for (int lane = 0; lane < W; lane++) {
             Part *part = &parts[order[first + lane]];
             for (int k = 0; k < 3; k++) part->color[k] = color[k][lane];
             part->coverage = coverage[lane];
             part->error = error[lane];
-            part->estimated = 0;
+            if (state[lane] == BEYOND) beyond[part->place >> 12] = 1;
             late[part->place >> 12] |= grown[lane] != 0;
         }
     }
@@ -527,9 +393,9 @@ static int keep_or_split(const Part *cells, const int count, const int level, co
     return next;
 }
 
-/* The means of those pixels of a packet that are wanted `again`, by their parts. */
+/* The means of those pixels of a packet that are wanted `again`, by their parts; but for those of which a part is `beyond` proof. */
 static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
-                         const int2 tile, Sum *sums, int *late, Work *work) {
+                         const int2 tile, Sum *sums, int *beyond, int *late, Work *work) {
     ushort split[W * MOST_SPLIT];
     Part cells[4 * W * MOST_SPLIT];
     int count = 0;
@@ -538,17 +404,17 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
     for (int level = 1; count > 0; level++) {
         place_parts(split, count, cells);
         for (int first = 0; first < 4 * count; first += MOST_SEEN)
-            look_at_parts(frame, scene, size, level, columns, rows, tile, cells + first, min(4 * count - first, MOST_SEEN), late, work);
+            look_at_parts(frame, scene, size, level, columns, rows, tile, cells + first, min(4 * count - first, MOST_SEEN), beyond, late,
+                          work);
         int next = 0;
         for (int first = 0, end = 0; first < 4 * count; first = end) {
             const int pixel = cells[first].place >> 12;
             while (end < 4 * count && cells[end].place >> 12 == pixel) end++;
-            next += keep_or_split(cells + first, end - first, level, scene.average.w, &sums[pixel], split + next);
+            if (!beyond[pixel]) next += keep_or_split(cells + first, end - first, level, scene.average.w, &sums[pixel], split + next);
         }
         count = next;
     }
 }
-#endif
 
 /* What pixels show, as whole cells: quickly, where that is enough. */
 static void look_at_pixels(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK within, Sight *view,
@@ -579,24 +445,29 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
     Sight view = sight_of(scene, cells, tile);
     look_at_pixels(frame, scene, cells, tile, within, &view, &means, &overgrown, work);
     float color[3][W], coverage[W], error[W];
-    int again[W], columns[W], rows[W], estimated[W], late[W];
+    int again[W], beyond[W], columns[W], rows[W], late[W];
     Sum sums[W];
     for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), color[k]);
     STORE_LANES(means.coverage, coverage);
     STORE_LANES(means.error, error);
-    STORE_LANES(within & ((means.state != SURE) | (means.error > levels)), again);
+    const MASK sampled = within & (means.state == BEYOND);
+    STORE_LANES(within & !sampled & ((means.state != SURE) | (means.error > levels)), again);
+    STORE_LANES(sampled, beyond);
     STORE_LANES(column, columns);
     STORE_LANES(row, rows);
     for (int lane = 0; lane < W; lane++) {
-        const Sum nothing = {{0, 0, 0}, 0, 0, 0};
+        const Sum nothing = {{0, 0, 0}, 0, 0};
         sums[lane] = nothing;
         late[lane] = 0;
     }
-    split_pixels(frame, scene, size, columns, rows, again, tile, sums, late, work);
+    split_pixels(frame, scene, size, columns, rows, again, tile, sums, beyond, late, work);
+    const MASK estimated = LOAD_LANES(beyond) != 0;
+#ifdef WITH_MARKS
+    if (ANY(estimated)) sample_pixels(frame, scene, size, columns, rows, beyond, tile, sums, late, work);
+#endif
     for (int lane = 0; lane < W; lane++) {
         const Sum sum = sums[lane];
-        estimated[lane] = sum.estimated;
-        if (!again[lane]) continue;
+        if (!again[lane] && !beyond[lane]) continue;
         for (int k = 0; k < 3; k++) color[k][lane] = (float)sum.color[k] * 0x1p-40f;
         coverage[lane] = (float)sum.coverage * 0x1p-40f;
         error[lane] = sum.error;
@@ -606,8 +477,8 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
     pixels->color.z = TO_SHADE(LOAD_LANES(color[2]));
     pixels->coverage = LOAD_LANES(coverage);
     pixels->error = LOAD_LANES(error);
-    COUNT(ESTIMATES, LOAD_LANES(estimated) != 0);
-    COUNT(TOO_FAR, (LOAD_LANES(estimated) == 0) & (pixels->error > levels));
+    COUNT(ESTIMATES, estimated);
+    COUNT(TOO_FAR, !estimated & (pixels->error > levels));
 #ifdef WITH_CEILING
     pixels->overgrown = LOAD_LANES(late) != 0;
 #endif

@@ -74,6 +74,12 @@ typedef struct {
     FLOAT least, most;
 } Extent;
 
+/* Of a pixel or a part of one: sums of colours times areas, in units of 2^-40, and of errors times areas. */
+typedef struct {
+    long color[3], coverage;
+    float error;
+} Sum;
+
 /* Points of a surface under cells. */
 typedef struct {
     INT id;      /* which surface, -1 for none */
@@ -161,11 +167,11 @@ static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
     patch->radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
 }
 
-/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; ESTIMATED: the colour at the cell's
- * middle alone is known. */
+/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; BEYOND: something in the cell mirrors or is
+ * transparent, so that the pixel is one for samples.cl. */
 #define SURE 0
 #define OPEN 1
-#define ESTIMATED 2
+#define BEYOND 2
 
 /* What is known of a packet of cells: the mean colour, the share that surfaces have, and the colour's error in levels of 255. */
 typedef struct {

@@ -148,10 +148,9 @@ static void mix_pieces(const Piece *piece, const int count, const FLOAT loose, T
     }
 }
 
-/* What cells show. Returns the lanes in which the mean is known; estimated: those in which something seen has no proof; edges: those
- * that show more than one surface, or may do so. */
-static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, const int2 tile, Tint *out, FLOAT *coverage, MASK *estimated,
-                       MASK *edges, Work *work) {
+/* What cells show. Returns the lanes in which the mean is known; beyond: those in which something seen has no proof. */
+static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, const int2 tile, Tint *out, FLOAT *coverage, MASK *beyond,
+                       Work *work) {
     Crowd crowd;
     gather_crowd(scene, cells, tile, &crowd);
     const Depth depth = depth_of(&crowd, scene.spheres.first);
@@ -160,14 +159,13 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
     Order order;
     order_crowd(scene, &crowd, depth, &order);
     MASK any = 0;
-    *estimated = *edges = 0;
+    *beyond = 0;
     for (int k = 0; k < crowd.count; k++) {
         const MASK seen = order.seen[k];
-        *edges = *edges | (seen & (any | !crowd.covers[k]));
-        *estimated = *estimated | beyond_proof(scene, seen ? (INT)crowd.index[k] : (INT)-1);
+        *beyond = *beyond | beyond_proof(scene, seen ? (INT)crowd.index[k] : (INT)-1);
         any = any | seen;
     }
-    const MASK wanted = known & !*estimated;
+    const MASK wanted = known & !*beyond;
     Piece piece[CROWD + 1];
     for (int k = -1; k < crowd.count; k++)
         put_piece(frame, scene, cells, &crowd, &order, k, (k < 0 ? open_sky : order.seen[max(k, 0)]) & wanted, &piece[k + 1], work);

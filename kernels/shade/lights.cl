@@ -18,6 +18,9 @@ typedef struct {
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
+#if defined(WITH_MARKS) && defined(WITH_TEXTURES)
+    INT texel; /* where the colour is in memory, -1 without a texture */
+#endif
 } Intersection;
 
 #ifdef WITH_LIGHTS
@@ -135,6 +138,7 @@ static Shade3 illuminate(const Scene scene, const int number, const int kind, co
         if (!ANY(lit)) return color;
     }
 #endif
+    MARK(mark, lit, own, ~number);
 
     const Shade3 l = unit_to(w, w32, a, lit, unit);
     const Shade3 N = {TO_SHADE(at.start.side * at.normal.x), TO_SHADE(at.start.side * at.normal.y),

@@ -111,6 +111,9 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
         full[lane] = texture.w;
     }
     const INT columns = LOAD_LANES(width), first = LOAD_LANES(begin), most = LOAD_LANES(full);
+#ifdef WITH_MARKS
+    at->texel = -1;
+#endif
     if (!ANY(most > 0)) return;
     const Between u = between(at->u, columns), v = between(at->v, LOAD_LANES(height));
     const INT size = most > 255 ? (INT)6 : (INT)3, top = v.first * columns, bottom = v.second * columns;
@@ -121,6 +124,9 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
     const Shade3 color = {blended(four, 0, limit, u.share, v.share), blended(four, green, limit, u.share, v.share),
                           blended(four, 2 * green, limit, u.share, v.share)};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
+#ifdef WITH_MARKS
+    at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
+#endif
     PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);
     PUT_WHERE(here, at->ambient.y, at->ambient.y * color.y);
     PUT_WHERE(here, at->ambient.z, at->ambient.z * color.z);

@@ -167,6 +167,14 @@ static MASK drop(const Scene scene, const MASK branches, const REAL weight, cons
 }
 #endif
 
+/* In units of a sum: 2^-11, an eighth of a level. */
+#define MOST_DROPPED (1L << 29)
+
+#ifdef WITH_MARKS
+/* What has no more weight leaves no mark: an edge in it is one of less than a level. */
+#define FAINT_MARK (real)0x1p-8f
+#endif
+
 /* Sums up the colours of rays that hit, with all that mirrors and glass add to them. at, own: what was hit; faint: what
  * adds no more than this to a sum may be dropped, in its units; count: the pixels' shadow rays, counted up. */
 static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Intersection at, INT own, const real faint,
@@ -188,6 +196,14 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
         const REAL weight = rays.weight * bounce.share;
         const MASK shown = at.hit & TO_MASK(weight > 0);
         COUNT(WEIGHTLESS, at.hit & !shown);
+#ifdef WITH_MARKS
+        const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
+        MARK(mark, marked, own, rays.depth);
+#ifdef WITH_TEXTURES
+        MARK(texels, marked & (at.texel >= 0), at.texel, rays.depth);
+#endif
+        const LANES(uint) mark = work->mark;
+#endif
 #ifndef KEEP_WEIGHTLESS
         at.hit = shown;
 #endif
@@ -196,6 +212,9 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
             add_to(&all.sum, at.hit, weight, shown_color);
             if (rays.depth == 0) all.first = shown_color;
         }
+#ifdef WITH_MARKS
+        PUT_WHERE(!(marked & TO_MASK(weight > FAINT_MARK)), work->mark, mark);
+#endif
 
         /* On with the mirrored ray, or where there is none with the refracted one. Whichever waits, there is one of a
          * depth at most, so BRANCHES are enough. (If the lighter one went first, only as many could wait as halve a weight
@@ -263,9 +282,14 @@ static Gathered gather(const Frame frame, const Scene scene, const Ray ray, Inte
     }
 }
 
-/* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. */
+/* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. Of means over pixels samples
+ * may lack a part of a level, see plan/dropping.py. */
 static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) {
-#ifdef WITH_DROPPING
+#if defined(WITH_DROPPING) && defined(WITH_AVERAGE)
+    const LONG most = (LONG)MOST_DROPPED;
+    const LONG more = (all.slack.x > most) | (all.slack.y > most) | (all.slack.z > most);
+    return TO_INT(more);
+#elif defined(WITH_DROPPING)
     const LONG most = 1L << 61;
     const LONG x = all.sum.x + all.slack.x, y = all.sum.y + all.slack.y, z = all.sum.z + all.slack.z;
     const Sum3 sum = {x < most ? x : most, y < most ? y : most, z < most ? z : most};
@@ -301,6 +325,10 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, Inters
     const real first = -1;
 #endif
     for (real faint = first; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
+#ifdef WITH_MARKS
+        PUT_WHERE(at.hit, work->mark, (LANES(uint))0);
+        PUT_WHERE(at.hit, work->texels, (LANES(uint))0);
+#endif
         const Gathered all = gather(frame, scene, ray, at, own, faint, &pixels->rays, work);
 #ifdef WITH_CEILING
         pixels->overgrown = at.hit & (all.rays > MOST_RAYS);
