@@ -120,10 +120,12 @@ def triangles(seed: int, n: int, size: float) -> cltrace.Mesh:
     return cltrace.Mesh(vertices.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3), material=MATERIAL)
 
 
-def meshed(meshes: list[cltrace.Mesh], *lights: np.ndarray, spheres: Colors | None = None) -> cltrace.Scene:
+def meshed(
+    meshes: list[cltrace.Mesh], *lights: np.ndarray, spheres: Colors | None = None, **materials: object
+) -> cltrace.Scene:
     """Meshes, and spheres of rows (x, y, z, radius), before a dark sky."""
     given = np.zeros((0, 4)) if spheres is None else spheres
-    return lit(given[:, :3], given[:, 3], *lights, meshes=meshes)
+    return lit(given[:, :3], given[:, 3], *lights, meshes=meshes, **materials)
 
 
 HOSTILE |= {
@@ -208,6 +210,38 @@ HOSTILE |= {
 }
 
 
+CHECKS = cltrace.Material(
+    (1, 1, 1), ka=0.5, kd=0.6, ks=0, texture=np.eye(2, dtype=np.uint8)[..., None].repeat(3, 2) * 200
+)
+MIRRORS = {
+    # A mirror and an opaque sphere cross before another mirror.
+    "mirrors": lambda: lit(
+        [(-0.4, 0, -4), (0.3, 0.1, -4.2), (0.2, -30.6, -8), (0.6, 0.5, -4.5)],
+        [0.5, 0.4, 30, 0.25],
+        LAMP,
+        reflectance=[0.8, 0.0, 0.5, 0.4],
+    ),
+    "glass": lambda: lit(
+        [(-0.4, 0, -4), (0.4, 0.1, -4.2), (0, 0, -6)],
+        [0.5, 0.4, 0.8],
+        LAMP,
+        reflectance=[0.1, 0.3, 0],
+        transmittance=[0.8, 0.3, 0],
+        index=[1.5, 1.2, 1],
+    ),
+    # A checked floor, a box and a sphere.
+    "mirror over checks": lambda: meshed(
+        [
+            cltrace.Mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], uv=[(0, 0), (9, 0), (9, 9), (0, 9)], material=CHECKS),
+            mesh(box().moved((0.9, 0.1, -6)), material=replace(MATERIAL, reflectance=0.5)),
+        ],
+        LAMP,
+        spheres=np.array([(-0.3, 0, -4.5, 0.6)]),
+        reflectance=0.8,
+    ),
+}
+
+
 def parallel(scene: cltrace.Scene) -> cltrace.Scene:
     """The same scene as an orthographic camera sees it, from the middle of its nearest sphere."""
     return scene.seen_by(cltrace.Orthographic((0, 0, -4.5), (0, 0, -9), height=2.5, resolution=SIZE))
@@ -272,11 +306,11 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["shadow rims", "crossing eggs, parallel", "box", "tiny", "tiny triangles", "small texels"]
+    "name", ["shadow rims", "crossing eggs, parallel", "box", "tiny", "tiny triangles", "small texels", *MIRRORS]
 )
 def test_same_bits(device: Device, name: str) -> None:
     """Of crops and of packets of one pixel."""
-    scene = HOSTILE[name]()
+    scene = (HOSTILE | MIRRORS)[name]()
     whole = cltrace.render(scene, device, outputs=(*OUTPUTS, "coverage"), antialias=True)
     width, height = SIZE
     for crop in ((0, 0, 5, height), (5, 3, 18, 11), (18, 11, width, height)):
@@ -341,6 +375,17 @@ def test_estimates_are_counted(any_device: Device) -> None:
     assert (ids == 0).sum() <= count <= (ids == 0).sum() + 40  # and those at its edge
     off = 255 * np.abs(image.color - truth(scene, any_device, 32, (0, 0, *SIZE))).max(axis=2)
     assert np.mean(off <= image.error + 1) > 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MIRRORS)
+def test_mirrors(any_device: Device, name: str) -> None:
+    """Estimates are near to what many rays say, and so are their errors. The picture is so small that most pixels have edges."""
+    scene = MIRRORS[name]()
+    image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    off = 255 * np.abs(image.color - truth(scene, any_device, 64, (0, 0, *SIZE)))
+    assert np.sqrt(np.mean(off**2)) < 0.4
+    assert (off.max(axis=2) <= image.error + 0.5).mean() > 0.99
 
 
 @pytest.mark.parametrize("levels", [0, -1, 256, np.nan, "1"])
