@@ -380,7 +380,7 @@ def test_estimates_are_counted(any_device: Device) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MIRRORS)
 def test_mirrors(any_device: Device, name: str) -> None:
-    """Estimates are near to what many rays say, and so are their errors. The picture is so small that most pixels have edges."""
+    """Estimates are near to what many rays say, though in so small a picture most pixels have edges."""
     scene = MIRRORS[name]()
     image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
     off = 255 * np.abs(image.color - truth(scene, any_device, 64, (0, 0, *SIZE)))
