@@ -322,6 +322,12 @@ ARGUMENTS = (
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
         needs="WITH_TRIANGLES",
     ),
+    *_values("Scene", ("proved", "int", "of how many lights `unstoppable` is known"), needs="WITH_UNSTOPPABLE"),
+    *_buffers(
+        "Scene",
+        ("unstoppable", "int", "for each light in turn, a bit for each triangle, 32 in a number: see unstoppable.cl"),
+        needs="WITH_UNSTOPPABLE",
+    ),
     *_values(
         "Scene",
         ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
@@ -393,6 +399,7 @@ FLAGS = {
     "WITH_POINT": "there is a point light",
     "WITH_SPOT": "there is a spot light",
     "WITH_SHADOWS": "something may stand between a sphere and a light",
+    "WITH_UNSTOPPABLE": "it may be known of triangles that nothing stands between them and a light",
     "WITH_SPECULAR": "some sphere shines",
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",

@@ -16,6 +16,8 @@ VIEWS = 2**18
 # Up to so many surfaces, rays that leave one try all others. 16 then take 0.84 of the time that they take with a tree,
 # and 64 take the same (PoCL 3.1).
 FOREST = 32
+# Where these are kept, nobody asks on which triangles no shadow falls.
+KEPT = frozenset(("unstopped", "lists", "filter"))
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
     averaged = shading and request.antialias is not None
     uv = textures or "uv" in request.outputs
     parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
+    bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
         "WITH_FILTER": request.precision != "double" and "filter" not in request.keep,
@@ -71,6 +74,7 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_POINT": point,
         "WITH_SPOT": spot,
         "WITH_SHADOWS": lit and (surfaces > 1 or contents.inside or full),
+        "WITH_UNSTOPPABLE": meshes and (point or spot) and not averaged and bounded,
         "WITH_SPECULAR": lit and (contents.shiny or full),
         "WITH_BLACK": lit and (contents.black or full),
         "WITH_PREFETCH": surfaces >= PLENTY,

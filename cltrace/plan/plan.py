@@ -313,6 +313,7 @@ class View:
         arrays = {
             "id_of": world.id,
             "light": packed_lights(world, camera, request, k),
+            "unstoppable": np.zeros(0, np.int32),  # not known before it is worth while: see run/unstoppable.py
         }
         place = np.array([(*vector, 0.0) for vector in (camera.position, *camera.basis())], real)
         arrays["camera"] = place[:0] if exponent is not None else place
@@ -325,6 +326,7 @@ class View:
             "triangles": len(world.triangles.face),
             "materials": len(world.materials.packed),
             "unit": math.ldexp(1.0, unit),
+            "proved": 0,
             "bounces": camera.max_bounces,
             "ahead": (*(-basis[2]).tolist(), 0.0),
             **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),

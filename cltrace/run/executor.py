@@ -21,6 +21,7 @@ from cltrace.plan.request import Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import Announcement, build, context_of
 from cltrace.run.strips import Rows
+from cltrace.run.unstoppable import Unstoppable
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,7 @@ class Executor:
                 for name, array in plan.arrays.items()
             } | (made or {})
             self.buffers["overgrown"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, self._overgrown.nbytes)
+            self._unstoppable = Unstoppable(plan, device) if "WITH_UNSTOPPABLE" in plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
@@ -155,6 +157,8 @@ class Executor:
         rows that other devices take from, too, None for all. Raises TooManyRaysError after the strip in which that
         happened.
         """
+        if self._unstoppable:
+            self._unstoppable.find(self._context, self._queue, self.buffers)
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
         take, most = take or Rows(region[3]).take, max(64, STRIP // frame.width // 64 * 64)
@@ -170,6 +174,8 @@ class Executor:
             if bounded:
                 self._check_overgrown()
             drawn(len(strip))
+            if self._unstoppable:
+                self._unstoppable.drawn(len(strip) * width)
             if seconds > PATIENCE:
                 self._rows = max(16, self._rows // 32 * 16)
             elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
@@ -269,7 +275,8 @@ class Executor:
         columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
-        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
+        proved = self._unstoppable.lights if self._unstoppable else 0
+        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin, "proved": proved}
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         values = self._values | {

@@ -61,6 +61,8 @@ SOURCES = (
     "average/average.cl",
     "render.cl",
 )
+# What finds triangles without shadows.
+UNSTOPPABLE = ("packet.cl", "abi", "find/cells.cl", "find/unstoppable.cl")
 
 
 log = logging.getLogger("cltrace")

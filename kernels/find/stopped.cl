@@ -18,9 +18,26 @@ typedef struct {
     int touches; /* whether some lit P is so near the light that float32 cannot tell the direction between them */
 } Place;
 
-/* In which lanes anything can stand between the light and the own sphere at all. Of few spheres the host has a bit for
- * each one; of many, all bits are set. */
+#ifdef WITH_UNSTOPPABLE
+/* The number of `unstoppable` that has the bit of each lane's triangle; 0 of other surfaces. */
+static INT bits_of_triangles(const Scene scene, const int light, const INT own) {
+    __global const int *bits = scene.unstoppable + (long)light * ((scene.triangles + 31) / 32);
+    INT left = own >= scene.spheres.first ? (own - scene.spheres.first) >> 5 : (INT)-1, found = 0;
+    for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
+        PUT_WHERE(left == one, found, (INT)bits[one]);
+        left = left == one ? (INT)-1 : left;
+    }
+    return found;
+}
+#endif
+
+/* In which lanes anything can stand between the light and the own surface at all. Of few spheres the host has a bit for
+ * each one; of many, and of triangles, all bits are set. */
 static MASK may_be_stopped(const Scene scene, const int number, const INT own) {
+#ifdef WITH_UNSTOPPABLE
+    if (number < scene.proved)
+        return ((bits_of_triangles(scene, number, own) >> ((own - scene.spheres.first) & 31)) & 1) - 1;
+#endif
     return -(((INT)scene.light_buffer[number].z >> (own & 31)) & 1);
 }
 
