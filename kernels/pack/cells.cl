@@ -269,14 +269,11 @@ static void sink(__global ulong *heap, int at, const int count) {
 
 /* Lists of up to MERGED entries are sorted by merging runs of RUN_LENGTH, with room for one of two runs beside the list.
  * Longer ones are sorted as heaps, which need no room. On a GPU room is as slow as the list itself. */
-#define RUN_LENGTH 12
 #if W == 1
+#define RUN_LENGTH 12
 #define MERGED RUN_LENGTH
-#else
-#define MERGED 1024
-#endif
 
-static void insertion_sort(__global ulong *list, const int count) {
+static void sort_run(__global ulong *list, const int count) {
     for (int i = 1; i < count; i++) {
         const ulong key = list[i];
         int k = i;
@@ -285,6 +282,33 @@ static void insertion_sort(__global ulong *list, const int count) {
         list[k] = key;
     }
 }
+#else
+#define RUN_LENGTH 16
+#define MERGED 1024
+
+typedef LANES(ulong) KEYS;
+
+/* How many keys of a list are below each of these. */
+INLINE KEYS ranks(__global const ulong *list, const int count, const KEYS keys) {
+    KEYS below = 0;
+    for (int i = 0; i < count; i++)
+        below -= AS(ulong, (KEYS)list[i] < keys);
+    return below;
+}
+
+/* A key belongs where as many are as are below it. There is nothing in this that a CPU would have to guess. What is beyond
+ * the list, up to AHEAD entries, is read in vain. */
+INLINE void sort_run(__global ulong *list, const int count) {
+    ulong key[RUN_LENGTH], place[RUN_LENGTH];
+    for (int i = 0; i < count; i += W) {
+        const KEYS keys = LOAD_LANES(list + i);
+        STORE_LANES(keys, key + i);
+        STORE_LANES(ranks(list, count, keys), place + i);
+    }
+    for (int i = 0; i < count; i++)
+        list[place[i]] = key[i];
+}
+#endif
 
 /* Merges two runs, of which the first one ends at `middle`. */
 static void merge(__global ulong *list, const int middle, const int count, ulong *room) {
@@ -307,7 +331,7 @@ static void merge(__global ulong *list, const int middle, const int count, ulong
 static void merge_sort(__global ulong *list, const int count) {
     ulong room[MERGED];
     for (int i = 0; i < count; i += RUN_LENGTH)
-        insertion_sort(list + i, min(RUN_LENGTH, count - i));
+        sort_run(list + i, min(RUN_LENGTH, count - i));
     for (int run = RUN_LENGTH; run < count; run *= 2)
         for (int i = 0; i + run < count; i += 2 * run)
             merge(list + i, run, min(2 * run, count - i), room);
