@@ -8,6 +8,7 @@ import pytest
 from solids import Solid, ball, box, joined, lattice, mesh, needles, octahedron, sheet
 
 from cltrace import Camera, Image, Material, Renderer, Scene, parallel_light, point_light, spot_light
+from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.run import unstoppable
@@ -146,7 +147,8 @@ def test_it_is_found_out_once_it_pays(device: Device) -> None:
     renderer = Renderer(of(floor(2, 4), ball(1)), device, "accurate", OUTPUTS)
     part, frame = renderer.rows(20, 40), renderer.render()
     assert not known(renderer).any()
-    entries = renderer._executor.buffers["entry"].size / unstoppable.ENTRY
+    entries = renderer._executor._unstoppable._entries
+    assert entries == len(Plan.of_scene(renderer.scene, renderer.request).arrays["entry"]) - CONSTANTS["AHEAD"]
     for _ in range(int(unstoppable.PAYS * entries / frame.id.size) + 1):
         renderer.render(frame)
     assert known(renderer).any()

@@ -18,8 +18,6 @@ from cltrace.run.toolbox import vector
 # triangles, of which each frame then takes 10 to 14 less (PoCL 3.1, 1920x1080). Nobody knows how many frames there
 # will be, so it is done after half of that.
 PAYS = 3
-# The size of an entry in bytes.
-ENTRY = 8
 # Work-items. Each one goes through neighbouring cells.
 ITEMS = 256
 
@@ -33,6 +31,7 @@ class Unstoppable:
     def __init__(self, plan: Plan, device: Device) -> None:
         self._plan, self._device, self._lock = plan, device, threading.Lock()
         self._pixels = self.lights = 0
+        self._entries: int | None = None
 
     def drawn(self, pixels: int) -> None:
         """Counts pixels that have been drawn."""
@@ -49,11 +48,22 @@ class Unstoppable:
         with self._lock:
             if self.lights or not listed or self._device.kind != "cpu":
                 return
-            if self._pixels < PAYS * buffers["entry"].size / ENTRY:
+            if self._entries is None:
+                self._entries = self._counted(queue, buffers["start"])
+            if self._pixels < PAYS * self._entries:
                 return
             with Announcement("compiling the kernel ..."):
                 buffers["unstoppable"] = self._found(context, queue, buffers)
             self.lights = lights
+
+    def _counted(self, queue: Any, start: Any) -> int:
+        """How many entries the lists have: where that of the last cell ends."""
+        columns, rows, first, mask = self._plan.arrays["grid"][-1]["cells"].tolist()
+        levels = [k for k in range(mask.bit_length()) if mask >> k & 1]
+        cells = first + sum((((columns - 1) >> k) + 1) * (((rows - 1) >> k) + 1) for k in levels)
+        end = np.empty(1, np.int32)
+        cl.enqueue_copy(queue, end, start, src_offset=end.itemsize * cells)
+        return int(end[0])
 
     def _found(self, context: Any, queue: Any, buffers: dict[str, Any]) -> Any:
         """The buffer."""
