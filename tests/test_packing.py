@@ -83,6 +83,12 @@ def touching() -> cltrace.Scene:
     return scene(centers, np.concatenate([radii, nearly]), [cltrace.point_light(lamp)], position=tuple(eye))
 
 
+def halfway() -> cltrace.Scene:
+    """From the eye, most coordinates are halfway between two doubles."""
+    step = np.random.default_rng(3).integers(-8, 9, (300, 3)) / 8
+    return scene(step, 0.05, position=(2.0**-54, -(2.0**-54), 3), lookat=(2.0**-54, -(2.0**-54), 0))
+
+
 def equal() -> cltrace.Scene:
     centers, radii = balls(100)
     return scene(np.tile(centers, (3, 1)), np.tile(radii, 3))
@@ -130,6 +136,7 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "around the eye": lambda: around(300),
     "far away": far_away,
     "touching": touching,
+    "halfway": halfway,
     "equal": equal,
     "of all sizes": of_all_sizes,
     "in shells": in_shells,

@@ -18,7 +18,13 @@ INLINE FromEye from_eye(
 ) {
     const Pair a = two_sum(X, -eye.x), b = two_sum(Y, -eye.y), c = two_sum(Z, -eye.z);
     FromEye s;
-    s.X = dot_product(right, a, b, c), s.Y = dot_product(up, a, b, c), s.Z = dot_product(back, a, b, c);
+    const REAL off = doubt(a, b, c);
+    REAL_INT unsure = 0;
+    s.X = quick_product(right, a, b, c, off, &unsure);
+    s.Y = quick_product(up, a, b, c, off, &unsure);
+    s.Z = quick_product(back, a, b, c, off, &unsure);
+    if (RARELY(ANY(TO_MASK(unsure != 0))))
+        s.X = dot_product(right, a, b, c), s.Y = dot_product(up, a, b, c), s.Z = dot_product(back, a, b, c);
     s.x = s.X * unit, s.y = s.Y * unit, s.z = s.Z * unit, s.r = r;
     s.excess = square_excess(a, b, c, r);
     return s;
