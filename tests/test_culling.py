@@ -9,7 +9,7 @@ from stress_cases import OUTPUTS, picture, renderer
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.plan import features, plan
+from cltrace.plan import culling, features, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import cells, light_buffer, tiles
 from cltrace.run import executor
@@ -234,3 +234,14 @@ def test_no_scene_tells_what_was_left_out() -> None:
 @pytest.mark.stress
 def test_none_of_two_thousand_scenes_tells() -> None:
     scenes(range(100, 2_100))
+
+
+@pytest.mark.parametrize("n", [5, 8, 9, 1000, 3 * culling.SAMPLE + 1])
+def test_shells_are_the_largest(n: int) -> None:
+    """Of any sizes, in any order, and of equal ones."""
+    rng = np.random.default_rng(n)
+    kinds = rng.uniform(0.1, 1, n), np.full(n, 0.5), rng.integers(1, 4, n) / 4, np.append(np.full(n - 1, 0.5), 0.9)
+    for radius in (*kinds, np.sort(kinds[0]), np.sort(kinds[2])):
+        found = culling.shells(radius)
+        assert len(set(found.tolist())) == min(n, culling.SHELLS)
+        assert np.array_equal(np.sort(radius[found]), np.sort(radius)[-culling.SHELLS :])

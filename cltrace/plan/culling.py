@@ -17,6 +17,8 @@ from cltrace.plan.shapes.sphere import Seen
 Mask = NDArray[np.bool_]
 # How many spheres, the largest ones, are looked into for others inside of them.
 SHELLS = 8
+# How many spheres tell about how large those are.
+SAMPLE = 2**14
 
 
 def larger(radius: Array, slack: float) -> Array:
@@ -30,8 +32,16 @@ def larger(radius: Array, slack: float) -> Array:
 
 def shells(radius: Array) -> NDArray[np.intp]:
     """Which spheres are the SHELLS largest ones. A factor that all radii (n,) have changes nothing."""
-    # A copy, as a part of an array keeps all of it.
-    return np.argpartition(-radius, SHELLS)[:SHELLS].copy() if len(radius) > SHELLS else np.arange(len(radius))
+    if len(radius) <= SHELLS:
+        return np.arange(len(radius))
+    step = max(1, len(radius) // SAMPLE)
+    some = radius[::step]
+    # Of the largest ones of all, none is smaller than the smallest one of the largest ones of some.
+    least = np.partition(some, -SHELLS)[-SHELLS]
+    above = np.flatnonzero(radius > least)
+    if len(above) < SHELLS:
+        return np.concatenate([above, step * np.flatnonzero(some == least)])[:SHELLS]
+    return above[np.argpartition(-radius[above], SHELLS - 1)[:SHELLS]]
 
 
 def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
