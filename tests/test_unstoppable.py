@@ -122,7 +122,7 @@ def test_nor_does_it_beside_others(device: Device, name: str, monkeypatch: pytes
 
 def test_what_nothing_shadows_is_found(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """All triangles of convex solids and of a hillside that are seen and lit."""
-    for solid in (octahedron(), ball(1), floor(height=0.1)):
+    for solid in (octahedron(), ball(1), box(), floor(height=0.1), floor(height=0)):
         before, _, found = frames(of(solid), device, monkeypatch)
         shown = np.unique(before.primitive[before.color.max(axis=-1) > 0])
         assert len(shown) >= 2

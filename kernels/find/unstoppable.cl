@@ -10,8 +10,8 @@
  *   - if N begins beyond the furthest corner of T.
  *
  * The facets tell on which side of a plane a corner is, with the bounds of sides_of() and plane_at(), as a corner is a direction
- * from L like any other. Corners that both have in common are on the planes, exactly: neighbours have one or two. What bounds
- * leave open may be stopped, and so may a T whose own plane is unsure, as L all but sees its edge. Of others, a point is so far
+ * from L like any other. Corners that both have in common are on the planes, exactly: neighbours have one or two. Of planes of
+ * triangles, is_beside() may know more. What bounds leave open may be stopped, and so may a T whose own plane is unsure, as L all but sees its edge. Of others, a point is so far
  * from a plane along an edge that pairs of doubles tell on which side: it has 2^-64 or more of the third corner's distance, which
  * is 2^-22 or more of what its volume is made from.
  *
@@ -230,9 +230,47 @@ static MASK may_stop(const Few *few, const Few *others, const int i) {
     return may;
 }
 
+/* Whether a coordinate is so small, but for 0, that products of three might underflow. */
+static int is_tiny(const double4 size) {
+    return (size.x > 0 && size.x < 0x1p-300) || (size.y > 0 && size.y < 0x1p-300) || (size.z > 0 && size.z < 0x1p-300);
+}
+
+/* Whether all corners of a triangle are behind the plane of another one as seen from the light (side = 1), or before it (-1), or on
+ * it, by numbers of the world. With u = 2^-53, a coordinate of N is off by less than 4 u m, and N.d by less than 8 u of the sum of
+ * |d| m, if nothing underflows. Where coordinates are equal, products are exactly 0: this knows planes along axes, such as floors
+ * of several triangles that have no corner in common. */
+static int is_beside(const Lamp lamp, const int number, const int plane, const double side) {
+    const int4 face = lamp.face[plane], other = lamp.face[number];
+    const real4 A = lamp.vertex[face.x], e = lamp.vertex[face.y] - A, f = lamp.vertex[face.z] - A;
+    const real4 d[4] = {lamp.place - A, lamp.vertex[other.x] - A, lamp.vertex[other.y] - A, lamp.vertex[other.z] - A};
+    const double4 xy = e.yzxw * f.zxyw, yx = e.zxyw * f.yzxw, N = xy - yx, m = fabs(xy) + fabs(yx);
+    double towards = 0, tiny = 0;
+    for (int k = 0; k < 4; k++) {
+        const double4 size = fabs(d[k]), part = d[k] * N, off = size * m;
+        const double at = (part.x + part.y) + part.z, error = 0x1p-49 * ((off.x + off.y) + off.z);
+        if (k == 0) towards = fabs(at) > error ? side * copysign(1.0, at) : 0;
+        if (towards == 0 || !(towards * at + error <= (k == 0 ? INFINITY : 0.0))) return 0;
+        tiny += is_tiny(size);
+    }
+    return !(tiny + is_tiny(fabs(e)) + is_tiny(fabs(f)));
+}
+
+/* Whether numbers say more than may_stop() does of each of the lanes that may stop such a ray. */
+static int are_beside(const Lamp lamp, const Few *few, const Few *others, const int i, const MASK may) {
+    int each[W];
+    STORE_LANES(may ? few->number : (INT)-2, each);
+    const int number = INT_AT(others->number, i);
+    for (int lane = 0; lane < W; lane++) {
+        if (each[lane] == -2) continue;
+        if (each[lane] < 0) return 0;
+        if (!is_beside(lamp, each[lane], number, 1) && !is_beside(lamp, number, each[lane], -1)) return 0;
+    }
+    return 1;
+}
+
 /* Whether anything in some packets may stop a ray from triangle i of one of them; of larger cells' lists only where that is in the
  * list of the cell itself. */
-static int may_be_stopped(const Few *few, const int packets, const Few *own, const int i) {
+static int may_be_stopped(const Lamp lamp, const Few *few, const int packets, const Few *own, const int i) {
     if (!(FLOAT_AT(own->nx[3], i) - FLOAT_AT(own->nx[3], i) == 0)) return 1;
     const float u = -FLOAT_AT(own->box[2], i), v = -FLOAT_AT(own->box[3], i);
     const float to_u = -FLOAT_AT(own->box[0], i), to_v = -FLOAT_AT(own->box[1], i);
@@ -240,7 +278,8 @@ static int may_be_stopped(const Few *few, const int packets, const Few *own, con
         if (!few[k].of_cell && !own->of_cell) continue;
         const float *around = few[k].around;
         if (around[0] < u || around[1] < v || around[2] < to_u || around[3] < to_v) continue;
-        if (ANY(may_stop(few + k, own, i))) return 1;
+        const MASK may = may_stop(few + k, own, i);
+        if (ANY(may) && !are_beside(lamp, few + k, own, i, may)) return 1;
     }
     return 0;
 }
@@ -320,7 +359,7 @@ __kernel void find_stoppable(
                 const int number = INT_AT(own->number, i % W);
                 if (!INT_AT(own->asked, i % W) || open[number]) continue;
                 listed[number] = 1;
-                if (may_be_stopped(few, packets, own, i % W)) open[number] = 1;
+                if (may_be_stopped(lamp, few, packets, own, i % W)) open[number] = 1;
             }
         }
     }
