@@ -11,12 +11,15 @@
 #define GRID_LEVEL 8
 #define GRID (2 << GRID_LEVEL)
 #define SMALLEST (GRID / 16)
+/* In smaller squares no line is looked for: their four parts are as cheap. */
+#define SMALLEST_LINED (GRID / 4)
 /* So many squares of one size are split in a pixel, those that are known least. */
 #define MOST_OPEN 64
 /* What part of the error that is wanted is left to squares of one size, and what part of a level the ends of a line and its bend may
  * be off by. */
 #define ALLOWED 0.7f
 #define SAFETY 3
+#define THIN (1.0f / 16)
 #define PRECISE 0.6f
 /* What branches that were dropped may add to a sample, in levels. */
 #ifdef WITH_DROPPING
@@ -202,16 +205,25 @@ static float error_of(const Square *square) {
     return bend_of(square) * (is_smooth(square) ? 1.0f / 3 : 0.5f);
 }
 
+/* The same of the parts of squares. Where these differ, what is thin may go through one of them between its samples, as it does through
+ * those beside it: a 16th of their bend is added. */
+static void errors_of(const Square *squares, const int count, float *error) {
+    for (int i = 0; i < count; i++) error[i] = error_of(&squares[i]);
+    for (int first = 0; first + 3 < count; first += 4) {
+        float bend = 0;
+        for (int i = first; i < first + 4; i++) bend = fmax(bend, is_smooth(&squares[i]) ? 0 : bend_of(&squares[i]));
+        for (int i = first; i < first + 4; i++) error[i] += THIN * bend;
+    }
+}
+
 /* Adds those squares of a pixel to it that are known well enough, all of one size: their errors add up to no more than a part of
  * what is left. Puts the others into `open`, and returns how many these are. */
 static int keep_squares(const Square *squares, const int count, const float levels, Total *total, Square *open) {
     float error[4 * MOST_OPEN], kept = 0, lower = INFINITY;
     const float side = (float)squares->side / GRID, area = side * side;
     const float most = levels / SAFETY, left = fmax(ALLOWED * (most * most - (float)total->error * 0x1p-40f), 0.0f);
-    for (int i = 0; i < count; i++) {
-        error[i] = error_of(&squares[i]);
-        kept = fmax(kept, error[i]);
-    }
+    errors_of(squares, count, error);
+    for (int i = 0; i < count; i++) kept = fmax(kept, error[i]);
     for (lower = kept; lower > 0; lower *= 0.75f) {
         float sum = 0;
         int above = 0;
@@ -458,7 +470,7 @@ static int follow_all(const Frame frame, const Scene scene, const int2 size, con
     int which[BATCH], lines = 0, left = 0;
     for (int i = 0; i < count; i++) {
         Border border;
-        if (has_border(&squares[i], &border)) which[lines++] = i;
+        if (squares[i].side >= SMALLEST_LINED && has_border(&squares[i], &border)) which[lines++] = i;
         if (lines < BATCH && i < count - 1) continue;
         if (lines) follow_lines(frame, scene, size, tile, squares, which, lines, totals, late, work);
         lines = 0;
