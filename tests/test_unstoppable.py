@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 import pyopencl as cl
 import pytest
 from solids import Solid, ball, box, joined, lattice, mesh, needles, octahedron, sheet
 
-from cltrace import Camera, Image, Material, Renderer, Scene, parallel_light, point_light, spot_light
+from cltrace import BuildError, Camera, Image, Material, Renderer, Scene, parallel_light, point_light, spot_light
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
@@ -153,6 +155,17 @@ def test_it_is_found_out_once_it_pays(device: Device) -> None:
         renderer.render(frame)
     assert known(renderer).any()
     assert np.array_equal(known(part), known(renderer))
+
+
+def test_pictures_are_the_same_where_a_driver_fails(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = of(floor(), ball(1))
+    want, _, _ = frames(scene, device, monkeypatch)
+    for fault in (BuildError("no such kernel"), cl.LogicError("create_buffer", -61)):
+        monkeypatch.setattr(unstoppable.Unstoppable, "_found", Mock(side_effect=fault))
+        renderer = Renderer(scene, device, "accurate", OUTPUTS)
+        for _ in range(2):
+            assert np.array_equal(renderer.render().color, want.color)
+        assert not known(renderer).any()
 
 
 def test_only_accurate_needs_it(device: Device) -> None:

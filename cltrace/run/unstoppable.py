@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
 
+from cltrace.errors import BuildError
 from cltrace.plan import abi
 from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
@@ -21,6 +23,8 @@ PAYS = 3
 # Work-items. Each one goes through neighbouring cells.
 ITEMS = 256
 
+log = logging.getLogger("cltrace")
+
 
 class Unstoppable:
     """What is known of the triangles that a plan shows, of its lights at points, on one device.
@@ -32,6 +36,9 @@ class Unstoppable:
         self._plan, self._device, self._lock = plan, device, threading.Lock()
         self._pixels = self.lights = 0
         self._entries: int | None = None
+        parallel, *_, lights = plan.values["lights"]
+        listed = lights > parallel and len(plan.arrays["grid"]) > 1
+        self._may_pay = listed and device.kind == "cpu"
 
     def drawn(self, pixels: int) -> None:
         """Counts pixels that have been drawn."""
@@ -41,20 +48,22 @@ class Unstoppable:
     def find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
         """Adds the buffer `unstoppable` to those of the plan once that pays: never on a GPU.
 
-        Raises BuildError, and the driver's errors.
+        Where a driver fails, there is none: pictures are the same without it.
         """
-        parallel, *_, lights = self._plan.values["lights"]
-        listed = lights > parallel and len(self._plan.arrays["grid"]) > 1
         with self._lock:
-            if self.lights or not listed or self._device.kind != "cpu":
+            if not self._may_pay:
                 return
             if self._entries is None:
                 self._entries = self._counted(queue, buffers["start"])
             if self._pixels < PAYS * self._entries:
                 return
-            with Announcement("compiling the kernel ..."):
-                buffers["unstoppable"] = self._found(context, queue, buffers)
-            self.lights = lights
+            self._may_pay = False
+            try:
+                with Announcement("compiling the kernel ..."):
+                    buffers["unstoppable"] = self._found(context, queue, buffers)
+                self.lights = self._plan.values["lights"][3]
+            except (BuildError, cl.Error) as error:
+                log.info("triangles without shadows are not looked for: %s", error)
 
     def _counted(self, queue: Any, start: Any) -> int:
         """How many entries the lists have: where that of the last cell ends."""
@@ -92,7 +101,7 @@ class Unstoppable:
             for grid in grids[begin : begin + count]:
                 find(queue, (ITEMS,), (1,), grid, place, *common, row, *read, wanted, there, open_)
             note(queue, (ITEMS,), (1,), np.int32(m), np.int32(words * light), there, open_, out)
-        queue.finish()
+            queue.finish()  # so that Ctrl-C is heard
         return out
 
     def _kernels(self) -> list[Any]:

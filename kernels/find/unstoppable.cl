@@ -11,9 +11,9 @@
  *
  * The facets tell on which side of a plane a corner is, with the bounds of sides_of() and plane_at(), as a corner is a direction
  * from L like any other. Corners that both have in common are on the planes, exactly: neighbours have one or two. Of planes of
- * triangles, is_beside() may know more. What bounds leave open may be stopped, and so may a T whose own plane is unsure, as L all but sees its edge. Of others, a point is so far
- * from a plane along an edge that pairs of doubles tell on which side: it has 2^-64 or more of the third corner's distance, which
- * is 2^-22 or more of what its volume is made from.
+ * triangles, is_beside() may know more. What bounds leave open may be stopped, and so may a T whose own plane is unsure, as L
+ * all but sees its edge. Of others, a point is so far from a plane along an edge that pairs of doubles tell on which side: it has
+ * 2^-64 or more of the third corner's distance, which is 2^-22 or more of what its volume is made from.
  *
  * plane_at() is about rays that meet the triangle. Elsewhere the plane's numbers N / D are off by less than 2^-26 / s in all for
  * each coordinate of a ray w, with s the largest corner's size, see _facets(). As |N / D| s is at least 1, that is less than
@@ -335,7 +335,8 @@ __kernel void find_stoppable(
                 leave_open(entry, first, end, spheres, open);
                 FOR_EACH_LEVEL_ABOVE(above, level) {
                     const int over = cell_of(above, corner);
-                    if (start[over + 1] - start[over] <= MOST_LISTED) leave_open(entry, start[over], start[over + 1], spheres, open);
+                    if (start[over + 1] - start[over] <= MOST_LISTED)
+                        leave_open(entry, start[over], start[over + 1], spheres, open);
                 }
                 continue;
             }
