@@ -98,19 +98,49 @@ static void order_crowd(const Scene scene, const Crowd *crowd, const Depth depth
     for (int k = 0; k < crowd->count; k++) order->seen[k] = order->seen[k] & !order->hidden[k];
 }
 
-/* What is left of a member's part of cells, or with k = -1 of the background's. off: what share of the cell that is wrong in, and lost:
- * what share others may have of it besides. */
+/* What is left of a member's part of cells, or with k = -1 of the background's. off: what share of the cell that is wrong in; lost:
+ * what share others may have of it besides, and hidden: what share of it they surely have. */
 typedef struct {
     Window window;
-    FLOAT off, lost;
+    FLOAT off, lost, hidden;
 } Rest;
 
-static void leave_rest(const Crowd *crowd, const Order *order, const int k, const MASK here, Rest *rest) {
+/* What two members have in common of a window that is cut to one of them, at most. */
+static FLOAT common_share(const Window *window, const Crowd *crowd, const int k, const MASK here) {
+    Window part = *window;
+    cut_to_member(&part, crowd, k, here);
+    return part.share + part.off;
+}
+
+/* Counts what others have of what is left, which no line cuts off. other: these, as bits, and sure: those that surely are before it. All of
+ * them together have no more than the sum of their parts, and no less than that without what every two have in common. Two that go on in
+ * each other have nothing. */
+static void count_lost(const Scene scene, const Crowd *crowd, const INT other, const INT sure, Rest *rest) {
+    for (int j = 0; j < crowd->count; j++) {
+        const MASK here = (other & (INT)(1 << j)) != 0, clear = here & !crowd->vague[j];
+        if (!ANY(here)) continue;
+        Window common = rest->window;
+        common.off = 0;
+        cut_to_member(&common, crowd, j, clear);
+        const FLOAT within = common.share + common.off, all = crowd->share[j].most;
+        rest->lost += here ? ((clear & (within < all)) ? within : all) : (FLOAT)0;
+        const MASK surely = clear & ((sure & (INT)(1 << j)) != 0);
+        FLOAT more = common.share - common.off;
+        for (int i = 0; i < j; i++) {
+            const MASK twice = surely & ((other & sure & (INT)(1 << i)) != 0);
+            if (!ANY(twice) || are_beside(scene, crowd->index[i], crowd->index[j])) continue;
+            more -= twice ? common_share(&common, crowd, i, twice & !crowd->vague[i]) : (FLOAT)0;
+        }
+        rest->hidden += (surely & (more > 0)) ? more : (FLOAT)0;
+    }
+}
+
+static void leave_rest(const Scene scene, const Crowd *crowd, const Order *order, const int k, const MASK here, Rest *rest) {
     open_window(&rest->window);
-    rest->lost = 0;
+    rest->lost = rest->hidden = 0;
     if (k >= 0) cut_to_member(&rest->window, crowd, k, here);
     Model slot[SLOTS];
-    INT used = 0;
+    INT used = 0, other = 0, sure = 0;
     for (int n = 0; n < SLOTS; n++) slot[n] = constant_model(1);
     for (int j = 0; j < crowd->count; j++) {
         if (j == k) continue;
@@ -122,10 +152,12 @@ static void leave_rest(const Crowd *crowd, const Order *order, const int k, cons
         const Model line = scaled(choose_model(a, crowd->line[j][0], choose_model(b, crowd->line[j][1], crowd->line[j][2])), -1);
         for (int n = 0; n < SLOTS; n++) slot[n] = choose_model(cuts & (used == n), line, slot[n]);
         used = cuts ? used + 1 : used;
-        rest->lost += (may & !cuts) ? crowd->share[j].most : (FLOAT)0;
+        other = (may & !cuts) ? other | (INT)(1 << j) : other;
+        sure = (may & surely) ? sure | (INT)(1 << j) : sure;
     }
     for (int n = 0; n < SLOTS; n++)
         if (ANY(used > n)) cut_window(&rest->window, &slot[n], used > n);
     rest->off = rest->window.off + (k >= 0 ? order->slack[max(k, 0)] : (FLOAT)0);
+    if (ANY(other != 0)) count_lost(scene, crowd, other, sure, rest);
 }
 #endif

@@ -50,17 +50,17 @@ static void bound_tint(Tint *tint) {
 static void put_piece(const Frame frame, const Scene scene, const Cells cells, const Crowd *crowd, const Order *order, const int k,
                      const MASK here, Piece *piece, Work *work) {
     Rest rest;
-    leave_rest(crowd, order, k, here, &rest);
+    leave_rest(scene, crowd, order, k, here, &rest);
     const MASK vague = k < 0 ? (MASK)0 : crowd->vague[max(k, 0)];
     const FLOAT all = k < 0 ? (FLOAT)1 : crowd->share[max(k, 0)].most;
     const FLOAT least = k < 0 ? (FLOAT)0 : crowd->share[max(k, 0)].least;
-    const FLOAT share = rest.window.share, low = (vague ? least : share - rest.off) - rest.lost, high = vague ? all : share + rest.off;
+    const FLOAT share = rest.window.share, low = (vague ? least : share - rest.off) - rest.lost, most = vague ? all : share + rest.off, high = most - rest.hidden;
     piece->here = here;
     piece->share = share;
     piece->off = rest.off;
     piece->low = low > 0 ? low : (FLOAT)0;
-    piece->high = high < all ? high : all;
-    piece->exact = here & !vague & !(rest.lost > 0);
+    piece->high = high > 0 ? (high < all ? high : all) : (FLOAT)0;
+    piece->exact = here & !vague;
     /* What shows next to nothing of itself may have any colour. */
     const MASK shows = here & (piece->high > TINY);
     for (int c = 0; c < 3; c++) {
@@ -80,6 +80,11 @@ static void put_piece(const Frame frame, const Scene scene, const Cells cells, c
         clamp_tint(&tint, share);
         bound_tint(&tint);
     }
+    /* What others have besides is an error, unless it is more than what the colour's range makes of the piece. */
+    FLOAT widest = 0;
+    for (int c = 0; c < 3; c++) widest = tint.most[c] - tint.least[c] > widest ? tint.most[c] - tint.least[c] : widest;
+    piece->exact = piece->exact & !(rest.lost > widest * piece->low);
+    piece->off += rest.lost;
     piece->tint.off = shows ? tint.off : (FLOAT)0;
     for (int c = 0; c < 3; c++) {
         piece->tint.v[c] = shows ? tint.v[c] : piece->tint.v[c];

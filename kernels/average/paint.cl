@@ -67,8 +67,8 @@ typedef struct {
 } Range;
 
 /* Of more texels across or down, or in all, colours are not looked up. */
-#define MOST_ACROSS 96
-#define MOST_TEXELS 576
+#define MOST_ACROSS 192
+#define MOST_TEXELS 1536
 
 /* Of a coordinate that is unknown, or of too many texels, count is 0. */
 static Range range_of(const Coordinate *c, const int lane, const int size) {
@@ -90,11 +90,12 @@ static int are_known(const Range x, const Range y) {
 
 /* Texels that a cell may show, less the colour in its middle: rows of so many columns, or if they are `turned`, columns of so many rows.
  * All is named as of rows. sum: their integrals along rows, from below the middle on. low, high: their range; steep: up to what colours
- * differ from one texel to the next, across and down, and total: the sum of that over all squares between four texels. */
+ * differ from one texel to the next, across and down; total: the sum of that over all squares between four texels, and sides: over the
+ * columns of squares, or the rows, of the most in each. */
 typedef struct {
     int columns, rows, turned;
     float3 texel[MOST_TEXELS], sum[MOST_TEXELS];
-    float3 middle, low, high, steep[2], total[2];
+    float3 middle, low, high, steep[2], total[2], sides[2];
 } Texels;
 
 /* The colour, or the integral of colours along a row up to x, between the four texels from (i, j) on. */
@@ -149,6 +150,17 @@ static void load_texels(const Scene scene, const Sheet sheet, const Range u, con
         }
         const float3 begin = row_integral(texels, x.at, middle_column, j);
         for (int i = 0; i < columns; i++) sums[i] -= begin;
+    }
+    texels->sides[0] = texels->sides[1] = 0;
+    for (int i = 1; i < columns; i++) {
+        float3 most = 0;
+        for (int j = 0; j < y.count; j++) most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[j * columns + i - 1]));
+        texels->sides[0] += most;
+    }
+    for (int j = 1; j < y.count; j++) {
+        float3 most = 0;
+        for (int i = 0; i < columns; i++) most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[(j - 1) * columns + i]));
+        texels->sides[1] += most;
     }
 }
 
@@ -212,7 +224,8 @@ static float widened_area(Range *x, Range *y) {
  *
  * By Green's theorem it is the integral of F dy around the window, divided by what the cell's area is on the texture, which is 4
  * times `area`. Where places are off by e, colours are by e times their slope there, whose mean over the cell is no more than
- * the largest, and no more than the sum over all squares, each wider by e, divided by the cell's area.
+ * the largest, no more than the sum over all squares, each wider by e, divided by the cell's area, and no more than the sum over columns
+ * of squares: with x = a s + b t, of the cell's places no more than 1 / (2 max(|a|, |b|)) are in each unit of x.
  * Roundings, with u = 2^-24, n columns, m rows, and A for the largest colour: F is off by (n^2 + 8) u A, as sums are of up to n colours,
  * and the border goes down and up by 4 ry in all; corners are off by 3 u rx and 3 u ry, which is an area of 24 u rx ry; and F is A rx
  * at most, so what is added up are less than n + m + 26 roundings of 4 A rx ry. All this is divided by 4 area, too. */
@@ -228,7 +241,9 @@ static float3 mean_within(const Texels *texels, const Range u, const Range v, co
     const float n = texels->columns, m = texels->rows, wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over);
     const float rounded = 0x1p-23f * y.radius * (n * n + 8 + (2 * (n + m) + 64) * x.radius) / fabs(area);
     const float3 largest = fmax(texels->high, -texels->low);
-    const float3 steep_x = fmin(texels->steep[0], texels->total[0] * wider), steep_y = fmin(texels->steep[1], texels->total[1] * wider);
+    const float wide_x = 0.5f * (1 + 2 * x.off) / fmax(fabs(x.s), fabs(x.t)), wide_y = 0.5f * (1 + 2 * y.off) / fmax(fabs(y.s), fabs(y.t));
+    const float3 steep_x = fmin(fmin(texels->steep[0], texels->total[0] * wider), texels->sides[0] * wide_x);
+    const float3 steep_y = fmin(fmin(texels->steep[1], texels->total[1] * wider), texels->sides[1] * wide_y);
     *off = (x.off * steep_x + y.off * steep_y + rounded * largest) * (1 + 0x1p-18f);
     return sum * over;
 }

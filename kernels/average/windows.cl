@@ -8,7 +8,7 @@
 #ifdef WITH_AVERAGE
 /* A silhouette, the edge of a spot's cone, and some shadows; of a triangle three edges, and those of some others before it. */
 #ifdef WITH_SHEETS
-#define MOST_LINES 10
+#define MOST_LINES 12
 /* So small a share of a cell is no matter, and counts as an error. */
 #define TINY 0x1p-10f
 #else
