@@ -90,7 +90,33 @@ INLINE long sum_of_lanes(const LONG x) {
     return sum;
 }
 
-/* Rows are written one number after the other. */
+/* Rows of two or four numbers, of which each vector has one. */
+#if W == 8 && defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define ZIPPED(type, a, b, half)                                                                                   \
+    __builtin_shufflevector((PASTE(type, 8))(a), (PASTE(type, 8))(b), half, 8 + half, half + 1, 9 + half,          \
+                            half + 2, 10 + half, half + 3, 11 + half)
+#define JOINED(a, b, half) \
+    __builtin_shufflevector(a, b, half, half + 1, half + 8, half + 9, half + 2, half + 3, half + 10, half + 11)
+#define WRITE_ROWS_2(type, table, i, a, b)                                                                         \
+    do {                                                                                                           \
+        __global type *row_ = (__global type *)((table) + (i));                                                    \
+        vstore8(ZIPPED(type, a, b, 0), 0, row_);                                                                   \
+        vstore8(ZIPPED(type, a, b, 4), 1, row_);                                                                   \
+    } while (0)
+#define WRITE_ROWS_4(type, table, i, a, b, c, d)                                                                   \
+    do {                                                                                                           \
+        __global type *row_ = (__global type *)((table) + (i));                                                    \
+        const PASTE(type, 8) a_ = ZIPPED(type, a, b, 0), b_ = ZIPPED(type, c, d, 0);                               \
+        const PASTE(type, 8) c_ = ZIPPED(type, a, b, 4), d_ = ZIPPED(type, c, d, 4);                               \
+        vstore8(JOINED(a_, b_, 0), 0, row_);                                                                       \
+        vstore8(JOINED(a_, b_, 4), 1, row_);                                                                       \
+        vstore8(JOINED(c_, d_, 0), 2, row_);                                                                       \
+        vstore8(JOINED(c_, d_, 4), 3, row_);                                                                       \
+    } while (0)
+#endif
+#endif
+#ifndef WRITE_ROWS_2
 #define WRITE_ROWS_2(type, table, i, a, b)            \
     do {                                              \
         type a_[W], b_[W];                            \
@@ -115,3 +141,4 @@ INLINE long sum_of_lanes(const LONG x) {
             (table)[(i) + k].w = d_[k];               \
         }                                             \
     } while (0)
+#endif
