@@ -140,6 +140,7 @@ class Renderer:
             other = copy(self)
         other.request, other._maker = replace(self.request, crop=crop), None
         other._see(self.scene, start, self._executor)
+        other._executor.know(self._executor)
         return other
 
     def rows(self, first: int, end: int) -> Renderer:
@@ -221,13 +222,16 @@ class Renderer:
     def _follow(self, scene: Scene, start: float) -> None:
         """Becomes a Renderer of another scene, and leaves alone what it shares with a copy. start: see _see()."""
         old, world, executor, view = self.scene, self._world, self._executor, None
-        if not _is_seen_anew(old, scene):
+        anew = _is_seen_anew(old, scene)
+        if not anew:
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
             order_of = order_on(self.device, len(scene.columns), self.precision)
             self._world = World.of(scene, self.request, Before(old, world) if alike else None, order_of)
             if alike and scene.camera == old.camera and self._world.differs_in_materials(world):
                 view = self._view
         self._see(scene, start, executor, view)
+        if anew:
+            self._executor.know(executor)
 
     def _see(self, scene: Scene, start: float, before: Executor | None = None, view: View | None = None) -> None:
         """Makes plan and executor for a scene.

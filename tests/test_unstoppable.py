@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -161,11 +162,43 @@ def test_pictures_are_the_same_where_a_driver_fails(device: Device, monkeypatch:
     scene = of(floor(), ball(1))
     want, _, _ = frames(scene, device, monkeypatch)
     for fault in (BuildError("no such kernel"), cl.LogicError("create_buffer", -61)):
-        monkeypatch.setattr(unstoppable.Unstoppable, "_found", Mock(side_effect=fault))
+        monkeypatch.setattr(unstoppable.Unstoppable, "_find", Mock(side_effect=fault))
         renderer = Renderer(scene, device, "accurate", OUTPUTS)
         for _ in range(2):
             assert np.array_equal(renderer.render().color, want.color)
         assert not known(renderer).any()
+
+
+def test_other_cameras_know_it(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is found out for one view holds for all, and for parts of them; the next ones ask about the rest."""
+    scene = of(floor(), ball(2), large_floor().moved((0, -4, 0)))
+    monkeypatch.setattr(unstoppable, "PAYS", 0)
+    first = Renderer(scene, device, "accurate", OUTPUTS)
+    first.render()
+    start = known(first)
+    cameras = [
+        Camera(at, (0, -0.5, 0), horizontal_fov=12, resolution=(64, 48)) for at in ((6, 4, -3), (-5, 1, 2), (0, 7, 1))
+    ]
+    for camera in cameras:
+        before, there = known(first), first.look(camera)
+        monkeypatch.setattr(unstoppable, "PAYS", np.inf)
+        assert (there.render().shadow_rays > 0).any()
+        assert np.array_equal(known(there), before)  # without another search
+        plain = Renderer(scene.seen_by(camera), device, "accurate", OUTPUTS).render()
+        assert all(np.array_equal(getattr(there.render(), output), getattr(plain, output)) for output in OUTPUTS)
+        monkeypatch.setattr(unstoppable, "PAYS", 0)
+        more = there.render()
+        assert all(np.array_equal(getattr(more, output), getattr(plain, output)) for output in OUTPUTS)
+        part = there.cropped((8, 8, 40, 32))
+        assert np.array_equal(part.render().color, plain.color[8:32, 8:40])
+        assert np.array_equal(known(part), known(there))
+    assert start.any()
+    assert (known(first) >= start).all()
+    assert (known(first) > start).any()
+    brighter = first.following(replace(scene, lights=(point_light((-1, 5, -2)),)))
+    monkeypatch.setattr(unstoppable, "PAYS", np.inf)
+    brighter.render()
+    assert not known(brighter).any()
 
 
 def test_only_accurate_needs_it(device: Device) -> None:

@@ -58,8 +58,8 @@ class Request:
         lights: lights that are black, or that shine on nothing that reflects
         hidden: spheres inside others, or there twice
         receivers: in the lists of a light, spheres that shadow nothing in the picture
-        unstopped: where spheres are few, shadow rays that none of them can stop; and where a view of meshes is drawn
-            often, those from triangles on which no shadow falls
+        unstopped: where spheres are few, shadow rays that none of them can stop; and where meshes are drawn often,
+            those from triangles on which no shadow falls
         highlights: those too faint for a byte
         outputs: all pictures that the kernel can write
         order: the spheres stay in the scene's order

@@ -117,6 +117,11 @@ class Executor:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
         self.room, self._rows = before.room, before._rows
 
+    def know(self, before: Executor) -> None:
+        """Shares what is known of triangles with an executor of the same scene, which another camera sees."""
+        if self._unstoppable and before._unstoppable:
+            self._unstoppable = Unstoppable(self.plan, self.device, before._unstoppable)
+
     def of(self, region: Region) -> Executor:
         """Draws a part of the same region, with the same buffers. Not while another thread draws with this one."""
         other = copy(self)

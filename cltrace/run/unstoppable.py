@@ -1,4 +1,4 @@
-"""On which triangles no shadow falls: found on a device, for views that are drawn again and again."""
+"""On which triangles no shadow falls: found on a device, for scenes that are drawn again and again."""
 
 from __future__ import annotations
 
@@ -26,15 +26,31 @@ ITEMS = 256
 log = logging.getLogger("cltrace")
 
 
+class _Findings:
+    """What is known of a scene's triangles on one device, by all that draw them from wherever.
+
+    pixels: how many have been drawn since more was found; asked, bits: buffers, None before: of which triangles it is
+    known, and what, as unstoppable.cl has it. Whether a shadow falls on a triangle does not depend on the camera.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.pixels = 0
+        self.asked: Any = None
+        self.bits: Any = None
+
+
 class Unstoppable:
     """What is known of the triangles that a plan shows, of its lights at points, on one device.
 
+    before: that of a plan of the same scene, which another camera sees; what either finds out, both know.
     lights: how many of the plan's lights it is known of: none, or all. Several threads may use it.
     """
 
-    def __init__(self, plan: Plan, device: Device) -> None:
-        self._plan, self._device, self._lock = plan, device, threading.Lock()
-        self._pixels = self.lights = 0
+    def __init__(self, plan: Plan, device: Device, before: Unstoppable | None = None) -> None:
+        self._plan, self._device = plan, device
+        self._findings: _Findings = before._findings if before else _Findings()
+        self.lights = 0
         self._entries: int | None = None
         parallel, *_, lights = plan.values["lights"]
         listed = lights > parallel and len(plan.arrays["grid"]) > 1
@@ -42,28 +58,30 @@ class Unstoppable:
 
     def drawn(self, pixels: int) -> None:
         """Counts pixels that have been drawn."""
-        with self._lock:
-            self._pixels += pixels
+        with self._findings.lock:
+            self._findings.pixels += pixels
 
     def find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
-        """Adds the buffer `unstoppable` to those of the plan once that pays: never on a GPU.
+        """Puts the buffer `unstoppable` among those of the plan, and more into it once that pays: never on a GPU.
 
         Where a driver fails, there is none: pictures are the same without it.
         """
-        with self._lock:
-            if not self._may_pay:
-                return
-            if self._entries is None:
-                self._entries = self._counted(queue, buffers["start"])
-            if self._pixels < PAYS * self._entries:
-                return
-            self._may_pay = False
-            try:
-                with Announcement("compiling the kernel ..."):
-                    buffers["unstoppable"] = self._found(context, queue, buffers)
-                self.lights = self._plan.values["lights"][3]
-            except (BuildError, cl.Error) as error:
-                log.info("triangles without shadows are not looked for: %s", error)
+        findings = self._findings
+        with findings.lock:
+            if self._may_pay and self._pays(queue, buffers["start"]):
+                self._may_pay, findings.pixels = False, 0
+                try:
+                    with Announcement("compiling the kernel ..."):
+                        self._find(context, queue, buffers)
+                except (BuildError, cl.Error) as error:
+                    log.info("triangles without shadows are not looked for: %s", error)
+            if findings.bits is not None:
+                buffers["unstoppable"], self.lights = findings.bits, self._plan.values["lights"][3]
+
+    def _pays(self, queue: Any, start: Any) -> bool:
+        if self._entries is None:
+            self._entries = self._counted(queue, start)
+        return self._findings.pixels >= PAYS * self._entries
 
     def _counted(self, queue: Any, start: Any) -> int:
         """How many entries the lists have: where that of the last cell ends."""
@@ -74,21 +92,32 @@ class Unstoppable:
         cl.enqueue_copy(queue, end, start, src_offset=end.itemsize * cells)
         return int(end[0])
 
-    def _found(self, context: Any, queue: Any, buffers: dict[str, Any]) -> Any:
-        """The buffer."""
-        values, grids, flags = self._plan.values, self._plan.arrays["grid"], self._plan.features
+    def _find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
+        """Asks about the triangles that this plan shows, but for those that are known already."""
+        findings, values, grids, flags = (
+            self._findings,
+            self._plan.values,
+            self._plan.arrays["grid"],
+            self._plan.features,
+        )
+        everywhere = "WITH_BOUNCES" in flags
+        if everywhere and findings.bits is not None:
+            return
         find, look, note = self._kernels()
         m, first, (parallel, _, _, lights) = values["triangles"], np.int32(values["first"]), values["lights"]
-        words, everywhere = -(-m // 32), "WITH_BOUNCES" in flags
-        out, wanted, there, open_ = (
-            cl.Buffer(context, cl.mem_flags.READ_WRITE, size) for size in (4 * words * lights, m, m, m)
-        )
-        zero, one = np.zeros(1, np.uint8), np.ones(1, np.uint8)
-        cl.enqueue_fill_buffer(queue, out, zero, 0, 4 * words * lights)
-        cl.enqueue_fill_buffer(queue, wanted, one if everywhere else zero, 0, m)
+        words = -(-m // 32)
+
+        def filled(size: int, value: int = 0) -> Any:
+            buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, size)
+            cl.enqueue_fill_buffer(queue, buffer, np.full(1, value, np.uint8), 0, size)
+            return buffer
+
+        asked = filled(m) if findings.asked is None else findings.asked
+        bits = filled(4 * words * lights) if findings.bits is None else findings.bits
+        wanted = filled(m, int(everywhere))
         if not everywhere:  # what is in the tiles' lists
             of_tiles = np.int32(grids[1]["cells"][2]), first, buffers["start"], buffers["entry"]
-            look(queue, (ITEMS,), (1,), *of_tiles, wanted)
+            look(queue, (ITEMS,), (1,), *of_tiles, asked, wanted)
         eye = (*values["eye"][:3], float(not everywhere and "WITH_PARALLEL_RAYS" not in flags))
         axes = (vector(values["frame"][name][:3]) for name in ("right", "up", "back"))
         common = *axes, np.float64(values["unit"]), vector(eye), first
@@ -96,13 +125,12 @@ class Unstoppable:
         for light in range(parallel, lights):
             begin, count = self._plan.arrays["light_buffer"][light, :2].tolist()
             place, row = vector(self._plan.arrays["lamp"][light, :3]), np.int64(3 * m * light)
-            for buffer in (there, open_):
-                cl.enqueue_fill_buffer(queue, buffer, zero, 0, m)
+            there, open_ = filled(m), filled(m)
             for grid in grids[begin : begin + count]:
                 find(queue, (ITEMS,), (1,), grid, place, *common, row, *read, wanted, there, open_)
-            note(queue, (ITEMS,), (1,), np.int32(m), np.int32(words * light), there, open_, out)
+            note(queue, (ITEMS,), (1,), np.int32(m), np.int32(words * light), there, open_, bits)
             queue.finish()  # so that Ctrl-C is heard
-        return out
+        findings.asked, findings.bits = asked, bits
 
     def _kernels(self) -> list[Any]:
         names = ("find_stoppable", "find_listed", "note_unstoppable")

@@ -366,17 +366,18 @@ __kernel void find_stoppable(
     }
 }
 
-/* Notes which triangles are in the lists of so many cells, the first ones. */
+/* Notes which triangles are in the lists of so many cells, the first ones, but for those that have been asked about. */
 __kernel void find_listed(
     const int cells,
     const int spheres,
     __global const int *restrict start,
     __global const int2 *restrict entry,
-    __global char *restrict listed
+    __global char *restrict asked,
+    __global char *restrict wanted
 ) {
     const int items = get_global_size(0), item = get_global_id(0), count = start[cells];
     for (int k = (long)count * item / items; k < (long)count * (item + 1) / items; k++)
-        if (entry[k].x >= spheres) listed[entry[k].x - spheres] = 1;
+        if (entry[k].x >= spheres && !asked[entry[k].x - spheres]) asked[entry[k].x - spheres] = wanted[entry[k].x - spheres] = 1;
 }
 
 /* A bit for each triangle, 32 of them in a number: whether nothing can stop a ray from there. */
@@ -392,6 +393,6 @@ __kernel void note_unstoppable(
         int bits = 0;
         for (int i = 0; i < 32 && 32 * k + i < triangles; i++)
             bits |= (listed[32 * k + i] & !open[32 * k + i]) << i;
-        unstoppable[first + k] = bits;
+        unstoppable[first + k] |= bits;
     }
 }
