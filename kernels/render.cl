@@ -65,17 +65,20 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
- * there are BLOCK rows of them: what a packet has brought into the cache is still there for the packet below. */
+ * there are BLOCK rows of them, rendered column by column: what a packet has brought into the cache is still there for
+ * those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
 #if defined(WITH_BLOCKS) && W > 1
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, top = row + (int)get_global_id(1) * BLOCK * PACKET_HEIGHT;
-    for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
+    for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
+        for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
+            render_packet(frame, scene, size, region, x, y, out);
 #else
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
     if (y >= region.w) return;
-#endif
     for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
         render_packet(frame, scene, size, region, x, y, out);
+#endif
 }
