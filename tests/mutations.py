@@ -52,9 +52,18 @@ BETWEEN = f"{MESHES} glass_show_of_spheres"
 REFERENCE = "-m slow tests/test_mesh_oracle.py -k reference"
 SMOOTH = "-m slow tests/test_attributes.py"
 
+FREE = "tests/test_unstoppable.py"
 FIT, PARALLEL = "tests/test_cameras.py", "tests/test_orthographic.py -k"
 
 MUTATIONS = [
+    Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
+    Mutation("!few[k].of_cell && !own->of_cell", "!few[k].of_cell", "large triangles before small triangles", FREE),
+    Mutation("!few[k].of_cell && !own->of_cell", "!own->of_cell", "small triangles before large triangles", FREE),
+    Mutation("at - off * size >= 1", "at >= 0.9f", "what is behind planes of triangles", FREE),
+    Mutation("at + off * size <= 1", "at <= 1.1f", "what is before planes of triangles", FREE),
+    Mutation("few->far = furthest", "few->far = 0.5f * furthest", "what is beyond all of triangles", FREE),
+    Mutation("towards * at + error <=", "-towards * at + error <=", "sides of planes of triangles", FREE),
+    Mutation("(touches | other) ?", "touches ?", "spheres before triangles", f"-m slow {FREE}"),
     Mutation("((fabs(x) + fabs(y)) + e) + 0x1p-48 * (rr + XX)", "0", "doubt about discs", f"{PARALLEL} grazing"),
     Mutation("hit = (D >= 0) & (t > 0)", "hit = (D > 0) & (t > 0)", "tangents of discs", f"{PARALLEL} touch"),
     Mutation("normal.z >= 0 ? (REAL)1 : (REAL)-1", "(REAL)1", "spheres cut by the plane", f"{PARALLEL} pictures"),
