@@ -3,8 +3,8 @@
  * A pixel is a square with a sample at each corner and one at the middle; those of neighbours share corners. Each sample has a
  * mark, which says what its rays have met. Where all five are nearly on a plane, they give the mean. Where there are two marks,
  * one beyond a line, the line is found by halving on two sides of the square, and each part of the square has the colour at its
- * centroid. All other squares are split into 4, down to SMALLEST. Each square is judged by itself, so neither the crop nor the
- * order of squares matters.
+ * centroid. All other squares are split into 4, those that are known least first, down to SMALLEST. Which these are depends on
+ * the pixel's own samples alone, and sums are whole numbers: neither crops nor the width of packets change a bit.
  */
 #ifdef WITH_MARKS
 /* Places of samples are counted in these parts of a pixel, 2^GRID_LEVEL halves of cells; the side of a smallest square in them. */
@@ -13,13 +13,17 @@
 #define SMALLEST (GRID / 16)
 /* In smaller squares no line is looked for: their four parts are as cheap. */
 #define SMALLEST_LINED (GRID / 4)
-/* So many squares of one size are split in a pixel, those that are known least. */
+/* So many squares of one size may be split in a pixel: all but the smallest. To split only a part of these would be a bias: squares
+ * are known to be uncertain where a sample met what is thin, but not where all samples missed it. */
 #define MOST_OPEN 64
-/* What part of the error that is wanted is left to squares of one size, and what part of a level the ends of a line and its bend may
- * be off by. */
-#define ALLOWED 0.7f
+/* What squares are off by is independent of each other, so that the squares of their errors add up. The error of a pixel is that many
+ * times the root of the sum. */
 #define SAFETY 3
+/* What part of the sum that a pixel may still have its squares of one size may take. */
+#define ALLOWED 0.7f
+/* See errors_of(). */
 #define THIN (1.0f / 16)
+/* By what part of the error that is wanted both ends of a line may move the mean, or its bend. */
 #define PRECISE 0.6f
 /* What branches that were dropped may add to a sample, in levels. */
 #ifdef WITH_DROPPING
@@ -105,7 +109,8 @@ typedef struct {
 #define RIGHT(corner) ((corner) == 1 || (corner) == 2)
 #define BELOW(corner) ((corner) >= 2)
 
-/* The error is a sum of whole numbers, too: squares come in any order. In units of 2^-40 levels. */
+/* Sums over squares that come in any order: of colours and coverage times areas, and of the squares of errors in levels times areas. In
+ * units of 2^-40. */
 typedef struct {
     long c[4], error;
 } Total;
@@ -200,7 +205,8 @@ static int has_border(const Square *square, Border *border) {
     return 1;
 }
 
-/* In levels, what a square's mean is mostly off by. */
+/* In levels, what a square's mean is mostly off by: of what is smooth no more than the middle is by itself, see bend_of(). Where an edge
+ * cuts off a part p < 1/2 of a square with the contrast c, the samples' mean is off by about c / 8, and the bend is c / 4 or more. */
 static float error_of(const Square *square) {
     return bend_of(square) * (is_smooth(square) ? 1.0f / 3 : 0.5f);
 }
@@ -216,8 +222,8 @@ static void errors_of(const Square *squares, const int count, float *error) {
     }
 }
 
-/* Adds those squares of a pixel to it that are known well enough, all of one size: their errors add up to no more than a part of
- * what is left. Puts the others into `open`, and returns how many these are. */
+/* Adds those squares of a pixel to it that are known well enough, all of one size: the squares of their errors add up to no more than a
+ * part of what is left. Puts the others into `open`, and returns how many these are. */
 static int keep_squares(const Square *squares, const int count, const float levels, Total *total, Square *open) {
     float error[4 * MOST_OPEN], kept = 0, lower = INFINITY;
     const float side = (float)squares->side / GRID, area = side * side;
@@ -297,14 +303,15 @@ typedef struct {
     int failed, overgrown;
 } Line;
 
-/* An end of a line that is off by half a gap, along one side, moves no more than a quarter of that times the side from one part to the
- * other. */
+/* An end of a line that is off by half a gap, along a side s, moves no more than a quarter of the gap times s from one part to the other,
+ * and mostly a half of that. Of squares of the nth part of a pixel about n have the edge, so that their gaps may be the root of n times as
+ * wide. */
 static Line line_of(const Square *square, const float levels) {
     Line line;
     has_border(square, &line.border);
     line.failed = line.overgrown = 0;
     const float width = 2 * PRECISE * levels * sqrt(GRID * GRID * GRID / (float)square->side) / line.border.contrast;
-    line.width = clamp((int)width, 2, square->side / 4);
+    line.width = (int)clamp(width, 2.0f, 0.25f * square->side);
     for (int end = 0; end < 2; end++) {
         for (int k = 0; k < 2; k++) {
             const int corner = (line.border.cut[end] + k) & 3, second = square->corner[corner].mark != line.border.first;
