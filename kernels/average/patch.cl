@@ -135,6 +135,31 @@ static int eye_is_outside(const Scene scene, const int index) {
 #endif
 }
 
+/* What is positive where the way w from a point to a light goes through a sphere: r |w| - |X|, with X = f x w and f from the point to the
+ * centre. Since f - w is s, the same for all points, X is s x w, or s x f, which is linear in the place; of parallel light, where w is
+ * constant, s is -w. Let e be the unit vector along X in the middle. With X' for what X has across e,
+ *
+ *     e.X <= |X| <= e.X + X'.X' / (2 e.X),   e.X = (e x s).w
+ *
+ * and |X'| is at most |s| times what points are apart from the middle, `far`. s is off by s_off, and 2^-23 of itself, e by 2^-20 in length
+ * and in direction, and e x s by 2^-21 |s|. shorter: whether f is shorter than w, or w is constant. */
+static Model shadow_of(const Model3 f, const Model3 w, const Model a, const MASK shorter, const Float3 s, const FLOAT s_off, const FLOAT r,
+                       const FLOAT far) {
+    const Model3 g = choose_vector(shorter, f, w);
+    const Float3 X = {s.y * g.z.v - s.z * g.y.v, s.z * g.x.v - s.x * g.z.v, s.x * g.y.v - s.y * g.x.v};
+    const FLOAT size = sqrt(DOT(X, X)), over = 1 / size, s_size = sqrt(DOT(s, s));
+    const FLOAT rounding = (ROUNDING * s_size + s_off) * (fabs(g.x.v) + fabs(g.y.v) + fabs(g.z.v));
+    const Float3 e = {over * X.x, over * X.y, over * X.z};
+    const FLOAT off = 0x1p-21f * s_size;
+    const Model3 across = {{e.y * s.z - e.z * s.y, 0, 0, off, 0}, {e.z * s.x - e.x * s.z, 0, 0, off, 0}, {e.x * s.y - e.y * s.x, 0, 0, off, 0}};
+    const FLOAT aside = s_size * far + 2 * rounding, least = size - aside, bow = (FLOAT)0.25f * aside * aside / least;
+    Model m = minus_model(scaled(root_of(a), r), dot_constant(g, across));
+    m.v -= bow;
+    m.r += bow * (1 + ROUNDING) + 2 * rounding + ROUNDING * size;
+    m.r = least > 0 ? m.r : (FLOAT)INFINITY;
+    return m;
+}
+
 /* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
  * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
  * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points. Where f.w < 0 and P is outside, so is the way.
@@ -178,8 +203,11 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
                                     narrowed(C.z - patch->anchor.z, 0, 0, rounded)};
         const Model3 f = models_along(axes, minus_vectors(from_anchor, patch->p)), v = models_along(axes, w);
         const Model a = square_of_vector(v), b = kind == 0 ? dot_constant(f, v) : dot_models(f, v);
-        const Model X = square_of_vector(kind == 0 ? cross_constant(f, v) : cross_models(f, v));
-        const Model D = minus_model(scaled(a, radius * radius), X);
+        const real4 to = scene.light[number].position;
+        const Float3 from_light = {TO_FLOAT(C.x - scene.unit * to.x), TO_FLOAT(C.y - scene.unit * to.y), TO_FLOAT(C.z - scene.unit * to.z)};
+        const Float3 back = {-w0.x, -w0.y, -w0.z}, s0 = kind == 0 ? back : along_axes(axes, from_light);
+        const REAL loose = kind == 0 ? (REAL)0 : 2 * (rounded + (REAL)CENTER_ROUNDING * scene.unit * (fabs(to.x) + fabs(to.y) + fabs(to.z)));
+        const Model D = shadow_of(f, v, a, kind == 0 ? ALL_LANES : DOT(f0, f0) < a0, s0, TO_FLOAT(loose), radius, patch->radius);
         const MASK started = outside | ((FLOAT)seen_from_outside > 0), behind = started & (most_of(b) < 0);
         const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & started;
         const MASK told = block_where(blocking, index, near & !wholly & between, D);
