@@ -3,7 +3,11 @@
 /* Renders the packet at (x, y) of a region (x, y, width, height) of a picture of this size, all in pixels. The region
  * begins at a tile, so no packet is in two tiles. */
 static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x,
-                          const int y, const Outputs out) {
+                          const int y, const Outputs out
+#ifdef WITH_RUNS
+                          , const Wholes *wholes, const int first, const Work *before
+#endif
+) {
     const INT column = region.x + x + LANE_COLUMN, row = region.y + y + LANE_ROW;
     const int2 tile = {(region.x + x) / TILE, (region.y + y) / TILE};
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}},
@@ -16,6 +20,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     Work counts, *work = &counts;
 #ifdef OUT_WORK
     for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
+#ifdef WITH_RUNS
+    if (first == 0) counts = *before;
+#endif
 #endif
 #ifdef WITH_CEILING
     const int number = packet_number(size, region.x + x, region.y + y);
@@ -33,7 +40,12 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #ifdef WITH_CENTRES
         pixels = trace(frame, scene, for_shapes(frame, scene, primary_ray(frame, size, column, row)), tile, pixels, work);
 #endif
-        average_pixels(frame, scene, size, column, row, tile, within, &pixels, work);
+#ifdef WITH_RUNS
+        const Means means = load_means(wholes, first);
+#else
+        const Means means = look_at_pixels(frame, scene, size, column, row, tile, within, work);
+#endif
+        average_pixels(frame, scene, size, column, row, tile, within, means, &pixels, work);
     } else {
         pixels.color.x = pixels.color.x < 1 ? pixels.color.x : (SHADE)1;
         pixels.color.y = pixels.color.y < 1 ? pixels.color.y : (SHADE)1;
@@ -63,6 +75,20 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 #endif
 }
 
+#ifdef WITH_RUNS
+/* RUN packets side by side, of which the first is at (x, y) of the region. */
+static void render_run(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x, const int y, const Outputs out) {
+    Wholes wholes;
+    Work counts;
+#ifdef OUT_WORK
+    for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
+#endif
+    look_at_run(frame, scene, size, region.x + x, region.y + y, region.x + region.z, region.y + region.w, &wholes, &counts);
+    for (int k = 0; k < RUN && x + k * PACKET_WIDTH < region.z; k++)
+        render_packet(frame, scene, size, region, x + k * PACKET_WIDTH, y, out, &wholes, k * W, &counts);
+}
+#endif
+
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
  * there are BLOCK rows of them, rendered column by column: what a packet has brought into the cache is still there for
@@ -72,13 +98,22 @@ __kernel void render(RENDER_PARAMETERS) {
     const Outputs out = OUTPUTS_OF_PARAMETERS;
 #if defined(WITH_BLOCKS) && W > 1
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, top = row + (int)get_global_id(1) * BLOCK * PACKET_HEIGHT;
+#ifdef WITH_RUNS
+    for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
+        render_run(frame, scene, size, region, begin, y, out);
+#else
     for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
         for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
             render_packet(frame, scene, size, region, x, y, out);
+#endif
 #else
     const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
     if (y >= region.w) return;
+#ifdef WITH_RUNS
+    render_run(frame, scene, size, region, begin, y, out);
+#else
     for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
         render_packet(frame, scene, size, region, x, y, out);
+#endif
 #endif
 }

@@ -24,6 +24,15 @@
 /* Errors above that many levels are rough. */
 #define ROUGH 2
 
+#ifdef WITH_RUNS
+/* Where in the picture the pixels of cells are, in units of TILE x TILE pixels. */
+typedef struct {
+    INT x, y;
+} Tiles;
+#else
+typedef int2 Tiles;
+#endif
+
 /* The rays through the middles of those cells that are `wanted`: their colours, 1 at most. */
 static __attribute__((noinline)) void sample_cells(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK wanted, Means *means,
                          MASK *overgrown, Work *work) {
@@ -217,8 +226,30 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
 }
 #endif
 
+#ifdef WITH_RUNS
+/* The same of cells of several tiles. */
+static void sample_tiles(const Frame frame, const Scene scene, const Cells cells, const Tiles tiles, const MASK wanted, Means *means, MASK *overgrown,
+                         Work *work) {
+    int x[W], y[W], some[W];
+    STORE_LANES(tiles.x, x);
+    STORE_LANES(tiles.y, y);
+    STORE_LANES(wanted, some);
+    MASK left = wanted;
+    for (int lane = 0; lane < W; lane++) {
+        if (!some[lane]) continue;
+        const int2 tile = {x[lane], y[lane]};
+        const MASK here = left & (tiles.x == tile.x) & (tiles.y == tile.y);
+        if (!ANY(here)) continue;
+        sample_cells(frame, scene, cells, tile, here, means, overgrown, work);
+        left = left & !here;
+    }
+}
+#else
+#define sample_tiles sample_cells
+#endif
+
 /* What cells show, given which surfaces these are. */
-static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells, const int level, const int2 tile,
+static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells, const int level, const Tiles tile,
                                                     const Sight *sight, Means *means, MASK *overgrown, Work *work) {
     Tint tint;
 #ifdef WITH_TRIANGLES
@@ -249,7 +280,7 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     const MASK rough = (known & !beyond) & (means->error > ROUGH) & (level == FINEST ? ALL_LANES : (MASK)0);
     if (level == 0 || !ANY(open | rough)) return;
     const FLOAT coverage = means->coverage;
-    sample_cells(frame, scene, cells, tile, open | rough, means, overgrown, work);
+    sample_tiles(frame, scene, cells, tile, open | rough, means, overgrown, work);
     means->coverage = rough ? coverage : means->coverage;
     FLOAT beside = 0;
     for (int k = 0; k < 3; k++) {
@@ -318,6 +349,22 @@ static Cells cells_of_parts(const Frame frame, const int2 size, const int level,
     return cells_at(frame, size, level, LOAD_LANES(x), LOAD_LANES(y));
 }
 
+static Tiles tiles_of_parts(const int *columns, const int *rows, const Part *parts, const int *order) {
+#ifdef WITH_RUNS
+    int x[W], y[W];
+    for (int lane = 0; lane < W; lane++) {
+        const int pixel = parts[order[lane]].place >> 12;
+        x[lane] = columns[pixel] / TILE;
+        y[lane] = rows[pixel] / TILE;
+    }
+    const Tiles tiles = {LOAD_LANES(x), LOAD_LANES(y)};
+#else
+    const int pixel = parts[order[0]].place >> 12;
+    const Tiles tiles = {columns[pixel] / TILE, rows[pixel] / TILE};
+#endif
+    return tiles;
+}
+
 /* So many cells are seen before they are looked at. */
 #define MOST_SEEN (8 * W)
 
@@ -331,14 +378,20 @@ static void sort_by_rank(const int *rank, const int count, int *order) {
     for (int lane = 0; lane < W; lane++) order[count + lane] = order[count - 1];
 }
 
-/* Looks at parts of a packet's pixels, MOST_SEEN at most. level: of the cells; see cells_of_parts(). */
+/* Looks at parts of pixels, MOST_SEEN at most. level: of the cells; see cells_of_parts(). */
 static void look_at_parts(const Frame frame, const Scene scene, const int2 size, const int level, const int *columns, const int *rows,
-                          const int2 tile, Part *parts, const int count, int *beyond, int *late, Work *work) {
-    int order[MOST_SEEN + W], rank[MOST_SEEN];
+                          Part *parts, const int count, int *beyond, int *late, Work *work) {
+    int order[MOST_SEEN + W], rank[MOST_SEEN + W];
     Sights sights;
-    for (int i = 0; i < count + W; i++) order[i] = i < count ? i : count - 1;
-    for (int first = 0; first < count; first += W) {
-        const Sight view = sight_of(scene, cells_of_parts(frame, size, level, columns, rows, parts, order + first), tile);
+    for (int first = 0, end = 0; first < count; first = end) {
+        const int pixel = parts[first].place >> 12;
+        const int2 tile = {columns[pixel] / TILE, rows[pixel] / TILE};
+        for (; end < count && end < first + W; end++) {
+            const int other = parts[end].place >> 12;
+            if (columns[other] / TILE != tile.x || rows[other] / TILE != tile.y) break;
+        }
+        for (int lane = 0; lane < W; lane++) order[lane] = min(first + lane, end - 1);
+        const Sight view = sight_of(scene, cells_of_parts(frame, size, level, columns, rows, parts, order), tile);
         store_sight(&sights, first, view);
         STORE_LANES(rank_of(view), rank + first);
     }
@@ -348,7 +401,8 @@ static void look_at_parts(const Frame frame, const Scene scene, const int2 size,
         MASK overgrown = 0;
         const Sight view = load_sight(&sights, order + first);
         const Cells cells = cells_of_parts(frame, size, level, columns, rows, parts, order + first);
-        look_at_cells(frame, scene, cells, level, tile, &view, &means, &overgrown, work);
+        const Tiles tiles = tiles_of_parts(columns, rows, parts, order + first);
+        look_at_cells(frame, scene, cells, level, tiles, &view, &means, &overgrown, work);
         float color[3][W], coverage[W], error[W];
         int grown[W], state[W];
         for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), color[k]);
@@ -393,9 +447,9 @@ static int keep_or_split(const Part *cells, const int count, const int level, co
     return next;
 }
 
-/* The means of those pixels of a packet that are wanted `again`, by their parts; but for those of which a part is `beyond` proof. */
+/* The means of those of W pixels that are wanted `again`, by their parts; but for those of which a part is `beyond` proof. */
 static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
-                         const int2 tile, Sum *sums, int *beyond, int *late, Work *work) {
+                         Sum *sums, int *beyond, int *late, Work *work) {
     ushort split[W * MOST_SPLIT];
     Part cells[4 * W * MOST_SPLIT];
     int count = 0;
@@ -404,8 +458,7 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
     for (int level = 1; count > 0; level++) {
         place_parts(split, count, cells);
         for (int first = 0; first < 4 * count; first += MOST_SEEN)
-            look_at_parts(frame, scene, size, level, columns, rows, tile, cells + first, min(4 * count - first, MOST_SEEN), beyond, late,
-                          work);
+            look_at_parts(frame, scene, size, level, columns, rows, cells + first, min(4 * count - first, MOST_SEEN), beyond, late, work);
         int next = 0;
         for (int first = 0, end = 0; first < 4 * count; first = end) {
             const int pixel = cells[first].place >> 12;
@@ -416,34 +469,156 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
     }
 }
 
-/* What pixels show, as whole cells: quickly, where that is enough. */
-static void look_at_pixels(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK within, Sight *view,
-                           Means *means, MASK *overgrown, Work *work) {
-#ifdef WITH_QUICK
-    Means quick;
-    const MASK known = look_quickly(frame, scene, &cells, view, &quick);
-    *means = quick;
-    if (!ANY(within & !known)) return;
-    *view = choose_sight(known, empty_sight(), *view);
-    look_at_cells(frame, scene, cells, 0, tile, view, means, overgrown, work);
-    for (int k = 0; k < 3; k++) PUT_WHERE(TO_SHADE_MASK(known), means->color[k], quick.color[k]);
-    PUT_WHERE(known, means->coverage, quick.coverage);
-    PUT_WHERE(known, means->error, quick.error);
-    PUT_WHERE(known, means->state, quick.state);
-#else
-    look_at_cells(frame, scene, cells, 0, tile, view, means, overgrown, work);
-#endif
+#ifdef WITH_RUNS
+/* What the pixels of a work-item's packets show, as whole cells. */
+typedef struct {
+    float color[3][RUN * W], coverage[RUN * W], error[RUN * W];
+    int state[RUN * W];
+} Wholes;
+
+static Means load_means(const Wholes *wholes, const int first) {
+    Means means;
+    for (int k = 0; k < 3; k++) means.color[k] = TO_SHADE(LOAD_LANES(wholes->color[k] + first));
+    means.coverage = LOAD_LANES(wholes->coverage + first);
+    means.error = LOAD_LANES(wholes->error + first);
+    means.state = LOAD_LANES(wholes->state + first);
+    return means;
 }
 
-/* Puts the means into a packet of pixels. within: which of them are wanted. */
-static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
-                           const MASK within, Pixels *pixels, Work *work) {
+static void store_means(Wholes *wholes, const int first, const Means means) {
+    for (int k = 0; k < 3; k++) STORE_LANES(TO_FLOAT(means.color[k]), wholes->color[k] + first);
+    STORE_LANES(means.coverage, wholes->coverage + first);
+    STORE_LANES(means.error, wholes->error + first);
+    STORE_LANES(means.state, wholes->state + first);
+}
+
+/* The pixels of a run that are lanes of one packet, by their order. x, y: where the run begins. */
+static Cells cells_of_run(const Frame frame, const int2 size, const int x, const int y, const int *order) {
+    int column[W], row[W];
+    for (int lane = 0; lane < W; lane++) {
+        const int packet = order[lane] / W, place = order[lane] % W;
+        column[lane] = x + packet * PACKET_WIDTH + (place & 3);
+        row[lane] = y + (place >> 2);
+    }
+    return cells_at(frame, size, 0, LOAD_LANES(column), LOAD_LANES(row));
+}
+
+/* Splits those pixels of a run that are not known, or not well enough, W at once. which: the pixels that may be so. */
+static void split_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y, const int *which, const int count,
+                      Wholes *wholes, Work *work) {
     const float levels = scene.average.w;
+    int next = 0;
+    while (next < count) {
+        int columns[W], rows[W], again[W], beyond[W], late[W], place[W], some = 0;
+        Sum sums[W];
+        for (; next < count && some < W; next++) {
+            const int i = which[next];
+            if (wholes->state[i] == SURE && wholes->error[i] <= levels) continue;
+            place[some] = i;
+            columns[some] = x + i / W * PACKET_WIDTH + (i % W & 3);
+            rows[some++] = y + (i % W >> 2);
+        }
+        if (some == 0) return;
+        for (int k = 0; k < W; k++) {
+            const Sum nothing = {{0, 0, 0}, 0, 0};
+            sums[k] = nothing;
+            again[k] = k < some;
+            beyond[k] = late[k] = 0;
+        }
+        split_pixels(frame, scene, size, columns, rows, again, sums, beyond, late, work);
+        for (int k = 0; k < some; k++) {
+            for (int c = 0; c < 3; c++) wholes->color[c][place[k]] = (float)sums[k].color[c] * 0x1p-40f;
+            wholes->coverage[place[k]] = (float)sums[k].coverage * 0x1p-40f;
+            wholes->error[place[k]] = sums[k].error;
+        }
+    }
+}
+
+/* Looks at the pixels of up to RUN packets, side by side: quickly, and at the others, packed together, as usual. x, y: where they begin; right,
+ * bottom: where the part of the picture ends that is wanted. */
+static void look_at_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y, const int right, const int bottom,
+                        Wholes *wholes, Work *work) {
+    int order[RUN * W + W], rank[RUN * W], rest[RUN * W], sorted[RUN * W + W], count = 0;
+    Sights sights;
+    for (int packet = 0; packet < RUN && x + packet * PACKET_WIDTH < right; packet++) {
+        const int begin = x + packet * PACKET_WIDTH, first = packet * W;
+        const int2 tile = {begin / TILE, y / TILE};
+        if (!tile_has_any(scene.lists, tile)) continue;
+        const INT column = begin + LANE_COLUMN, row = y + LANE_ROW;
+        const Cells cells = cells_at(frame, size, 0, column, row);
+        const Sight view = sight_of(scene, cells, tile);
+        Means means;
+        const MASK open = (column < right) & (row < bottom) & !look_quickly(frame, scene, &cells, &view, &means);
+        store_means(wholes, first, means);
+        if (!ANY(open)) continue;
+        int wanted[W], ranks[W];
+        store_sight(&sights, first, view);
+        STORE_LANES(open, wanted);
+        STORE_LANES(rank_of(view), ranks);
+        for (int lane = 0; lane < W; lane++) {
+            rest[count] = first + lane;
+            rank[count] = ranks[lane];
+            count += wanted[lane] != 0;
+        }
+    }
+    if (count == 0) return;
+    sort_by_rank(rank, count, sorted);
+    for (int i = 0; i < count + W; i++) order[i] = rest[sorted[i]];
+    for (int first = 0; first < count; first += W) {
+        const Tiles none = {0, 0};
+        const Sight view = load_sight(&sights, order + first);
+        Means means;
+        MASK overgrown = 0;
+        look_at_cells(frame, scene, cells_of_run(frame, size, x, y, order + first), 0, none, &view, &means, &overgrown, work);
+        Wholes own;
+        store_means(&own, 0, means);
+        for (int lane = 0; lane < W; lane++) {
+            const int place = order[first + lane];
+            for (int k = 0; k < 3; k++) wholes->color[k][place] = own.color[k][lane];
+            wholes->coverage[place] = own.coverage[lane];
+            wholes->error[place] = own.error[lane];
+            wholes->state[place] = own.state[lane];
+        }
+    }
+    split_run(frame, scene, size, x, y, rest, count, wholes, work);
+}
+#else
+/* What pixels show, as whole cells: quickly, where that is enough. */
+static Means look_at_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
+                            const MASK within, Work *work) {
     Means means;
     MASK overgrown = 0;
     const Cells cells = cells_at(frame, size, 0, column, row);
     Sight view = sight_of(scene, cells, tile);
-    look_at_pixels(frame, scene, cells, tile, within, &view, &means, &overgrown, work);
+#ifdef WITH_QUICK
+    Means quick;
+    const MASK known = look_quickly(frame, scene, &cells, &view, &quick);
+    if (!ANY(within & !known)) return quick;
+    view = choose_sight(known, empty_sight(), view);
+    look_at_cells(frame, scene, cells, 0, tile, &view, &means, &overgrown, work);
+    for (int k = 0; k < 3; k++) PUT_WHERE(TO_SHADE_MASK(known), means.color[k], quick.color[k]);
+    PUT_WHERE(known, means.coverage, quick.coverage);
+    PUT_WHERE(known, means.error, quick.error);
+    PUT_WHERE(known, means.state, quick.state);
+#else
+    look_at_cells(frame, scene, cells, 0, tile, &view, &means, &overgrown, work);
+#endif
+    return means;
+}
+#endif
+
+/* Puts the means into a packet of pixels. within: which of them are wanted; means: of what they show as whole cells. */
+static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
+                           const MASK within, const Means means, Pixels *pixels, Work *work) {
+    const float levels = scene.average.w;
+#ifdef WITH_RUNS
+    pixels->color.x = means.color[0];
+    pixels->color.y = means.color[1];
+    pixels->color.z = means.color[2];
+    pixels->coverage = means.coverage;
+    pixels->error = means.error;
+    COUNT(TOO_FAR, means.error > levels);
+#else
     float color[3][W], coverage[W], error[W];
     int again[W], beyond[W], columns[W], rows[W], late[W];
     Sum sums[W];
@@ -460,7 +635,7 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
         sums[lane] = nothing;
         late[lane] = 0;
     }
-    split_pixels(frame, scene, size, columns, rows, again, tile, sums, beyond, late, work);
+    split_pixels(frame, scene, size, columns, rows, again, sums, beyond, late, work);
     const MASK estimated = LOAD_LANES(beyond) != 0;
 #ifdef WITH_MARKS
     if (ANY(estimated)) sample_pixels(frame, scene, size, columns, rows, beyond, tile, sums, late, work);
@@ -481,6 +656,7 @@ static void average_pixels(const Frame frame, const Scene scene, const int2 size
     COUNT(TOO_FAR, !estimated & (pixels->error > levels));
 #ifdef WITH_CEILING
     pixels->overgrown = LOAD_LANES(late) != 0;
+#endif
 #endif
 }
 #endif

@@ -363,48 +363,6 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
 typedef int Way;
 #endif
 
-/* A ball around all patches of a packet, and the way from its middle m to the light. */
-typedef struct {
-    float3 m, w;
-    float r, over_a;
-} Around;
-
-static Around around_patches(const Area *patch, const Model3 w, const MASK here) {
-    const FLOAT x = TO_FLOAT(patch->anchor.x) + patch->p.x.v, y = TO_FLOAT(patch->anchor.y) + patch->p.y.v;
-    const FLOAT z = TO_FLOAT(patch->anchor.z) + patch->p.z.v;
-    float each[6][W];
-    STORE_LANES(x, each[0]);
-    STORE_LANES(y, each[1]);
-    STORE_LANES(z, each[2]);
-    STORE_LANES(w.x.v, each[3]);
-    STORE_LANES(w.y.v, each[4]);
-    STORE_LANES(w.z.v, each[5]);
-    const int one = max(LARGEST(here ? LANE_COLUMN + PACKET_WIDTH * LANE_ROW : (INT)-1), 0);
-    Around around;
-    around.m = (float3)(each[0][one], each[1][one], each[2][one]);
-    around.w = (float3)(each[3][one], each[4][one], each[5][one]);
-    around.over_a = 1 / DOT(around.w, around.w);
-    const Float3 off = {x - around.m.x, y - around.m.y, z - around.m.z};
-    const FLOAT far = sqrt(DOT(off, off)) + patch->radius;
-    around.r = LARGEST_FLOAT(here ? magnitude(far) : (FLOAT)0);
-    return around;
-}
-
-/* Whether a sphere surely is beside the way to the light from all patches, and so far that block_by_sphere() says so, too: that
- * allows for less than half of the roundings here. */
-static int is_beside(const Scene scene, const int kind, const Around around, const int index) {
-#ifdef WITH_ELLIPSOIDS
-    if (scene.spheres.map_of[index] != 0) return 0;
-#endif
-    const float4 ball = convert_float4(scene.unit * scene.spheres.center_radius[index]);
-    const float3 f = ball.xyz - around.m;
-    const float along = fmax(DOT(f, around.w) * around.over_a, 0.0f), x = kind != 0 ? fmin(along, 1.0f) : along;
-    const float3 q = f - x * around.w;
-    const float size = (fabs(ball.x) + fabs(ball.y) + fabs(ball.z)) + (fabs(around.m.x) + fabs(around.m.y) + fabs(around.m.z));
-    const float outer = (ball.w + around.r) + 32 * ROUNDING * (ball.w + around.r + size);
-    return DOT(q, q) > outer * outer;
-}
-
 /* The ways to a light from all that is within `radius` of a patch's middle, for the light's filters: the way from there to a light at a
  * point, and its square, or where parallel light meets the plane across it. */
 typedef struct {
@@ -413,10 +371,11 @@ typedef struct {
 } Shaft;
 
 static Shaft shaft_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w) {
-    const Real3 P = patch->anchor;
     Shaft shaft = {{w.x.v, w.y.v, w.z.v}, w.x.v * w.x.v + w.y.v * w.y.v + w.z.v * w.z.v, 0, 0, patch->radius};
     if (kind == 0) {
         const Light light = scene.light[number];
+        const Real3 P = {patch->anchor.x + TO_REAL(patch->p.x.v), patch->anchor.y + TO_REAL(patch->p.y.v),
+                         patch->anchor.z + TO_REAL(patch->p.z.v)};
         shaft.u = TO_FLOAT(DOT(P, light.axis));
         shaft.v = TO_FLOAT(DOT(P, light.across));
     }
@@ -451,7 +410,7 @@ static MASK shaft_may_meet(const Scene scene, const int number, const int kind, 
 /* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
  * order, at most. */
 static void block_by_list(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
-                          const FLOAT far, const int cell, const MASK in, const Around around, const Shaft shaft, Blocking *blocking) {
+                          const FLOAT far, const int cell, const MASK in, const Shaft shaft, Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
@@ -465,12 +424,8 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
             continue;
         }
 #endif
-        if (patch->bare) {
-            may = shaft_may_meet(scene, number, kind, shaft, index, may);
-            if (!ANY(may)) continue;
-        } else if (is_beside(scene, kind, around, index)) {
-            continue;
-        }
+        may = shaft_may_meet(scene, number, kind, shaft, index, may);
+        if (!ANY(may)) continue;
         const MASK own = may & (patch->id == index);
         if (ANY(own)) {
             /* From inside, it stands before every light outside of it. */
@@ -534,12 +489,7 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
     blocking.sure = blocking.leaky = 0;
     blocking.off = 0;
 #endif
-    Around around = {(float3)(0), (float3)(0), 0, 0};
-    Shaft shaft = {{0, 0, 0}, 0, 0, 0, 0};
-    if (patch->bare)
-        shaft = shaft_of(scene, number, kind, patch, w);
-    else
-        around = around_patches(patch, w, wanted);
+    const Shaft shaft = shaft_of(scene, number, kind, patch, w);
     const int4 grids = scene.light_buffer[number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
         const Grid grid = scene.lists.grid[g];
@@ -569,7 +519,7 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
                 for (int c = LARGEST(pending); c >= 0; c = LARGEST(pending)) {
                     const MASK in = pending == c;
                     pending = in ? (INT)-1 : pending;
-                    block_by_list(scene, number, kind, patch, w, way, far, c, in, around, shaft, &blocking);
+                    block_by_list(scene, number, kind, patch, w, way, far, c, in, shaft, &blocking);
                 }
             }
         }

@@ -10,6 +10,10 @@
  */
 #if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES) && !defined(WITH_QUADRICS)
 #define WITH_QUICK
+/* Those pixels of a work-item's packets of which more is to be known are looked at side by side. */
+#ifndef WITH_BOUNCES
+#define WITH_RUNS
+#endif
 /* No less than sqrt(4/3). */
 #define ARC 1.1548f
 
@@ -241,8 +245,8 @@ static MASK is_plain(const Scene scene, const INT id) {
 #endif
 }
 
-/* Looks at those cells of which that may be enough. Returns the lanes in which it is, and empties the sight of these. */
-static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells, Sight *view, Means *means) {
+/* Looks at those cells of which that may be enough. Returns the lanes in which it is. */
+static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells, const Sight *view, Means *means) {
     const float levels = scene.average.w;
     const MASK plain = kind_of_sight(*view).plain, some = plain & (view->cover >= 0) & !beyond_proof(scene, view->cover) & is_plain(scene, view->cover);
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};

@@ -105,10 +105,10 @@ static INT rank_of(const Sight view) {
     return kind.plain ? plain : (kind.mixed ? (INT)2 : (kind.pair ? (INT)3 : (INT)4));
 }
 
-/* What 8 packets of cells show, in memory. */
+/* What 8 packets of cells show, in memory, and room for one. */
 typedef struct {
-    int id[3][8 * W], covers[3][8 * W];
-    float least[3][8 * W], most[3][8 * W], others[8 * W];
+    int id[3][9 * W], covers[3][9 * W];
+    float least[3][9 * W], most[3][9 * W], others[9 * W];
 } Sights;
 
 /* first: where it is put, of the packet's first cell. */
