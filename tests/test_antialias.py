@@ -257,6 +257,17 @@ def test_hostile_scenes(device: Device, name: str) -> None:
     assert renderer.work()["pixels of which the error is an estimate"] == 0
 
 
+@pytest.mark.parametrize(
+    "name", ["sharp", *(pytest.param(n, marks=pytest.mark.slow) for n in ("cones", "inside", "behind edges"))]
+)
+def test_rough_bounds(device: Device, name: str) -> None:
+    """Where many levels will do, the middle's colour stands for most pixels: what it is off by is within its bound, too."""
+    scene = HOSTILE[name]()
+    image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=40)
+    assert (image.error > 2).mean() > 0.1
+    assert_within(scene, device, image)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["first", "three-lights", "spot", "globe", "eclipse", "inside", "step4-meshes"])
 def test_scenes(device: Device, name: str) -> None:
