@@ -261,7 +261,7 @@ def test_hostile_scenes(device: Device, name: str) -> None:
     "name", ["sharp", *(pytest.param(n, marks=pytest.mark.slow) for n in ("cones", "inside", "behind edges"))]
 )
 def test_rough_bounds(device: Device, name: str) -> None:
-    """Where many levels will do, the middle's colour stands for most pixels: what it is off by is within its bound, too."""
+    """Where many levels will do, the middle's colour stands for most pixels: it is within its bound, too."""
     scene = HOSTILE[name]()
     image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=40)
     assert (image.error > 2).mean() > 0.1

@@ -364,14 +364,15 @@ typedef int Way;
 #endif
 
 /* The ways to a light from all that is within `radius` of a patch's middle, for the light's filters: the way from there to a light at a
- * point, and its square, or where parallel light meets the plane across it. */
+ * point, and its square, or where parallel light meets the plane across it. The way is rounded as p is, which counts as a distance. */
 typedef struct {
     Float3 w;
     FLOAT a, u, v, radius;
 } Shaft;
 
 static Shaft shaft_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w) {
-    Shaft shaft = {{w.x.v, w.y.v, w.z.v}, w.x.v * w.x.v + w.y.v * w.y.v + w.z.v * w.z.v, 0, 0, patch->radius};
+    const FLOAT off = 0x1p-22f * (fabs(patch->p.x.v) + fabs(patch->p.y.v) + fabs(patch->p.z.v));
+    Shaft shaft = {{w.x.v, w.y.v, w.z.v}, w.x.v * w.x.v + w.y.v * w.y.v + w.z.v * w.z.v, 0, 0, patch->radius + off};
     if (kind == 0) {
         const Light light = scene.light[number];
         const Real3 P = {patch->anchor.x + TO_REAL(patch->p.x.v), patch->anchor.y + TO_REAL(patch->p.y.v),

@@ -117,7 +117,7 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
     const FLOAT r1 = 2 * m.n1 + l1, r2 = 2 * (cosine.bend + 2 * cosine.slope * m.n1 + m.n2) + l2, turn = r1 + m.v1;
     const FLOAT off = 2 * cosine.off + 4 * m.off + 0x1p-20f, slope = turn * (chord + turn), bend = r2 + 2 * r1 * m.v1 + m.v2;
     const FLOAT z_off = (chord + off) * off, higher = z + slope + z_off, high = higher < 0 ? higher : (FLOAT)0, top = 1 + high;
-    /* As log(1 + z) <= z. Then it is less than 2^-28. */
+    /* As log(1 + z) <= z, it is less than 2^-28 then. */
     const MASK faint = (exponent * high < -20) & (exponent >= 2);
     shine->off = shines & faint ? ks * 0x1p-26f : (FLOAT)0;
     const MASK bright = shines & !faint;
@@ -134,9 +134,10 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
 #endif
 
 #ifdef WITH_LIGHTS
-/* The lanes of a light's cone that all of a cell is within, and those that it is not wholly in or out of; and what leaves along its rays:
- * an angle a from the axis has the slope l' and a second derivative of l'' + l'^2 / tan(a). */
 #ifdef WITH_SPOT
+/* Leaves of `here` the lanes in which all of a cell is within a light's cone, and returns those in which its edge, or where it begins to
+ * fall off, may be in the cell. strength: what leaves along its rays; an angle a from the axis has the slope l', and l'' + l'^2 / tan(a) for
+ * a second derivative. */
 static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLOAT l2, const FLOAT off, MASK *here, Gentle *strength) {
     const Float3 axis = {-(float)light.axis.x, -(float)light.axis.y, -(float)light.axis.z};
     const FLOAT cosine = DOT(axis, l), least = (float)light.axis.w, far = l1 + off + 0x1p-20f;
