@@ -48,12 +48,12 @@ class Shelf:
     def of(cls, tools: Toolbox, surfaces: int, lights: int) -> Shelf:
         """One for the lists of so many surfaces and lights, which grows with them on a GPU.
 
-        On a CPU it is ample: memory costs nothing until it is written to.
+        On a CPU it is ample: memory costs nothing until it is written to. Down a tunnel, a sphere is in 4 entries a light.
         """
         if tools.kind != "cpu":
             return cls(tools, 1, 1)
         ample = (CAMERAS + lights) * max(surfaces, FEW)
-        return cls(tools, min(ample, tools.most(np.int32)), min(3 * ample, tools.most(np.uint64)))
+        return cls(tools, min(ample, tools.most(np.int32)), min(6 * ample, tools.most(np.uint64)))
 
     def fits(self, cells: int, entries: int) -> bool:
         """Whether there is room for so many, from the first one on."""
