@@ -48,7 +48,8 @@ class Shelf:
     def of(cls, tools: Toolbox, surfaces: int, lights: int) -> Shelf:
         """One for the lists of so many surfaces and lights, which grows with them on a GPU.
 
-        On a CPU it is ample: memory costs nothing until it is written to. Down a tunnel, a sphere is in 4 entries a light.
+        On a CPU it is ample: memory costs nothing until it is written to. Down a tunnel, a sphere has four
+        entries for each light.
         """
         if tools.kind != "cpu":
             return cls(tools, 1, 1)
