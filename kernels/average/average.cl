@@ -13,12 +13,7 @@
 #else
 #define FINEST 6
 #endif
-/* Of meshes many cells of a pixel may be known equally little. */
-#ifdef WITH_TRIANGLES
 #define MOST_SPLIT 256
-#else
-#define MOST_SPLIT 128
-#endif
 /* What part of the error that is left to a pixel its cells of one level may leave when others are split. */
 #define KEPT 0.5f
 /* Errors above that many levels are rough. */
