@@ -319,6 +319,7 @@ def test_mirrors_around_corners(device: Device) -> None:
     assert (show(scene, device) == colors).all()
 
 
+@pytest.mark.slow
 def test_clusters_of_peas(device: Device) -> None:
     """Off a ball, at 64 clusters of 8 peas each, 1e-6 apart one behind the other: a box of the tree is no larger.
 

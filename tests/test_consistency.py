@@ -107,7 +107,8 @@ def agree(device: Device, width: int, precision: str, names: list[str]) -> None:
         assert differing <= 1e-4 * total
 
 
-@pytest.mark.parametrize("precision", ["accurate", pytest.param("double", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["accurate", "double"])
 def test_normals_and_directions(device: Device, precision: str) -> None:
     for name in [*(path.stem for path in SCENES[:6]), *map(str, range(6))]:
         scene, want = load(name), expected(name)

@@ -208,6 +208,7 @@ def test_which_pixel_it_is(device: Device, width: int) -> None:
         assert not drawn(scene, device, BYTES, width=width, crop=crop).rgb8.any(), crop
 
 
+@pytest.mark.slow
 def test_a_renderer_draws_on_after_that(device: Device) -> None:
     """The frame before leaves no note: seen from elsewhere, the scene has no such pixel."""
     scene = shells(22, (24, 18), small=True)
@@ -227,6 +228,7 @@ SPHERE = """<sphere radius="{}"><position x="0" y="0" z="0"/><material_solid><co
 </material_solid></sphere>"""
 
 
+@pytest.mark.slow
 def test_the_command_says_so_and_writes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], device: Device
 ) -> None:

@@ -30,7 +30,7 @@ from cltrace.run.devices import Device
 FIRST = SCENES[0].parent / "first.xml"
 SLOW_SCENES = ("room",)  # whose pixels take the reference 50 ms and more
 # What an ordinary run looks at: each of the others has a kernel to compile.
-FEW = ("first", "step4-meshes")
+FEW = ("first",)
 
 
 def printed_bytes(explanation: cltrace.Explanation) -> tuple[list[int], list[int]]:

@@ -308,6 +308,7 @@ def test_faces_without_area_are_counted_and_drawn_around() -> None:
     assert "3" in told[0]
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_faults_are_not_all_told() -> None:
     said = faults_of(CORNERS + "".join(f"f 1 2 {k}\n" for k in range(10, 100_010)))
     assert "room.obj:4: " in said[0]
@@ -829,6 +830,7 @@ def test_a_texture_that_is_used_often_is_read_once() -> None:
     assert len(faults_of(None, *[mesh_of("room.obj", "t.png")] * 400)) <= 2
 
 
+@pytest.mark.slow
 def test_many_textures_have_a_limit_together() -> None:
     """Ten files of 36 kilobytes that unfold to a gigabyte."""
     Path("room.obj").write_bytes(GOOD)

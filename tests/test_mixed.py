@@ -84,6 +84,7 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
     both(CASES[name](), device, Request(precision))
 
 
+@pytest.mark.slow
 def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A GPU takes one triangle at a time, and has memory of its own. Here a CPU does that."""
     monkeypatch.setattr(Device, "kind", "gpu")

@@ -74,7 +74,7 @@ def test_spheres_that_pixels_touch_exactly(device: Device, width: int) -> None:
         assert sum(touching) > 50
 
 
-@pytest.mark.parametrize("precision", ["accurate", "double"])
+@pytest.mark.parametrize("precision", ["accurate", pytest.param("double", marks=pytest.mark.slow)])
 def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
     """At decimal places, alone and with something far away in the scene. Beside it by an ulp it misses."""
     camera = Orthographic(height=3, resolution=(3, 3))
@@ -153,7 +153,8 @@ def test_spheres_that_are_met_at_one_point(device: Device, width: int) -> None:
         compare(Scene.from_spheres(TURNED, [], centers @ turn, radii), device, width)
 
 
-@pytest.mark.parametrize("offset", [0.0, pytest.param(1e3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", [0.0, 1e3])
 def test_triangles(device: Device, width: int, offset: float) -> None:
     """Of whole numbers, with edges and corners on pixels' centres, and needles; before, on and behind the plane."""
     rng = np.random.default_rng(5)

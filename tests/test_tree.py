@@ -285,6 +285,7 @@ def test_drivers_agree(device: Device) -> None:
             assert_same(one, drawn(scene, other), ("id", "depth", "color", "rgb8"), (seed, other.name))
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit(device: Device) -> None:
     """PoCL takes its number of threads from the environment, once for a process."""
     script = (
@@ -392,6 +393,7 @@ def look_for_nan(device: Device, seeds: Iterable[int]) -> None:
             assert not np.isnan(image.normal).any(), (seed, precision)
 
 
+@pytest.mark.slow
 def test_no_nan(device: Device) -> None:
     look_for_nan(device, range(100))
 

@@ -71,9 +71,8 @@ class Image:
     error and coverage are there only with antialias. rgb8, color, rgba8 and alpha are then means over the pixel's
     square, in which each colour counts up to 1, and no channel of color is further from the true mean than error / 255;
     a byte is rounded besides. Where bytes are sRGB, error is about colours by that curve, times 255; and it is always
-    about those in front of an opaque background. Of mirrors, glass and textures, and in scenes with meshes, ellipsoids
-    or an orthographic camera, there is no proof yet, and `error` is an estimate. The other outputs are those of the ray
-    through the pixel's middle.
+    about those in front of an opaque background. Of pixels that show a mirror or glass there is no proof, and `error`
+    is an estimate. The other outputs are those of the ray through the pixel's middle.
 
     shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.
