@@ -49,8 +49,8 @@ class Renderer:
     alpha; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it;
     truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a
     packet, 1, 4, 8 or 16, None for what is best on the device; antialias: whether colours are means over pixels, with
-    an error of at most 1 level of 255, or of as many as this says, see Image; keep: what not to skip, for measuring,
-    see Request.
+    an error of 1 level of 255 or of as many as this says, but for a few pixels, see Image; keep: what not to skip, for
+    measuring, see Request.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.

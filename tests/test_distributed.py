@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +44,16 @@ def client() -> Iterator[Any]:
         distributed.Client(cluster) as client,
     ):
         yield client
+
+
+@pytest.fixture
+def no_port() -> Iterator[None]:
+    """Dask's usual port is another cluster's."""
+    with socket.socket() as taken:
+        with suppress(OSError):  # which says that it is
+            taken.bind(("", 8787))
+            taken.listen()
+        yield
 
 
 def small(width: int = 96, height: int = 72, path: Path = FILE) -> Scene:
@@ -218,7 +230,9 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
         assert np.array_equal(pixels(out / f"f{k:02}.png"), cltrace.render(small().seen_by(camera)).rgb8)
 
 
-def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], no_port: None
+) -> None:
     """In processes of its own: workers import the program anew, and nothing from the user's folder."""
     script = tmp_path / "bin" / "cltrace"
     script.parent.mkdir()

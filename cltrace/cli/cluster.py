@@ -105,9 +105,11 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
     """A client of so many processes here, which end with it. Raises DeviceError if they do not start."""
     dask: Any = importlib.import_module("dask")
     how = {"threads_per_worker": 1, "memory_limit": 1 / count, "processes": True, "silence_logs": logging.CRITICAL}
+    # Without a dashboard it serves HTTP all the same, to all hosts and at a port that another cluster may have.
+    private = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
     with (
         dask.config.set(SETTINGS),
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, **how) as cluster,
+        distributed.LocalCluster(n_workers=0, scheduler_kwargs=private, **how) as cluster,
         distributed.Client(cluster, direct_to_workers=True) as client,
     ):
         cluster.scale(count)
