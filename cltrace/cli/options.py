@@ -101,7 +101,7 @@ def _picture(group: Group) -> None:
         const=1.0,
         type=arguments.antialias,
         metavar="LEVELS",
-        help="colours are means over pixels, off by 1 level of 255 or LEVELS, with few exceptions",
+        help="colours are means over pixels, mostly within 1 level of 255, or LEVELS",
     )
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
