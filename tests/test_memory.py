@@ -63,7 +63,9 @@ for k in range(int(sys.argv[2])):
     renderer.look(Camera((t / 100, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))).render()
     changed = {"centers": centers * (1 + t / 1000)} if k % 2 else {"colors": np.roll(colors, t, axis=0)}
     renderer.update(**changed).render()
-print(status("VmRSS") / sizes[1])
+sizes.append(status("VmRSS"))
+# Some 2 MB come and go with where threads happen to be: so the most of five each, 1,000 frames apart.
+print(max(sizes[-5:]) / max(sizes[1:6]))
 for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240)))):
     assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()
 """
@@ -91,7 +93,7 @@ def test_bytes_a_sphere(device: Device) -> None:
 @pytest.mark.slow
 def test_frames_leave_nothing_behind(device: Device) -> None:
     """Of other cameras and of other spheres. The last ones have the bits of new Renderers."""
-    (growth,) = measured(device, FLAT, "1000")
+    (growth,) = measured(device, FLAT, "1250")
     assert growth <= 1.01
 
 
