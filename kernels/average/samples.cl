@@ -27,9 +27,9 @@
 #define PRECISE 0.6f
 /* What branches that were dropped may add to a sample, in levels. */
 #ifdef WITH_DROPPING
-#define DROPPED (255 * (MOST_DROPPED * 0x1p-40f))
+#define LEFT_OUT (255 * (MOST_DROPPED * 0x1p-40f))
 #else
-#define DROPPED 0
+#define LEFT_OUT 0
 #endif
 
 /* Red, green, blue, at most 1 each, and coverage; what was met, and that and where on textures: colours jump where the first is another,
@@ -517,7 +517,7 @@ static __attribute__((noinline)) void sample_pixels(const Frame frame, const Sce
     }
     for (int lane = 0; lane < W; lane++) {
         const Total total = totals[lane];
-        const Sum sum = {{total.c[0], total.c[1], total.c[2]}, total.c[3], SAFETY * sqrt((float)total.error * 0x1p-40f) + DROPPED};
+        const Sum sum = {{total.c[0], total.c[1], total.c[2]}, total.c[3], SAFETY * sqrt((float)total.error * 0x1p-40f) + LEFT_OUT};
         if (wanted[lane]) sums[lane] = sum;
     }
 }
