@@ -24,7 +24,7 @@ def truth(scene: cltrace.Scene, device: Device, n: int, crop: tuple[int, int, in
     width, height = scene.camera.resolution
     larger = scene.seen_by(replace(scene.camera, resolution=(width * n, height * n)))
     x0, y0, x1, y1 = (n * edge for edge in crop)
-    # With code for all features one kernel serves many scenes: half of the time would else be its compiler's.
+    # A kernel that has the code for all features serves many scenes. Else each would have one to compile.
     how = {"outputs": ("color",), "crop": (x0, y0, x1, y1), "keep": ("features",)}
     color = cltrace.Renderer(larger, device, **how).render().color  # type: ignore[arg-type]
     parts = np.minimum(color.astype(np.float64), 1).reshape(crop[3] - crop[1], n, crop[2] - crop[0], n, 3)

@@ -48,9 +48,9 @@ def client() -> Iterator[Any]:
 
 @pytest.fixture
 def no_port() -> Iterator[None]:
-    """Dask's usual port is another cluster's."""
+    """Dask's usual port is taken, as another cluster would have it."""
     with socket.socket() as taken:
-        with suppress(OSError):  # which says that it is
+        with suppress(OSError):  # Then it is taken already.
             taken.bind(("", 8787))
             taken.listen()
         yield
