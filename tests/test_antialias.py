@@ -400,6 +400,15 @@ def test_mirrors(any_device: Device, name: str) -> None:
     assert (off.max(axis=2) <= image.error + 0.5).mean() > 0.99
 
 
+@pytest.mark.slow
+def test_a_tip_in_a_mirror(any_device: Device) -> None:
+    """Between this pixel's corners and its middle lies a mirrored ball's tip, which is worth 32 levels."""
+    scene, crop = cltrace.load(SCENES / "four-mirrors.xml"), (364, 373, 365, 374)
+    image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True, crop=crop)
+    off = 255 * np.abs(image.color - truth(scene, any_device, 16, crop)).max()
+    assert off <= image.error[0, 0]
+
+
 @pytest.mark.parametrize("levels", [0, -1, 256, np.nan, "1"])
 def test_wrong_levels(any_device: Device, levels: object) -> None:
     with pytest.raises(ValueError, match="antialias: must be True, False or levels"):

@@ -1,7 +1,7 @@
 /* samples.cl: the mean colours of pixels that show mirrors or glass, from samples; their errors are estimates.
  *
- * A pixel is a square with a sample at each corner and one at the middle; those of neighbours share corners. Each sample has a
- * mark, which says what its rays have met. Where all five are nearly on a plane, they give the mean. Where there are two marks,
+ * A pixel is a square with samples at its corners, its middle and the middles of its sides; neighbours share all but the middle. Each
+ * sample has a mark, which says what its rays have met. Where all are nearly on a plane, they give the mean. Where there are two marks,
  * one beyond a line, the line is found by halving on two sides of the square, and each part of the square has the colour at its
  * centroid. All other squares are split into 4, those that are known least first, down to SMALLEST. Which these are depends on
  * the pixel's own samples alone, and sums are whole numbers: neither crops nor the width of packets change a bit.
@@ -40,9 +40,11 @@ typedef struct {
     int overgrown;
 } Sample;
 
-/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets. */
+/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets. As many samples as
+ * these have, or the pixels of a packet. */
 #define BATCH 8
-#define MOST_SAMPLES (8 * BATCH)
+#define PACKET_SAMPLES ((2 * PACKET_HEIGHT + 1) * (2 * PACKET_WIDTH + 1))
+#define MOST_SAMPLES (PACKET_SAMPLES > 8 * BATCH ? PACKET_SAMPLES : 8 * BATCH)
 
 /* x, y: from the picture's upper left corner. */
 typedef struct {
@@ -99,11 +101,19 @@ static __attribute__((noinline)) void trace_samples(const Frame frame, const Sce
     }
 }
 
-/* x, y: of its upper left corner; corner: from there clockwise; pixel: the lane of the pixel it is in. */
+/* x, y: of its upper left corner; corner: from there clockwise; pixel: the lane of the pixel it is in. Of a whole pixel, what its sides'
+ * middles say: how far they are from the means of their ends, in levels; and whether they speak against a border, see has_border(). */
 typedef struct {
     int x, y, side, pixel;
     Sample corner[4], middle;
+    float bent;
+    int broken;
 } Square;
+
+/* The middles of the sides of a packet's pixels; side k goes clockwise from corner k. */
+typedef struct {
+    Sample of[W][4];
+} SideMiddles;
 
 /* What is to the right of the upper left corner, and below it, is 1. */
 #define RIGHT(corner) ((corner) == 1 || (corner) == 2)
@@ -138,7 +148,7 @@ static void note_overgrown_square(const Square *square, int *late) {
 /* How far a square's samples are from a plane: of a quadratic in x and y the mean of the corners is twice as far from its mean as the
  * middle is, on the other side; and the difference between the diagonals' means tells of the rest. In levels. */
 static float bend_of(const Square *square) {
-    float most = 0;
+    float most = square->bent / 255;
     for (int k = 0; k < CHANNELS; k++) {
         const float one = square->corner[0].c[k] + square->corner[2].c[k], other = square->corner[1].c[k] + square->corner[3].c[k];
         most = fmax(most, fmax(fabs(0.25f * (one + other) - square->middle.c[k]), 0.25f * fabs(one - other)));
@@ -176,6 +186,7 @@ typedef struct {
 /* Whether there is such a border. */
 static int has_border(const Square *square, Border *border) {
     border->first = border->second = square->corner[0].mark;
+    if (square->broken) return 0;
     int cuts = 0;
     for (int k = 0; k < 4; k++) {
         const uint mark = square->corner[k].mark, next = square->corner[(k + 1) & 3].mark;
@@ -252,34 +263,51 @@ static int keep_squares(const Square *squares, const int count, const float leve
     return next;
 }
 
-/* The squares of those pixels of a packet that are wanted. Returns how many these are. */
+/* Compares the middles of a pixel's sides with their ends. */
+static void look_beside(Square *square, const Sample *sides, int *late) {
+    square->bent = 0;
+    square->broken = 0;
+    for (int k = 0; k < 4; k++) {
+        const Sample *from = &square->corner[k], *to = &square->corner[(k + 1) & 3], *side = &sides[k];
+        for (int c = 0; c < CHANNELS; c++) square->bent = fmax(square->bent, 255 * fabs(0.5f * (from->c[c] + to->c[c]) - side->c[c]));
+        square->broken |= side->mark != from->mark && side->mark != to->mark;
+        late[square->pixel] |= side->overgrown;
+    }
+}
+
+/* Whether any pixel that is wanted has the sample in this row and column, counted in halves of pixels. */
+static int is_needed(const int *wanted, const int row, const int column) {
+    int needed = 0;
+    for (int y = max((row - 1) >> 1, 0); y <= min(row >> 1, PACKET_HEIGHT - 1); y++)
+        for (int x = max((column - 1) >> 1, 0); x <= min(column >> 1, PACKET_WIDTH - 1); x++) needed |= wanted[PACKET_WIDTH * y + x];
+    return needed;
+}
+
+/* The squares of those pixels of a packet that are wanted, and the middles of their sides. Returns how many squares these are. */
 static int squares_of_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *wanted,
-                             const int2 tile, Square *squares, int *late, Work *work) {
+                             const int2 tile, Square *squares, SideMiddles *sides, int *late, Work *work) {
     Samples samples;
-    int number[PACKET_HEIGHT + 1][PACKET_WIDTH + 1], middle[W];
+    int number[2 * PACKET_HEIGHT + 1][2 * PACKET_WIDTH + 1], count = 0;
     samples.count = 0;
-    for (int row = 0; row <= PACKET_HEIGHT; row++) {
-        for (int column = 0; column <= PACKET_WIDTH; column++) {
+    for (int row = 0; row <= 2 * PACKET_HEIGHT; row++) {
+        for (int column = 0; column <= 2 * PACKET_WIDTH; column++) {
             number[row][column] = samples.count;
-            int needed = 0;
-            for (int k = 0; k < 4; k++) {
-                const int x = column - RIGHT(k), y = row - BELOW(k);
-                needed |= x >= 0 && x < PACKET_WIDTH && y >= 0 && y < PACKET_HEIGHT && wanted[PACKET_WIDTH * y + x];
-            }
-            if (needed) add_sample(&samples, GRID * (columns[0] + column), GRID * (rows[0] + row));
+            if (is_needed(wanted, row, column))
+                add_sample(&samples, GRID * columns[0] + GRID / 2 * column, GRID * rows[0] + GRID / 2 * row);
         }
     }
-    for (int lane = 0; lane < W; lane++) {
-        middle[lane] = samples.count;
-        if (wanted[lane]) add_sample(&samples, GRID * columns[lane] + GRID / 2, GRID * rows[lane] + GRID / 2);
-    }
     trace_samples(frame, scene, size, tile, &samples, work);
-    int count = 0;
     for (int lane = 0; lane < W; lane++) {
         if (!wanted[lane]) continue;
+        const int row = 2 * (lane / PACKET_WIDTH) + 1, column = 2 * (lane % PACKET_WIDTH) + 1;
         Square square = {GRID * columns[lane], GRID * rows[lane], GRID, lane};
-        for (int k = 0; k < 4; k++) square.corner[k] = samples.at[number[lane / PACKET_WIDTH + BELOW(k)][lane % PACKET_WIDTH + RIGHT(k)]];
-        square.middle = samples.at[middle[lane]];
+        Sample *side = sides->of[lane];
+        for (int k = 0; k < 4; k++) {
+            square.corner[k] = samples.at[number[row + 2 * BELOW(k) - 1][column + 2 * RIGHT(k) - 1]];
+            side[k] = samples.at[number[row + (k & 1 ? 0 : k - 1)][column + (k & 1 ? 2 - k : 0)]];
+        }
+        square.middle = samples.at[number[row][column]];
+        look_beside(&square, side, late);
         note_overgrown_square(&square, late);
         squares[count++] = square;
     }
@@ -439,30 +467,34 @@ static void follow_lines(const Frame frame, const Scene scene, const int2 size, 
     }
 }
 
-/* Puts in the four parts of each square, BATCH at most. */
+/* Puts in the four parts of each square, BATCH at most. Of whole pixels the sides' middles are known. */
 static void split_squares(const Frame frame, const Scene scene, const int2 size, const int2 tile, const Square *squares, const int count,
-                          Square *parts, int *late, Work *work) {
+                          const SideMiddles *sides, Square *parts, int *late, Work *work) {
+    const int known = squares->side == GRID, each = known ? 4 : 8;
     Samples samples;
     samples.count = 0;
     for (int i = 0; i < count; i++) {
         const int x = squares[i].x, y = squares[i].y, h = squares[i].side / 2;
+        for (int k = 0; k < 4; k++) add_sample(&samples, x + RIGHT(k) * h + h / 2, y + BELOW(k) * h + h / 2);
+        if (known) continue;
         add_sample(&samples, x + h, y);
         add_sample(&samples, x + 2 * h, y + h);
         add_sample(&samples, x + h, y + 2 * h);
         add_sample(&samples, x, y + h);
-        for (int k = 0; k < 4; k++) add_sample(&samples, x + RIGHT(k) * h + h / 2, y + BELOW(k) * h + h / 2);
     }
     trace_samples(frame, scene, size, tile, &samples, work);
     for (int i = 0; i < count; i++) {
         const Square *from = &squares[i];
-        const Sample *side = &samples.at[8 * i];
+        const Sample *middle = &samples.at[each * i], *side = known ? sides->of[from->pixel] : middle + 4;
         for (int k = 0; k < 4; k++) {
             Square square = {from->x + RIGHT(k) * (from->side / 2), from->y + BELOW(k) * (from->side / 2), from->side / 2, from->pixel};
             square.corner[k] = from->corner[k];
             square.corner[(k + 1) & 3] = side[k];
             square.corner[(k + 2) & 3] = from->middle;
             square.corner[(k + 3) & 3] = side[(k + 3) & 3];
-            square.middle = side[4 + k];
+            square.middle = middle[k];
+            square.bent = 0;
+            square.broken = 0;
             note_overgrown_square(&square, late);
             parts[4 * i + k] = square;
         }
@@ -497,12 +529,13 @@ static int follow_all(const Frame frame, const Scene scene, const int2 size, con
 static __attribute__((noinline)) void sample_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows,
                                                     const int *wanted, const int2 tile, Sum *sums, int *late, Work *work) {
     Square squares[4 * MOST_OPEN * W], open[MOST_OPEN * W];
+    SideMiddles sides;
     Total totals[W];
     for (int lane = 0; lane < W; lane++) {
         const Total nothing = {{0, 0, 0, 0}, 0};
         totals[lane] = nothing;
     }
-    int count = squares_of_pixels(frame, scene, size, columns, rows, wanted, tile, squares, late, work);
+    int count = squares_of_pixels(frame, scene, size, columns, rows, wanted, tile, squares, &sides, late, work);
     while (count > 0) {
         int left = 0;
         for (int first = 0, end = 0; first < count; first = end) {
@@ -513,7 +546,7 @@ static __attribute__((noinline)) void sample_pixels(const Frame frame, const Sce
         left = follow_all(frame, scene, size, tile, open, left, totals, late, work);
         count = 4 * left;
         for (int i = 0; i < left; i += BATCH)
-            split_squares(frame, scene, size, tile, open + i, min(left - i, BATCH), squares + 4 * i, late, work);
+            split_squares(frame, scene, size, tile, open + i, min(left - i, BATCH), &sides, squares + 4 * i, late, work);
     }
     for (int lane = 0; lane < W; lane++) {
         const Total total = totals[lane];
