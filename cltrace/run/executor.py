@@ -196,7 +196,7 @@ class Executor:
         for name, array in frame.arrays.items():
             if self.device.kind == "cpu":
                 mapped, _ = cl.enqueue_map_buffer(
-                    self._queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype
+                    self._queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=False
                 )
                 mapped.base.release(self._queue)
             else:
