@@ -64,7 +64,7 @@ for k in range(int(sys.argv[2])):
     changed = {"centers": centers * (1 + t / 1000)} if k % 2 else {"colors": np.roll(colors, t, axis=0)}
     renderer.update(**changed).render()
 sizes.append(status("VmRSS"))
-# It wavers by some 2 MB, up and down. So this is the most of five sizes by the most of five others, 1,000 frames apart.
+# It wavers by some 2 MB, up and down. So this is the most of five sizes over that of five, 1,000 frames earlier.
 print(max(sizes[-5:]) / max(sizes[1:6]))
 for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240)))):
     assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()

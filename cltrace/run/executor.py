@@ -195,6 +195,7 @@ class Executor:
         out = {}
         for name, array in frame.arrays.items():
             if self.device.kind == "cpu":
+                # To wait for this took 0.08 ms, a quarter of a thumbnail's frame. finish() waits for all.
                 mapped, _ = cl.enqueue_map_buffer(
                     self._queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=False
                 )

@@ -40,8 +40,8 @@ typedef struct {
     int overgrown;
 } Sample;
 
-/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets. As many samples as
- * these have, or the pixels of a packet. */
+/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets. There is room for
+ * their samples, and for those of a packet's pixels, a grid of half pixels. */
 #define BATCH 8
 #define PACKET_SAMPLES ((2 * PACKET_HEIGHT + 1) * (2 * PACKET_WIDTH + 1))
 #define MOST_SAMPLES (PACKET_SAMPLES > 8 * BATCH ? PACKET_SAMPLES : 8 * BATCH)
@@ -101,8 +101,9 @@ static __attribute__((noinline)) void trace_samples(const Frame frame, const Sce
     }
 }
 
-/* x, y: of its upper left corner; corner: from there clockwise; pixel: the lane of the pixel it is in. Of a whole pixel, what its sides'
- * middles say: how far they are from the means of their ends, in levels; and whether they speak against a border, see has_border(). */
+/* x, y: of its upper left corner; corner: from there clockwise; pixel: the lane of the pixel it is in.
+ * bent, broken: what the middles of a whole pixel's sides say; both are 0 in parts of pixels. bent: the most by which one is off the mean
+ * of its side's ends, in levels; broken: whether one has a mark that neither end has, so that no single line goes through the square. */
 typedef struct {
     int x, y, side, pixel;
     Sample corner[4], middle;
@@ -146,7 +147,8 @@ static void note_overgrown_square(const Square *square, int *late) {
 }
 
 /* How far a square's samples are from a plane: of a quadratic in x and y the mean of the corners is twice as far from its mean as the
- * middle is, on the other side; and the difference between the diagonals' means tells of the rest. In levels. */
+ * middle is, on the other side; and the difference between the diagonals' means tells of the rest. Of a whole pixel, also how far the
+ * middles of its sides are from lines. In levels. */
 static float bend_of(const Square *square) {
     float most = square->bent / 255;
     for (int k = 0; k < CHANNELS; k++) {
