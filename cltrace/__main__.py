@@ -3,7 +3,7 @@
 import sys
 from typing import NoReturn
 
-from cltrace.start import start
+from cltrace.process.entry import start
 
 
 def main() -> NoReturn:
@@ -14,9 +14,9 @@ def main() -> NoReturn:
 def _begin_cluster() -> None:
     """Where a cluster of this machine is asked for, its first process starts beside the imports of this one."""
     if "--cluster local" in " ".join(sys.argv).replace("=", " "):
-        from cltrace.forks import prepare
+        from cltrace.process.forkserver import prepare
 
-        prepare()
+        prepare("cltrace.distributed.workers")
 
 
 if __name__ == "__main__":

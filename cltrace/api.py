@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 
-from cltrace.comparison.pictures import compare
-from cltrace.comparison.record import Cause, Comparison
-from cltrace.errors import (
+from cltrace.base.errors import (
     BuildError,
     CltraceError,
     DeviceError,
@@ -17,16 +15,16 @@ from cltrace.errors import (
     TooManyRaysError,
     UsageError,
 )
+from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.pixel import explain
-from cltrace.explanation.record import Explanation
 from cltrace.formats.xml_reader import read
-from cltrace.lighting import lit
 from cltrace.movie.animate import animate
 from cltrace.movie.frames import orbit
 from cltrace.picture.colorbar import colorbar
 from cltrace.picture.image import Image
 from cltrace.rays import Hits, trace_rays
-from cltrace.renderer import Renderer, render
+from cltrace.renderers.all_devices import render
+from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import Device, devices
 from cltrace.scene import (
     Camera,
@@ -39,6 +37,9 @@ from cltrace.scene import (
     point_light,
     spot_light,
 )
+from cltrace.students.compare import compare
+from cltrace.students.comparison import Cause, Comparison
+from cltrace.students.lit import lit
 
 __all__ = [
     "BuildError",

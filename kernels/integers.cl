@@ -9,12 +9,8 @@
  * The functions take one number each, not a packet's, and are kept out of line: rays that need them are rare.
  */
 #if REAL_BYTES == 8
-/* Room for what the last stage of sphere.cl computes at most: see there. */
-#ifdef WITH_PARALLEL_RAYS
-#define DIGITS 124
-#else
-#define DIGITS 108
-#endif
+/* Room for what the last stage of shapes/sphere/exact.cl computes at most: see there. */
+#define DIGITS (HAS(WITH_PARALLEL_RAYS) ? 124 : 108)
 
 typedef struct {
     uint digit[DIGITS];
@@ -110,7 +106,8 @@ static __attribute__((noinline)) double nearest_double(Integer *x, const int uni
     while (x->digit[top] == 0) top--;
     /* The first 64 bits from the first one that is not zero. Whether any other is not goes into the last of them. */
     const int shift = (int)clz(x->digit[top]);
-    const ulong first = x->digit[top], second = top > 0 ? x->digit[top - 1] : 0, third = top > 1 ? x->digit[top - 2] : 0;
+    const ulong first = x->digit[top], second = top > 0 ? x->digit[top - 1] : 0,
+                third = top > 1 ? x->digit[top - 2] : 0;
     ulong head = (first << 32 | second) << shift | (third << shift) >> 32;
     uint rest = (uint)(third << shift);
     for (int i = 0; i < top - 2; i++) rest |= x->digit[i];

@@ -17,20 +17,40 @@
 #define PASTE_(a, b) a##b
 #define PASTE(a, b) PASTE_(a, b)
 
-#if W == 1
-#define LANES(type) type
-#else
-#define LANES(type) PASTE(type, W)
+/* 1 if a flag of the host's is set, which -D defines as 1, else 0: compilers leave out what is behind `if (HAS(flag))`.
+ * Only flags of the table can be asked for: of each, the host's header says #define IS_<flag> 0. */
+#define HAS(flag) PASTE(IS_, flag)
+#define IS_1 1
+
+/* What else a compiler knows of itself. */
+#ifndef __has_builtin
+#define __has_builtin(name) 0
 #endif
+
+/* `type` for each lane. */
+#define LANES(type) PASTE(LANES_OF_, W)(type)
+#define LANES_OF_1(type) type
+#define LANES_OF_4(type) type##4
+#define LANES_OF_8(type) type##8
+#define LANES_OF_16(type) type##16
 #define TO(type, x) PASTE(convert_, LANES(type))(x)
 #define AS(type, x) PASTE(as_, LANES(type))(x)
 
 /* Tells a CPU to fetch what is at an index of an array. OpenCL's own prefetch() does nothing on the CPU drivers. */
-#if W > 1 && defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
+#if W > 1 && __has_builtin(__builtin_prefetch)
+#define CAN_FETCH 1
 #define FETCH(array, index) __builtin_prefetch((const void *)(uintptr_t)((array) + (index)))
+#else
+#define CAN_FETCH 0
+#define FETCH(array, index)
 #endif
-#endif
+
+typedef LANES(float) FLOAT;
+typedef LANES(int) INT;
+typedef LANES(long) LONG;
+#define TO_FLOAT(x) TO(float, x)
+#define TO_LONG(x) TO(long, x)
+#define TO_INT(x) TO(int, x)
 
 /* real: the precision that decides. shade_t: the precision of colours. */
 #if REAL_BYTES == 8
@@ -50,149 +70,6 @@ typedef LANES(float) REAL;
 #define REAL_INT LANES(int)
 #define TO_REAL_INT(x) (x)
 #endif
-#if SHADE_BYTES == 8
-typedef double shade_t;
-typedef double8 shade8;
-typedef LANES(double) SHADE;
-#define TO_SHADE(x) TO(double, x)
-#define SHADE_INT LANES(long)
-#define TO_SHADE_INT(x) TO(long, x)
-#else
-typedef float shade_t;
-typedef float8 shade8;
-typedef LANES(float) SHADE;
-#define TO_SHADE(x) TO(float, x)
-#define SHADE_INT LANES(int)
-#define TO_SHADE_INT(x) TO(int, x)
-#endif
-typedef LANES(float) FLOAT;
-typedef LANES(int) INT;
-typedef LANES(long) LONG;
-#define TO_FLOAT(x) TO(float, x)
-#define TO_LONG(x) TO(long, x)
-#define TO_INT(x) TO(int, x)
-
-/* A mask is what a comparison gives: -1 or 0 in each lane, as wide as the numbers that were compared. With W = 1 it is
- * an int, 1 or 0. */
-#if W == 1
-typedef int MASK;       /* of INT and FLOAT */
-typedef int REAL_MASK;  /* of REAL */
-typedef int SHADE_MASK; /* of SHADE */
-#define TO_MASK(m) (m)
-#define TO_REAL_MASK(m) (m)
-#define TO_SHADE_MASK(m) (m)
-#else
-typedef INT MASK;
-typedef REAL_INT REAL_MASK;
-typedef SHADE_INT SHADE_MASK;
-#define TO_MASK(m) TO_INT(m)
-#define TO_REAL_MASK(m) TO_REAL_INT(m)
-#define TO_SHADE_MASK(m) TO_SHADE_INT(m)
-#endif
-
-#if W == 1
-#define ALL_LANES 1
-#else
-#define ALL_LANES ((MASK)(-1))
-#endif
-
-/* ANY: whether any lane of a MASK is set. LARGEST: the largest lane of an INT. On the CPU drivers the built-in any()
- * looks at one lane after the other, which cost more than all arithmetic: 64 spheres took three times as long. */
-#if W == 1
-#define ANY(mask) (mask)
-#define LARGEST(value) (value)
-#else
-#ifdef __has_builtin
-#if __has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max)
-#if W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_BLOCKS)) && defined(__AVX512DQ__)
-#define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
-#else
-#define ANY(mask) (__builtin_reduce_or(mask) != 0)
-#endif
-#define LARGEST(value) __builtin_reduce_max(value)
-#endif
-#endif
-#ifndef ANY
-static int any_lane(const MASK mask) {
-#if W == 4
-    const int4 quarter = mask;
-#else
-#if W == 16
-    const int8 half = mask.lo | mask.hi;
-#else
-    const int8 half = mask;
-#endif
-    const int4 quarter = half.lo | half.hi;
-#endif
-    const int2 pair = quarter.lo | quarter.hi;
-    return (pair.x | pair.y) != 0;
-}
-#define ANY(mask) any_lane(mask)
-static int LARGEST(const INT x) {
-#if W == 4
-    const int4 quarter = x;
-#else
-#if W == 16
-    const int8 half = x.lo > x.hi ? x.lo : x.hi;
-#else
-    const int8 half = x;
-#endif
-    const int4 quarter = half.lo > half.hi ? half.lo : half.hi;
-#endif
-    const int2 pair = quarter.lo > quarter.hi ? quarter.lo : quarter.hi;
-    return pair.x > pair.y ? pair.x : pair.y;
-}
-#endif
-#endif
-/* The largest lane of a FLOAT, all >= 0: read as whole numbers, the bits of such floats are in the same order. */
-#define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
-
-/* Writes the lanes to an array in memory, and reads them. */
-#if W == 1
-#define STORE_LANES(value, array) (array)[0] = (value)
-#define LOAD_LANES(array) (array)[0]
-#else
-#define STORE_LANES(value, array) PASTE(vstore, W)(value, 0, array)
-#define LOAD_LANES(array) PASTE(vload, W)(0, array)
-#endif
-
-/* `member` of what is in an array of one thing for each lane, as a vector. An array that only this reads is in no memory. */
-#define FOUR_OF(array, k, member) (array)[k] member, (array)[k + 1] member, (array)[k + 2] member, (array)[k + 3] member
-#if W == 1
-#define EACH_LANE(array, member) ((array)[0] member)
-#elif W == 4
-#define EACH_LANE(array, member) (FOUR_OF(array, 0, member))
-#elif W == 8
-#define EACH_LANE(array, member) (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member))
-#else
-#define EACH_LANE(array, member) \
-    (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member), FOUR_OF(array, 8, member), FOUR_OF(array, 12, member))
-#endif
-
-/* Where the lanes are within the packet: 4 columns, W/4 rows. */
-#if W == 1
-#define PACKET_WIDTH 1
-#define PACKET_HEIGHT 1
-#define LANE_COLUMN 0
-#define LANE_ROW 0
-#elif W == 4
-#define PACKET_WIDTH 4
-#define PACKET_HEIGHT 1
-#define LANE_COLUMN ((INT)(0, 1, 2, 3))
-#define LANE_ROW ((INT)(0, 0, 0, 0))
-#elif W == 8
-#define PACKET_WIDTH 4
-#define PACKET_HEIGHT 2
-#define LANE_COLUMN ((INT)(0, 1, 2, 3, 0, 1, 2, 3))
-#define LANE_ROW ((INT)(0, 0, 0, 0, 1, 1, 1, 1))
-#elif W == 16
-#define PACKET_WIDTH 4
-#define PACKET_HEIGHT 4
-#define LANE_COLUMN ((INT)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
-#define LANE_ROW ((INT)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
-#else
-#error "W must be 1, 4, 8 or 16"
-#endif
 
 /* Real3 and Float3: a point or a direction for each lane, in camera space unless told otherwise. Shade3: a colour for
  * each lane, linear, or a direction in the precision of colours. */
@@ -203,10 +80,116 @@ typedef struct {
     FLOAT x, y, z;
 } Float3;
 #if SHADE_BYTES == 8
+typedef double shade_t;
+typedef double8 shade8;
+typedef LANES(double) SHADE;
 typedef Real3 Shade3;
+#define TO_SHADE(x) TO(double, x)
+#define SHADE_INT LANES(long)
+#define TO_SHADE_INT(x) TO(long, x)
 #else
+typedef float shade_t;
+typedef float8 shade8;
+typedef LANES(float) SHADE;
 typedef Float3 Shade3;
+#define TO_SHADE(x) TO(float, x)
+#define SHADE_INT LANES(int)
+#define TO_SHADE_INT(x) TO(int, x)
 #endif
+
+/* A mask is what a comparison gives: -1 or 0 in each lane, as wide as the numbers that were compared. With W = 1 it is
+ * an int, 1 or 0. MASK: of INT and FLOAT; REAL_MASK: of REAL; SHADE_MASK: of SHADE.
+ *
+ * ANY: whether any lane of a MASK is set. LARGEST: the largest lane of an INT. On the CPU drivers the built-in any()
+ * looks at one lane after the other, which cost more than all arithmetic: 64 spheres took three times as long.
+ *
+ * STORE_LANES writes the lanes to an array in memory, and LOAD_LANES reads them. EACH_LANE is `member` of what is in an
+ * array of one thing for each lane, as a vector: an array that only this reads is in no memory. LANE_COLUMN, LANE_ROW:
+ * where the lanes are within the packet, which has 4 columns and W/4 rows. */
+#define FOUR_OF(array, k, member) (array)[k] member, (array)[k + 1] member, (array)[k + 2] member, (array)[k + 3] member
+#if W == 1
+typedef int MASK;
+typedef int REAL_MASK;
+typedef int SHADE_MASK;
+#define ALL_LANES 1
+#define TO_MASK(m) (m)
+#define TO_REAL_MASK(m) (m)
+#define TO_SHADE_MASK(m) (m)
+#define ANY(mask) (mask)
+#define LARGEST(value) (value)
+#define STORE_LANES(value, array) (array)[0] = (value)
+#define LOAD_LANES(array) (array)[0]
+#define EACH_LANE(array, member) ((array)[0] member)
+#define PACKET_WIDTH 1
+#define PACKET_HEIGHT 1
+#define LANE_COLUMN 0
+#define LANE_ROW 0
+#else
+typedef INT MASK;
+typedef REAL_INT REAL_MASK;
+typedef SHADE_INT SHADE_MASK;
+#define ALL_LANES ((MASK)(-1))
+#define TO_MASK(m) TO_INT(m)
+#define TO_REAL_MASK(m) TO_REAL_INT(m)
+#define TO_SHADE_MASK(m) TO_SHADE_INT(m)
+#if !(__has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max))
+#define ANY(mask) PASTE(any_of_, W)(mask)
+#define LARGEST(value) PASTE(largest_of_, W)(value)
+#elif W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_BLOCKS)) && defined(__AVX512DQ__)
+#define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
+#define LARGEST(value) __builtin_reduce_max(value)
+#else
+#define ANY(mask) (__builtin_reduce_or(mask) != 0)
+#define LARGEST(value) __builtin_reduce_max(value)
+#endif
+#define STORE_LANES(value, array) PASTE(vstore, W)(value, 0, array)
+#define LOAD_LANES(array) PASTE(vload, W)(0, array)
+#define EACH_LANE(array, member) PASTE(EACH_LANE_OF_, W)(array, member)
+#define EACH_LANE_OF_4(array, member) (FOUR_OF(array, 0, member))
+#define EACH_LANE_OF_8(array, member) (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member))
+#define EACH_LANE_OF_16(array, member) \
+    (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member), FOUR_OF(array, 8, member), FOUR_OF(array, 12, member))
+#define PACKET_WIDTH 4
+#define PACKET_HEIGHT (W / 4)
+#define LANE_COLUMN ((INT)(PASTE(COLUMNS_OF_, W)))
+#define LANE_ROW ((INT)(PASTE(ROWS_OF_, W)))
+#define COLUMNS_OF_4 0, 1, 2, 3
+#define COLUMNS_OF_8 COLUMNS_OF_4, COLUMNS_OF_4
+#define COLUMNS_OF_16 COLUMNS_OF_8, COLUMNS_OF_8
+#define ROWS_OF_4 0, 0, 0, 0
+#define ROWS_OF_8 ROWS_OF_4, 1, 1, 1, 1
+#define ROWS_OF_16 ROWS_OF_8, 2, 2, 2, 2, 3, 3, 3, 3
+#endif
+
+/* The same where the compiler has no such built-ins: halves are put together. */
+static int any_of_4(const int4 quarter) {
+    const int2 pair = quarter.lo | quarter.hi;
+    return (pair.x | pair.y) != 0;
+}
+
+static int any_of_8(const int8 x) {
+    return any_of_4(x.lo | x.hi);
+}
+
+static int any_of_16(const int16 mask) {
+    return any_of_8(mask.lo | mask.hi);
+}
+
+static int largest_of_4(const int4 quarter) {
+    const int2 pair = quarter.lo > quarter.hi ? quarter.lo : quarter.hi;
+    return pair.x > pair.y ? pair.x : pair.y;
+}
+
+static int largest_of_8(const int8 x) {
+    return largest_of_4(x.lo > x.hi ? x.lo : x.hi);
+}
+
+static int largest_of_16(const int16 x) {
+    return largest_of_8(x.lo > x.hi ? x.lo : x.hi);
+}
+
+/* The largest lane of a FLOAT, all >= 0: read as whole numbers, the bits of such floats are in the same order. */
+#define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
 
 /* a b + c in float, where one rounding or two are equally good. */
 #ifdef NO_FMA
@@ -218,14 +201,17 @@ typedef Float3 Shade3;
 /* (x x' + y y') + z z', rounded in this order. */
 #define DOT(a, b) (((a).x * (b).x + (a).y * (b).y) + (a).z * (b).z)
 
+/* The same in float, by fused operations, of a direction and the first three of a filter constant, or of a grid's axis.
+ */
+static FLOAT dot_float(const Float3 w, const float4 s) {
+    return FMA(w.x, (FLOAT)s.x, FMA(w.y, (FLOAT)s.y, w.z * s.z));
+}
+
 /* A condition that hardly ever holds. Compilers then keep what it needs out of the way, and more of what is needed all
  * the time in registers: frames take 0.97 of the time. */
-#ifdef __has_builtin
 #if __has_builtin(__builtin_expect)
 #define RARELY(condition) __builtin_expect(condition, 0)
-#endif
-#endif
-#ifndef RARELY
+#else
 #define RARELY(condition) (condition)
 #endif
 
@@ -238,9 +224,9 @@ static FLOAT magnitude(const FLOAT x) {
  * that follows it runs once for each run of neighbouring lanes with the same index, and `one` is that index: mostly all
  * lanes have the same one. Lanes with a negative index are left out. In the block, PUT_WHERE puts a value into those
  * lanes of a variable that a mask names. */
-#define FOR_EACH_INDEX(one, index)          \
-    int one##_[W], one = -1;                \
-    STORE_LANES(index, one##_);             \
-    for (int lane = 0; lane < W; lane++)    \
+#define FOR_EACH_INDEX(one, index)       \
+    int one##_[W], one = -1;             \
+    STORE_LANES(index, one##_);          \
+    for (int lane = 0; lane < W; lane++) \
         if (one##_[lane] != one && one##_[lane] >= 0 && ((one = one##_[lane]), 1))
 #define PUT_WHERE(mask, variable, value) variable = (mask) ? (value) : (variable)

@@ -1,7 +1,7 @@
 /* pairs.cl: double-double arithmetic, for the few decisions of which even double is unsure.
  *
- * A pair is the unevaluated sum hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of Dekker 1971
- * and of Ogita, Rump and Oishi 2005. Their errors are a few 2^-104 of the result.
+ * A pair is the unevaluated sum hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of Dekker
+ * 1971 and of Ogita, Rump and Oishi 2005. Their errors are a few 2^-104 of the result.
  */
 #if REAL_BYTES == 8
 typedef struct {

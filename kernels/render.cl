@@ -1,119 +1,151 @@
 /* render.cl: the kernel: packets of pixels, from their places in the picture to the outputs. */
 
-/* Renders the packet at (x, y) of a region (x, y, width, height) of a picture of this size, all in pixels. The region
- * begins at a tile, so no packet is in two tiles. */
-static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x,
-                          const int y, const Outputs out
+/* What is known of a packet before it is looked at. */
+typedef struct {
+    Work work; /* what has been counted */
 #ifdef WITH_RUNS
-                          , const Wholes *wholes, const int first, const Work *before
+    Means means;
+#elif defined(WITH_SAMPLES)
+    PixelCorners corners; /* what the rays through the corners of the work-item's pixels find */
 #endif
-) {
-    const INT column = region.x + x + LANE_COLUMN, row = region.y + y + LANE_ROW;
-    const int2 tile = {(region.x + x) / TILE, (region.y + y) / TILE};
-    Pixels pixels = {{INFINITY, -1, {0, 0, 1}},
-                     {frame.background.x, frame.background.y, frame.background.z},
-                     {0, 0, 0},
-                     0};
-#ifdef OUT_UV
-    pixels.u = pixels.v = 0;
-#endif
-    Work counts, *work = &counts;
-#ifdef OUT_WORK
-    for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
-#ifdef WITH_RUNS
-    if (first == 0) counts = *before;
-#endif
-#endif
+} Known;
+
+/* Of pixels that a margin of a region holds, too, nothing is noted. Once a pixel takes too many rays, packets behind it
+ * are not rendered: all packets before that one still are. So it is always the same pixel that is noted in the end. */
 #ifdef WITH_CEILING
-    const int number = packet_number(size, region.x + x, region.y + y);
-    if (number > *out.overgrown / W) return;
-    pixels.wanted = (column >= region.x + out.margin.x) & (column < region.x + region.z) &
-                    (row >= region.y + out.margin.y) & (row < region.y + region.w);
-#endif
-#ifdef WITH_AVERAGE
-    if (tile_has_any(scene.lists, tile)) {
-#ifdef WITH_CEILING
-        const MASK within = pixels.wanted;
-#else
-        const MASK within = (column < region.x + region.z) & (row < region.y + region.w);
-#endif
-#ifdef WITH_CENTRES
-        pixels = trace(frame, scene, for_shapes(frame, scene, primary_ray(frame, size, column, row)), tile, pixels, work);
-#endif
-#ifdef WITH_RUNS
-        const Means means = load_means(wholes, first);
-#else
-        const Means means = look_at_pixels(frame, scene, size, column, row, tile, within, work);
-#endif
-        average_pixels(frame, scene, size, column, row, tile, within, means, &pixels, work);
-    } else {
-        pixels.color.x = pixels.color.x < 1 ? pixels.color.x : (SHADE)1;
-        pixels.color.y = pixels.color.y < 1 ? pixels.color.y : (SHADE)1;
-        pixels.color.z = pixels.color.z < 1 ? pixels.color.z : (SHADE)1;
-        COUNT(BACKGROUND, ALL_LANES);
-    }
-#else
-    if (tile_has_any(scene.lists, tile)) {
-        pixels = trace(frame, scene, for_shapes(frame, scene, primary_ray(frame, size, column, row)), tile, pixels, work);
-    } else {
-        COUNT(BACKGROUND, ALL_LANES);
-    }
-#endif
-#ifdef OUT_PRIMITIVE
-#ifdef WITH_TRIANGLES
-    pixels.primitive = primitives_of(scene, pixels.hit.id);
-#else
-    pixels.primitive = -1;
-#endif
-#endif
-#ifdef OUT_ID
-    pixels.hit.id = ids_of(scene, pixels.hit.id);
-#endif
-    write(frame, size, column, row, pixels, work, out, y * out.pitch + x);
-#ifdef WITH_CEILING
-    note_overgrown(out, number, pixels.overgrown);
-#endif
+static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
+    return (column >= region.x + out.margin.x) & (column < region.x + region.z) & (row >= region.y + out.margin.y) &
+           (row < region.y + region.w);
 }
 
-#ifdef WITH_RUNS
-/* RUN packets side by side, of which the first is at (x, y) of the region. */
-static void render_run(const Frame frame, const Scene scene, const int2 size, const int4 region, const int x, const int y, const Outputs out) {
-    Wholes wholes;
-    Work counts;
-#ifdef OUT_WORK
-    for (int k = 0; k < COUNTERS; k++) counts.count[k] = 0;
+/* The packets of the whole picture, counted row by row. */
+static int number_of(const Packet packet) {
+    const int columns = (packet.size.x + PACKET_WIDTH - 1) / PACKET_WIDTH;
+    return packet.first.y / PACKET_HEIGHT * columns + packet.first.x / PACKET_WIDTH;
+}
+
+static int is_given_up(const Packet packet, const Outputs out) {
+    return number_of(packet) > *out.overgrown / W;
+}
+
+/* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
+static void note_overgrown(const Packet packet, const Pixels pixels, const Outputs out) {
+    if (!RARELY(ANY(pixels.overgrown))) return;
+    int each[W], lane = 0;
+    STORE_LANES(pixels.overgrown, each);
+    while (!each[lane]) lane++;
+    atomic_min(out.overgrown, number_of(packet) * W + lane);
+}
+#else
+static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
+    return (column < region.x + region.z) & (row < region.y + region.w);
+}
+#define is_given_up(packet, out) 0
+#define note_overgrown(packet, pixels, out)
 #endif
-    look_at_run(frame, scene, size, region.x + x, region.y + y, region.x + region.z, region.y + region.w, &wholes, &counts);
-    for (int k = 0; k < RUN && x + k * PACKET_WIDTH < region.z; k++)
-        render_packet(frame, scene, size, region, x + k * PACKET_WIDTH, y, out, &wholes, k * W, &counts);
+
+static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
+    const Ray ray = for_shapes(frame, scene, primary_ray(frame, packet.size, packet.column, packet.row));
+    return trace(frame, scene, ray, packet.tile, pixels, work);
+}
+
+/* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit. */
+#ifdef WITH_AVERAGE
+static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
+    if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
+    const Means means = MEANS_OF(frame, scene, packet, known);
+    average_pixels(frame, scene, packet.size, packet.column, packet.row, packet.tile, packet.within, means, &pixels,
+                   &known->work);
+    return pixels;
+}
+#elif defined(WITH_SAMPLES)
+static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
+    if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
+    sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
+    return pixels;
+}
+#else
+static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Known *known) {
+    return traced(frame, scene, packet, pixels, &known->work);
 }
 #endif
+
+/* Renders the packet at a place of a region, which is x, y, width and height of a part of the picture: all in pixels.
+ */
+static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 place,
+                          const Outputs out, Known *known) {
+    const int2 first = region.xy + place;
+    const INT column = first.x + LANE_COLUMN, row = first.y + LANE_ROW;
+    const MASK within = wanted_of(region, column, row, out);
+    const Packet packet = {size, first, column, row, first / TILE, within};
+    if (is_given_up(packet, out)) return;
+    Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
+    pixels.wanted = within;
+    Work *work = &known->work;
+    if (tile_has_any(scene.lists, packet.tile)) {
+        pixels = seen_by(frame, scene, packet, pixels, known);
+    } else {
+        if (HAS(WITH_MEANS)) {
+            pixels.color.x = pixels.color.x < 1 ? pixels.color.x : (SHADE)1;
+            pixels.color.y = pixels.color.y < 1 ? pixels.color.y : (SHADE)1;
+            pixels.color.z = pixels.color.z < 1 ? pixels.color.z : (SHADE)1;
+        }
+        COUNT(BACKGROUND, ALL_LANES);
+    }
+    write(frame, scene, packet, pixels, work, out, place.y * out.pitch + place.x);
+    note_overgrown(packet, pixels, out);
+}
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
  * there are BLOCK rows of them, rendered column by column: what a packet has brought into the cache is still there for
  * those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
+#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK : 1)
+
+/* Renders what a work-item does, from a place of the region on. */
+#ifdef WITH_RUNS
+static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
+                         const Outputs out) {
+    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
+        Wholes wholes;
+        Known known = {no_work()};
+        look_at_run(frame, scene, size, region.x + begin.x, region.y + y, region.x + region.z, region.y + region.w,
+                    &wholes, &known.work);
+        for (int k = 0; k < RUN && begin.x + k * PACKET_WIDTH < region.z; k++) {
+            const int2 place = {begin.x + k * PACKET_WIDTH, y};
+            known.means = load_means(&wholes, k * W);
+            render_packet(frame, scene, size, region, place, out, &known);
+            known.work = no_work();
+        }
+    }
+}
+#elif defined(WITH_SAMPLES)
+static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
+                         const Outputs out) {
+    Known known = {no_work()};
+    find_corners(frame, scene, size, region, region.xy + begin, &known.corners, &known.work);
+    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
+        for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
+            const int2 place = {x, y};
+            render_packet(frame, scene, size, region, place, out, &known);
+            known.work = no_work();
+        }
+}
+#else
+static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
+                         const Outputs out) {
+    for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
+        for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
+            const int2 place = {x, y};
+            Known known = {no_work()};
+            render_packet(frame, scene, size, region, place, out, &known);
+        }
+}
+#endif
+
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
-#if defined(WITH_BLOCKS) && W > 1
-    const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, top = row + (int)get_global_id(1) * BLOCK * PACKET_HEIGHT;
-#ifdef WITH_RUNS
-    for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
-        render_run(frame, scene, size, region, begin, y, out);
-#else
-    for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
-        for (int y = top; y < top + BLOCK * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
-            render_packet(frame, scene, size, region, x, y, out);
-#endif
-#else
-    const int begin = (int)get_global_id(0) * RUN * PACKET_WIDTH, y = row + (int)get_global_id(1) * PACKET_HEIGHT;
-    if (y >= region.w) return;
-#ifdef WITH_RUNS
-    render_run(frame, scene, size, region, begin, y, out);
-#else
-    for (int x = begin; x < begin + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
-        render_packet(frame, scene, size, region, x, y, out);
-#endif
-#endif
+    const int2 begin = {(int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * ROWS * PACKET_HEIGHT};
+    render_block(frame, scene, size, region, begin, out);
 }

@@ -16,9 +16,9 @@
 #define SPOT 3
 
 typedef struct {
-    float4 eye, right, up, back;  /* right, up: times the size of a pixel */
+    float4 eye, right, up, back; /* right, up: times the size of a pixel */
     float4 background;
-    int4 size;                    /* width, height, spheres, lights */
+    int4 size; /* width, height, spheres, lights */
 } Setup;
 
 /* position, or the direction to a parallel light; w: its kind. axis, of a spot light; w: cosine of alpha2.
@@ -48,8 +48,8 @@ static bool in_shadow(__global const float4 *spheres, const int count, const flo
 }
 
 __kernel void render(const Setup setup, __global const float4 *spheres, __global const int *material_of,
-                       __global const float8 *materials, __global const Lamp *lights, __global uchar *rgb8,
-                       __global float *color, __global float *normal, __global float *depth, __global int *id) {
+                     __global const float8 *materials, __global const Lamp *lights, __global uchar *rgb8,
+                     __global float *color, __global float *normal, __global float *depth, __global int *id) {
     const int x = get_global_id(0), y = get_global_id(1);
     const int width = setup.size.x, height = setup.size.y, count = setup.size.z;
     if (x >= width || y >= height) return;

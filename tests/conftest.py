@@ -9,8 +9,8 @@ import pytest
 
 import cltrace
 from cltrace import reference
-from cltrace.run import maker
 from cltrace.run.devices import Device
+from cltrace.run.pack import packers
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
 
@@ -77,7 +77,7 @@ def any_device() -> Device:
 @pytest.fixture
 def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device packs scenes of any number of surfaces."""
-    monkeypatch.setattr(maker, "MANY", 0)
+    monkeypatch.setattr(packers, "MANY", 0)
 
 
 @functools.cache

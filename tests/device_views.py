@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 import cltrace
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.plan import View
-from cltrace.run.toolbox import Toolbox
+from cltrace.plan.view import View
+from cltrace.run.pack.toolbox import Toolbox
 
 # Where lists are in these is each one's own affair.
 LISTS = {"grid", "start", "entry"}

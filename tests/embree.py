@@ -1,7 +1,7 @@
 """What Embree 3 decides otherwise than exact arithmetic: `python tests/embree.py [--size N] [--seeds N] [REGIME ...]`.
 
 Its library must be installed (Debian: libembree3-3). Embree computes in float32, so vertices, eyes and rays of each
-regime of cltrace/bench/mesh_regimes.py are rounded to float32 first, and both Embree and the oracle are asked about
+regime of tests/hostile/mesh_regimes.py are rounded to float32 first, and both Embree and the oracle are asked about
 these numbers; so is trace_rays, which must say what the oracle says. Prints how many rays, in Embree's robust mode and
 in the other one,
 
@@ -19,10 +19,10 @@ import ctypes
 from typing import NamedTuple
 
 import numpy as np
+from hostile.mesh_regimes import AROUND, CLOSED, REGIMES, scene_of
 from numpy.typing import NDArray
 
 from cltrace import Camera, Mesh, Scene, oracle
-from cltrace.bench.mesh_regimes import AROUND, CLOSED, REGIMES, scene_of
 from cltrace.bench.regimes import rays as camera_rays
 from cltrace.rays import trace_rays
 

@@ -1,15 +1,17 @@
 """Mistakes that the ordinary tests must find: `python tests/mutations.py [--device SPEC] [WORD ...]`.
 
 Each is a piece of text, what to put in its place, what that breaks, and the tests that should notice. The text is
-looked for in the kernels and in the package, wherever it stands, and must be there once. Each mistake is made in a
-scratch copy of the repository, and only those tests run there. Prints what was caught and what survived; the exit
-status is 1 if anything survived. WORD: only those mistakes whose text or meaning contains one of these words.
+looked for in the kernels and in the package, wherever it stands and however its lines are broken, and must be there
+once. Each mistake is made in a scratch copy of the repository, and only those tests run there. Prints what was caught
+and what survived; the exit status is 1 if anything survived. WORD: only those mistakes whose text or meaning contains
+one of these words.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -31,31 +33,35 @@ class Mutation(NamedTuple):
     tests: str
 
 
-LISTS = "tests/test_lists.py"
-STRESS = "tests/test_stress.py"
-ENDS = "tests/test_hostile.py"
-CULLING = "tests/test_culling.py"
-AGREE = "tests/test_consistency.py"
-SCENES = "tests/test_scenes.py"
-EXACT = "tests/test_exact.py"
-PROPERTIES = "tests/test_properties.py"
-ABI = "tests/test_abi.py"
-READER = "tests/test_reader.py"
-BOUNCES = "tests/test_bounces.py"
-TREE = "tests/test_tree.py"
-SECOND = "tests/test_second_rays.py"
-RAYS = "tests/test_rays.py -k"
+LISTS = "tests/plan/test_lists.py"
+STRESS = "tests/kernels/test_stress.py"
+ENDS = "tests/kernels/test_hostile.py"
+CULLING = "tests/plan/test_culling.py"
+AGREE = "tests/kernels/test_consistency.py"
+SCENES = "tests/kernels/test_scenes.py"
+EXACT = "tests/kernels/test_exact.py"
+PROPERTIES = "tests/renderers/test_properties.py"
+ABI = "tests/run/test_abi.py"
+READER = "tests/formats/test_reader.py"
+BOUNCES = "tests/kernels/test_bounces.py"
+TREE = "tests/kernels/test_tree.py"
+SECOND = "tests/kernels/test_second_rays.py"
+RAYS = "tests/rays/test_rays.py -k"
 # Of rays and triangles, each in the hostile regimes: what pixels show, their light, their mirrors and glass.
-MESHES = "-m slow tests/test_mesh_rays.py -k"
+MESHES = "-m slow tests/kernels/test_mesh_rays.py -k"
 SHOWN, LIT, ONWARD = f"{MESHES} pixels_show", f"{MESHES} lights_reach", f"{MESHES} what_their_mirrors"
 BETWEEN = f"{MESHES} glass_show_of_spheres"
-REFERENCE = "-m slow tests/test_mesh_oracle.py -k reference"
-SMOOTH = "-m slow tests/test_attributes.py"
+REFERENCE = "-m slow tests/oracle/test_mesh_oracle.py -k reference"
+SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
-FREE = "tests/test_unstoppable.py"
-FIT, PARALLEL = "tests/test_cameras.py", "tests/test_orthographic.py -k"
+FREE = "tests/run/test_unstoppable.py"
+SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
+FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
+    Mutation("scene.lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
+    Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
+    Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
     Mutation("!few[k].of_cell && !own->of_cell", "!few[k].of_cell", "large triangles before small triangles", FREE),
     Mutation("!few[k].of_cell && !own->of_cell", "!own->of_cell", "small triangles before large triangles", FREE),
@@ -66,8 +72,13 @@ MUTATIONS = [
     Mutation("(touches | other) ?", "touches ?", "spheres before triangles", f"-m slow {FREE}"),
     Mutation("((fabs(x) + fabs(y)) + e) + 0x1p-48 * (rr + XX)", "0", "doubt about discs", f"{PARALLEL} grazing"),
     Mutation("hit = (D >= 0) & (t > 0)", "hit = (D > 0) & (t > 0)", "tangents of discs", f"{PARALLEL} touch"),
-    Mutation("normal.z >= 0 ? (REAL)1 : (REAL)-1", "(REAL)1", "spheres cut by the plane", f"{PARALLEL} pictures"),
-    Mutation("start.on_plane = own < 0", "start.on_plane = 0", "triangles in whole numbers", f"{PARALLEL} triangles"),
+    Mutation("? normal.z >= 0 : own.c", "? normal.z >= -2 : own.c", "spheres cut by the plane", f"{PARALLEL} pictures"),
+    Mutation(
+        "start.on_plane = HAS(WITH_PARALLEL_RAYS) && own < 0",
+        "start.on_plane = 0",
+        "triangles in whole numbers",
+        f"{PARALLEL} triangles",
+    ),
     Mutation("& (near.high < 0)", "", "triangles behind the plane", f"{PARALLEL} triangles"),
     Mutation("hit.near.high = -INFINITY", "hit.near.high = 0", "the first triangle", f"{PARALLEL} triangles"),
     Mutation(
@@ -78,7 +89,10 @@ MUTATIONS = [
         "disc_filter(u, v, small.radius, LOOSE)", "disc_filter(u, v, 0.99 * small.radius)", "disc", f"{PARALLEL} touch"
     ),
     Mutation(
-        "triangles.sided >= sided", "triangles.sided >= 0", "fronts once rays go on", "tests/test_update.py -k fronts"
+        "triangles.sided >= sided",
+        "triangles.sided >= 0",
+        "fronts once rays go on",
+        "tests/renderers/test_update.py -k fronts",
     ),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
@@ -88,7 +102,7 @@ MUTATIONS = [
     Mutation("tiny = arr < bb * 0x1p-42", "tiny = arr < 0", "normals of tiny spheres", STRESS),
     Mutation("e.by_b = bb < arr;", "e.by_b = bb >= arr;", "which form of the discriminant", f"{EXACT} {STRESS}"),
     Mutation("e.by_b = e.by_b | (sphere.c <= 0);", "", "discriminant from inside", STRESS),
-    Mutation("0x1p-10 * (e.b * e.b)", "0x1p-40 * (e.b * e.b)", "cancellation in t", f"{EXACT} {STRESS}"),
+    Mutation("0x1p-10f * (e.b * e.b)", "0x1p-40f * (e.b * e.b)", "cancellation in t", f"{EXACT} {STRESS}"),
     Mutation("first = (sphere.c > 0) | behind;", "first = (sphere.c > 0);", "the root from inside", STRESS),
     Mutation("at.from_center.z = s - e.v.z", "at.from_center.z = s + e.v.z", "the hit's point", STRESS),
     Mutation("{p, fma(a, b, -p)}", "{p, 0}", "products of pairs", f"{EXACT} {STRESS}"),
@@ -96,21 +110,21 @@ MUTATIONS = [
     Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)0.5 * ((real)3.001 - DOT(n, n))", "length of normals", STRESS),
     Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
     Mutation("(scene.id_of[index] < ids_of", "(scene.id_of[index] > ids_of", "ties", STRESS),
-    Mutation("margin = best * 0x1p-22", "margin = best * 0x1p-60", "nearly equal distances", STRESS),
+    Mutation("margin = best * (real)0x1p-22f", "margin = best * (real)0x1p-60f", "nearly equal distances", STRESS),
     Mutation("return (exact < 0) | ((exact == 0) & tie);", "return exact < 0;", "exact ties", EXACT),
     Mutation("(wanted & !rounds_to_hi(e.D, e.D_error))", "(wanted & (e.D.hi != e.D.hi))", "doubts of pairs", EXACT),
     Mutation("!((gap > error) | (gap < -error))", "(gap != gap)", "doubts of pairs about distances", EXACT),
-    Mutation("#define DIGITS 108", "#define DIGITS 80", "room for whole numbers", EXACT),
-    Mutation("set_to(&other, -(i == 0 ? eye.x", "set_to(&other, -(i == 0 ? 0", "the eye in whole numbers", EXACT),
+    Mutation("? 124 : 108)", "? 124 : 80)", "room for whole numbers", EXACT),
+    Mutation("set_to(&f, coordinate(eye, i)", "set_to(&f, 0 * coordinate(eye, i)", "the eye in whole numbers", EXACT),
     Mutation("sign_root = s * t * sign_D", "sign_root = s * sign_D", "the order of two roots", EXACT),
     Mutation("(cut > 0x400 ||", "(cut > 0x4ff ||", "rounding of whole numbers", EXACT),
     Mutation(
-        "FETCH_ENTRY(scene, scene.eye_filter, -1, k + AHEAD);\n            const int index",
-        "if (as_float(entry.y) > 0.5f * reach) break;\n            const int index",
+        "fetch_material_of(scene, k + AHEAD);\n            if",
+        "if (as_float(entry.y) > 0.5f * reach) break;\n            if",
         "end of lists",
         AGREE,
     ),
-    Mutation("REACH_SLACK (1.0f + 0x1p-20f)", "REACH_SLACK (1.0f - 0x1p-3f)", "the reach's slack", f"{STRESS} {ENDS}"),
+    Mutation("REACH_SLACK (1.0f + (REAL", "REACH_SLACK (0.875f + (REAL", "the reach's slack", f"{STRESS} {ENDS}"),
     Mutation(
         "dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)-s.z)",
         "dx, (FLOAT)s.x, FMA(dy, (FLOAT)s.y, (FLOAT)s.z)",
@@ -118,12 +132,12 @@ MUTATIONS = [
         SCENES,
     ),
     Mutation(
-        "if (!ANY(sphere_may_meet(b, a, s)))",
-        "if (!ANY(sphere_may_meet(b, a * 1.0001f, s)))",
+        "return sphere_may_meet(b, line.a, s);",
+        "return sphere_may_meet(b, 1.0001f * line.a, s);",
         "the filter's bound",
         STRESS,
     ),
-    Mutation("d.y = TO_REAL(size.y - 1 - 2 * row)", "d.y = TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
+    Mutation("y = TO_REAL(size.y - 1 - 2 * row)", "y = TO_REAL(size.y - 2 * row)", "half a pixel", STRESS),
     Mutation("far ? (enters & (b < a)) | leaves", "far ? enters | leaves", "what is beyond the light", STRESS),
     Mutation("leaves = (c < 0) | ((c == 0) & ahead)", "leaves = (c <= 0)", "a point on another sphere", STRESS),
     Mutation("enters = (c > 0) & meets & ahead", "enters = (c > 0) & meets", "what is behind the point", STRESS),
@@ -136,7 +150,7 @@ MUTATIONS = [
     Mutation("if (light_side < 0) return c > 0;", "if (light_side < 0) return c < 0;", "a light inside", STRESS),
     Mutation("(bb < arr ? bb - a * c : arr - DOT(cross, cross))", "(bb - a * c)", "shadows that graze", STRESS),
     Mutation("(self & (start.side < 0) & ((REAL)side > 0))", "(self & ((REAL)side > 0))", "own shadow", STRESS),
-    Mutation("may = may & (own != index);\n#endif", "#endif", "own shadow, lean kernel", SCENES),
+    Mutation("may = may & (ray.own != index);\n    }", "}", "own shadow, lean kernel", SCENES),
     Mutation(
         "at.start.side * direction.cosine > 0);",
         "at.start.side * direction.cosine >= 0);",
@@ -144,15 +158,15 @@ MUTATIONS = [
         STRESS,
     ),
     Mutation(
-        "MASK may = in & lit & (place.depth > as_float(entry.y))",
-        "MASK may = in & lit & (place.depth > 2 * as_float(entry.y))",
+        "deeper = lit & (ray.depth > as_float(entry.y))",
+        "deeper = lit & (ray.depth > 2 * as_float(entry.y))",
         "end of lists of lights",
         CULLING,
     ),
     Mutation("FMA(du, du, dv * dv) <= s.z)", "FMA(du, du, dv * dv) <= 0.99f * s.z)", "parallel filter", CULLING),
     Mutation(
-        "ANY(may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s))",
-        "ANY(may & sphere_may_meet(dot_float(ray.w32, s), 1.001f * ray.a, s))",
+        "may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s)",
+        "may & sphere_may_meet(dot_float(ray.w32, s), 1.001f * ray.a, s)",
         "point filter",
         STRESS,
     ),
@@ -179,10 +193,10 @@ MUTATIONS = [
         "fall = 1 - (angle - light.cone.x) * light.cone.y", "fall = 1 - angle * light.cone.y", "spot lights", SCENES
     ),
     Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", SCENES),
-    Mutation("MASK tiny = a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
+    Mutation("MASK tiny = ray.a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
     Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", ENDS),
     Mutation("at.exponent * z >= (shade_t)light.cone.z", "at.exponent * z >= (shade_t)-1", "highlights", STRESS),
-    Mutation("word[0] = p0 | (p1 << 24);", "word[0] = p0 | (p1 << 16);", "bytes", SCENES),
+    Mutation("{p[0] | (p[1] << 24)", "{p[0] | (p[1] << 16)", "bytes", SCENES),
     Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),
     Mutation("low < 1 ? low : (SHADE)1", "low < 2 ? low : (SHADE)1", "what is brighter than white", STRESS),
     Mutation(
@@ -199,7 +213,7 @@ MUTATIONS = [
     Mutation("side.scale + 1 / 64", "side.scale + 1 / 3", "too many cells", LISTS),
     Mutation("middle - off, middle + off", "middle - off, middle + off + 1.5", "too many tiles", LISTS),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
-    Mutation("(np.abs(low) + np.abs(high)) * real(discs.slack)", "0 * low", "edges in the picture", LISTS),
+    Mutation("(np.abs(low) + np.abs(high)) * real(ends.slack)", "0 * low", "edges in the picture", LISTS),
     Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),
     Mutation("gap * gap * (1 - 2.0**-19)", "gap * gap", "nearest points", LISTS),
     Mutation("-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100", "-(s + r)", "nearest ends", LISTS),
@@ -217,7 +231,10 @@ MUTATIONS = [
     Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", CULLING),
     Mutation("(radius[a] == radius[b]) & (center[a", "(center[a", "equal spheres", CULLING),
     Mutation(
-        "self._known(power)), np.sign(power)", "self._known(power)), np.abs(np.sign(power))", "lights inside", STRESS
+        "self._known(power), True), np.sign(power)",
+        "self._known(power), True), np.abs(np.sign(power))",
+        "lights inside",
+        STRESS,
     ),
     Mutation("np.fill_diagonal(shadows, inside)", "np.fill_diagonal(shadows, False)", "own shadow", STRESS),
     Mutation(
@@ -232,8 +249,12 @@ MUTATIONS = [
         "few spheres before a lamp",
         CULLING,
     ),
-    Mutation('"WITH_SPECULAR": lit and (contents.shiny or full)', '"WITH_SPECULAR": lit and full', "a flag", SCENES),
-    Mutation('"WITH_INSIDE": contents.inside or full', '"WITH_INSIDE": full', "a flag", SCENES),
+    Mutation(
+        '"WITH_SPECULAR": lit and (world.materials.shiny or full)', '"WITH_SPECULAR": lit and full', "a flag", SCENES
+    ),
+    Mutation(
+        "inside = inside or world.bounces.glass or full", "inside = world.bounces.glass or full", "a flag", SCENES
+    ),
     Mutation(
         '"WITH_SHADOWS": lit and (surfaces > 1 or',
         '"WITH_SHADOWS": lit and (surfaces > 2 or',
@@ -285,21 +306,21 @@ MUTATIONS = [
     Mutation("unsure = wanted & !passes & !sure;", "unsure = wanted & !passes & !sure & (b != b);", "doubts", BOUNCES),
     Mutation("own | (fabs(e.c.hi) <= e.c_error)", "own", "where surfaces touch", BOUNCES),
     Mutation(
-        "ids_of(scene, index) < ids_of(scene, met.id)",
-        "ids_of(scene, index) > ids_of(scene, met.id)",
+        "TO_REAL_MASK((a < b) | ((a == b)",
+        "TO_REAL_MASK((a > b) | ((a == b)",
         "ties of rays from surfaces",
         BOUNCES,
     ),
     Mutation(
-        "const REAL margin = best * 0x1p-22;",
+        "const REAL margin = best * (real)0x1p-22f;",
         "const REAL margin = 0;",
         "close rivals of rays from surfaces",
         f"{BOUNCES} {TREE}",
     ),
     Mutation("at.t = (hit & (at.t > 0)) ? at.t", "at.t = hit ? at.t", "what lies behind", f"{BOUNCES} {TREE}"),
     Mutation(
-        "FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;",
-        "FLOAT reach = TO_FLOAT(met->t * scale) * 0.5f;",
+        "FLOAT reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;",
+        "FLOAT reach = TO_FLOAT(met->at.t * scale) * 0.5f;",
         "how far rays look",
         TREE,
     ),
@@ -313,13 +334,18 @@ MUTATIONS = [
         f"{BOUNCES} {TREE}",
     ),
     Mutation(
-        '"receivers" in keep or world.bounces.any or',
-        '"receivers" in keep or',
+        '"receivers" in request.keep or world.bounces.any or',
+        '"receivers" in request.keep or',
         "shadows in mirrors",
         f"{BOUNCES} {TREE}",
     ),
-    Mutation("(seen.power <= 0) | world.bounces.glass", "(seen.power <= 0)", "light in glass", f"{BOUNCES} {TREE}"),
-    Mutation("view.inside or world.bounces.glass,", "view.inside,", "a flag", f"{BOUNCES} {TREE}"),
+    Mutation(
+        "for sight in self._sights]) | self._world.bounces.glass",
+        "for sight in self._sights])",
+        "light in glass",
+        f"{BOUNCES} {TREE}",
+    ),
+    Mutation("inside = inside or world.bounces.glass or", "inside = inside or", "a flag", f"{BOUNCES} {TREE}"),
     Mutation(
         "world.materials.brightest * world.bounces.growth(camera.max_bounces)",
         "world.materials.brightest",
@@ -329,9 +355,7 @@ MUTATIONS = [
     Mutation(
         "rays.live & (met.id < 0), rays.weight, background", "rays.live, rays.weight, background", "the night", BOUNCES
     ),
-    Mutation(
-        "const REAL weight = rays.weight * bounce.share;", "const REAL weight = bounce.share;", "weights", BOUNCES
-    ),
+    Mutation("rays.weight * bounce.share, &all", "bounce.share, &all", "weights", BOUNCES),
     Mutation("const MASK only = sends & !mirrors;", "const MASK only = sends;", "branches", BOUNCES),
     Mutation("slack->y += slack_of(w * scene.brightest.y, roundings);", "", "what was dropped", TREE),
     Mutation(
@@ -436,8 +460,8 @@ MUTATIONS = [
     ),
     Mutation("place.reach = size_of(x) + size_of(y);", "place.reach = 0;", "how far a start may be off", ONWARD),
     Mutation(
-        "const REAL side = at_point ? DOT(T.N, beyond) : v.D;",
-        "const REAL side = at_point ? -DOT(T.N, beyond) : v.D;",
+        "is.side = at_point ? DOT(T.N, beyond) : is.v.D;",
+        "is.side = at_point ? -DOT(T.N, beyond) : is.v.D;",
         "what is beyond the light, of triangles",
         LIT,
     ),
@@ -473,14 +497,14 @@ MUTATIONS = [
     ),
     Mutation("DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)", "n.x, n.y, n.z", "normals in the world", SMOOTH),
     Mutation(
-        "side[unsure] = [exact(rows.start + i) for i in unsure.tolist()]",
+        "side[unsure] = exact_sides(triangles, rows.start + unsure, point)",
         "side[unsure] = 0",
         "triangles all but edge-on, on the host",
         SHOWN,
     ),
     Mutation(
-        "bound = rounding(n) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST",
-        "bound = 0.01 * rounding(n) + LEAST",
+        "bound = FLOAT * _rounding(n, plane) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST",
+        "bound = 0.01 * FLOAT * _rounding(n, plane) + LEAST",
         "the facets' bound",
         SHOWN,
     ),
@@ -521,7 +545,7 @@ MUTATIONS = [
         f"{RAYS} but_for_rounding",
     ),
     Mutation(
-        "sign[planes] = np.where(tie, _sign(mine.b * n - its.b * m), sign[planes])",
+        "sign[planes] = np.where(tie, signs(mine.b * n - its.b * m), sign[planes])",
         "pass",
         "which of two planes comes first, of single rays",
         f"{RAYS} hostile_rays",
@@ -542,79 +566,101 @@ MUTATIONS = [
         '(written["id"] >= 0, np.uint8(255), level)',
         '(written["id"] > 0, np.uint8(255), level)',
         "alpha of surface 0",
-        "tests/test_alpha.py",
+        "tests/picture/test_alpha.py",
     ),
     Mutation(
         "background_of(background, 1.0, self.transfer)",
         "background_of(background, 1.0)",
         "a background given as sRGB",
-        "tests/test_transfer.py",
+        "tests/picture/test_transfer.py",
     ),
     Mutation(
-        "color[rows]\n        bucket", "color[rows] * 1.002\n        bucket", "levels of sRGB", "tests/test_transfer.py"
+        "color[rows]\n        bucket",
+        "color[rows] * 1.002\n        bucket",
+        "levels of sRGB",
+        "tests/picture/test_transfer.py",
     ),
     Mutation(
         'more["color"] = decoded(more["color"], transfer)',
         "",
         "materials of meshes given as sRGB",
-        "tests/test_transfer.py",
+        "tests/picture/test_transfer.py",
     ),
     Mutation(
         "images = tuple(linear_texels(image, transfer) for image in textures)",
         "images = textures",
         "textures given as sRGB",
-        "tests/test_transfer.py",
+        "tests/picture/test_transfer.py",
     ),
     Mutation(
         'shade["color"] = decoded(shade["color"], scene.transfer)',
         "pass",
         "updated colours given as sRGB",
-        "tests/test_transfer.py",
+        "tests/picture/test_transfer.py",
     ),
     Mutation(
         "(np.asarray(colormap.lut(256)) * 255).astype(np.uint8)",
         "np.rint(np.asarray(colormap.lut(256)) * 255).astype(np.uint8)",
         "bytes of the package cmap",
-        "tests/test_colors.py",
+        "tests/picture/test_colors.py",
     ),
     Mutation(
-        "np.asarray(cmap(share, bytes=True))", "np.asarray(cmap(share))", "bytes of a map", "tests/test_colors.py"
+        "np.asarray(cmap(share, bytes=True))",
+        "np.asarray(cmap(share))",
+        "bytes of a map",
+        "tests/picture/test_colors.py",
     ),
     Mutation(
         "layout.begin, layout.end)\n        pixels[: layout.bar, columns",
         "layout.begin + 1, layout.end + 1)\n        pixels[: layout.bar, columns",
         "a lying bar",
-        "tests/test_colors.py",
+        "tests/picture/test_colors.py",
     ),
     Mutation(
         'value = array * arrays["alpha"][..., None]',
         "value = array",
         "an EXR's colours times alpha",
-        "tests/test_outputs.py",
+        "tests/picture/test_outputs.py",
     ),
-    Mutation("np.rint(values * 65535)", "np.rint(values * 65536 - 1)", "16 bits", "tests/test_outputs.py"),
+    Mutation("np.rint(values * 65535)", "np.rint(values * 65536 - 1)", "16 bits", "tests/picture/test_outputs.py"),
     Mutation(
         "SimpleNamespace(write=file.write)",
         "file",
         "arrays into pipes",
-        "tests/test_outputs.py",
+        "tests/picture/test_outputs.py",
     ),
     Mutation(
         "if any(_same(target, other) for other in targets[:i])",
         "if False",
         "one file for two",
-        "tests/test_outputs.py",
+        "tests/picture/test_outputs.py",
     ),
     Mutation(
-        "if composition.written != self._composition.written",
-        "if False",
+        "replace(self.request, outputs=written)",
+        "self.request",
         "frames of another background's alpha",
-        "tests/test_progress.py",
+        "tests/base/test_progress.py",
     ),
-    Mutation("self.rows.give_back(mine)", "self.rows.settle(mine)", "devices that fail", "tests/test_all_devices.py"),
-    Mutation("max(strip.stop - self._margin, 0)", "strip.stop", "rows of several devices", "tests/test_all_devices.py"),
-    Mutation("other._executor = self._executor.of(", "self._executor.of(", "rows of a picture", f"{AGREE} -k rows"),
-    Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/test_progress.py"),
+    Mutation(
+        "if arguments.keys() != self.parameters.keys():",
+        "if not arguments.keys() >= self.parameters.keys():",
+        "arguments that a kernel has not",
+        "tests/run/test_kernel_arguments.py",
+    ),
+    Mutation(
+        "self.rows.give_back(mine)",
+        "self.rows.settle(mine)",
+        "devices that fail",
+        "tests/renderers/test_all_devices.py",
+    ),
+    Mutation(
+        "max(strip.stop - self._margin, 0)",
+        "strip.stop",
+        "rows of several devices",
+        "tests/renderers/test_all_devices.py",
+    ),
+    Mutation("other._executor = other._executor.of(", "other._executor.of(", "rows of a picture", f"{AGREE} -k rows"),
+    Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/base/test_progress.py"),
 ]
 
 
@@ -627,10 +673,15 @@ def copy_to(scratch: Path) -> None:
     (scratch / "cltrace" / "kernels").symlink_to("../kernels")
 
 
+def pattern_of(text: str) -> re.Pattern[str]:
+    """What finds the text, however its lines are broken."""
+    return re.compile(r"\s*".join(map(re.escape, re.findall(r"\w+|[^\w\s]", text))))
+
+
 def places(scratch: Path, text: str) -> list[Path]:
     """The files that hold the text, each as often as it does."""
     files = [*(scratch / "kernels").rglob("*.cl"), *(scratch / "cltrace").rglob("*.py")]
-    return [path for path in files for _ in range(path.read_text("utf-8").count(text))]
+    return [path for path in files for _ in pattern_of(text).findall(path.read_text("utf-8"))]
 
 
 def passes(scratch: Path, tests: Sequence[str], device: str | None) -> bool:
@@ -649,7 +700,7 @@ def survives(scratch: Path, mutation: Mutation, device: str | None) -> bool:
     """Whether the tests pass with the mistake in."""
     (path,) = places(scratch, mutation.text)
     before = path.read_text("utf-8")
-    path.write_text(before.replace(mutation.text, mutation.other), "utf-8")
+    path.write_text(pattern_of(mutation.text).sub(lambda _: mutation.other, before), "utf-8")
     try:
         return passes(scratch, mutation.tests.split(), device)
     finally:

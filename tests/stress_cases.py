@@ -15,10 +15,11 @@ from cltrace import Image, Renderer, Scene
 from cltrace.bench import truth
 from cltrace.bench.catalogue import Case
 from cltrace.oracle.spheres import normal_error, t_high
-from cltrace.reference import byte_of, primary_ray, trace, world_of
-from cltrace.reference.check import sample
+from cltrace.reference import byte_of, world_of
+from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 from cltrace.scene import POINT, SPOT
+from cltrace.students.check import sample
 
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
 
@@ -129,7 +130,7 @@ def lighting(scene: Scene, image: Image, count: int) -> tuple[np.ndarray, np.nda
     seen = hits(scene)
     parts = image.id * 8 + (image.color > 0) @ [1, 2, 4]
     pixels = np.array([i for i in sample(parts, 2 * count) if seen.index[i] >= 0][:count], int)
-    return pixels, np.array([truth.reached(scene, seen, i) for i in pixels])
+    return pixels, np.stack(truth.reached(scene, seen, pixels), axis=2)
 
 
 def cosine(scene: Scene, pixel: int, number: int) -> float:

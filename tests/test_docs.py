@@ -13,10 +13,11 @@ from readme import FILES, ROOT, blocks, commands, outputs
 import cltrace
 from cltrace import cli
 from cltrace.bench import cli as bench
+from cltrace.formats import obj, texture, xml_files, xml_reader, xml_source
 from cltrace.plan.request import KEEPS
-from cltrace.reference.check import DEFAULT_PIXELS, DEFAULT_TESTS
 from cltrace.scene import MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
+from cltrace.scene.camera import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
+from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
 
@@ -41,15 +42,29 @@ def test_files_and_options_exist(file: Path) -> None:
 
 def test_limits_and_names_are_those_of_the_code() -> None:
     texts = {file.name: " ".join(file.read_text("utf-8").split()) for file in FILES}
-    for name in ("README.md", "format.md", "python.md"):
+    for name in ("README.md", "python.md"):
         assert f"{MAX_LIGHTS:,} " in texts[name]
-    for name in ("command.md", "format.md", "python.md"):
+    for name in ("command.md", "python.md"):
         assert f"{MAX_SIDE:,} pixels a side and 2^{MAX_PIXELS.bit_length() - 1} " in texts[name]
-    for name in ("format.md", "python.md"):
-        assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts[name]
-    shapes = f"{MAX_MESHES:,} meshes with 2^{MAX_TRIANGLES.bit_length() - 1} triangles and"
-    shapes += f" 2^{MAX_VERTICES.bit_length() - 1} vertices, and textures of 2^{MAX_TEXELS.bit_length() - 1} pixels"
-    assert shapes in texts["format.md"]
+    assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts["python.md"]
+    assert MAX_TRIANGLES == MAX_VERTICES
+    for row in (
+        f"a scene's file, a texture's | {xml_source.MAX_BYTES // 2**30} GiB",
+        f"a mesh's file | {obj.MAX_BYTES // 2**30} GiB",
+        f"parts of one element: those within it, texts and attributes | {xml_reader.MAX_PARTS:,}",
+        f"lights | {MAX_LIGHTS:,}",
+        f"spheres | 2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million)",
+        f"meshes | {MAX_MESHES:,}",
+        f"triangles and vertices of all meshes | 2^{MAX_TRIANGLES.bit_length() - 1} each",
+        f"pixels of all textures | 2^{MAX_TEXELS.bit_length() - 1}",
+        f"`max_bounces` | {MAX_BOUNCES}",
+        f"pixels a side | {MAX_SIDE:,}",
+        f"pixels of a picture | 2^{MAX_PIXELS.bit_length() - 1}",
+    ):
+        assert f"| {row} |" in texts["format.md"]
+    assert xml_source.MAX_BYTES == texture.MAX_BYTES
+    assert f"after {xml_files.MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
+    assert f"{1 / xml_reader.MAX_SIZE:.2g}..{xml_reader.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
     for name in KEEPS:
         assert f"| `{name}` |" in texts["speed.md"] or f"`--keep {name}`" in texts["speed.md"]

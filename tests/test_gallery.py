@@ -11,8 +11,8 @@ import pytest
 from readme import ROOT
 
 import cltrace
-from cltrace.reference.check import check
 from cltrace.run.devices import Device
+from cltrace.students.check import check
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,6 @@ draws a scene with a mistake, to see what it looks like. It is slow: a second fo
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
 import sys
@@ -28,7 +27,7 @@ from PIL import Image as Picture
 
 import cltrace
 from cltrace import reference
-from cltrace.console import picture_size
+from cltrace.cli.arguments import picture_size
 from cltrace.reference import (
     EYE,
     Color,
@@ -41,24 +40,28 @@ from cltrace.reference import (
     Start,
     Texture,
     World,
+    bounce,
     byte_of,
-    primary_ray,
+    trace,
 )
 from cltrace.reference.bounce import lift
+from cltrace.reference.lights import ParallelLight, SpotLight
+from cltrace.reference.records import Illumination, Shading
+from cltrace.reference.round import Round
+from cltrace.reference.texture import Lookup
+from cltrace.reference.trace import primary_ray
 from cltrace.reference.vectors import Matrix
 from cltrace.scene import Camera, Scene
 
 BLACK = (0.0, 0.0, 0.0)
 Bytes = NDArray[np.uint8]
 Floats = NDArray[np.floating]
-# Submodules of cltrace.reference; one of them has the name of a function there.
-trace = importlib.import_module("cltrace.reference.trace")
 
 
 class Tracer:
     """The reference tracer. What a subclass has by the name of a step takes that step's place while it draws."""
 
-    STEPS = ("cast_shadow_ray", "illuminate", "local_color")
+    STEPS = ("cast_shadow_ray", "illuminate", "shade")
     size: tuple[int, int] | None = None  # width and height in pixels, instead of the scene's
 
     def draw(self, path: Path) -> Bytes:
@@ -242,13 +245,13 @@ class Shadows(Tracer):
 
     def patches(self) -> Iterator[tuple[object, str, object]]:
         yield from super().patches()
-        local_color, reference_of = trace.local_color, self
+        shade, reference_of = trace.shade, self
 
-        def with_ray(world: World, ray: Ray, at: Intersection) -> Color:
+        def with_ray(world: World, ray: Ray, at: Intersection) -> Shading:
             reference_of.ray = ray
-            return local_color(world, ray, at)
+            return shade(world, ray, at)
 
-        yield trace, "local_color", with_ray
+        yield trace, "shade", with_ray
 
     def way(self, light: Light, at: Intersection) -> Direction:
         """From the point to the light: all of it, or to a parallel light a unit vector."""
@@ -274,7 +277,7 @@ class Things:
     def __init__(self, world: World, real: type[np.floating]) -> None:
         self.real, self.eye = real, np.array(world.camera.position, real)
         self.basis = np.array(world.camera.basis(), real)
-        balls = [s for s in world.surfaces if isinstance(s, reference.Sphere)]
+        balls = [s for s in world.surfaces if isinstance(s, Round)]
         self.center = np.array([tuple(s.place) for s in balls], real).reshape(-1, 3)
         self.radius = np.array([s.radius for s in balls], real)
         maps = [[tuple(row) for row in (s.K.x, s.K.y, s.K.z)] if isinstance(s, Ellipsoid) else np.eye(3) for s in balls]
@@ -341,15 +344,15 @@ class LightReversed(Shadows):
         world = super().world(scene)
         if not self.parallel:
             return world
-        lights = [replace(x, towards=-x.towards) if x.towards is not None else x for x in world.lights]
+        lights = [replace(x, towards=-x.towards) if isinstance(x, ParallelLight) else x for x in world.lights]
         return replace(world, lights=lights)
 
     def way(self, light: Light, at: Intersection) -> Direction:
         w = super().way(light, at)
         return -w if self.others and not light.parallel else w
 
-    def illuminate(self, world: World, ray: Ray, at: Intersection, light: Light) -> Color:
-        return phong(self, world, ray, at, light)
+    def illuminate(self, world: World, ray: Ray, at: Intersection, light: Light) -> Illumination:
+        return lit(light, phong(self, world, ray, at, light))
 
 
 class SpotReversed(Tracer):
@@ -357,7 +360,9 @@ class SpotReversed(Tracer):
 
     def world(self, scene: Scene) -> World:
         world = super().world(scene)
-        return replace(world, lights=[replace(x, axis=-x.axis) if x.axis is not None else x for x in world.lights])
+        return replace(
+            world, lights=[replace(x, axis=-x.axis) if isinstance(x, SpotLight) else x for x in world.lights]
+        )
 
 
 # Phong's formula.
@@ -384,8 +389,14 @@ class Lighting(Shadows):
         """What of the highlight a surface of colour c shows."""
         return 1.0
 
-    def illuminate(self, world: World, ray: Ray, at: Intersection, light: Light) -> Color:
-        return phong(self, world, ray, at, light)
+    def illuminate(self, world: World, ray: Ray, at: Intersection, light: Light) -> Illumination:
+        return lit(light, phong(self, world, ray, at, light))
+
+
+def lit(light: Light, color: Color) -> Illumination:
+    """A light that adds this colour, however it came about."""
+    nowhere = Direction(0.0, 0.0, 0.0)
+    return Illumination(light, "lit", w=nowhere, l=nowhere, r=nowhere, n_l=0.0, r_v=0.0, strength=0.0, color=color)
 
 
 def phong(how: Shadows, world: World, ray: Ray, at: Intersection, light: Light) -> Color:
@@ -446,7 +457,7 @@ class NormalNotFlipped(Lighting):
     def patches(self) -> Iterator[tuple[object, str, object]]:
         yield from super().patches()
         if self.refracts:
-            yield trace, "refracted", self.bent
+            yield bounce, "refracted", self.bent
 
     @staticmethod
     def bent(d: Direction, n: Direction, side: int, index: float, spread: float = 1.0) -> Direction | None:
@@ -465,16 +476,16 @@ class AmbientPerLight(Tracer):
     def __init__(self, shadowed: bool = True) -> None:
         self.shadowed = shadowed
 
-    def local_color(self, world: World, ray: Ray, at: Intersection) -> Color:
+    def shade(self, world: World, ray: Ray, at: Intersection) -> Shading:
         ambient = tuple(at.material.ka * a * c for a, c in zip(world.ambient, at.color, strict=True))
         total = np.zeros(3)
         for light in world.lights:
-            more = trace.illuminate(world, ray, at, light)
+            more = trace.illuminate(world, ray, at, light).color
             total += more
             if self.shadowed or any(more):
                 total += ambient
         red, green, blue = total.tolist()
-        return (red, green, blue)
+        return Shading((red, green, blue), ())
 
 
 class EarlyClamp(Tracer):
@@ -482,28 +493,28 @@ class EarlyClamp(Tracer):
 
     def patches(self) -> Iterator[tuple[object, str, object]]:
         yield from super().patches()
-        local_color = trace.local_color
+        shade = trace.shade
 
-        def clamped(world: World, ray: Ray, at: Intersection) -> Color:
-            red, green, blue = (min(1.0, c) for c in local_color(world, ray, at))
-            return (red, green, blue)
+        def clamped(world: World, ray: Ray, at: Intersection) -> Shading:
+            red, green, blue = (min(1.0, c) for c in shade(world, ray, at).color)
+            return Shading((red, green, blue), ())
 
-        yield trace, "local_color", clamped
+        yield trace, "shade", clamped
 
 
 class EarlyClampOfLight(Tracer):
     """Clamps the sum of ambient and diffuse light to 1 before it is multiplied with the object's colour."""
 
-    def local_color(self, world: World, ray: Ray, at: Intersection) -> Color:
+    def shade(self, world: World, ray: Ray, at: Intersection) -> Shading:
         white = replace(at.material, color=(1.0, 1.0, 1.0), texture=None, ks=0.0)
         black = replace(at.material, color=BLACK, texture=None)
         light = np.array([white.ka * a for a in world.ambient])
         shine = np.zeros(3)
         for lamp in world.lights:
-            light += trace.illuminate(world, ray, replace(at, material=white), lamp)
-            shine += trace.illuminate(world, ray, replace(at, material=black), lamp)
+            light += trace.illuminate(world, ray, replace(at, material=white), lamp).color
+            shine += trace.illuminate(world, ray, replace(at, material=black), lamp).color
         red, green, blue = (np.minimum(light, 1) * at.color + shine).tolist()
-        return (red, green, blue)
+        return Shading((red, green, blue), ())
 
 
 # Placing and what is on surfaces.
@@ -564,13 +575,13 @@ class Textured(Tracer):
 
     def patches(self) -> Iterator[tuple[object, str, object]]:
         yield from super().patches()
-        color, place = Texture.color, self.place
+        lookup, place = Texture.lookup, self.place
 
-        def elsewhere(texture: Texture, uv: tuple[float, float]) -> Color:
+        def elsewhere(texture: Texture, uv: tuple[float, float]) -> Lookup:
             height, width = texture.texels.shape[:2]
-            return color(texture, place(*uv, width, height))
+            return lookup(texture, place(*uv, width, height))
 
-        yield Texture, "color", elsewhere
+        yield Texture, "lookup", elsewhere
 
 
 class IntegerTexels(Tracer):

@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-from cltrace.start import start
+from cltrace.process.entry import start
 
 
 def main() -> NoReturn:

@@ -16,13 +16,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cltrace.console import Parser, command, picture_size, positive, tell
-from cltrace.errors import UsageError
+from cltrace.base.errors import UsageError
+from cltrace.cli.arguments import picture_size
 from cltrace.formats.xml_reader import read
 from cltrace.picture.files import whole_file
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import PRECISIONS
-from cltrace.renderer import default_precision
+from cltrace.process.console import Parser, command, positive, tell
+from cltrace.renderers.renderer import default_precision
 from cltrace.run.devices import Device, choose, devices
 
 from . import report

@@ -12,9 +12,9 @@ import numpy as np
 
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Keep
-from cltrace.reference.check import DEFAULT_TESTS, TRIANGLES, sample
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
+from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
 
 from .errors import Errors, bytes_apart, compare
 from .scenes import Case

@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cltrace.blocks import processors
+from cltrace.base.arrays import processors
 
 from .errors import Errors
 from .measure import Row, median

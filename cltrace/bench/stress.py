@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.renderer import default_precision
+from cltrace.renderers.renderer import default_precision
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
 

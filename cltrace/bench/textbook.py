@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.errors import DeviceError
+from cltrace.base.errors import DeviceError
 from cltrace.picture.image import Image
 from cltrace.run.devices import Device
 from cltrace.run.program import build, context_of

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from cltrace.blocks import processors
+from cltrace.base.arrays import processors
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import KEEPS, Keep
-from cltrace.renderer import Renderer
+from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, POINT, Scene
 

@@ -16,8 +16,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.oracle.spheres import closest, normal_high, occluded
-from cltrace.reference import Material, byte_of, cast_shadow_ray, illuminate, primary_ray, trace, world_of
+from cltrace.oracle.spheres import closest, lit, normal_high
+from cltrace.reference import Material, byte_of, world_of
+from cltrace.reference.trace import cast_shadow_ray, illuminate, primary_ray, trace
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, AnyCamera, Scene
 
 from .cases import directions
@@ -75,20 +76,18 @@ def facing_normal(scene: Scene, seen: Hits, row: int) -> tuple[Fraction, ...]:
     return n if seen.outside[row] else tuple(-x for x in n)
 
 
-def reached(scene: Scene, seen: Hits, row: int) -> list[tuple[bool, bool]]:
-    """For each light that is not ambient, (lit, facing) of the hit of that row, as oracle.occluded() says.
+def reached(scene: Scene, seen: Hits, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(rows, lights) each, for all lights that are not ambient: lit and facing of the hits of these rows, as
+    spheres.lit() says.
 
     A spot light is taken for a point light: its cone is not looked at.
     """
-    spheres, index = scene.spheres, int(seen.index[row])
-    out = []
-    for light in scene.lights[scene.lights["kind"] != AMBIENT]:
+    spheres, out = scene.spheres, np.zeros((2, len(rows), int((scene.lights["kind"] != AMBIENT).sum())), bool)
+    for k, light in enumerate(scene.lights[scene.lights["kind"] != AMBIENT]):
         kind: Literal["point", "parallel"] = "parallel" if light["kind"] == PARALLEL else "point"
-        where = light["direction" if kind == "parallel" else "position"]
-        out.append(
-            occluded(scene.camera.position, seen.d[row], index, spheres["center"], spheres["radius"], where, kind)
-        )
-    return out
+        where, hits = light["direction" if kind == "parallel" else "position"], (seen.d[rows], seen.index[rows])
+        out[:, :, k] = lit(scene.camera.position, *hits, spheres["center"], spheres["radius"], where, kind)
+    return out[0], out[1]
 
 
 @dataclass(frozen=True)
@@ -218,14 +217,15 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
         out.id[row], out.depth[row] = at.index, at.distance
         out.normal[row] = np.array(tuple(at.normal)) @ basis
         dull = replace(at, material=WHITE)
-        out.light[row] = [max(illuminate(lamp, ray, dull, light)) for lamp in bare for light in lamp.lights]
+        out.light[row] = [max(illuminate(lamp, ray, dull, light).color) for lamp in bare for light in lamp.lights]
         out.lit[row] = [not cast_shadow_ray(world, at, light) for light in world.lights]
     if looks_along_an_axis(scene.camera) and can_thin(scene):
         seen = hits(scene, pixels)
         out.id[:], out.depth[:] = seen.index, seen.depth
         out.normal[:] = 0
-        for row in np.flatnonzero(seen.index >= 0).tolist():
+        rows = np.flatnonzero(seen.index >= 0)
+        for row in rows.tolist():
             out.normal[row] = [float(x) for x in facing_normal(scene, seen, row)]
-            out.lit[row] = [lit for lit, _ in reached(scene, seen, row)]
+        out.lit[rows], _ = reached(scene, seen, rows)
     out.lit[:] &= out.light > 0
     return out

@@ -6,14 +6,25 @@ import math
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Collection
-from typing import TypeVar
+from typing import Literal, TypeVar
 
-from cltrace.console import positive
-from cltrace.movie.frames import AXES, range_of
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
+from cltrace.process.console import positive
+from cltrace.scene import check_resolution
 
 Name = TypeVar("Name", bound=str)
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """WxH of --size."""
+    match = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
+    if not match:
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT, such as 640x480, got {text!r}")
+    try:
+        return check_resolution((int(match[1]), int(match[2])))
+    except ValueError as error:
+        raise ArgumentTypeError(str(error).removeprefix("camera.resolution: ")) from None
 
 
 def crop(text: str) -> Crop:
@@ -40,12 +51,14 @@ def levels(text: str) -> int:
     return int(text)
 
 
-def antialias(text: str) -> float:
-    """LEVELS of --antialias."""
+def antialias(text: str) -> float | Literal["proved"]:
+    """LEVELS of --antialias, or proved."""
+    if text == "proved":
+        return "proved"
     if text.endswith(".xml"):
-        raise ArgumentTypeError(f"put the scene first, or say --antialias=1; {text!r} is not a number")
+        raise ArgumentTypeError(f"put the scene first, or say --antialias=proved; {text!r} is not a number")
     if not re.fullmatch(r"[0-9]{0,9}(\.[0-9]{0,9})?", text) or text in ("", ".") or not 0 < float(text) <= 255:
-        raise ArgumentTypeError(f"must be levels of 255, above 0, such as 0.5, got {text!r}")
+        raise ArgumentTypeError(f"must be proved, or levels of 255, above 0, such as 0.5, got {text!r}")
     return float(text)
 
 
@@ -96,6 +109,8 @@ def several(text: str) -> int:
 
 def axis(text: str) -> str | tuple[float, ...]:
     """x, y, z or X,Y,Z of --axis."""
+    from cltrace.movie.frames import AXES
+
     if text in AXES:
         return text
     try:
@@ -119,6 +134,8 @@ def fps(text: str) -> float:
 
 def frames(text: str) -> slice:
     """A:B:S of --frames."""
+    from cltrace.movie.frames import range_of
+
     try:
         return range_of(text)
     except ValueError as error:

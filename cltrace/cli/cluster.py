@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import importlib.util
 import logging
 import re
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cltrace.blocks import processors
-from cltrace.cli.options import LIT, parser
-from cltrace.cli.picture import options_of
-from cltrace.cli.source import scene_of
-from cltrace.cli.target import targets_of
-from cltrace.errors import DeviceError, MissingPackageError, UsageError
-from cltrace.forks import METHOD, prepare
-from cltrace.picture.image import Image, Output
-from cltrace.start import imported
+from cltrace.base.arrays import processors
+from cltrace.base.errors import DeviceError, MissingPackageError, UsageError
+from cltrace.cli.options import Tiles
+from cltrace.cli.output_files import targets_of
+from cltrace.cli.reporter import Reporter
+from cltrace.cli.scenes import scene_of
+from cltrace.process.entry import imported
+from cltrace.process.forkserver import METHOD, prepare
+from cltrace.run.program import Announcement
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 # Of a local cluster. What dask watches by default, up to fifty times a second, takes a tenth of a processor.
@@ -38,34 +34,27 @@ SETTINGS = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 START = 60  # seconds in which the workers of a local cluster are there
-NOT_HERE = ("check", "stats", "repeat", "bits", "outputs", "watch")
+SILENCE = 5.0  # seconds after which it is said that they are waited for
+# What the processes of a local cluster import before they begin.
+WORKERS = "cltrace.distributed.workers"
 
 
-def draw_tiles(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def draw_tiles(work: Tiles, reporter: Reporter) -> int:
     """Draws one picture on a cluster, in tiles. Returns 0."""
-    for name in NOT_HERE:
-        if getattr(args, name) != parser().get_default(name):
-            raise UsageError(f"--{name} does not go with --cluster")
-    if args.show in (LIT, "depth"):  # the greys of depths depend on the whole picture
-        raise UsageError(f"--show {args.show} does not go with --cluster")
-    if args.output and (len(args.output) > 1 or "-" in args.output):
-        raise UsageError("--cluster takes one -o, of a file")
-    scene = scene_of(args, say)
-    (target,) = targets_of(scene, args, (".png",))
-    outputs: tuple[Output, ...] = ("rgb8",) if args.show == "color" else (args.show,)
-    axes = scene.camera.basis() if args.space == "camera" else None
-    shown = np.asarray if args.show == "color" else partial(Image.as_rgb8, show=args.show, axes=axes)
-    how = {"tiles": args.tiles, "device": args.device, "progress": False if args.quiet else None}
-    with client_of(args.cluster) as client:
+    scene = scene_of(work.scene, reporter)
+    (target,) = targets_of(scene, work, (".png",))
+    how = work.drawing.renderer_options(work.look.outputs)
+    how |= {"tiles": work.tiles, "device": work.drawing.device, "progress": reporter.progress}
+    with client_of(work.cluster) as client:
         from cltrace.distributed import render
 
         try:
-            render(scene, client, target, shown=shown, **how, **options_of(args, outputs))
+            render(scene, client, target, shown=work.look.pixels(scene.camera), **how)
         except ValueError as error:
             raise UsageError(str(error)) from None
         except OSError as error:
             raise UsageError(f"cannot write {target}: {error.strerror or error}") from None
-    say(f"cltrace: wrote {target}, on the cluster {args.cluster}")
+    reporter.say(f"cltrace: wrote {target}, on the cluster {work.cluster}")
     return 0
 
 
@@ -82,7 +71,7 @@ def client_of(spec: str) -> Iterator[Any]:
         raise MissingPackageError("--cluster", "distributed", "dask")
     local = LOCAL.fullmatch(spec)
     if local:
-        prepare()
+        prepare(WORKERS)
     distributed = imported("distributed")
     # Else it imports pandas here, where that is installed, for a process that has begun already.
     distributed.utils._forkserver_preload_set = True
@@ -114,9 +103,10 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
     ):
         cluster.scale(count)
         patience = time.monotonic() + START
-        while len(cluster.scheduler.workers) < count:
-            if time.monotonic() > patience:
-                raise DeviceError(f"--cluster local:{count}: its workers do not start in {START} s")
-            time.sleep(0.01)
+        with Announcement(f"--cluster local:{count}: waiting for its workers ...", SILENCE, logging.WARNING):
+            while len(cluster.scheduler.workers) < count:
+                if time.monotonic() > patience:
+                    raise DeviceError(f"--cluster local:{count}: its workers do not start in {START} s")
+                time.sleep(0.01)
         client.run(signal.signal, signal.SIGINT, signal.SIG_IGN)  # which a terminal sends to all processes
         yield client

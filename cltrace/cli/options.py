@@ -1,229 +1,345 @@
-"""What can be asked for: the parser, with one function for each group of options.
+"""What is asked for: typed options, one class for each kind of work, made once from the command line.
 
-A group has `usual` options, which --help shows, and `rare` ones, which only --help all shows: the former is to fit one
-screen, of 40 lines and 100 columns. What an argument's text means is in cltrace.cli.arguments.
+Options that do not go together are refused here, before anything is read; what depends on a scene or on files is
+refused where that is known.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
-from cltrace import __version__
-from cltrace.cli import arguments
-from cltrace.console import Parser, picture_size, positive
-from cltrace.errors import UsageError
-from cltrace.picture.image import SHOWS, USUAL
-from cltrace.picture.storing import SUFFIXES
-from cltrace.plan.request import PRECISIONS
+import numpy as np
+from numpy.typing import NDArray
 
-LIT = "lit"  # what --show has beside an image's outputs
+from cltrace.base.errors import UsageError
+from cltrace.cli.parsing import LIT
+from cltrace.picture.image import DIRECTED, Image, Output, Show
+from cltrace.plan.abi import Precision
+from cltrace.plan.request import Antialias, Crop, Keep
+from cltrace.run.devices import is_all
+from cltrace.scene import AnyCamera
 
-EXAMPLES = """examples:
-  cltrace scene.xml                                the picture that the scene names
-  cltrace scene.xml --compare mine.png             what is wrong in another tracer's picture
-  cltrace scene.xml -d cpu --check --stats         whether it is right, and how long it took"""
+Kind = TypeVar("Kind")
 
-
-class Group:
-    """Options under one heading. whole: whether the help has those that are rare."""
-
-    def __init__(self, p: argparse.ArgumentParser, title: str, whole: bool) -> None:
-        self._group, self._whole = p.add_argument_group(title), whole
-
-    def usual(self, *names: str, **settings: Any) -> None:
-        """Adds an option as add_argument() does."""
-        self._group.add_argument(*names, **settings)
-
-    def rare(self, *names: str, help: str, **settings: Any) -> None:
-        """Adds an option that only --help all shows."""
-        self._group.add_argument(*names, help=help if self._whole else argparse.SUPPRESS, **settings)
+# Options that ask for more than one picture, and those that go with one only.
+MANY = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
+ONE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch", "tiles")
+NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 
-def parser(whole: bool = True) -> argparse.ArgumentParser:
-    """The command line. whole: whether its help has all options, not only the usual ones."""
-    p = Parser(
-        prog="cltrace",
-        usage="cltrace SCENE.xml ... [options]",
-        description="Render a scene file of spheres and meshes with OpenCL.",
-        epilog=EXAMPLES if whole else f"--help all shows all options.\n\n{EXAMPLES}",
-        formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=26),
-        allow_abbrev=False,
-        add_help=False,
-    )
-    p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help=argparse.SUPPRESS)
-    _picture(Group(p, "the picture", whole))
-    _movie(Group(p, "many pictures", whole))
-    _device(Group(p, "the device", whole))
-    _cluster(Group(p, "many machines", whole))
-    _checks(Group(p, "checking and measuring", whole))
-    _messages(Group(p, "messages", whole))
-    return p
+@dataclass(frozen=True)
+class SceneOptions:
+    """Which scene, and what of it is other than its file says. size: (width, height) in pixels, None for the file's."""
+
+    path: str
+    size: tuple[int, int] | None
+    square_pixels: bool
+    transparent: bool
 
 
-def _picture(group: Group) -> None:
-    group.usual(
-        "-o",
-        "--output",
-        action="append",
-        metavar="FILE",
-        help=f"where to: {', '.join(SUFFIXES)}; - is stdout; may be repeated (default: the scene's output_file)",
-    )
-    group.rare("--bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a PNG's channels (default: 8)")
-    group.rare(
-        "--outputs",
-        type=arguments.outputs,
-        metavar="NAME,...",
-        help=f"what .exr and .npz have (default: {','.join(USUAL)}, with meshes primitive)",
-    )
-    group.usual("--size", type=picture_size, metavar="WxH", help="picture size instead of the scene's")
-    group.usual("--crop", type=arguments.crop, metavar="X0,Y0,X1,Y1", help="only these pixels of it (X1, Y1 excluded)")
-    group.usual(
-        "--show",
-        choices=(*SHOWS, LIT),
-        default="color",
-        metavar="WHAT",
-        help=f"{', '.join(SHOWS)}, {LIT}: as colours",
-    )
-    group.rare(
-        "--space",
-        choices=("world", "camera"),
-        metavar="NAME",
-        help="axes of normal and direction: world or camera (default: world)",
-    )
-    group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
-    group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
-    group.usual(
-        "--antialias",
-        nargs="?",
-        const=1.0,
-        type=arguments.antialias,
-        metavar="LEVELS",
-        help="colours are means over pixels, mostly within 1 level of 255, or LEVELS",
-    )
-    group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
+@dataclass(frozen=True)
+class Look:
+    """What of an Image a picture shows. show: one of its outputs, or "color"; space: whose axes directions have."""
+
+    show: Show
+    space: str | None
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The outputs that it is made of."""
+        return ("rgb8",) if self.show == "color" else (self.show,)
+
+    @property
+    def scale(self) -> tuple[Output, ...]:
+        """The output whose least and greatest values are said."""
+        return ("depth",) if self.show == "depth" else ()
+
+    def axes(self, camera: AnyCamera) -> Any:
+        """Along which axes directions are shown, as Image.as_rgb8() has them."""
+        return camera.basis() if self.space == "camera" else None
+
+    def pixels(self, camera: AnyCamera) -> Callable[[Image], NDArray[np.uint8]]:
+        """What makes the pixels that are shown. It can be sent to another process."""
+        if self.show == "color":
+            return np.asarray
+        return partial(Image.as_rgb8, show=self.show, axes=self.axes(camera))
 
 
-def _movie(group: Group) -> None:
-    group.usual(
-        "--orbit",
-        type=arguments.several,
-        metavar="N",
-        help="N frames around the scene: -o frame%%04d.png, .mp4, .gif or .apng",
-    )
-    group.rare("--axis", type=arguments.axis, metavar="x|y|z|X,Y,Z", help="of --orbit (default: the camera's up)")
-    group.rare("--degrees", type=arguments.degrees, metavar="A", help="of --orbit (default: 360)")
-    group.rare(
-        "--frames",
-        type=arguments.frames,
-        metavar="A:B:S",
-        help="only these of the frames, or of the scenes, from 0 on, B excluded; or one number",
-    )
-    group.rare("--fps", type=arguments.fps, metavar="F", help="frames a second of a movie (default: 25)")
-    group.rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
-    group.rare("--watch", action="store_true", help="do it again when the scene, a mesh or a texture is saved")
+@dataclass(frozen=True)
+class Drawing:
+    """How pictures are drawn: a device as --device names it, and arguments of Renderer, by their names."""
+
+    device: str | None
+    precision: Precision | None
+    crop: Crop | None
+    truncate: bool
+    antialias: Antialias
+    samples: int | None
+    keep: tuple[Keep, ...]
+
+    def renderer_options(self, outputs: tuple[Output, ...]) -> dict[str, Any]:
+        """The arguments of Renderer, but for scene and device."""
+        options = {**vars(self), "outputs": outputs}
+        del options["device"]
+        return options
 
 
-def _device(group: Group) -> None:
-    group.usual("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D, part of a name, or all (default: fastest CPU)")
-    group.usual(
-        "--precision",
-        choices=PRECISIONS,
-        metavar="NAME",
-        help=f"{', '.join(PRECISIONS)} (default: accurate, where there are doubles)",
-    )
-    group.usual("--list-devices", action="store_true", help="list the devices and stop")
-    group.usual("--doctor", action="store_true", help="check the installation and each device, and stop")
+@dataclass(frozen=True)
+class Doctor:
+    """--doctor. device: the only one that is tried, None for all."""
+
+    device: str | None
 
 
-def _cluster(group: Group) -> None:
-    group.rare(
-        "--cluster",
-        metavar="SCHEDULER",
-        help="draw on a dask cluster: its scheduler's address or file, or local:N for N processes here",
-    )
-    group.rare("--tiles", type=positive, metavar="N", help="of one picture on a cluster (default: 8 for each worker)")
+@dataclass(frozen=True)
+class ListDevices:
+    """--list-devices."""
 
 
-def _checks(group: Group) -> None:
-    group.usual(
-        "--check",
-        nargs="?",
-        const="default",
-        type=arguments.count,
-        metavar="N|all",
-        help="compare N pixels with the reference (default 20000, or fewer)",
-    )
-    group.usual(
-        "--explain",
-        type=arguments.pixel,
-        metavar="X,Y",
-        help="print how the pixel in column X, row Y gets its colour",
-    )
-    group.usual("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
-    group.rare(
-        "--tolerance",
-        type=arguments.levels,
-        metavar="N",
-        help="with --compare: levels that are the same (default 1)",
-    )
-    group.rare("--json", action="store_true", help="with --explain and --compare: one JSON object")
-    group.usual(
-        "--stats",
-        nargs="?",
-        const="text",
-        type=arguments.form,
-        choices=("text", "json"),
-        metavar="text|json",
-        help="times and counts",
-    )
-    group.rare("--repeat", type=arguments.repeats, default=1, metavar="N", help="render N times, report the fastest")
-    group.rare(
-        "--keep",
-        metavar="NAME,...",
-        action="extend",
-        type=arguments.keep,
-        default=[],
-        help="skip none of these, to measure that: lists, ... (docs/speed.md has them)",
-    )
+@dataclass(frozen=True)
+class OneScene:
+    """What all works have that are about one scene. output: names of files, None for the scene's own."""
+
+    scene: SceneOptions
+    drawing: Drawing
+    output: tuple[str, ...] | None
 
 
-def _messages(group: Group) -> None:
-    group.usual("-q", "--quiet", action="store_true", help="only errors")
-    group.rare("-v", "--verbose", action="store_true", help="with an error, also its traceback")
-    group.usual("-h", "--help", action=_Help, nargs="?", metavar="all", help="show the usual options, or all, and stop")
-    group.usual("--version", action="version", version=f"cltrace {__version__}", help="show the version and stop")
+@dataclass(frozen=True)
+class Picture(OneScene):
+    """One picture. outputs: those of .exr and .npz, none for the usual ones."""
+
+    look: Look
+    bits: int
+    outputs: tuple[Output, ...]
+    check: str | int | None
+    stats: str | None
+    repeat: int
 
 
-class _Help(argparse.Action):
-    """--help, which shows the usual options, and --help all."""
+@dataclass(frozen=True)
+class Tiles(OneScene):
+    """One picture on a cluster, in tiles. tiles: how many, None for what is best."""
 
-    def __call__(
-        self,
-        asked: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[Any] | None,
-        option_string: str | None = None,
-    ) -> None:
-        parser(whole=values == "all").print_help()
-        asked.exit()
+    look: Look
+    cluster: str
+    tiles: int | None
 
 
-def refuse_others(args: argparse.Namespace, option: str, *taken: str) -> None:
-    """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
-    p, own = parser(), option.removeprefix("--")
-    for name, value in vars(args).items():
-        if name not in (
-            "scene",
-            "scenes",
-            "files",
-            "watch",
-            "quiet",
-            "verbose",
-            own,
-            *taken,
-        ) and value != p.get_default(name):
-            other = "-d" if name == "device" else "-o" if name == "output" else f"--{name.replace('_', '-')}"
+@dataclass(frozen=True)
+class Explain(OneScene):
+    """--explain. explain: the pixel, (x, y) from the top left."""
+
+    explain: tuple[int, int]
+    json: bool
+
+
+@dataclass(frozen=True)
+class Compare(OneScene):
+    """--compare. compare: the file of the other tracer's picture; tolerance: levels of 255 that are the same."""
+
+    compare: str
+    tolerance: int
+    json: bool
+
+
+@dataclass(frozen=True)
+class Lit(OneScene):
+    """--show lit."""
+
+
+@dataclass(frozen=True)
+class Movie:
+    """Many pictures: frames around a scene, several scenes, or both, here or on a cluster."""
+
+    scenes: tuple[SceneOptions, ...]
+    look: Look
+    drawing: Drawing
+    output: str | None
+    orbit: int | None
+    axis: str | tuple[float, ...] | None
+    degrees: float | None
+    frames: slice | None
+    fps: float | None
+    skip_existing: bool
+    cluster: str | None
+
+
+Work = Doctor | ListDevices | Picture | Tiles | Movie | Explain | Compare | Lit
+
+
+class Options(NamedTuple):
+    """What is asked for. quiet: whether only errors are told; watch: whether it is done again after each change."""
+
+    work: Work
+    quiet: bool
+    watch: bool
+
+
+def options_of(args: Namespace, parser: ArgumentParser) -> Options:
+    """What a command line asks for. Raises UsageError for options that do not go together.
+
+    args: as `parser` has made them.
+    """
+    return Options(_Given(args, parser).work(), args.quiet, args.watch)
+
+
+class _Given:
+    """What a command line says, until it is typed."""
+
+    def __init__(self, args: Namespace, parser: ArgumentParser) -> None:
+        self._args, self._default = args, parser.get_default
+
+    def work(self) -> Work:
+        """What is to be done."""
+        args = self._args
+        for option, given in (("--doctor", args.doctor), ("--list-devices", args.list_devices)):
+            if given and args.scenes:
+                raise UsageError(f"{option} takes no scene, got {args.scenes[0]!r}")
+        if args.doctor:
+            return self._typed(Doctor)
+        if args.list_devices:
+            if args.device is not None:
+                raise UsageError("--list-devices lists all devices, so it takes no -d; --doctor -d SPEC tries one")
+            return ListDevices()
+        if not args.scenes:
+            raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
+        if "-" in args.scenes and not Path("-").exists():
+            raise UsageError("a scene is not read from stdin: say the name of its file")
+        self._check_devices()
+        make = self._kind()
+        if args.watch and args.output and "-" in args.output:
+            raise UsageError("--watch takes no -o -")
+        return make()
+
+    def _kind(self) -> Callable[[], Work]:
+        """What makes the options of the kind of work that is asked for."""
+        args = self._args
+        if len(args.scenes) > 1 or self._first(MANY):
+            if args.watch:
+                raise UsageError("--watch is for one picture, of one scene")
+            self._check_show()
+            return self._movie
+        if args.tiles is not None and args.cluster is None:
+            raise UsageError("--tiles goes with --cluster")
+        if args.explain is not None:
+            return self._explain
+        self._check_show()
+        if args.samples is not None and args.antialias is not True:
+            raise UsageError("--samples goes with --antialias that is not proved")
+        if args.antialias is not None and (args.show != "color" or args.check is not None):
+            other = "--check" if args.check is not None else f"--show {args.show}"
+            raise UsageError(f"--antialias does not go with {other}, which is about the rays of pixels' middles")
+        if args.compare is not None:
+            return self._compare
+        if args.tolerance is not None:
+            raise UsageError("--tolerance goes with --compare")
+        if args.json:
+            raise UsageError("--json goes with --explain and --compare; times and counts are --stats=json")
+        if args.cluster is not None:
+            return self._tiles
+        return self._lit if args.show == LIT else partial(self._of_scenes, Picture, outputs=tuple(args.outputs or ()))
+
+    def _check_devices(self) -> None:
+        """Raises UsageError for options that want one device where all are given."""
+        args = self._args
+        one = {
+            "--cluster": args.cluster is not None,
+            "--compare": args.compare is not None,
+            "--repeat": args.repeat != 1,
+            f"--show {LIT}": args.show == LIT,
+        }
+        for option, given in one.items():
+            if given and is_all(args.device):
+                why = ": a worker has one device" if option == "--cluster" else ", which takes one device"
+                raise UsageError(f"-d all does not go with {option}{why}")
+
+    def _check_show(self) -> None:
+        """Raises UsageError for options that do not go with what is shown."""
+        args = self._args
+        if args.space and args.show not in DIRECTED:
+            raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
+        if args.transparent and args.show != "color":
+            raise UsageError("--transparent goes with --show color")
+
+    def _first(self, names: Iterable[str]) -> str | None:
+        """The first of these options that is given, as it is written."""
+        for name in names:
+            if getattr(self._args, name) != self._default(name):
+                return {"device": "-d", "output": "-o"}.get(name, f"--{name.replace('_', '-')}")
+        return None
+
+    def _refuse_others(self, option: str, taken: set[str]) -> None:
+        """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
+        own = {"scenes", "watch", "quiet", "verbose", option.removeprefix("--")} | taken
+        if other := self._first(name for name in vars(self._args) if name not in own):
             raise UsageError(f"{option} takes no {other}")
+
+    def _typed(self, kind: type[Kind], **others: Any) -> Kind:
+        """Options of a kind, of which those that have an option's name have its value. others: values of other ones."""
+        given = vars(self._args) | others
+        return kind(**{f.name: given[f.name] for f in fields(kind)})  # type: ignore[arg-type]  # kinds are dataclasses
+
+    def _of_scenes(self, kind: type[Kind], **others: Any) -> Kind:
+        """Options of a kind of work on scenes."""
+        args = self._args
+        scenes = tuple(self._typed(SceneOptions, path=path) for path in args.scenes)
+        drawing = self._typed(Drawing, antialias=args.antialias or False, keep=tuple(args.keep))
+        output = None if args.output is None else tuple(args.output)
+        common = {"scene": scenes[0], "scenes": scenes, "drawing": drawing, "look": self._typed(Look), "output": output}
+        return self._typed(kind, **(common | others))
+
+    def _tiles(self) -> Tiles:
+        args = self._args
+        if other := self._first(NOT_ON_CLUSTER):
+            raise UsageError(f"{other} does not go with --cluster")
+        if args.show in (LIT, "depth"):  # the greys of depths depend on the whole picture
+            raise UsageError(f"--show {args.show} does not go with --cluster")
+        if args.output and (len(args.output) > 1 or "-" in args.output):
+            raise UsageError("--cluster takes one -o, of a file")
+        return self._of_scenes(Tiles)
+
+    def _movie(self) -> Movie:
+        args = self._args
+        if args.output and len(args.output) > 1:
+            raise UsageError("-o is given once where there are many pictures")
+        output = args.output[0] if args.output else None
+        self._check_movie(output)
+        return self._of_scenes(Movie, output=output)
+
+    def _check_movie(self, output: str | None) -> None:
+        """Raises UsageError for options that do not go with many pictures, or with each other."""
+        from cltrace.movie.names import MOVIES
+
+        args = self._args
+        single = self._first(ONE) or ("--show lit" if args.show == LIT else "-o -" if output == "-" else None)
+        if single:
+            raise UsageError(f"{single} is for one picture, of one scene")
+        if args.orbit is None and (other := self._first(("axis", "degrees"))):
+            raise UsageError(f"{other} goes with --orbit")
+        if args.frames is not None and args.orbit is None and len(args.scenes) == 1:
+            raise UsageError("--frames goes with --orbit, or with several scenes")
+        one_file = args.orbit is not None and output is not None and Path(output).suffix.lower() in MOVIES
+        if args.fps is not None and not one_file:
+            raise UsageError(f"--fps goes with --orbit and a movie, whose name ends in {', '.join(MOVIES)}")
+        if args.skip_existing and one_file:
+            raise UsageError("--skip-existing goes with PNGs, as a movie is there as a whole or not at all")
+
+    def _explain(self) -> Explain:
+        self._refuse_others("--explain", {"size", "square_pixels", "truncate", "json"})
+        return self._of_scenes(Explain)
+
+    def _compare(self) -> Compare:
+        taken = {"output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"}
+        self._refuse_others("--compare", taken)
+        return self._of_scenes(Compare, tolerance=1 if self._args.tolerance is None else self._args.tolerance)
+
+    def _lit(self) -> Lit:
+        taken = {"show", "output", "size", "crop", "square_pixels", "device", "precision"}
+        self._refuse_others("--show lit", taken)
+        return self._of_scenes(Lit)

@@ -2,50 +2,52 @@
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from cltrace.cli.source import scene_of
-from cltrace.cli.statistics import show_statistics, statistics
-from cltrace.cli.target import suffix_of, targets_of, write
-from cltrace.console import tell
-from cltrace.errors import UsageError
+from cltrace.base.errors import UsageError
+from cltrace.cli.options import Drawing, Picture
+from cltrace.cli.output_files import suffix_of, targets_of, write
+from cltrace.cli.reporter import Reporter
+from cltrace.cli.scenes import scene_of
 from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
 from cltrace.picture.storing import CHANNELS
-from cltrace.renderer import Renderer
+from cltrace.process.console import tell
+from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose, is_all
 from cltrace.scene import Scene
 
 
-def draw(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def draw(work: Picture, reporter: Reporter) -> int:
     """Draws the picture. Returns 0, or 1 where --check found a difference."""
     started = time.perf_counter()
-    scene = scene_of(args, say)
+    scene = scene_of(work.scene, reporter)
     read_seconds = time.perf_counter() - started
-    files = Files.of(scene, args)
-    renderer = renderer_of(scene, args, files.needed)
-    image = _fastest(renderer, args.repeat, False if args.quiet else None)
+    files = Files.of(scene, work)
+    checked: tuple[Output, ...] = () if work.check is None else ("rgb8", "id")
+    renderer = renderer_of(scene, work.drawing, (*files.needed, *checked, *work.look.scale))
+    image = _fastest(renderer, work.repeat, reporter.progress)
     image.seconds = {"read": read_seconds, **image.seconds}
 
     start = time.perf_counter()
-    files.write(image, scene.camera.basis() if args.space == "camera" else None)
+    files.write(image, work.look.axes(scene.camera))
     image.seconds["write"] = time.perf_counter() - start
     image.seconds["total"] = time.perf_counter() - started
     if written := [target for target in files.targets if target != "-"]:
         width, height = renderer.region[2:]
         how = f"{renderer.precision} precision, on {renderer.place}"
-        say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
-    if args.show == "depth":
-        say(f"cltrace: depth: {_depth_scale(image)}")
-    if args.stats:
-        show_statistics(statistics(renderer, image), args.stats)
-    return 0 if args.check is None else _check(renderer, image, args, say)
+        reporter.say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
+    if work.look.scale:
+        reporter.say(f"cltrace: depth: {_depth_scale(image)}")
+    if work.stats:
+        from cltrace.cli.statistics import show_statistics, statistics
+
+        show_statistics(statistics(renderer, image), work.stats)
+    return 0 if work.check is None else _check(renderer, image, work, reporter)
 
 
 @dataclass(frozen=True)
@@ -62,17 +64,17 @@ class Files:
     stored: tuple[Output, ...]
 
     @classmethod
-    def of(cls, scene: Scene, args: argparse.Namespace) -> Files:
+    def of(cls, scene: Scene, work: Picture) -> Files:
         """What the command line asks for. Raises UsageError where that makes no sense or cannot work."""
-        targets = targets_of(scene, args)
+        targets = targets_of(scene, work)
         kinds = set(map(suffix_of, targets))
-        if args.outputs and kinds.isdisjoint((".exr", ".npz")):
+        if work.outputs and kinds.isdisjoint((".exr", ".npz")):
             raise UsageError("--outputs goes with -o of an .exr or .npz")
-        if args.bits == 16 and (".png" not in kinds or args.show != "color"):
+        if work.bits == 16 and (".png" not in kinds or work.look.show != "color"):
             raise UsageError("--bits 16 goes with a PNG and --show color")
         usual = (*USUAL, "primitive") if scene.triangles else USUAL
         colors: tuple[Output, ...] = ("color", "alpha") if scene.background_alpha < 1 else ("color",)
-        files = cls(targets, args.show, colors if args.bits == 16 else (), tuple(args.outputs or usual))
+        files = cls(targets, work.look.show, colors if work.bits == 16 else (), work.outputs or usual)
         if ".exr" in kinds and (strange := [name for name in files.stored if name not in CHANNELS]):
             raise UsageError(f"--outputs: an .exr has none of {', '.join(strange)}, only of {', '.join(CHANNELS)}")
         return files
@@ -93,33 +95,17 @@ class Files:
                 write(image, target, self.show, axes, bits=16 if self.deep and suffix_of(target) == ".png" else 8)
 
 
-def renderer_of(scene: Scene, args: argparse.Namespace, needed: tuple[Output, ...]) -> Renderer:
-    """What draws the outputs of a scene that are needed. Raises UsageError for options that make no sense."""
+def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> Renderer:
+    """What draws the outputs of a scene. Raises UsageError for options that make no sense."""
+    options = drawing.renderer_options(outputs)
     try:
-        if is_all(args.device):
-            from cltrace.joint import Joint
+        if is_all(drawing.device):
+            from cltrace.renderers.all_devices import AllDevicesRenderer
 
-            return Joint(scene, **options_of(args, needed))
-        return Renderer(scene, choose(args.device), **options_of(args, needed))
+            return AllDevicesRenderer(scene, **options)
+        return Renderer(scene, choose(drawing.device), **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
-
-
-def options_of(args: argparse.Namespace, needed: tuple[Output, ...]) -> dict[str, Any]:
-    """The arguments of Renderer, by their names, but for scene and device."""
-    outputs = list(needed)
-    if args.check is not None:
-        outputs += ["rgb8", "id"]
-    if args.show == "depth":
-        outputs.append("depth")  # whose scale is said
-    return {
-        "precision": args.precision,
-        "outputs": tuple(outputs),
-        "crop": args.crop,
-        "truncate": args.truncate,
-        "antialias": args.antialias or False,
-        "keep": tuple(args.keep),
-    }
 
 
 def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:
@@ -132,17 +118,18 @@ def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:
     return best
 
 
-def _check(renderer: Renderer, image: Image, args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def _check(renderer: Renderer, image: Image, work: Picture, reporter: Reporter) -> int:
     """Compares the picture with the reference, and says how they agree. Returns the exit status."""
-    from cltrace.reference.check import check
+    from cltrace.students.check import check
 
-    pixels = {"all": renderer.region[2] * renderer.region[3], "default": None}.get(args.check, args.check)
+    x, y, width, height = renderer.region
+    pixels = width * height if work.check == "all" else None if work.check == "default" else int(work.check or 0)
+    how: dict[str, Any] = {"origin": (x, y), "truncate": work.drawing.truncate, "progress": reporter.progress}
     try:
-        origin, progress = renderer.region[:2], False if args.quiet else None
-        report = check(renderer.scene, image, renderer.precision, pixels, origin, args.truncate, progress)
+        report = check(renderer.scene, image, renderer.precision, pixels, **how)
     except ValueError as error:  # the reference traces what the kernel proves to be too faint, and has the same ceiling
         raise UsageError(f"--check: {error}") from None
-    (say if report.ok else tell)(f"cltrace: {report}")
+    (reporter.say if report.ok else tell)(f"cltrace: {report}")
     return 0 if report.ok else 1
 
 

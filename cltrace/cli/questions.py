@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Callable
-from pathlib import Path
+from typing import Any
 
-from cltrace.cli.options import refuse_others
-from cltrace.cli.source import scene_of
-from cltrace.cli.target import target_of, write
-from cltrace.errors import UsageError
+from cltrace.base.errors import UsageError
+from cltrace.cli.options import Compare, Explain, Lit
+from cltrace.cli.output_files import target_of, write
+from cltrace.cli.reporter import Reporter
+from cltrace.cli.scenes import scene_of
 from cltrace.picture.image import Image
 from cltrace.picture.palettes import MAX_LIGHTS
 from cltrace.run.devices import choose
@@ -19,71 +18,64 @@ from cltrace.scene import AMBIENT
 SETS = 12  # of lights, of how many --show lit says the colours
 
 
-def explain(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def explain(work: Explain, reporter: Reporter) -> int:
     """Prints why a pixel has its colour."""
-    refuse_others(args, "--explain", "size", "square_pixels", "truncate", "json")
-    scene = scene_of(args, say, lines=True)
-    (x, y), (width, height) = args.explain, scene.camera.resolution
+    scene = scene_of(work.scene, reporter, lines=True)
+    (x, y), (width, height) = work.explain, scene.camera.resolution
     if not (x < width and y < height):
         raise UsageError(f"--explain: must be within 0,0 and {width - 1},{height - 1}, got {x},{y}")
     from cltrace.explanation.pixel import explain as explanation_of
 
-    explanation = explanation_of(scene, x, y, truncate=args.truncate)
+    explanation = explanation_of(scene, x, y, truncate=work.drawing.truncate)
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    print(explanation.to_json() if args.json else explanation, flush=True)
+    print(explanation.to_json() if work.json else explanation, flush=True)
     return 0
 
 
-def compare(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def compare(work: Compare, reporter: Reporter) -> int:
     """Prints how a picture differs from the right one, and why. Returns 0 if it does not, and 1 if it does."""
-    taken = "output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"
-    refuse_others(args, "--compare", *taken)
-    scene = scene_of(args, say)
-    target = None if args.output is None else target_of(scene, args, "--compare")
+    scene = scene_of(work.scene, reporter)
+    target = None if work.output is None else target_of(scene, work, "--compare")
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    if target == "-" and args.json:
+    if target == "-" and work.json:
         raise UsageError("-o - and --json both want stdout")
-    own, other = Path(args.compare), Path(target or "-")
-    if target not in (None, "-") and own.exists() and other.exists() and own.samefile(other):
-        raise UsageError(f"-o: {target!r} is the picture itself, which the comparison would replace")
-    from cltrace.comparison.pictures import compare as comparison_of
+    from cltrace.students.compare import compare as comparison_of
 
-    device, tolerance = choose(args.device), 1 if args.tolerance is None else args.tolerance
-    options = {"device": device, "precision": args.precision, "truncate": args.truncate}
+    drawing, device = work.drawing, choose(work.drawing.device)
+    options: dict[str, Any] = {"device": device, "precision": drawing.precision, "truncate": drawing.truncate}
     try:
-        result = comparison_of(scene, args.compare, tolerance=tolerance, **options)
+        result = comparison_of(scene, work.compare, tolerance=work.tolerance, **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
     if target is not None:
         write(Image(rgb8=result.side_by_side()), target, "color")
-    (say if target == "-" else print)(result.to_json() if args.json else str(result))
+    (reporter.say if target == "-" else print)(result.to_json() if work.json else str(result))
     return 0 if result.same else 1
 
 
-def show_lit(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+def show_lit(work: Lit, reporter: Reporter) -> int:
     """Writes a picture of which lights reach which pixels, and says what its colours are."""
-    scene = scene_of(args, say)
-    target = target_of(scene, args, "--show lit")
-    refuse_others(args, "--show lit", "show", "output", "size", "crop", "square_pixels", "device", "precision")
+    scene = scene_of(work.scene, reporter)
+    target = target_of(scene, work, "--show lit")
     count = int((scene.lights["kind"] != AMBIENT).sum())
     if count > MAX_LIGHTS:
         raise UsageError(f"--show lit tells {MAX_LIGHTS} lights apart, and the scene has {count}")
-    from cltrace.lighting import lighting
+    from cltrace.students.lit import lighting
 
-    device = choose(args.device)
+    device = choose(work.drawing.device)
     try:
-        found = lighting(scene, device, args.precision, args.crop)
+        found = lighting(scene, device, work.drawing.precision, work.drawing.crop)
     except ValueError as error:
         raise UsageError(str(error)) from None
     colors = found.as_rgb8()
     write(Image(rgb8=colors), target, "color")
     if target != "-":
-        say(f"cltrace: wrote {target}, {colors.shape[1]}x{colors.shape[0]}, on {device.name}")
+        reporter.say(f"cltrace: wrote {target}, {colors.shape[1]}x{colors.shape[0]}, on {device.name}")
     legend = list(found.legend())
     for line in legend[:SETS]:
-        say(f"cltrace: lit: {line}")
+        reporter.say(f"cltrace: lit: {line}")
     if len(legend) > SETS:
-        say(f"cltrace: lit: and {len(legend) - SETS} more sets of lights")
+        reporter.say(f"cltrace: lit: and {len(legend) - SETS} more sets of lights")
     return 0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from cltrace.console import tell
 from cltrace.picture.image import Image
-from cltrace.renderer import Renderer
+from cltrace.process.console import tell
+from cltrace.renderers.renderer import Renderer
 
 
 def statistics(renderer: Renderer, image: Image) -> dict[str, Any]:

@@ -6,16 +6,17 @@ import logging
 import os
 import socket
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from distributed import Worker, WorkerPlugin
 
-from cltrace.blocks import processors
-from cltrace.errors import CltraceError
+from cltrace.base.arrays import processors
+from cltrace.base.errors import CltraceError
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
-from cltrace.renderer import Renderer
+from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import Device, choose
 from cltrace.scene import Camera, Scene
 
@@ -23,6 +24,19 @@ from cltrace.scene import Camera, Scene
 RESOURCE = "cltrace"
 # How PoCL of several ages, and Intel's driver, are told how many threads they may have.
 THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "DPCPP_CPU_NUM_CUS")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part of a picture is drawn, and what of its Image is sent.
+
+    crop: the part, None for all; rows: the first and the one after the last of those that are drawn, None for all that
+    the crop has, which is kept for others; wanted: what the worker makes of the Image, None for the Image itself.
+    """
+
+    crop: Crop | None = None
+    rows: tuple[int, int] | None = None
+    wanted: Callable[[Image], Any] | None = None
 
 
 class WorkerError(Exception):
@@ -67,22 +81,12 @@ def devices_here() -> tuple[str, str, bool]:
     return socket.gethostname(), device.name if device else "", bool(device and device.has_double)
 
 
-def draw(
-    key: str,
-    base: Scene,
-    camera: Camera | None,
-    options: Mapping[str, Any],
-    crop: Crop | None,
-    rows: tuple[int, int] | None = None,
-    wanted: Callable[[Image], Any] | None = None,
-) -> Any:
-    """The Image of a scene as the worker's device draws it, or of a crop of it, or what is wanted of it.
+def draw(key: str, base: Scene, camera: Camera, options: Mapping[str, Any], part: Part) -> Any:
+    """What is wanted of the Image of a part of a scene, as the worker's device draws it.
 
-    key: of the base, which names what may be kept; camera: that looks at it, None for its own; rows: of the picture,
-    the first and the one after the last of those that are drawn; all that the crop has is kept for others; wanted: what
-    is made of the Image and sent instead.
+    key: of the base, which names what may be kept; camera: that looks at it.
     """
-    scene = base if camera is None else base.seen_by(camera)
+    scene, crop = base.seen_by(camera), part.crop
     name = f"{key} {sorted(options.items())!r}"
     kept = _kept.get(name)
     _kept.clear()  # before another one takes as much memory
@@ -93,8 +97,8 @@ def draw(
             renderer = kept if crop == kept.request.crop else kept.cropped(crop)
             if scene.camera != renderer.scene.camera:
                 renderer = renderer.following(renderer.scene.seen_by(scene.camera))
-        image = (renderer.rows(*rows) if rows else renderer).render()
-        found = wanted(image) if wanted else _whole(image)
+        image = (renderer.rows(*part.rows) if part.rows else renderer).render()
+        found = part.wanted(image) if part.wanted else _whole(image)
     except Exception as error:
         # What a driver raises may not be what another machine can read, and the machine's name helps.
         raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from cltrace.explanation.record import SphereTest, TriangleTest
 from cltrace.explanation.space import triple
-from cltrace.reference.surfaces import Sphere
+from cltrace.reference.round import Round
 from cltrace.reference.triangles import Mesh, Triangle
 from cltrace.reference.vectors import Direction, Point
 
 
-def sphere_test(sphere: Sphere, o: Point, d: Direction) -> SphereTest:
+def sphere_test(sphere: Round, o: Point, d: Direction) -> SphereTest:
     C, R = sphere.place, sphere.radius
     to_start, way = sphere.seen(o - C), sphere.seen(d)
     a, b, c = way.dot(way), 2 * way.dot(to_start), to_start.dot(to_start) - R * R
@@ -39,7 +39,7 @@ def triangle_test(triangle: Triangle, o: Point, d: Direction) -> TriangleTest:
     return TriangleTest((triple(A), triple(B), triple(C)), triple(N), d_n, t, (parts[0], parts[1], parts[2]))
 
 
-def sphere_gap(sphere: Sphere, o: Point, d: Direction) -> tuple[float, float]:
+def sphere_gap(sphere: Round, o: Point, d: Direction) -> tuple[float, float]:
     """How far a ray passes by a sphere, and at which t it is nearest to it, of an ellipsoid in its own axes."""
     to_center, way = sphere.seen(sphere.place - o), sphere.seen(d)
     t = to_center.dot(way) / way.dot(way)
@@ -49,7 +49,7 @@ def sphere_gap(sphere: Sphere, o: Point, d: Direction) -> tuple[float, float]:
     return math.copysign(_in_world(sphere, outside).length(), length - sphere.radius), t
 
 
-def _in_world(sphere: Sphere, v: Direction) -> Direction:
+def _in_world(sphere: Round, v: Direction) -> Direction:
     """Back from a sphere's own axes."""
     rows = sphere.ball.to_world
     return v if rows is None else Direction(*(Direction(*map(float, row)).dot(v) for row in rows))

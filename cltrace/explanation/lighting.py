@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
-from cltrace.explanation.meeting import single
 from cltrace.explanation.names import Names
-from cltrace.explanation.record import AmbientTerm, Fate, LightTerm, Met, Triple
+from cltrace.explanation.record import AmbientTerm, LightTerm, Met, Triple
 from cltrace.explanation.space import Space, triple
-from cltrace.reference import Direction, Intersection, Light, Ray, ShadowRay, Surface, World, illuminate
-from cltrace.reference.crossing import shadow_way
-from cltrace.reference.groups import Group
-from cltrace.reference.surfaces import first_met
-from cltrace.reference.trace import BLACK, faces
+from cltrace.reference import Direction, Intersection, Light, World
+from cltrace.reference.lights import SpotLight
+from cltrace.reference.records import BLACK, Illumination, Shading
+from cltrace.reference.ways import Meeting, behind, blockers
 from cltrace.scene import AMBIENT, Scene
 
 FEW = 3  # surfaces that are listed between a point and a light
@@ -30,88 +27,60 @@ def ambient_terms(scene: Scene, names: Names, at: Intersection) -> tuple[Ambient
 
 
 def light_terms(
-    scene: Scene, world: World, space: Space, names: Names, ray: Ray, at: Intersection
+    scene: Scene, world: World, space: Space, names: Names, at: Intersection, shading: Shading
 ) -> tuple[LightTerm, ...]:
     """One for each light but the ambient ones, in the order of the file."""
     numbers = [i for i, light in enumerate(scene.lights) if light["kind"] != AMBIENT]
-    lamp = _Lamp(world, space, names, ray, at)
-    return tuple(lamp.term(number, light) for number, light in zip(numbers, world.lights, strict=True))
+    lamp = _Lamp(world, space, names, at)
+    return tuple(lamp.term(number, of) for number, of in zip(numbers, shading.lights, strict=True))
 
 
 class _Lamp:
-    """A point that is looked at along a ray, and the lights that may shine on it."""
+    """A point and the lights that may shine on it."""
 
-    def __init__(self, world: World, space: Space, names: Names, ray: Ray, at: Intersection) -> None:
-        self.world, self.space, self.names, self.ray, self.at = world, space, names, ray, at
+    def __init__(self, world: World, space: Space, names: Names, at: Intersection) -> None:
+        self.world, self.space, self.names, self.at = world, space, names, at
 
-    def term(self, number: int, light: Light) -> LightTerm:
-        w, n = light.direction_from(self.at.start), self.at.normal
-        l = w.normalized() if any(w) else n  # noqa: E741
-        n_l = n.dot(l)
-        r = n * (2 * n_l) - l
-        strength = light.strength(w) if any(w) else 0.0
-        fate: Fate = "behind" if any(w) else "at the point"
-        blockers: list[Met] = []
-        if any(w) and faces(self.at, light):
-            fate = "beside the cone" if strength == 0 else "lit"
-        if fate == "lit":
-            blockers = self._blockers(light, w)
-            fate = "in shadow" if blockers else "lit" if n_l > 0 else "behind"
-        diffuse, specular = self._phong(light, strength * n_l) if fate == "lit" else (BLACK, BLACK)
+    def term(self, number: int, of: Illumination) -> LightTerm:
+        light, l = of.light, of.l  # noqa: E741
+        between = blockers(self.world, self.at, of) if of.fate == "in shadow" else []
+        beyond = behind(self.world, self.at, of) if of.fate == "lit" and not light.parallel else None
+        diffuse, specular = self._phong(of) if of.fate == "lit" else (BLACK, BLACK)
         return LightTerm(
             light=self.names.light(number),
             L=light.color,
-            fate=fate,
+            fate=of.fate,
             l=triple(self.space.turned(l)),
-            distance=math.inf if light.parallel else w.length(),
-            n_l=n_l,
+            distance=math.inf if light.parallel else of.w.length(),
+            n_l=of.n_l,
             cone=self._cone(light, l),
-            strength=strength,
-            between=tuple(blockers[:FEW]),
-            blockers=len(blockers),
-            behind=self._behind(w) if fate == "lit" and not light.parallel else None,
-            r=triple(self.space.turned(r)),
-            r_v=-r.dot(self.ray.direction.normalized()),
+            strength=of.strength,
+            between=tuple(self._met(meeting, of.w) for meeting in between[:FEW]),
+            blockers=len(between),
+            behind=self._met(beyond, of.w) if beyond else None,
+            r=triple(self.space.turned(of.r)),
+            r_v=of.r_v,
             diffuse=diffuse,
             specular=specular,
         )
 
     def _cone(self, light: Light, l: Direction) -> tuple[float, float, float] | None:  # noqa: E741
-        if light.axis is None or light.alpha1 is None or light.alpha2 is None:
+        if not isinstance(light, SpotLight):
             return None
-        off = math.atan2(light.axis.cross(l).length(), -light.axis.dot(l))
-        return math.degrees(off), math.degrees(light.alpha1), math.degrees(light.alpha2)
+        return math.degrees(light.off_axis(l)), math.degrees(light.alpha1), math.degrees(light.alpha2)
 
-    def _phong(self, light: Light, share: float) -> tuple[Triple, Triple]:
+    def _phong(self, of: Illumination) -> tuple[Triple, Triple]:
         """The diffuse and the specular term of a light that reaches the point: they add up to what it adds."""
-        m, color = self.at.material, illuminate(self.world, self.ray, self.at, light)
-        diffuse = [m.kd * c * min(1.0, share) * L for c, L in zip(self.at.color, light.color, strict=True)]
+        m, share = self.at.material, min(1.0, of.strength * of.n_l)
+        diffuse = [m.kd * c * share * L for c, L in zip(self.at.color, of.light.color, strict=True)]
         r, g, b = diffuse
-        x, y, z = (max(0.0, whole - part) if m.ks else 0.0 for whole, part in zip(color, diffuse, strict=True))
+        x, y, z = (max(0.0, whole - part) if m.ks else 0.0 for whole, part in zip(of.color, diffuse, strict=True))
         return (r, g, b), (x, y, z)
 
-    def _blockers(self, light: Light, w: Direction) -> list[Met]:
-        """The surfaces between the point and the light, nearest first."""
-        shadow = ShadowRay(self.at.start, self.at.inside, light)
-        found = [surface for surface in self._single(shadow) if surface.blocks(shadow)]
-        return sorted((self._met(surface, w) for surface in found), key=lambda met: met.distance)
-
-    def _single(self, shadow: ShadowRay) -> Iterator[Surface]:
-        for surface in self.world.surfaces:
-            if isinstance(surface, Group):
-                yield from surface.near(shadow_way(shadow))
-            else:
-                yield surface
-
-    def _met(self, surface: Surface, w: Direction) -> Met:
-        name, ray = self.names.surface(surface), Ray(self.at.start, w)
-        t = surface.intersect(ray)
-        if t is None:  # At an edge, a ray that comes from the light may meet what one that leads to it passes by.
+    def _met(self, meeting: Meeting, w: Direction) -> Met:
+        name = self.names.surface(meeting.surface)
+        if math.isinf(meeting.t):
             return Met(name, math.inf, None)
-        distance = t * w.length()
-        return Met(name, distance, triple(self.space.start(ray) + self.space.turned(w) * distance))
-
-    def _behind(self, w: Direction) -> Met | None:
-        """The first surface on the way to a light that nothing hides, which is behind it."""
-        first = first_met(single(self.world, Ray(self.at.start, w)), Ray(self.at.start, w))
-        return self._met(first[1], w) if first else None
+        distance = meeting.t * w.length()
+        start = self.at.start.place + self.at.start.step
+        return Met(name, distance, triple(start + self.space.turned(w) * distance))

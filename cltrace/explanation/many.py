@@ -7,17 +7,19 @@ be explained, that would take minutes.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.explanation.space import Footprint, triple
-from cltrace.reference import Direction, Point, Sphere, Surface
-from cltrace.reference.crossing import Way, size
+from cltrace.numbers.inverses import inverses
+from cltrace.reference import Direction, Point, Round
+from cltrace.reference.crossing import Way
+from cltrace.reference.doubt import size_of
 from cltrace.reference.groups import Group
-from cltrace.reference.world import Maker, frame_of
-from cltrace.scene import Scene, inverses
+from cltrace.reference.sphere import maker
+from cltrace.reference.surfaces import Setting, Surface
 
 MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
 
@@ -28,9 +30,10 @@ class Swarm(Group):
     number: the first one's; places: of these spheres among the scene's.
     """
 
-    def __init__(self, scene: Scene, make: Maker, places: range) -> None:
-        super().__init__(int(scene.sphere_numbers[places[0]]), Point(*scene.camera.position), frame_of(scene.camera))
-        self._make, self._places, self._made = make, places, dict[int, Sphere]()
+    def __init__(self, setting: Setting, make: Callable[[int], Round], places: range) -> None:
+        scene = setting.scene
+        super().__init__(int(scene.sphere_numbers[places[0]]), setting.eye, setting.frame)
+        self._make, self._places, self._made = make, places, dict[int, Round]()
         part = scene.spheres[places.start : places.stop]
         self._centers, self._reach = part["center"], part["radius"].copy()
         bent = part["to_object"] >= 0
@@ -38,12 +41,12 @@ class Swarm(Group):
             sizes = np.abs(inverses(scene.to_object)).sum(axis=(1, 2))
             self._reach[bent] *= sizes[part["to_object"][bent]]
 
-    def sphere(self, row: int) -> Sphere:
+    def sphere(self, row: int) -> Round:
         if row not in self._made:
             self._made[row] = self._make(self._places[row])
         return self._made[row]
 
-    def near(self, way: Way | None) -> Iterator[Sphere]:
+    def near(self, way: Way | None) -> Iterator[Round]:
         """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
 
         With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
@@ -52,7 +55,7 @@ class Swarm(Group):
         of itself, as w1 <= 4 |w|_1. A few roundings beside these fit in twice that.
         """
         rows = np.arange(len(self._reach))
-        if way is not None and way.w1 <= 4 * size(way.w):
+        if way is not None and way.w1 <= 4 * size_of(way.w):
             w = np.array(triple(way.w))
             f = (self._centers - np.array(triple(way.place))) - np.array(triple(way.step))
             error = 2.0**-45 * (np.abs(f).sum(axis=1) + way.reach) * way.w1
@@ -61,7 +64,7 @@ class Swarm(Group):
         for row in rows.tolist():
             yield self.sphere(row)
 
-    def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Sphere]:
+    def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Round]:
         """Those that a ray may pass by by less than a pixel's width there. d: of length 1."""
         f, w, R = self._centers - np.array(triple(o)), np.array(triple(d)), self._reach
         t = f @ w
@@ -70,13 +73,13 @@ class Swarm(Group):
             yield self.sphere(row)
 
 
-def swarms(scene: Scene, make: Maker) -> Iterator[Surface]:
+def swarms(setting: Setting) -> Iterator[Surface]:
     """The spheres of a scene: those with numbers that follow each other as a swarm, if they are many."""
-    numbers = scene.sphere_numbers
+    numbers, make = setting.scene.sphere_numbers, maker(setting)
     ends = [0, *(np.flatnonzero(np.diff(numbers) != 1) + 1).tolist(), len(numbers)]
     for begin, end in itertools.pairwise(ends):
         if end - begin >= MANY:
-            yield Swarm(scene, make, range(begin, end))
+            yield Swarm(setting, make, range(begin, end))
         else:
             yield from map(make, range(begin, end))
 

@@ -13,21 +13,11 @@ from cltrace.explanation.names import Names
 from cltrace.explanation.record import SphereTest, SurfaceTest, TriangleTest
 from cltrace.explanation.space import Footprint, Space
 from cltrace.explanation.words import number
-from cltrace.reference import Intersection, Mesh, Ray, Sphere, Start, Surface, Triangle, World
-from cltrace.reference.crossing import way_of
-from cltrace.reference.groups import Group
+from cltrace.reference import Intersection, Mesh, Ray, Round, Start, Surface, Triangle, World
+from cltrace.reference.ways import meetings
 
 MOST = 8  # surfaces that are listed of a ray
 TIED = "exactly as near as the closest one, which is seen because of its lower number, or that of its triangle"
-
-
-def single(world: World, ray: Ray) -> Iterator[Surface]:
-    """The spheres and triangles that a ray may meet."""
-    for surface in world.surfaces:
-        if isinstance(surface, Group):
-            yield from surface.near(way_of(ray, surface.frame, surface.eye))
-        else:
-            yield surface
 
 
 class Meetings:
@@ -40,14 +30,9 @@ class Meetings:
         """at: what the ray meets first."""
         self.world, self.names, self.ray, self.at = world, names, ray, at
         self.o, self.d, self.space = space.start(ray), space.turned(ray.direction), space
-        length = ray.direction.length()
-        met = [(t * length, surface) for surface in single(world, ray) if (t := surface.intersect(ray)) is not None]
-        first = at.surface if at else None
-        met.sort(key=lambda one: (one[1] is not first, one[0]))
-        self.count, self._numbers = len(met), {surface.number for _, surface in met}
-        self.found = tuple(
-            self._test(surface, distance, tied=self._ties(surface, distance)) for distance, surface in met[:MOST]
-        )
+        length, met = ray.direction.length(), meetings(world, ray, at)
+        self.count, self._numbers = len(met), {meeting.surface.number for meeting in met}
+        self.found = tuple(self._test(one.surface, one.t * length, tied=one.tied) for one in met[:MOST])
 
     def missed(self, behind: float) -> tuple[SurfaceTest, ...]:
         """The surfaces that the ray passes by, before what it meets, by less than a pixel's width there.
@@ -74,7 +59,7 @@ class Meetings:
 
     def _gap(self, surface: Surface) -> tuple[float, float, Surface]:
         """How far the ray passes by, at which distance, and of a mesh the triangle that is nearest to it."""
-        if isinstance(surface, Sphere):
+        if isinstance(surface, Round):
             return *sphere_gap(surface, self.o, self.d), surface
         assert isinstance(surface, Mesh)
         gaps, at = mesh_gaps(surface, self.o, self.d)
@@ -84,17 +69,9 @@ class Meetings:
     def _starts_on(self, surface: Surface) -> bool:
         return isinstance(self.ray.origin, Start) and self.ray.origin.surface is surface
 
-    def _ties(self, surface: Surface, distance: float) -> bool:
-        """Whether the ray meets it, exactly, where it meets the closest one. A distance is off by 2^-23 at most."""
-        at = self.at
-        if at is None or surface is at.surface or abs(distance - at.distance) > at.distance * 2.0**-20:
-            return False
-        closest, other = at.surface.exact_t(self.ray), surface.exact_t(self.ray)
-        return not (closest < other or other < closest)
-
     def _test(self, surface: Surface, distance: float, gap: float = 0.0, tied: bool = False) -> SurfaceTest:
         name, own = self.names.surface(surface), self._starts_on(surface)
-        sphere = sphere_test(surface, self.o, self.d) if isinstance(surface, Sphere) else None
+        sphere = sphere_test(surface, self.o, self.d) if isinstance(surface, Round) else None
         triangle = triangle_test(surface, self.o, self.d) if isinstance(surface, Triangle) else None
         textbook = _first(sphere, own) if sphere else _within(triangle) if triangle else math.inf
         remark = TIED if tied else _remark(textbook, distance, own)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cltrace.errors import TooManyRaysError
+from cltrace.base.errors import TooManyRaysError
+from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.lighting import ambient_terms, light_terms
 from cltrace.explanation.many import swarms
 from cltrace.explanation.meeting import Meetings
@@ -17,10 +18,8 @@ from cltrace.explanation.record import (
     AmbientTerm,
     Bounce,
     CameraRay,
-    Explanation,
     Hit,
     LightTerm,
-    Shape,
     Term,
     TextureLookup,
     TracedRay,
@@ -30,25 +29,22 @@ from cltrace.explanation.space import Space, triple
 from cltrace.explanation.words import number as written
 from cltrace.reference import (
     Direction,
-    Ellipsoid,
     Intersection,
-    OnTriangle,
+    Pixel,
     Ray,
-    Surface,
     Texture,
-    Triangle,
     byte_of,
-    closest_hit,
-    primary_ray,
-    trace,
     world_of,
 )
-from cltrace.reference.bounce import refracted
+from cltrace.reference.records import Sight
+from cltrace.reference.shapes import KINDS
 from cltrace.reference.texture import UV
-from cltrace.reference.trace import Pixel, bounces, follow
+from cltrace.reference.trace import follow, primary_ray, trace
 from cltrace.scene import Camera, Orthographic, Scene
 from cltrace.scene.colors import encoded
 
+# Of a material, as of Hit.
+NUMBERS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
 FAINT = 1 / 512  # weight of a ray below which even full white is less than half a level
 
 
@@ -76,7 +72,7 @@ class Explainer:
     """A scene, of which several pixels are explained."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.world = scene, world_of(scene, swarms)
+        self.scene, self.world = scene, world_of(scene, {**KINDS, "spheres": swarms})
         self.names, self.space = Names(scene), Space(scene.camera)
 
     def pixel(self, x: int, y: int, truncate: bool = False) -> Explanation:
@@ -138,19 +134,17 @@ class Explainer:
     def _primary(self, x: int, y: int) -> list[TracedRay]:
         """The pixel's ray, and all that go on from it."""
         ray = primary_ray(self.scene.camera, x, y)
-        return self._rays(_Way("primary", ray, closest_hit(self.world, ray)), 0)
+        return self._rays(_Way("primary", ray), 0)
 
     def _rays(self, way: _Way, place: int) -> list[TracedRay]:
         """A ray, with its place among all, and those that go on from it."""
-        ray, at = way.ray, way.at
-        m = at.material if at else None
-        goes_on = m is not None and m.passes_on and way.depth <= self.scene.camera.max_bounces
-        share = max(0.0, (1 - m.reflectance) - m.transmittance) if m and goes_on else 1.0
-        shown = at if share > 0 else None
-        ambient = ambient_terms(self.scene, self.names, shown) if shown else ()
-        lights = light_terms(self.scene, self.world, self.space, self.names, ray, shown) if shown else ()
+        sight = follow(self.world, way.ray, way.weight, way.depth)
+        ray, at, shading, share = way.ray, sight.at, sight.shading, sight.share
+        goes_on = at is not None and at.material.passes_on and not sight.last
+        ambient = ambient_terms(self.scene, self.names, at) if at and shading else ()
+        lights = light_terms(self.scene, self.world, self.space, self.names, at, shading) if at and shading else ()
         local_terms = _local_terms(ambient, lights)
-        on, further = self._bounces(way, at, place) if at and goes_on else ((), [])
+        on, further = self._bounces(way, sight, place) if goes_on else ((), [])
         if at is None:
             terms: tuple[Term, ...] = (Term("background_color", self.world.background),)
         else:
@@ -165,100 +159,71 @@ class Explainer:
             tests=meetings.found,
             meets=meetings.count,
             missed=meetings.missed(way.behind),
-            hit=self._hit(ray, at) if at else None,
+            hit=self._hit(at) if at else None,
             ambient=ambient,
             lights=lights,
             local_terms=local_terms,
             local=_sum(local_terms),
             share=share,
-            last=m is not None and m.passes_on and not goes_on,
+            last=sight.last,
             bounces=on,
             terms=terms,
             color=_sum(terms),
         )
         return [record, *further]
 
-    def _bounces(self, way: _Way, at: Intersection, place: int) -> tuple[tuple[Bounce, ...], list[TracedRay]]:
+    def _bounces(self, way: _Way, sight: Sight, place: int) -> tuple[tuple[Bounce, ...], list[TracedRay]]:
         """What goes on from a mirror or through glass, and all rays of that; place: of the ray that came."""
+        assert sight.at is not None
         found: list[Bounce] = []
         rays: list[TracedRay] = []
-        m, n = at.material, at.normal
-        total = m.transmittance > 0 and refracted(way.ray.direction, at.outward, at.side, m.index) is None
-        for direction, part in bounces(way.ray, at):
-            if not way.weight * part > 0:
-                continue
-            through = m.transmittance > 0 and not total and not found
-            further, weight = Ray(at.start, direction), way.weight * part
-            next_at = closest_hit(self.world, further)
-            kind = "refracted" if through else "mirrored"
+        n = sight.at.normal
+        for on in sight.bounces:
+            further, weight = Ray(on.start, on.direction), way.weight * on.share
             if weight < FAINT:
                 pixel = Pixel()
-                follow(self.world, further, next_at, 1.0, way.depth + 1, pixel)
+                trace(self.world, further, way.depth + 1, pixel)
                 number, count, color = None, pixel.rays, pixel.color
             else:
                 number, count = place + 1 + len(rays), 1
-                behind = way.behind + at.distance
-                more = self._rays(_Way(kind, further, next_at, weight, way.depth + 1, behind), number)
+                behind = way.behind + sight.at.distance
+                more = self._rays(_Way(on.kind, further, weight, way.depth + 1, behind), number)
                 rays += more
                 color = more[0].color
-            angles = _angle(-way.ray.direction, n), _angle(direction, -n if through else n)
-            found.append(Bounce(kind, total, part, number, count, color, *angles))
+            angles = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
+            found.append(Bounce(on.kind, on.total, on.share, number, count, color, *angles))
         return tuple(found), rays
 
-    def _hit(self, ray: Ray, at: Intersection) -> Hit:
-        m, start = at.material, at.start
-        point = triple(start.place + start.step)
+    def _hit(self, at: Intersection) -> Hit:
+        m = at.material
         return Hit(
             surface=self.names.surface(at.surface),
-            shape=_shape(at.surface),
+            shape=at.surface.shape,
             t=at.distance,
-            point=point,
+            point=triple(at.start.place + at.start.step),
             normal=triple(self.space.turned(at.normal)),
-            turned=_is_turned(ray, at),
+            turned=at.turned,
             inside=at.inside,
             color=at.color,
             texture=self._texture(m.texture, at.uv) if m.texture else None,
-            ka=m.ka,
-            kd=m.kd,
-            ks=m.ks,
-            exponent=m.exponent,
-            reflectance=m.reflectance,
-            transmittance=m.transmittance,
-            index=m.index,
+            **{name: getattr(m, name) for name in NUMBERS},
         )
 
     def _texture(self, texture: Texture, uv: UV) -> TextureLookup:
         height, width = texture.texels.shape[:2]
         place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
-        x, y = (uv[0] - math.floor(uv[0])) * width, (uv[1] - math.floor(uv[1])) * height
-        i, j = math.floor(x), math.floor(y)
-        name = self.names.texture(place)
-        return TextureLookup(name, (width, height), uv, i % width, j % height, x - i, y - j, texture.color(uv))
+        return TextureLookup(self.names.texture(place), (width, height), uv, *texture.lookup(uv))
 
 
 @dataclass(frozen=True)
 class _Way:
-    """A ray on its way: what it meets, its share of the pixel, how many bounces and what distance lie behind it."""
+    """A ray on its way: its share of the pixel, how many bounces and what distance lie behind it."""
 
     kind: str
     ray: Ray
-    at: Intersection | None
     weight: float = 1.0
     depth: int = 0
     behind: float = 0.0
-
-
-def _shape(surface: Surface) -> Shape:
-    if isinstance(surface, Triangle):
-        return "smooth" if surface.normals else "flat"
-    return "ellipsoid" if isinstance(surface, Ellipsoid) else "sphere"
-
-
-def _is_turned(ray: Ray, at: Intersection) -> bool:
-    """Whether the normal that the surface gives is on the other side than the ray."""
-    if isinstance(at.start, OnTriangle):
-        return at.start.triangle.normal(at.start.weights).dot(ray.direction) > 0
-    return at.inside
 
 
 def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm, ...]) -> tuple[Term, ...]:

@@ -6,17 +6,13 @@ Colours are linear, 1 = full, and not clamped.
 
 from __future__ import annotations
 
-import json
-import math
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
-from cltrace.explanation.words import line, text
 from cltrace.scene.colors import Transfer
 
 Triple = tuple[float, float, float]
 Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
-Shape = Literal["sphere", "ellipsoid", "flat", "smooth"]
 
 
 @dataclass(frozen=True)
@@ -143,14 +139,13 @@ class TextureLookup:
 class Hit:
     """The closest surface, and the point there.
 
-    shape: what the normal is made of, where `smooth` has corners' normals and `flat` none; t: the distance; normal:
-    facing the side from which the ray came; turned: whether it had to be turned there; inside: whether that is the
-    inside; color: C, the material's times the
-    texture's; the rest is the material's.
+    shape: what the normal is made of: sphere, ellipsoid, flat or smooth, where `smooth` has corners' normals and `flat`
+    none; t: the distance; normal: facing the side from which the ray came; turned: whether it had to be turned there;
+    inside: whether that is the inside; color: C, the material's times the texture's; the rest is the material's.
     """
 
     surface: SurfaceName
-    shape: Shape
+    shape: str
     t: float
     point: Triple
     normal: Triple
@@ -275,8 +270,8 @@ class TracedRay:
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """Why a pixel of a scene has its colour. `str()` is the text of `cltrace SCENE.xml --explain X,Y`.
+class Facts:
+    """Why a pixel of a scene has its colour.
 
     path: of the scene's file, "" if it was made otherwise; x, y: the pixel's column and row, from the top left; width,
     height: of the picture; surfaces: how many the scene has; rays: the pixel's ray and after it those of mirrors and
@@ -297,28 +292,3 @@ class Explanation:
     rgb8: tuple[int, int, int]
     truncate: bool
     transfer: Transfer
-
-    def __str__(self) -> str:
-        return text(self)
-
-    @property
-    def line(self) -> str:
-        """In one line: what the pixel sees, which lights reach it, and its bytes."""
-        return line(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as plain dicts, lists, texts and numbers; None for what is infinite or undefined."""
-        plain: dict[str, Any] = _plain(asdict(self))
-        return plain
-
-    def to_json(self) -> str:
-        """The same as one JSON object."""
-        return json.dumps(self.to_dict(), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,33 +1,30 @@
-"""Prints an Explanation: in the words and the order of the course's tutorial."""
+"""Prints what is known of a pixel: in the words and the order of the course's tutorial."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cltrace.errors import printable
+from cltrace.base.errors import printable
+from cltrace.explanation.record import (
+    Bounce,
+    CameraRay,
+    Facts,
+    Hit,
+    LightName,
+    LightTerm,
+    Met,
+    SphereTest,
+    SurfaceName,
+    SurfaceTest,
+    TracedRay,
+    TriangleTest,
+    Triple,
+)
 from cltrace.reference import byte_of
 from cltrace.scene.colors import encoded
-
-if TYPE_CHECKING:
-    from cltrace.explanation.record import (
-        Bounce,
-        CameraRay,
-        Explanation,
-        Hit,
-        LightName,
-        LightTerm,
-        Met,
-        SphereTest,
-        SurfaceName,
-        SurfaceTest,
-        TracedRay,
-        TriangleTest,
-        Triple,
-    )
 
 NORMALS = {
     "sphere": "(P - C) / |P - C|",
@@ -72,7 +69,7 @@ def light(name: LightName) -> str:
     return f"{name.kind} {name.number}{_at(name.line)}"
 
 
-def line(e: Explanation) -> str:
+def line(e: Facts) -> str:
     """What a pixel sees, which lights reach it, and its bytes."""
     ray, start = e.rays[0], f"pixel ({e.x}, {e.y})"
     if ray.hit is None:
@@ -86,7 +83,7 @@ def line(e: Explanation) -> str:
     return f"{'; '.join(parts)}; bytes {e.rgb8}"
 
 
-def text(e: Explanation) -> str:
+def text(e: Facts) -> str:
     """All of it."""
     places = _places(e)
     lines = [f"pixel ({e.x}, {e.y}) of {e.width}x{e.height}" + (f", {printable(e.path)}" if e.path else ""), ""]
@@ -101,7 +98,7 @@ def text(e: Explanation) -> str:
     return "\n".join(lines)
 
 
-def _places(e: Explanation) -> int:
+def _places(e: Facts) -> int:
     """How many decimal places of the terms it takes for their sum, as printed, to give the bytes."""
     for places in (6, 9, 12):
         sums = [math.fsum(float(f"{term.color[i]:.{places}f}") for term in e.rays[0].terms) for i in range(3)]
@@ -111,7 +108,7 @@ def _places(e: Explanation) -> int:
     return 17
 
 
-def _camera(c: CameraRay, e: Explanation) -> Iterator[str]:
+def _camera(c: CameraRay, e: Facts) -> Iterator[str]:
     """From the pixel to the ray, by the tutorial's formulas."""
     tan_x, tan_y = "tan(fov_x)", "tan(fov_y)"
     wide = e.width >= e.height
@@ -140,7 +137,7 @@ def _camera(c: CameraRay, e: Explanation) -> Iterator[str]:
         yield f"    {name} = {rule} = {vector(axis)}"
 
 
-def _ray(e: Explanation, place: int, places: int) -> Iterator[str]:
+def _ray(e: Facts, place: int, places: int) -> Iterator[str]:
     """A ray, what it meets, and its colour, with the rays that go on from it before the sum."""
     ray = e.rays[place]
     yield "Ray" if place == 0 else f"Ray {place}, {ray.kind}: {number(ray.weight)} of the pixel"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.errors import Fault, printable
+from cltrace.base.errors import Fault, printable
 
 MAX_MESSAGES = 100
 MAX_LINES = 4  # that are named of equal messages

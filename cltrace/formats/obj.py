@@ -20,8 +20,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, keep_freed_memory
-from cltrace.errors import Fault, SceneError
+from cltrace.base.arrays import blockwise, keep_freed_memory
+from cltrace.base.errors import Fault, SceneError
 from cltrace.formats.faults import FatalError, Messages
 from cltrace.formats.files import chunks
 from cltrace.formats.obj_numbers import Corners, Doubles, Ints, corners, counts, decimals, word_ends

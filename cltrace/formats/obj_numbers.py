@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.filters import warnings_are
+from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.obj_text import BLANK, Bytes, Places
-from cltrace.scene.maps import exact_product
+from cltrace.numbers.pairs import two_product
 
 SLASH, POINT = b"/."
 Doubles = NDArray[np.float64]
@@ -76,7 +76,7 @@ def decimals(text: Bytes, ends: Places) -> Doubles | None:
     hi = whole.astype(np.float64)
     lo = (whole - np.where(strange, 0, hi).astype(np.int64)).astype(np.float64)
     q: Doubles = hi / power
-    product = exact_product(q, power)
+    product = two_product(q, power)
     rest = (((hi - product[0]) - product[1]) + lo) / power
     error = 2.0**-100 * np.abs(q)
     value: Doubles = q + (rest - error)

@@ -17,6 +17,8 @@ Places = NDArray[np.int64]
 # Bytes of a block, and of a line with all that continues it at most. The arrays for a block then stay in the caches.
 BLOCK, LINE = 2**20, 2**22
 LINE_FEED, BLANK, HASH, BACKSLASH = b"\n #\\"
+# What no text has. All bytes up to a blank count as one, so that a keyword behind another of them would be missed.
+CONTROLS = bytes(set(range(BLANK)) - set(b"\t\n\v\f\r"))
 # The kinds of lines that are read, by their keywords.
 KINDS = ("v", "vt", "vn", "f")
 IGNORED = ("o", "g", "s", "usemtl", "mtllib", "l", "p", "vp")
@@ -67,8 +69,9 @@ def blocks(pieces: Iterator[bytes]) -> Iterator[Block]:
     rest, number = b"", 1
     for piece in _plain(pieces):
         rest += piece
-        if b"\0" in piece:
-            raise FatalError(number + rest.count(b"\n", 0, rest.index(b"\0")), "must be text, but has a NUL")
+        if len(piece.translate(None, CONTROLS)) < len(piece):
+            at = next(i for i, byte in enumerate(rest) if byte in CONTROLS)
+            raise FatalError(number + rest.count(b"\n", 0, at), f"must be text, but has the byte 0x{rest[at]:02x}")
         cut = _complete(rest)
         if cut:
             block, lines = _block(rest[:cut], number)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from cltrace.filters import warnings_are
+from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
-from cltrace.scene import MAX_TEXELS, Texture, texels
+from cltrace.scene import MAX_TEXELS, Texture
 
 MAX_BYTES = 2**30
+BAND = 64  # rows that are converted at a time
 _PNG, _DEPTH = b"\x89PNG", 24  # the first bytes of a PNG, and where its bits for each colour stand
 
 
@@ -53,10 +54,15 @@ def _too_large(most: int) -> str:
 
 def _pixels(image: Image.Image, head: bytes) -> tuple[Texture, str | None]:
     image.load()
-    if image.mode.startswith("I"):  # 16 bits of grey, which convert() would clip at 255
-        return texels("texture", np.asarray(image).astype(np.uint16)), None
     image.info.pop("transparency", None)
-    pixels = texels("texture", np.asarray(image.convert("RGB")))
+    grey = image.mode.startswith("I")  # of 16 bits, which convert() would clip at 255
+    pixels = np.empty((image.height, image.width, 3), np.uint16 if grey else np.uint8)
+    for y in range(0, image.height, BAND):  # a converted copy of all would take as much memory again
+        rows = image.crop((0, y, image.width, min(y + BAND, image.height)))
+        pixels[y : y + BAND] = np.asarray(rows)[..., None] if grey else np.asarray(rows.convert("RGB"))
+    pixels.flags.writeable = False
+    if grey:
+        return pixels, None
     if image.mode == "CMYK":
         return pixels, "is CMYK, which is taken for RGB without a colour profile"
     if head.startswith(_PNG) and head[_DEPTH] == 16:

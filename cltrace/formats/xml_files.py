@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from cltrace.errors import Fault, SceneError
+from cltrace.base.errors import Fault, SceneError
 from cltrace.formats.faults import Messages
 from cltrace.formats.files import UnreadableError, within
 from cltrace.formats.xml_values import quoted
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from cltrace.formats.obj import Obj
 
 T = TypeVar("T")
+MAX_UNREADABLE = 1000  # files, after which no more are looked for
 
 
 class Names:
@@ -46,13 +47,18 @@ class Files:
     """The files of a scene in a folder."""
 
     def __init__(self, scene: str) -> None:
-        self._folder = Path(scene).parent
+        self._scene, self._folder = Path(scene), Path(scene).parent
         self.meshes, self.textures = Names("mesh: name"), Names("material_textured texture: name")
         self.faults: list[Fault] = []  # of the contents of other files than the scene's own
 
     def shown(self, name: str) -> str:
         """The path of a file as a message shows it."""
         return str(self._folder / name)
+
+    def named(self) -> tuple[Path, ...]:
+        """The scene's own file, and those that it names."""
+        names = dict.fromkeys((*self.meshes.lines, *self.textures.lines))
+        return (self._scene, *(self._folder / name for name in names))
 
     def read_meshes(self, faults: Messages) -> Contents[Obj]:
         """The meshes; `faults` are told of files that cannot be read."""
@@ -88,8 +94,11 @@ class Files:
     def _read(self, names: Names, read: Callable[[str, str], T | None], faults: Messages) -> Contents[T]:
         contents: Contents[T] = Contents()
         place: dict[str, int | None] = {}
+        unreadable = 0
         for name, lines in names.lines.items():
             try:
+                if unreadable > MAX_UNREADABLE:
+                    raise UnreadableError("is not looked for, as too many before it cannot be read")
                 path = within(str(self._folder), name)
                 if path not in place:
                     place[path] = None
@@ -101,6 +110,7 @@ class Files:
                 contents.of.append(place[path])
             except UnreadableError as error:
                 contents.of.append(None)
+                unreadable += 1
                 for line in lines:
                     faults.add(line, f"{names.label} {quoted(name)} {error}")
         return contents

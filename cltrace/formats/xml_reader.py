@@ -22,7 +22,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from cltrace.errors import SceneError, located
+from cltrace.base.errors import SceneError, located
 from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest
 from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_materials, packed_spheres
 from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
@@ -59,8 +59,15 @@ MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kep
 
 MAX_TRANSFORMS = 10_000  # whose steps are kept
 
+# Colours are computed in float32, whose numbers are 2^-126 to 2^128 where they keep their digits. Sizes and their
+# inverses are squared for lengths, so they stay in there up to this.
+MAX_SIZE = 2.0**63
+
 _VIEW = ("position", "lookat", "up")
 _PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")
+
+
+Numbers = NDArray[np.float64]
 
 
 class _Mesh(NamedTuple):
@@ -177,7 +184,7 @@ class _Reader:
         shapes = self._files.read_meshes(self.faults)
         placed = self._placed_meshes(shapes)
         if self.faults.count or self._files.faults:
-            raise SceneError(self.path, [*self.faults.in_order(), *self._files.faults])
+            raise SceneError(self.path, [*self.faults.in_order(), *self._files.faults], self._files.named())
         rows = np.concatenate([np.empty((0, ROW)), *self._rows])
         finishes = np.concatenate([rows[:, FINISH], *(mesh.finish[None] for mesh in self._meshes)])
         with_texture = finishes[:, -1] >= 0
@@ -209,6 +216,7 @@ class _Reader:
             {number: files[k] for number, k in file_of if k is not None},
             tuple(textures.names),
             self._transforms,
+            self._files.named(),
         )
 
     def _view(self) -> Camera:
@@ -361,12 +369,16 @@ class _Reader:
                 maps[i] = ellipsoid
         if maps:
             self._take_maps(spheres, rows, maps)
+        self._doubt_sizes(spheres, rows[:, 0], rows[:, 0])
         self._rows.append(rows)
         self._doubt(spheres, rows[:, 4:7])
 
     def _take_maps(self, spheres: Sequence[etree._Element], rows: NDArray[np.float64], maps: dict[int, Maps]) -> None:
         """Gives rows of spheres, those of `maps`, the indices of their maps from the world; equal ones are one."""
         which, (to_world, to_object) = list(maps), np.array(list(maps.values())).swapaxes(0, 1)
+        with np.errstate(divide="ignore"):  # which is a fault below
+            largest, least = np.abs(to_world).max(axis=(1, 2)), 1 / np.abs(to_object).max(axis=(1, 2))
+        self._doubt_sizes([spheres[i] for i in which], largest, least)
         faults = dict(inverse_faults(to_world, to_object))
         for k, fault in faults.items():
             self.fault(spheres[which[k]], f"sphere transform: {fault}")
@@ -382,6 +394,16 @@ class _Reader:
             numbers = ", ".join(f"{share:g}" for share in colors[i])
             message = f"{_label(element)}: {numbers} looks like bytes of 0..255, but 1 is full: divide by 255"
             self.warnings.add(self.document.line_of(element), message)
+
+    def _doubt_sizes(self, elements: Sequence[etree._Element], largest: Numbers, least: Numbers) -> None:
+        """Warns of surfaces whose radii or scales, (n,) at most and at least, are none for colours."""
+        for i in np.flatnonzero((largest > MAX_SIZE) | (least < 1 / MAX_SIZE)).tolist():
+            size = largest[i] if largest[i] > MAX_SIZE else least[i]
+            message = (
+                f"{elements[i].tag}: a radius or scale of {size:.2g} may spoil colours, which hold "
+                f"within {1 / MAX_SIZE:.2g}..{MAX_SIZE:.2g}"
+            )
+            self.warnings.add(self.document.line_of(elements[i]), message)
 
     # Elements
 
@@ -468,6 +490,8 @@ class _Reader:
         for fault in place_faults(place):
             self.fault(element, f"mesh transform: {fault}")
             return
+        sizes = np.linalg.norm(place[:, :3], axis=0)
+        self._doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
         if whole and finish is not None:
             self._meshes.append(_Mesh(line, file, place, len(self._surface_lines), np.array(finish)))
             self._doubt([element], np.array([finish[:3]]))

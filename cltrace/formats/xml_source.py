@@ -15,7 +15,7 @@ from typing import Any
 
 from lxml import etree
 
-from cltrace.errors import Fault
+from cltrace.base.errors import Fault
 from cltrace.formats.faults import FatalError
 from cltrace.formats.files import UnreadableError, chunks
 from cltrace.formats.xml_values import short

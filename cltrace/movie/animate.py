@@ -7,24 +7,23 @@ costs time only where it takes longer than the kernel. Few frames are in memory 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import closing
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cltrace.movie.artists import Here
+from cltrace.base.progress import bar
 from cltrace.movie.encoders import Apng, Drawn, Encoder, Gif, PngFiles, Writer
-from cltrace.movie.fingerprint import Fingerprints, shows
+from cltrace.movie.fingerprint import shows
 from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
+from cltrace.movie.on_devices import OnDevices
+from cltrace.movie.pipeline import COLORS, FrameRenderer, Shown
+from cltrace.picture.files import check_no_input
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
-from cltrace.progress import bar
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera, Scene
 
@@ -97,22 +96,15 @@ def animate(
     folder = Path(pattern.of(0)).parent
     if not folder.is_dir():
         raise FileNotFoundError(f"output: there is no folder {str(folder)!r}; mkdir() of a Path makes one")
-    artist = Here(device, options)
-    return target.write(
-        frames_of(frames, scene),
-        artist.pictures,
-        artist.marks(),
-        options.get("crop"),
-        progress,
-        _length(frames),
-    )
+    renderer = OnDevices(device, options)
+    return target.write(frames_of(frames, scene), renderer, progress=progress, total=_length(frames))
 
 
 def _images(
     frames: Iterator[Frame], device: str | Device | None, progress: bool | None, total: int | None, options: Any
 ) -> Iterator[Image]:
     with (
-        closing(Here(device, options).images(frames)) as drawn,
+        closing(OnDevices(device, options).images(frames)) as drawn,
         bar(total, "frame", bool(progress)) as shown,
     ):
         for _, image in drawn:
@@ -125,43 +117,52 @@ def _length(frames: object) -> int | None:
 
 
 class Target:
-    """Where frames go, and how: see animate(). kept: how many files were there already.
+    """Where frames go, and how: see animate(). kept: how many files were there already; written: the PNGs that were
+    not, and are now; inputs: files that no frame may replace, beside those of the scenes.
 
     Raises ValueError for what makes no sense.
     """
 
-    def __init__(self, pattern: Pattern | Listed, fps: float = FPS, skip_existing: bool = False) -> None:
+    def __init__(
+        self,
+        pattern: Pattern | Listed,
+        fps: float = FPS,
+        skip_existing: bool = False,
+        inputs: Iterable[Path] = (),
+    ) -> None:
         if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.001 <= fps <= 1000:
             raise ValueError(f"fps: must be a number within 0.001..1000, got {fps!r}")
         if skip_existing and pattern.suffix in MOVIES:
             raise ValueError("skip_existing: is for frames of files of their own, as a movie is whole or not there")
         self.pattern, self.fps, self.skip_existing, self.kept = pattern, fps, skip_existing, 0
+        self._inputs, self.written = set(inputs), list[str]()
 
     def write(
         self,
         frames: Iterable[Frame],
-        draw: Callable[[Iterator[Frame]], Generator[tuple[Frame, NDArray[np.uint8]], None, None]],
-        marks: Fingerprints,
-        crop: Crop | None = None,
+        renderer: FrameRenderer,
+        shown: Shown = COLORS,
+        *,
         progress: bool | None = None,
         total: int | None = None,
     ) -> list[str]:
         """Has the frames drawn and writes them. Returns the names of the files, those that were kept among them.
 
-        draw: turns frames into pixels (h, w, 3) or (h, w, 4), in the same order; marks: of scenes and options; crop: as
-        Renderer has it; progress, total: of bar().
+        progress, total: of bar().
         """
+        crop, marks = renderer.crop, renderer.marks(shown)
         names: list[str] = []
         numbered = self.pattern.suffix not in MOVIES
-        with bar(total, "frame", progress) as shown:
+        with bar(total, "frame", progress) as done:
 
             def wanted() -> Iterator[Frame]:
                 for frame in frames:
                     names.append(self.pattern.of(frame.number))
                     if self.skip_existing and shows(Path(names[-1]), marks.of(frame.scene)):
                         self.kept += 1
-                        shown.update()
+                        done.update()
                     else:
+                        self._check_name(names[-1], frame.scene)
                         yield frame
 
             todo = wanted()
@@ -170,16 +171,21 @@ class Target:
                 return names
             size = _size(first.scene, crop)
             todo = chain([first], todo if numbered else _alike(todo, size, crop))
-            with Writer(self._encoder(size)) as writer, closing(draw(todo)) as drawn:
+            with Writer(self._encoder(size)) as writer, closing(renderer.pictures(todo, shown)) as drawn:
                 for frame, pixels in drawn:
                     writer.add(Drawn(frame.number, pixels, partial(marks.of, frame.scene) if numbered else None))
-                    shown.update()
+                    done.update()
         return names if numbered else names[:1]
+
+    def _check_name(self, name: str, scene: Scene) -> None:
+        """Raises UsageError where a frame would replace what it or one before it is made from."""
+        self._inputs.update(scene.source.files if scene.source else ())
+        check_no_input(name, "output", self._inputs)
 
     def _encoder(self, size: tuple[int, int]) -> Encoder:
         """What writes frames of so many pixels, (width, height). Raises MissingPackageError and OSError."""
         if self.pattern.suffix not in MOVIES:
-            return PngFiles(self.pattern.of)
+            return PngFiles(self.pattern.of, self.written)
         path = Path(self.pattern.of(0))
         if self.pattern.suffix == ".mp4":
             from cltrace.movie.video import Mp4

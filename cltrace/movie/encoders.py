@@ -6,7 +6,7 @@ import io
 import struct
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import processors
+from cltrace.base.arrays import processors
 from cltrace.movie.fingerprint import NAME
 from cltrace.picture.files import whole_file
 from cltrace.picture.png import Animation, stream_of, write_png
@@ -82,24 +82,30 @@ class Writer:
                         self._pending.popleft().result()
                     self._encoder.close()
                     whole = True
+                elif isinstance(error, Exception):  # and not Ctrl-C: what was drawn before is written
+                    wait(self._pending)
             finally:
                 if not whole:
                     self._encoder.abandon()
 
 
 class PngFiles:
-    """A PNG for each frame, of which name_of() is the name. Each file is there as a whole or not at all."""
+    """A PNG for each frame, of which name_of() is the name. Each file is there as a whole or not at all.
 
-    def __init__(self, name_of: Callable[[int], str]) -> None:
-        self._name_of = name_of
+    written: gets the names of those that are there.
+    """
 
-    def encode(self, drawn: Drawn) -> None:
+    def __init__(self, name_of: Callable[[int], str], written: list[str]) -> None:
+        self._name_of, self._written = name_of, written
+
+    def encode(self, drawn: Drawn) -> str:
         text = {NAME: drawn.mark()} if drawn.mark else None
         with whole_file(Path(self._name_of(drawn.number))) as file:
             write_png(file, drawn.pixels, text)
+        return self._name_of(drawn.number)
 
-    def put(self, encoded: None) -> None:
-        pass
+    def put(self, encoded: str) -> None:
+        self._written.append(encoded)
 
     def close(self) -> None:
         pass

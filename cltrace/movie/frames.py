@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, colors_given, with_spheres
-from cltrace.scene.rules import Vector, is_whole, vector
+from cltrace.scene.rules import LARGEST, Vector, is_whole, vector
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # What a frame may change of the one before it, beside its camera: the arguments of Renderer.update().
@@ -44,9 +44,12 @@ def frames_of(
     Renderer.update() takes it, and looks with another camera if it has one called "camera". scene: what is there
     before the first of them; select: of the numbers of the frames, whose parts are None or not negative.
 
-    Raises TypeError for what is none of these, and for a first item that is no Scene where there is no scene, and
-    ValueError where an update has no such name or value. Both begin with the number of the frame.
+    Raises TypeError for what is none of these, for one of them instead of several, and for a first item that is no
+    Scene where there is no scene, and ValueError where an update has no such name or value. What is about one item
+    begins with the number of the frame.
     """
+    if isinstance(items, (Scene, Camera, Orthographic, Mapping)) or not isinstance(items, Iterable):
+        raise TypeError(f"frames: must be a list, or another iterable, of Scenes, Cameras and dicts, got {items!r}")
     start, stop, step = select.start or 0, select.stop, select.step or 1
     for number, item in enumerate(items):
         if stop is not None and number >= stop:
@@ -87,7 +90,7 @@ def _after(scene: Scene | None, item: object) -> Scene:
         raise ValueError(f"must be of camera, {', '.join(CHANGES)}, got {unknown[0]!r}")
     if given:
         n = len(scene.columns if "centers" not in given else np.atleast_1d(given["centers"]))
-        colors = colors_given(n, *(given.pop(name, None) for name in ("colors", "values", "cmap", "clim")))
+        colors = colors_given(n, **{name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim")})
         scene = with_spheres(scene, given if colors is None else {**given, "colors": colors})
     return scene.seen_by(item["camera"]) if item.get("camera") is not None else scene
 
@@ -102,7 +105,7 @@ def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: fl
     camera = scene.camera
     if not is_whole(n) or n < 1:
         raise ValueError(f"n: must be a whole number >= 1, got {n!r}")
-    if not isinstance(degrees, (int, float)) or not math.isfinite(degrees):
+    if not isinstance(degrees, (int, float)) or not abs(degrees) <= LARGEST:
         raise ValueError(f"degrees: must be a finite number, got {degrees!r}")
     if isinstance(axis, str) and axis not in AXES:
         raise ValueError(f"axis: must be x, y, z or three numbers, got {axis!r}")

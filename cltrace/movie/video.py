@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import tempfile
 from contextlib import closing
@@ -12,7 +13,7 @@ from subprocess import DEVNULL, PIPE
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.errors import MissingPackageError, UsageError
+from cltrace.base.errors import MissingPackageError, UsageError
 from cltrace.movie.encoders import Drawn, OneFile
 
 # H.264 as every player shows it, with colours at half the resolution and the matrix of HDTV. At 17, hardly anybody sees
@@ -41,12 +42,12 @@ class Mp4(OneFile):
         self._command = [*start, "-s", f"{width}x{height}", "-r", f"{fps:.9g}", "-i", "-", *CODEC]
         with (
             tempfile.TemporaryDirectory() as folder,
-            closing(_Run([*self._command, str(Path(folder, "trial.mp4"))])) as trial,
+            closing(_Run([*self._command, str(Path(folder, "trial.mp4"))], path)) as trial,
         ):
             trial.write(bytes(3 * width * height))
             trial.end()
         super().__init__(path)
-        self._run = _Run([*self._command, str(self._file.name)])
+        self._run = _Run([*self._command, str(self._file.name)], path)
 
     def encode(self, drawn: Drawn) -> NDArray[np.uint8]:
         pixels = drawn.pixels[..., :3]  # H.264 has no alpha
@@ -68,9 +69,13 @@ class Mp4(OneFile):
 
 
 class _Run:
-    """A run of ffmpeg, which a Ctrl-C on the terminal does not reach. close() ends it, whether it is done or not."""
+    """A run of ffmpeg, which a Ctrl-C on the terminal does not reach. close() ends it, whether it is done or not.
 
-    def __init__(self, command: list[str]) -> None:
+    path: of the movie, for messages.
+    """
+
+    def __init__(self, command: list[str], path: Path) -> None:
+        self._path = path
         self._words = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
             command, bufsize=0, stdin=PIPE, stdout=DEVNULL, stderr=self._words, start_new_session=True
@@ -103,7 +108,8 @@ class _Run:
         self._process.wait(PATIENCE)
         self._words.seek(0)
         words = self._words.read().decode(errors="replace").strip().splitlines()
-        return UsageError(f"ffmpeg: {words[-1] if words else f'ended with status {self._process.returncode}'}")
+        last = re.sub(r"^\[[^]]*\] ", "", words[-1]) if words else f"ended with status {self._process.returncode}"
+        return UsageError(f"cannot write {self._path}: ffmpeg: {last}")
 
 
 def _ffmpeg() -> str:

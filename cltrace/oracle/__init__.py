@@ -1,4 +1,11 @@
-"""The exact oracle: what a ray meets, in arithmetic that rounds nothing."""
+"""The exact oracle: what a ray meets, in arithmetic that rounds nothing.
+
+rays.py       rays in pairs of doubles that count their errors, and in whole numbers
+search.py     the search for what they meet first, or at all; Kind, which each shape implements
+spheres.py    spheres and ellipsoids, and questions about them alone
+triangles.py  triangles
+scenes.py     closest_hit(): any rays in a scene
+"""
 
 from cltrace.oracle.scenes import Answer, closest_hit, triangles_met
 from cltrace.oracle.spheres import closest

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise
+from cltrace.base.arrays import blockwise
 from cltrace.picture.levels import srgb_bytes, srgb_error
 from cltrace.scene import Scene, Vector
 from cltrace.scene.colors import Transfer
@@ -34,7 +34,8 @@ class Composition:
     @classmethod
     def of(cls, outputs: Any, scene: Scene, truncate: bool) -> Composition:
         """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too."""
-        shown = "rgb8" in outputs and scene.background_alpha < 1 and not isinstance(outputs, str)
+        listed = isinstance(outputs, Sequence) and not isinstance(outputs, str)  # else a Request will complain
+        shown = listed and "rgb8" in outputs and scene.background_alpha < 1
         return cls(
             (*outputs, "rgba8") if shown else outputs,
             scene.background,
@@ -46,10 +47,10 @@ class Composition:
     @property
     def written(self) -> tuple[str, ...]:
         """What the kernel is asked for. It knows linear bytes only, so others are made of its colours."""
+        if isinstance(self.outputs, str) or not isinstance(self.outputs, Sequence):
+            return self.outputs
         curved = self.transfer != "linear" and not {"rgb8", "rgba8", "error"}.isdisjoint(self.outputs)
         straight = self.alpha < 1 and "color" in self.outputs
-        if isinstance(self.outputs, str):
-            return self.outputs
         return (*self.outputs, *(("color",) if curved else ()), *(("alpha",) if straight else ()))
 
     def composed(self, written: Mapping[str, NDArray[Any]]) -> Arrays:

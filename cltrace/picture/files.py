@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
 import os
+import re
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
+
+from cltrace.base.errors import UsageError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+PART = re.compile(r"\..*-[0-9a-f]{16}\.part", re.DOTALL)
 
 
 def is_named_as_folder(name: str) -> bool:
@@ -17,15 +28,36 @@ def is_named_as_folder(name: str) -> bool:
     return os.path.basename(name) != Path(name).name  # noqa: PTH119
 
 
+def check_no_input(target: str, origin: str, inputs: Iterable[Path]) -> None:
+    """Raises UsageError if a picture would replace one of its inputs, by whatever name, and OSError if its own is odd.
+
+    origin: whose word the name is. An input that is not there any more is none.
+    """
+    try:
+        existing = Path(target).stat()
+    except FileNotFoundError:  # the usual case, or a link that is to be written through
+        return
+    for other in inputs:
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(existing, other.stat()):
+                what = f"{str(other)!r}, which the picture is made from and would replace"
+                raise UsageError(f"{origin}: {target!r} is {what}")
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A binary file that replaces the one of this name when the `with` block has ended well.
 
     A link is written through. What is not a plain file, such as a pipe or a device, is written into and stays what it
-    is. Raises OSError if that fails; a plain file that was there is then untouched.
+    is. Raises OSError, with the name, if that fails; a plain file that was there is then untouched.
     """
-    with _stream(path) if _is_stream(path) else _replacement(Path(os.path.realpath(path))) as file:
-        yield file
+    try:
+        with _stream(path) if _is_stream(path) else _replacement(Path(os.path.realpath(path))) as file:
+            yield file
+    except OSError as error:
+        if error.filename is None or PART.fullmatch(Path(error.filename).name):
+            error.filename = str(path)
+        raise
 
 
 def _is_stream(path: Path) -> bool:
@@ -46,15 +78,54 @@ def _stream(path: Path) -> BinaryIO:
 
 @contextlib.contextmanager
 def _replacement(target: Path) -> Iterator[BinaryIO]:
-    """A file beside the target under a name of its own, which takes the target's place at the end."""
-    # A name may have 255 bytes, so 64 bytes of the target's name leave room for the rest. A cut letter is dropped.
-    name = os.fsencode(target.name)[:64].decode(errors="ignore")
-    part = target.with_name(f".{name}-{secrets.token_hex(8)}.part")
+    """A file beside the target under a name of its own, which takes the target's place at the end.
+
+    It holds a lock, which dies with its process. So what a kill has left is known, and removed.
+    """
+    _remove_left(target.parent)
+    part, file = _new_part(target)
     try:
-        with part.open("xb") as file:
-            yield file
-        part.replace(target)
+        # The lock is that of both files. Where there are none, an open file cannot be renamed.
+        held = os.dup(file.fileno()) if fcntl else -1
+        try:
+            with file:
+                yield file
+            part.replace(target)
+        finally:
+            if fcntl:
+                os.close(held)
     except BaseException:
         with contextlib.suppress(OSError):
             part.unlink()
         raise
+
+
+def _new_part(target: Path) -> tuple[Path, BinaryIO]:
+    """A new file beside the target, its name first, locked where the file system has locks."""
+    # A name may have 255 bytes, so 64 bytes of the target's name leave room for the rest. A cut letter is dropped.
+    name = os.fsencode(target.name)[:64].decode(errors="ignore")
+    while True:
+        part = target.with_name(f".{name}-{secrets.token_hex(8)}.part")
+        file = part.open("xb")
+        with contextlib.suppress(OSError):
+            _lock(file)
+        if os.fstat(file.fileno()).st_nlink:  # else another process has removed it before it was locked
+            return part, file
+        file.close()
+
+
+@functools.cache
+def _remove_left(folder: Path) -> None:
+    """Removes files of processes that have died from a folder. Once in a process, as a folder may have many files."""
+    for part in folder.glob(".*.part") if fcntl else ():
+        # What cannot be locked is in use, or the file system has no locks.
+        with contextlib.suppress(OSError):
+            if PART.fullmatch(part.name):
+                with part.open("rb") as file:
+                    _lock(file, fcntl.LOCK_NB)
+                    part.unlink()
+
+
+def _lock(file: BinaryIO, how: int = 0) -> None:
+    if fcntl:
+        fcntl.flock(file, fcntl.LOCK_EX | how)

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise
+from cltrace.base.arrays import blockwise
 from cltrace.scene.colors import decoded, encoded
 
 # A float's bits without the last 15 rise with it, and say in which of these buckets it is: from 2^-13 to 1, where the

@@ -93,7 +93,7 @@ def packed(pixels: Pixels) -> Packed:
         compress = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS, 9, zlib.Z_RLE)
         data += [compress.compress(filtered), compress.flush(zlib.Z_SYNC_FLUSH)]
         size, adler = size + filtered.nbytes, zlib.adler32(filtered, adler)
-    return Packed(pixels.shape, pixels.dtype.str, b"".join(data), size, adler)
+    return Packed(pixels.shape, pixels.dtype.str, b"".join(data), size=size, adler=adler)
 
 
 def stream_of(pixels: Pixels) -> bytes:
@@ -127,20 +127,24 @@ def _joined_sums(one: int, other: int, size: int) -> int:
 
 
 def text_of(file: BinaryIO, name: str) -> str | None:
-    """The text of this name before the pixels of a PNG; None if it has none, or is not whole or no PNG."""
+    """The text of this name before the pixels of a PNG of write_png(); None if it has none, or is not whole.
+
+    It is whole if it ends as a PNG, and all that is in it has the sums that it says.
+    """
     if file.read(len(SIGNATURE)) != SIGNATURE:
         return None
     found = None
     while len(head := file.read(8)) == 8:
         length, kind = struct.unpack(">I4s", head)
+        data = file.read(min(length, 2 * CHUNK) + 4)
+        total = zlib.crc32(data[:-4], zlib.crc32(kind)).to_bytes(4, "big")
+        if len(data) != length + 4 or total != data[-4:]:
+            return None
         if kind == b"IEND":
             return found
-        if kind == b"tEXt" and length < 2**16:
-            key, _, value = file.read(length).partition(b"\0")
-            found = value.decode("latin-1") if key == name.encode("latin-1") else found
-            file.seek(4, 1)
-        else:
-            file.seek(length + 4, 1)
+        key, _, value = data[:-4].partition(b"\0")
+        if (kind, key) == (b"tEXt", name.encode("latin-1")):
+            found = value.decode("latin-1")
     return None
 
 

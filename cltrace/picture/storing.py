@@ -17,7 +17,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.errors import MissingPackageError
+from cltrace.base.arrays import by_rows
+from cltrace.base.errors import MissingPackageError
 from cltrace.scene.colors import Transfer, encoded
 
 SUFFIXES = (".png", ".exr", ".npy", ".npz")
@@ -56,10 +57,14 @@ def levels16(color: NDArray[np.float32], transfer: Transfer, alpha: NDArray[Any]
 
     transfer: the curve by which linear colours are written.
     """
-    values = encoded(np.clip(color, 0.0, 1.0), transfer)
-    if alpha is not None:
-        values = np.concatenate([values, alpha[..., None]], axis=-1)
-    return np.asarray(np.rint(values * 65535), np.uint16)
+
+    def levels(rows: slice) -> NDArray[Any]:
+        values = encoded(np.clip(color[rows], 0.0, 1.0), transfer)
+        if alpha is not None:
+            values = np.concatenate([values, alpha[rows, :, None]], axis=-1)
+        return np.asarray(np.rint(values * 65535))
+
+    return by_rows(levels, (*color.shape[:2], 3 if alpha is None else 4), np.uint16)
 
 
 def write_npy(file: BinaryIO, array: NDArray[Any]) -> None:
@@ -89,6 +94,10 @@ def write_exr(file: BinaryIO, arrays: Arrays) -> None:
         channels |= {c: np.ascontiguousarray(plane) for c, plane in zip(CHANNELS[name], planes, strict=True)}
     openexr = importlib.import_module("OpenEXR")
     header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    whole = openexr.File(header, channels)
+    if file.seekable():
+        whole.write(file)
+        return
     buffer = io.BytesIO()  # the package goes back and forth in what it writes
-    openexr.File(header, channels).write(buffer)
+    whole.write(buffer)
     file.write(buffer.getbuffer())

@@ -2,7 +2,7 @@
 
 Everything that either side needs of it is made from here: the numpy dtypes, the order of the kernel's arguments, and a
 header in OpenCL C that stands before the kernel's own files (`python -m cltrace.plan.abi` prints it). So a new buffer
-or a new output is one line here.
+is one line here; docs/developers.md says what a new output needs besides.
 
 Units: where `real` is double, lengths of that type are in scene units. All lengths that are float, and so in single
 every length, are in the float buffers' unit: a power of two of scene units, for which the largest coordinate is about
@@ -48,8 +48,8 @@ STRUCTS = {
         Field("position", "real4", "point, spot: xyz in camera space; parallel: unit vector towards the light"),
         Field("axis", "real4", "spot: unit vector along which it points, w: cos(alpha2); parallel: u axis across it"),
         Field("across", "real4", "parallel: v axis across it"),
-        Field("color", "float4", "rgb, linear"),
-        Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see illuminate()"),
+        Field("color", "float4", "rgb, linear; w: its kind, a number of LIGHT_KINDS"),
+        Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see phong()"),
     ),
     "Grid": (
         Field("right", "real4", "xyz: x axis; w, of a parallel light: what makes x count from the window's middle"),
@@ -114,12 +114,10 @@ STRUCTS = {
         Field("fx", "float8", "the edges C - A"),
         Field("fy", "float8", ""),
         Field("fz", "float8", ""),
-        Field("slack", "float8", "see add_patch(); < 0 where there is no triangle"),
+        Field("slack", "float8", "see triangle_add_leaf(); < 0 where there is no triangle"),
         Field("index", "int8", "which triangles these are, as primitives"),
     ),
 }
-# The flag without which the kernel has no such struct; none for the others.
-STRUCT_NEEDS = {"Mesh": "WITH_TRIANGLES", "Patch": "WITH_PATCHES"}
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,8 @@ class Argument:
     kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
     (one number that the kernel changes where something has happened);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
-    output; needs: the flag without which the kernel has no such argument, "" for none.
+    output; needs: the flag without which the kernel has no such argument, "" for none. The group's member is there
+    nevertheless, and 0 then.
     """
 
     name: str
@@ -175,9 +174,45 @@ COUNTERS = {
     "TOTAL": "refracted rays that total reflection makes one with the mirrored ray",
     "DROPPED": "branches too faint for any output",
     "RETRACED": "pixels traced again, as what was dropped might show",
+    "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
     "ESTIMATES": "pixels of which the error is an estimate",
     "TOO_FAR": "pixels that would need more cells for the error that is wanted",
 }
+
+# The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
+# named after it, and a flag WITH_<KIND>. ASK_LIGHT() of the header calls that one of them which a light's kind has.
+LIGHT_KINDS = ("parallel", "point", "spot")
+
+
+class Shape(NamedTuple):
+    """A row of SHAPES.
+
+    flag: set if the scene has any; first: the index of its first one among all surfaces, and leaf: of its first leaf
+    among all leaves of the tree, in OpenCL C of `spheres` and `tree`; traits: names of TRAITS.
+    """
+
+    name: str
+    flag: str
+    first: str
+    leaf: str
+    traits: tuple[str, ...]
+
+
+# What the walkers, lists and shading ask of shapes without knowing their names.
+TRAITS = {
+    "ROUND": "a ray that leaves it inwards meets it again",
+    "FETCHED": "lists of shadow rays fetch it ahead: of triangles alone, that took more time than it saved",
+    "LATE": "while a ray from the eye looks for the nearest, only bounds of 1/t are known of it, see Hit",
+    "PLACED": "it is decided in the world, and asks of a shadow ray where that starts there",
+    "TINY": "neighbouring pixels show different ones, mostly of one material",
+}
+# The shapes, in the order of the surfaces' indices. Each has a folder of its own in kernels/shapes/, with functions
+# named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
+# surface has.
+SHAPES = (
+    Shape("sphere", "WITH_SPHERES", "0", "0", ("ROUND", "FETCHED")),
+    Shape("triangle", "WITH_TRIANGLES", "((spheres).first)", "((tree).blocks)", ("LATE", "PLACED", "TINY")),
+)
 
 ARGUMENTS = (
     *_values(
@@ -190,7 +225,7 @@ ARGUMENTS = (
     *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
     *_values(
         "Scene",
-        ("lights", "int4", "how many parallel, point and spot lights there are, and how many in all"),
+        ("lights", "int", "how many lights there are"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
     ),
@@ -206,9 +241,9 @@ ARGUMENTS = (
         ("id_of", "int", "a surface's number in the scene; a triangle has its mesh's"),
         ("material_of", "int", "the index in material of a surface's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
-        ("light", "Light", "parallel lights, then point lights, then spot lights"),
+        ("light", "Light", "in the order of LIGHT_KINDS"),
         ("eye_filter", "float4", "a sphere's filter constant for rays from the eye, see sphere_may_meet()"),
-        ("light_filter", "float4", "for each light in turn, all spheres' filter constants, see filter_leaves()"),
+        ("light_filter", "float4", "for each light in turn, all spheres' filter constants, see sphere_filter_leaves()"),
         ("light_side", "char", "the same: whether the light is outside of the sphere (1), on it (0) or inside (-1)"),
         ("light_buffer", "int4", "x: index of a light's first grid, y: how many it has, z: see may_be_stopped()"),
     ),
@@ -339,6 +374,12 @@ ARGUMENTS = (
         ("average", "float4", "rgb: no colour is above that; w: error in levels of 255 up to which no pixel is split"),
         needs="WITH_AVERAGE",
     ),
+    *_values(
+        "Scene",
+        ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
+        ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
+        needs="WITH_SAMPLES",
+    ),
     *_buffers(
         "Scene",
         ("neighbour", "int4", "xyz: the triangles beyond a triangle's edges AB, BC and CA, -1: none"),
@@ -395,9 +436,7 @@ FLAGS = {
     "WITH_INSIDE": "the eye is inside of a sphere or on it",
     "WITH_SHADING": "colours are wanted",
     "WITH_LIGHTS": "some light may add to them",
-    "WITH_PARALLEL": "there is a parallel light",
-    "WITH_POINT": "there is a point light",
-    "WITH_SPOT": "there is a spot light",
+    **{f"WITH_{kind.upper()}": f"there is a {kind} light" for kind in LIGHT_KINDS},
     "WITH_SHADOWS": "something may stand between a sphere and a light",
     "WITH_UNSTOPPABLE": "it may be known of triangles that nothing stands between them and a light",
     "WITH_SPECULAR": "some sphere shines",
@@ -413,11 +452,13 @@ FLAGS = {
     "WITH_DROPPING": "branches are dropped where no output shows them",
     "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
+    "WITH_SPHERES": "there are spheres, or no surfaces at all",
     "WITH_TRIANGLES": "there are meshes",
-    "ONLY_TRIANGLES": "there are no spheres",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
-    "WITH_AVERAGE": "colours are means over pixels",
+    "WITH_MEANS": "colours are means over pixels",
+    "WITH_AVERAGE": "what these are off by is proved",
+    "WITH_SAMPLES": "they are those of rays at fixed places",
     "WITH_MARKS": "samples are told apart by what their rays have met",
     "WITH_SHEETS": "what is beyond triangles' edges is known",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
@@ -481,12 +522,12 @@ def options(precision: Precision, features: frozenset[str], branches: int = 1) -
 def header() -> str:
     """The table in OpenCL C: constants, structs, and the kernel's parameters as macros."""
     lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
+    lines += [f"#define IS_{name} 0" for name in FLAGS] + _light_kinds() + _shapes()
     lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
     for name, fields in STRUCTS.items():
-        struct = _struct(name, [(f"{f.type} {f.name}", f.text, "") for f in fields])
+        lines += _struct(name, [(f"{f.type} {f.name}", f.text) for f in fields])
         # The build fails here, by name, if the host lays a struct out differently.
-        struct.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
-        lines += _guarded(STRUCT_NEEDS.get(name, ""), struct)
+        lines.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
     groups: dict[str, list[Argument]] = {}
     for argument in ARGUMENTS:
         groups.setdefault(argument.group, []).append(argument)
@@ -494,9 +535,8 @@ def header() -> str:
     parts = ("Spheres", "Lists", "Tree")
     needs = {part: _common_need(groups[part]) for part in parts}
     for name in (*parts, "Scene", "Outputs"):
-        members = [(a.parameter.removeprefix("const "), a.text, a.needs) for a in groups[name]]
-        inner = [(f"{part} {part.lower()}", "", needs[part]) for part in parts] if name == "Scene" else []
-        lines += _guarded(needs.get(name, ""), _struct(name, inner + members))
+        members = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
+        lines += _struct(name, [(f"{part} {part.lower()}", "") for part in parts if name == "Scene"] + members)
     lines += _list_macro("RENDER_PARAMETERS", [(a.parameter, a.needs) for a in ARGUMENTS])
     for name, arguments in groups.items():
         values = [(f".{a.name} = {a.name}", "" if a.needs == needs.get(name) else a.needs) for a in arguments]
@@ -508,6 +548,82 @@ def header() -> str:
 def arguments_of(features: frozenset[str]) -> list[Argument]:
     """The arguments, in their order, of a kernel that is built with these flags."""
     return [a for a in ARGUMENTS if not a.needs or a.needs in features]
+
+
+def _light_kinds() -> list[str]:
+    """The numbers of the kinds of lights, how many of them a scene has, and the macro that asks a light's kind.
+
+    ASK_LIGHT(kind, question(...)) is what the function <kind>_question(...) returns. Where a scene has one kind only,
+    that is a direct call, and kinds that it does not have are not asked for.
+    """
+    has = [f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS]
+    asked = f"{LIGHT_KINDS[-1]}_##question"
+    for i, kind in reversed(list(enumerate(LIGHT_KINDS[:-1]))):
+        last = f"{' + '.join(has[i + 1 :])} == 0"
+        asked = f"{has[i]} && ({last} || (kind) == {i}) ? {kind}_##question : {asked}"
+    return [
+        f"#define KINDS_OF_LIGHTS ({' + '.join(has)})",
+        f"#define ONLY_KIND_OF_LIGHTS ({' + '.join(f'{i} * {flag}' for i, flag in enumerate(has))})",
+        f"#define ASK_LIGHT(kind, question) ({asked})",
+    ]
+
+
+def _shapes() -> list[str]:
+    """Which shape a surface has, traits, and the macros that ask a surface's shape.
+
+    Of a shape x, FIRST_X(spheres) is the index of its first surface, IS_X(spheres, index) tells which lanes' surface is
+    one, and X_OR_NONE(spheres, index) is that one's number among its kind, -1 for none. ANY_<trait> tells whether a
+    shape of the scene has this trait, IS_<trait>(spheres, index) which lanes' surface has.
+
+    ASK_SHAPE(spheres, index, question(...)) is what the function <shape>_question(...) returns, ASK_LEAF(tree, index,
+    question(...)) the same for a leaf of the tree. EACH_SHAPE(spheres, index, question(...)) calls the first shape's
+    function for all lanes, and then those of other shapes that some lane's surface has: each of these puts what it
+    knows into its own lanes, by PUT_OF_SHAPE(). Where a scene has one shape only, all these are direct calls.
+    """
+    lines = [
+        f"#define KINDS_OF_SHAPES ({' + '.join(f'HAS({shape.flag})' for shape in SHAPES)})",
+        "#define PUT_OF_SHAPE(mask, variable, value) "
+        "variable = KINDS_OF_SHAPES == 1 ? (value) : (mask) ? (value) : (variable)",
+    ]
+    for i, (name, _, first, leaf, _) in enumerate(SHAPES):
+        own, asked = name.upper(), f"{name}_##question"
+        here, number = f"(index) >= {first}", f"(index) - {first}"
+        ends = "".join(f"HAS({shape.flag}) ? (index) < {shape.first} : " for shape in SHAPES[i + 1 :]) + here
+        either = f"IS_{own}(spheres, index) ? {number} : (INT) - 1"
+        lines += [
+            f"#define FIRST_{own}(spheres) {first}",
+            f"#define IS_{own}(spheres, index) ({f'({here}) & ({ends})' if i and ends != here else ends})",
+            f"#define {own}_OR_NONE(spheres, index) (KINDS_OF_SHAPES == 1 ? {number} : {either})",
+        ]
+        lines += _chained("ASK_SHAPE(spheres, index, question)", i, asked, f"({here} ? {asked} : %s)")
+        lines += _chained("ASK_LEAF(tree, index, question)", i, asked, f"((index) >= {leaf} ? {asked} : %s)")
+        each = f"do {{ %s; if (ANY(IS_{own}(spheres, index))) {asked}; }} while (0)"
+        lines += _chained("EACH_SHAPE(spheres, index, question)", i, asked, each)
+    for trait in TRAITS:
+        those = [shape for shape in SHAPES if trait in shape.traits]
+        lanes = " | ".join(f"(HAS({s.flag}) ? IS_{s.name.upper()}(spheres, index) : (MASK)0)" for s in those)
+        lines += [
+            f"#define ANY_{trait} ({' || '.join(f'HAS({shape.flag})' for shape in those)})",
+            f"#define IS_{trait}(spheres, index) ({lanes})",
+        ]
+    return lines
+
+
+def _chained(macro: str, i: int, alone: str, among: str) -> list[str]:
+    """A macro for the first shapes up to row i, of which it takes those that the scene has.
+
+    alone: its text where there is none of the rows before; among: the same where there is, as %s.
+    """
+    name, parameters = macro.split("(", 1)
+    this = f"#define {name}_{i}({parameters}"
+    before = f"{name}_{i - 1}"
+    last = [f"#define {macro} {name}_{i}({parameters}"] if i == len(SHAPES) - 1 else []
+    one = [f"{this} {alone}"]
+    if i == 0:
+        return [*_guarded(SHAPES[i].flag, one), *last]
+    both = _guarded(before, [f"{this} {among % f'{before}({parameters}'}"], tuple(one))
+    same = _guarded(before, [f"{this} {before}({parameters}"])
+    return [*_guarded(SHAPES[i].flag, both, tuple(same)), *last]
 
 
 def _common_need(arguments: list[Argument]) -> str:
@@ -538,14 +654,9 @@ def _list_macro(name: str, items: list[tuple[str, str]], opening: str = "", clos
     return [*lines, f"#define {name} {opening}{' '.join(parts)}{closing}"]
 
 
-def _struct(name: str, fields: list[tuple[str, str, str]]) -> list[str]:
-    """A struct of fields (declaration, comment, the flag that it needs)."""
-    comment = {True: " /* {} */", False: ""}
-    rows = [
-        line
-        for declaration, text, needs in fields
-        for line in _guarded(needs, [f"    {declaration};{comment[bool(text)].format(text)}"])
-    ]
+def _struct(name: str, fields: list[tuple[str, str]]) -> list[str]:
+    """A struct of fields (declaration, comment)."""
+    rows = [f"    {declaration};{f' /* {text} */' if text else ''}" for declaration, text in fields]
     return ["typedef struct {", *rows, f"}} {name};"]
 
 

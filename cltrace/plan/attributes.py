@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, empty, joined
+from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import Precision, dtype_of, real_dtype
 from cltrace.plan.shapes.triangle import Triangles
 from cltrace.scene import PlacedMesh

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise
-from cltrace.plan.exact import Array, squared_length
-from cltrace.plan.shapes.sphere import Seen
+from cltrace.base.arrays import blockwise
+from cltrace.plan.accel.discs import Discs
+from cltrace.plan.rounding import Array, squared_length
 
 Mask = NDArray[np.bool_]
 # How many spheres, the largest ones, are looked into for others inside of them.
@@ -88,15 +88,15 @@ def repeated(center: Array, radius: Array, shape: NDArray[np.int32], number: NDA
     return out
 
 
-def point_shadows(seen: Seen, slack: float) -> Mask:
-    """(n, n): whether sphere [j] can stand between a point light and any point of sphere [i]. seen: from the light."""
-    roomy = larger(seen.radius, slack)
-    distance = np.sqrt(squared_length(seen.center))
+def point_shadows(discs: Discs, slack: float) -> Mask:
+    """(n, n): whether sphere [j] can stand between a point light and any point of sphere [i]. discs: from the light."""
+    roomy = larger(discs.radius, slack)
+    distance = np.sqrt(squared_length(discs.center))
     # A light that is inside of a sphere, or all but, sees it in every direction.
     clear = distance > roomy
     safe = np.where(clear, distance, 1.0)
     half = np.where(clear, np.arcsin(np.minimum(roomy / safe, 1)), np.pi)
-    direction = seen.center / safe[:, None]
+    direction = discs.center / safe[:, None]
     cross = np.cross(direction[:, None], direction[None])
     angle = np.arctan2(np.sqrt((cross * cross).sum(axis=-1)), direction @ direction.T)
     loose = 16 * slack * (1 + 1 / safe)
@@ -104,9 +104,9 @@ def point_shadows(seen: Seen, slack: float) -> Mask:
     return np.asarray(overlap & ((distance - roomy)[None] < (distance + roomy)[:, None]))
 
 
-def parallel_shadows(axes: Array, seen: Seen, slack: float) -> Mask:
-    """The same for a parallel light. axes: (3, 3), two across the light and one towards it; seen: from the eye."""
-    roomy = larger(seen.radius, slack) + slack * 16
-    u, v, s = axes @ seen.center.T
+def parallel_shadows(axes: Array, discs: Discs, slack: float) -> Mask:
+    """The same for a parallel light. axes: (3, 3), two across the light and one towards it; discs: from the eye."""
+    roomy = larger(discs.radius, slack) + slack * 16
+    u, v, s = axes @ discs.center.T
     gap = np.hypot(u[:, None] - u[None], v[:, None] - v[None])
     return np.asarray((gap <= roomy[:, None] + roomy[None]) & ((s + roomy)[None] > (s - roomy)[:, None]))

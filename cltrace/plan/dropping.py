@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import real_dtype
 from cltrace.plan.bounces import Bounces
-from cltrace.plan.exact import Array
 from cltrace.plan.materials import Materials, used
 from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array
 from cltrace.scene import Vector
 
 # Sums count in such parts.
@@ -62,6 +62,6 @@ def limits(bounces: Bounces, peak: Array, request: Request) -> dict[str, Any]:
     largest = float(np.finfo(real_dtype(request.precision)).max)
     parts = [value if value <= largest else math.inf for value in (peak * PARTS).tolist()]
     faint = FAINT_FOR_FLOATS if "color" in request.outputs else FAINT
-    if request.antialias is not None:
+    if request.means:
         faint = FAINT_FOR_SAMPLES
     return {"brightest": (*parts, max(parts)), "faint": faint * PARTS if bounces.shrinks else -1.0}

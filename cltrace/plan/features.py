@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from cltrace.plan.bounces import Bounces
+from cltrace.plan.lights import are_at_points, counts, kinds
 from cltrace.plan.request import Request
+from cltrace.plan.world import World
+from cltrace.scene import AnyCamera
 
 # From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
 # 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 of it (PoCL 3.1, 1920x1080).
@@ -20,44 +20,22 @@ FOREST = 32
 KEPT = frozenset(("unstopped", "lists", "filter"))
 
 
-@dataclass(frozen=True)
-class Contents:
-    """What of a scene the features depend on.
-
-    spheres, triangles: how many there are; lights: how many parallel, point and spot lights; inside: whether the eye is
-    inside of a sphere or on it; shiny: whether some material has highlights; black: whether some material reflects no
-    light; textures: whether some surface has one; bounces: what surfaces do with rays; ellipsoids: whether there are
-    any; max_bounces: of the camera; parallel_rays: whether those of the camera are parallel.
-    """
-
-    spheres: int
-    triangles: int
-    lights: tuple[int, int, int]
-    inside: bool
-    shiny: bool
-    black: bool
-    textures: bool
-    bounces: Bounces
-    ellipsoids: bool
-    max_bounces: int
-    parallel_rays: bool = False
-
-
-def features(contents: Contents, request: Request) -> frozenset[str]:
-    """The names of the flags that are set."""
+def features(world: World, camera: AnyCamera, inside: bool, request: Request) -> frozenset[str]:
+    """The names of the flags that are set. inside: whether the eye is inside of a surface or on it."""
     shading = request.needs_colors
     full = "features" in request.keep
-    surfaces = contents.spheres + contents.triangles
-    meshes, shapes = contents.triangles > 0, contents.triangles > 0 or contents.ellipsoids
-    lit = shading and (full or (any(contents.lights) and surfaces > 0))
-    bounces = shading and contents.bounces.any and surfaces > 0
-    splits = bounces and contents.bounces.splits
-    pays = contents.bounces.shrinks and contents.bounces.fades(contents.max_bounces)
+    surfaces, meshes, ellipsoids = len(world.id), world.counts["triangle"] > 0, world.counts["ellipsoid"] > 0
+    lights, at_points = counts(world.lights), bool(are_at_points(kinds(world.lights)).any())
+    inside = inside or world.bounces.glass or full
+    black = world.materials.black is not None and bool(world.materials.black.any())
+    lit = shading and (full or (len(world.lights) > 0 and surfaces > 0))
+    bounces = shading and world.bounces.any and surfaces > 0
+    splits = bounces and world.bounces.splits
+    pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
-    textures = shading and contents.textures
-    averaged = shading and request.antialias is not None
+    textures = shading and len(world.textures.place) > 0
+    averaged, sampled = (shading and how is not None for how in (request.antialias, request.samples))
     uv = textures or "uv" in request.outputs
-    parallel, point, spot = (lit and (number > 0 or full) for number in contents.lights)
     bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {
@@ -66,36 +44,37 @@ def features(contents: Contents, request: Request) -> frozenset[str]:
         "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
         "WITH_UV": uv,
         "WITH_TEXTURES": textures,
-        "WITH_INSIDE": contents.inside or full,
+        "WITH_INSIDE": inside,
         "WITH_SHADING": shading,
-        "WITH_PARALLEL_RAYS": contents.parallel_rays,
+        "WITH_PARALLEL_RAYS": camera.parallel,
         "WITH_LIGHTS": lit,
-        "WITH_PARALLEL": parallel,
-        "WITH_POINT": point,
-        "WITH_SPOT": spot,
-        "WITH_SHADOWS": lit and (surfaces > 1 or contents.inside or full),
-        "WITH_UNSTOPPABLE": meshes and (point or spot) and not averaged and bounded,
-        "WITH_SPECULAR": lit and (contents.shiny or full),
-        "WITH_BLACK": lit and (contents.black or full),
+        **{f"WITH_{kind.upper()}": lit and (number > 0 or full) for kind, number in lights.items()},
+        "WITH_SHADOWS": lit and (surfaces > 1 or inside),
+        "WITH_UNSTOPPABLE": meshes and lit and (at_points or full) and not averaged and bounded,
+        "WITH_SPECULAR": lit and (world.materials.shiny or full),
+        "WITH_BLACK": lit and (black or full),
         "WITH_PREFETCH": surfaces >= PLENTY,
-        "WITH_BLOCKS": lit and surfaces * sum(contents.lights) >= VIEWS,
-        "WITH_ELLIPSOIDS": contents.ellipsoids,
-        "WITH_SHAPES": shapes,
+        "WITH_BLOCKS": sampled or (lit and surfaces * len(world.lights) >= VIEWS),
+        "WITH_ELLIPSOIDS": ellipsoids,
+        "WITH_SHAPES": meshes or ellipsoids,
+        "WITH_SPHERES": world.counts["sphere"] > 0 or not meshes,
         "WITH_TRIANGLES": meshes,
-        "ONLY_TRIANGLES": meshes and contents.spheres == 0,
         "WITH_PATCHES": meshes and bounces,
-        "WITH_LEAVING": bounces or shapes,
+        "WITH_LEAVING": bounces or meshes or ellipsoids,
         "WITH_BOUNCES": bounces,
-        "WITH_GLASS": bounces and contents.bounces.glass,
+        "WITH_GLASS": bounces and world.bounces.glass,
         "WITH_SPLITS": splits,
         "WITH_DROPPING": drops,
-        "WITH_CEILING": splits and (contents.bounces.overgrows(contents.max_bounces) or full),
-        "PROVE_COLOR": drops and "color" in request.outputs and not averaged,
+        "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
+        "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
+        "WITH_MEANS": averaged or sampled,
         "WITH_AVERAGE": averaged,
-        "WITH_MARKS": averaged and bounces,
+        "WITH_SAMPLES": sampled,
+        "WITH_MARKS": sampled or (averaged and bounces),
         "WITH_SHEETS": averaged and meshes,
-        "WITH_CENTRES": averaged and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
+        "WITH_CENTRES": (averaged or sampled)
+        and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }

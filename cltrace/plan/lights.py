@@ -1,19 +1,132 @@
-"""Lights as the kernel reads them, and the spheres as each light sees them."""
+"""Lights: which of them count, as the kernel reads them, and what each kind is to the shapes and the lists.
+
+A light is at a point or along a direction. What differs between the two, and between the kinds of LIGHT_KINDS, is in
+the classes of LAMPS, a row for each kind.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import Precision, dtype_of, shade_dtype
-from cltrace.plan.exact import Array, along, rotated
+from cltrace.plan.abi import LIGHT_KINDS, Precision, dtype_of, shade_dtype
+from cltrace.plan.accel.cells import CellGrid, Mask
+from cltrace.plan.accel.discs import Discs
+from cltrace.plan.accel.light_buffer import parallel_buffer, point_buffer
+from cltrace.plan.accel.silhouettes import Shadows, Silhouettes
+from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.materials import finite32
-from cltrace.plan.shapes.sphere import Seen, disc_filter, filter_constant
-from cltrace.plan.space import Space
-from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT
+from cltrace.plan.rounding import Array, rotated
+from cltrace.scene import AMBIENT, PARALLEL
+
+T = TypeVar("T", covariant=True)
+
+
+class Lit(Protocol[T]):
+    """What is seen in one way from a point, and in another along a direction. more: whatever the caller has to say."""
+
+    def from_point(self, light: AtPoint, *more: Any) -> T:
+        """As a light at a point sees it."""
+
+    def along(self, light: Parallel, *more: Any) -> T:
+        """As a parallel light sees it."""
+
+
+@dataclass(frozen=True)
+class _Light:
+    """A light as one camera has it.
+
+    record: of the scene; packed: of pack_lights(); basis: (3, 3), the camera's axes in the world.
+    """
+
+    record: np.void
+    packed: np.void
+    basis: Array
+
+
+class AtPoint(_Light):
+    """A light at a point, place: (3,), in the world, in scene units."""
+
+    at_point = True
+
+    @property
+    def place(self) -> Array:
+        return np.asarray(self.record["position"])
+
+    @staticmethod
+    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
+        """Fills what its kind has of abi's `Light`. position: (3,), in camera space; basis: as above."""
+        out["position"][:3] = position
+
+    def look(self, at: Lit[T], *more: Any) -> T:
+        """What it sees of something."""
+        return at.from_point(self, *more)
+
+    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
+        """Those of its lists. shapes: what it sees, in the order of SHAPES."""
+        # Where all shapes count along the world's axes, they are in the same cells for each camera.
+        if not all(silhouettes.in_world for silhouettes in shapes):
+            return point_buffer([silhouettes.turned(self.basis) for silhouettes in shapes], who)
+        return [replace(grid, axes=rotated(self.basis, grid.axes)) for grid in point_buffer(shapes, who)]
+
+    def shadows(self, discs: Discs, slack: float) -> Mask:
+        """(n, n): whether disc [j] can stand between it and any point of disc [i]."""
+        return point_shadows(discs, slack)
+
+
+class Spot(AtPoint):
+    """A light at a point that shines into a cone."""
+
+    @staticmethod
+    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
+        AtPoint.fill(out, light, position, basis)
+        alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
+        out["axis"] = (*_direction(light, basis), math.cos(alpha2))
+        out["cone"][:2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
+
+
+class Parallel(_Light):
+    """A light along a direction, with the methods of one at a point."""
+
+    at_point = False
+
+    @property
+    def axes(self) -> Array:
+        """(3, 3): the two across it and the one towards it, in camera space."""
+        return np.array([self.packed[name][:3] for name in ("axis", "across", "position")], np.float64)
+
+    @property
+    def towards(self) -> Array:
+        """(3,): the direction to it in the world, exactly."""
+        return np.asarray(-self.record["direction"])
+
+    @staticmethod
+    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
+        towards = -_direction(light, basis)
+        # Any two axes across do. The first one is made from the coordinate axis that is furthest from the light's
+        # direction, where the cross product loses least.
+        helper = np.eye(3)[np.argmin(np.abs(towards))]
+        axis = _unit(np.cross(helper, towards)[None])[0]
+        out["position"][:3], out["axis"][:3], out["across"][:3] = towards, axis, np.cross(towards, axis)
+
+    def look(self, at: Lit[T], *more: Any) -> T:
+        return at.along(self, *more)
+
+    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
+        return parallel_buffer(self.axes, shapes, who)
+
+    def shadows(self, discs: Discs, slack: float) -> Mask:
+        return parallel_shadows(self.axes, discs, slack)
+
+
+Lamp = AtPoint | Parallel
+# By the names of LIGHT_KINDS.
+LAMPS: dict[str, type[Lamp]] = {"parallel": Parallel, "point": AtPoint, "spot": Spot}
 
 
 def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) -> NDArray[np.void]:
@@ -27,10 +140,25 @@ def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) 
     return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
 
 
-def counts(lights: NDArray[np.void]) -> tuple[int, int, int]:
-    """How many of the lights are parallel, point and spot lights."""
-    parallel, point, spot = (int((lights["kind"] == kind).sum()) for kind in (PARALLEL, POINT, SPOT))
-    return parallel, point, spot
+def kinds(lights: NDArray[np.void]) -> NDArray[np.integer[Any]]:
+    """The numbers that abi's LIGHT_KINDS gives to the kinds of lights, none of which is ambient."""
+    return np.asarray(lights["kind"] - PARALLEL)
+
+
+def counts(lights: NDArray[np.void]) -> dict[str, int]:
+    """How many lights there are of each of LIGHT_KINDS."""
+    return dict(zip(LIGHT_KINDS, np.bincount(kinds(lights), minlength=len(LIGHT_KINDS)).tolist(), strict=True))
+
+
+def are_at_points(kinds: NDArray[Any]) -> Mask:
+    """Which lights are at points, and not infinitely far away. kinds: their numbers in LIGHT_KINDS."""
+    return np.array([LAMPS[kind].at_point for kind in LIGHT_KINDS])[kinds.astype(np.intp)]
+
+
+def lamps_of(lights: NDArray[np.void], packed: NDArray[np.void], basis: Array) -> list[Lamp]:
+    """Lights (m,) with their records (m,) of pack_lights(), and more. basis: (3, 3), the camera's axes in the world."""
+    rows = zip(kinds(lights).tolist(), lights, packed, strict=False)
+    return [LAMPS[LIGHT_KINDS[kind]](light, record, basis) for kind, light, record in rows]
 
 
 def pack_lights(
@@ -42,25 +170,10 @@ def pack_lights(
     material.
     """
     out = np.zeros(len(lights), dtype_of("Light", precision))
-    out["color"][:, :3] = finite32(lights["color"])
+    out["color"][:, :3], out["color"][:, 3] = finite32(lights["color"]), kinds(lights)
     dim_highlights(out, lights, precision, brightest)
-    for k, light in enumerate(lights):
-        direction = _unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0]
-        if light["kind"] == PARALLEL:
-            towards = -direction
-            # Any two axes across do. The first one is made from the coordinate axis that is furthest from the light's
-            # direction, where the cross product loses least.
-            helper = np.eye(3)[np.argmin(np.abs(towards))]
-            axis = _unit(np.cross(helper, towards)[None])[0]
-            out["position"][k, :3] = towards
-            out["axis"][k, :3] = axis
-            out["across"][k, :3] = np.cross(towards, axis)
-        else:
-            out["position"][k, :3] = position[k]
-        if light["kind"] == SPOT:
-            alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
-            out["axis"][k] = (*direction, math.cos(alpha2))
-            out["cone"][k, :2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
+    for record, kind, light, place in zip(out, kinds(lights).tolist(), lights, position, strict=True):
+        LAMPS[LIGHT_KINDS[kind]].fill(record, light, place, basis)
     return out
 
 
@@ -74,53 +187,21 @@ def dim_highlights(packed: NDArray[np.void], lights: NDArray[np.void], precision
         packed["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
 
 
+def lamp_places(lights: NDArray[np.void], middle: Array, exponent: int | None) -> Array:
+    """(m, 3): abi's `lamp`. middle, exponent: of the scene, and of the float buffers where corners are in that unit."""
+    place, towards = lights["position"], -lights["direction"]
+    if exponent is not None:
+        place = np.ldexp(place - middle, exponent)
+        towards = towards / np.maximum(np.abs(towards).max(axis=1, keepdims=True, initial=0), 2.0**-200)
+    return np.where(are_at_points(kinds(lights))[:, None], place, towards)
+
+
+def _direction(light: np.void, basis: Array) -> Array:
+    """(3,): the unit vector along which it shines, in camera space."""
+    return np.asarray(_unit((light["direction"] / np.abs(light["direction"]).max(initial=1e-300))[None] @ basis.T)[0])
+
+
 def _unit(v: Array) -> Array:
     """Vectors (n, 3) scaled to length 1. No square overflows, however long they are."""
     scaled = v / np.abs(v).max(axis=1, keepdims=True)
     return np.asarray(scaled / np.sqrt((scaled * scaled).sum(axis=1, keepdims=True)))
-
-
-@dataclass(frozen=True)
-class LightView:
-    """The n spheres as one light sees them.
-
-    axes: (3, 3), the two across a parallel light and the one towards it, None for a light at a point; basis: (3, 3),
-    the camera's axes in the world; seen: from the light along the world's axes, or from the eye along the camera's for
-    a parallel one, lengths in the float buffers' unit; side: (n,) int8, abi's light_side.
-    """
-
-    axes: Array | None
-    basis: Array
-    seen: Seen
-    side: NDArray[np.int8]
-
-
-@dataclass(frozen=True)
-class LightViews:
-    """The n spheres as each of m lights sees them. filter: (m, n, 4), abi's light_filter; side: (m, n)."""
-
-    views: list[LightView]
-    filter: NDArray[np.float32]
-    side: NDArray[np.int8]
-
-    @classmethod
-    def of(cls, lights: NDArray[np.void], packed: NDArray[np.void], space: Space, basis: Array) -> LightViews:
-        """The views of the lights of a Space that is in the float buffers' unit.
-
-        lights: (m,), of useful_lights(); packed: the same lights, of pack_lights(); basis: (3, 3), the camera's axes in
-        the world.
-        """
-        n, m = len(space.radius), len(lights)
-        filters, sides, views = np.zeros((m, n, 4), np.float32), np.ones((m, n), np.int8), []
-        for k, (filter_, side) in enumerate(zip(filters, sides, strict=True)):
-            axes = None
-            if lights["kind"][k] == PARALLEL:
-                axes = np.array([packed[name][k, :3] for name in ("axis", "across", "position")], np.float64)
-                seen = space.seen_from_eye()
-                u, v = along(axes[:2], seen.center)
-                filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, space.radius)
-            else:
-                seen, side[:] = space.seen_from_light(k)
-                filter_[:, :3], filter_[:, 3] = -rotated(basis, seen.center), filter_constant(seen)
-            views.append(LightView(axes, basis, seen, side))
-        return cls(views, filters, sides)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import BLOCK, blockwise, empty
+from cltrace.base.arrays import BLOCK, blockwise, empty
 from cltrace.plan.abi import real_dtype, shade_dtype
-from cltrace.plan.exact import Array
 from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array
 from cltrace.scene import AMBIENT, Scene
 
 Mask = NDArray[np.bool_]

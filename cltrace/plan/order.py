@@ -9,10 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from cltrace.blocks import BLOCK, blockwise, concurrently, empty, processors
+from cltrace.base.arrays import BLOCK, blockwise, concurrently, empty, processors
 
 # Bits of a digit of a code, five of each coordinate. About so many codes tell how large others are.
-DIGIT, MANY = 15, 2**10
+DIGIT, CODES = 15, 2**10
+# From so many surfaces on, they are sorted by place. A shell of 100,000 spheres then takes 27 ms a frame instead of
+# 37. One of 10,000 takes 10 either way, as all that a picture needs stays in a cache.
+MANY = 4096
 # One in so many spheres is looked at to know how good an order is.
 SAMPLE = 16
 
@@ -66,7 +69,7 @@ def order_of_rows(center: NDArray[Any], which: NDArray[np.int32]) -> NDArray[np.
     code = np.concatenate(blockwise(len(which), lambda rows: codes.take(which[rows])))
     parts = min(processors(), len(code) // BLOCK + 1)
     # Each processor sorts a part of the codes. Those of a sample tell where parts of about the same size end.
-    some = np.sort(code[:: len(code) // MANY + 1])
+    some = np.sort(code[:: len(code) // CODES + 1])
     ends = [0, *(some[[len(some) * part // parts for part in range(1, parts)]].tolist()), 2 ** (2 * DIGIT)]
     return np.concatenate(concurrently([partial(_sorted_by_digits, code, *part) for part in pairwise(ends)]))
 

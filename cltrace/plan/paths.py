@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, dtype_of
-from cltrace.plan.accel.bvh import Balls, Tree, Triangles, build_tree
-from cltrace.plan.exact import Array
-from cltrace.plan.shapes.sphere import U
+from cltrace.plan.accel.bvh import Balls, Faces, Tree, build_tree
+from cltrace.plan.rounding import Array, U
 from cltrace.scene import AnyCamera
 
 Mask = NDArray[np.bool_]
@@ -48,16 +47,14 @@ class Paths:
         outer: Array,
         inner: Array,
         member: Mask | None,
-        vertex: Array | None = None,
-        face: Ints | None = None,
+        vertex: Array,
+        face: Ints,
     ) -> Paths:
         """The paths among surfaces, each of which lies between two spheres, (n,) outer and inner ones, and triangles.
 
         Those of `member` (n,) are entered in the tree, and all triangles; None: there is no tree. vertex: (v, 3), in
         the world; face: (m, 3), the vertices of triangles, which are the primitives after the n others.
         """
-        vertex = np.zeros((0, 3)) if vertex is None else vertex
-        face = np.zeros((0, 3), np.int32) if face is None else face
         # Halves, as the sum of two doubles may overflow.
         low, high = (
             np.array([f([f(x, initial=i), f(y, initial=i)]) / 2 for x, y in zip(center.T, vertex.T, strict=True)])
@@ -75,7 +72,7 @@ class Paths:
             large = outer * unit
             small = large if inner is outer else inner * unit
             balls = Balls((center - middle) * unit, large, small, widen, index)
-            tree = build_tree(balls, Triangles((vertex - middle) * unit, face, len(center), vertex))
+            tree = build_tree(balls, Faces((vertex - middle) * unit, face, len(center), vertex))
         return cls(middle, exponent, widen, tree)
 
     def arrays(self) -> dict[str, NDArray[Any]]:

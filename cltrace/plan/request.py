@@ -28,10 +28,16 @@ Keep = Literal[
     "branches",
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
+# How colours become means: by samples, or with a proof, of 1 level of 255 or of as many.
+Antialias = bool | float | Literal["proved"]
 # What the host makes of outputs that the kernel writes, and of which.
 COMPOSED = {"rgba8": ("rgb8", "id"), "alpha": ("id",)}
 # The same of antialiased pictures.
 MEANS = {"rgba8": ("color", "coverage"), "alpha": ("coverage",)}
+# Ray number i of N goes through (i + 1/2, (a i mod N) + 1/2) / N of a pixel's sides, from its upper left corner. Of all
+# a this one has the least error where a straight edge goes through the pixel: 29, 12, 3.8, 2.1, 1.3, 0.43 and 0.15 % of
+# the contrast, root mean square.
+LATTICES = {1: 0, 4: 3, 16: 5, 32: 9, 64: 27, 256: 119, 1024: 189}
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
 Crop = tuple[int, int, int, int]
 # x, y, width, height in pixels of the whole picture: what a Crop is turned into.
@@ -47,7 +53,8 @@ class Request:
     table's order; crop: (x0, y0, x1, y1), a part of the picture
     in pixels, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead
     of rounded to the nearest; antialias: colours are means over pixels, which are split until their error is at most so
-    many levels of 255; None: they are those of the pixels' middles.
+    many levels of 255; samples: they are means of so many rays, a key of LATTICES, where few of a pixel do not agree;
+    None for both: they are those of the pixels' middles.
 
     keep: names of KEEPS, what not to leave out, for measuring. No picture depends on it, but for those of some extreme
     scenes in single, as docs/speed.md says.
@@ -68,8 +75,8 @@ class Request:
         weightless: the own colour of surfaces that only mirror or let through
         branches: mirrored and refracted rays that no output shows
 
-    Raises ValueError, naming the field, for a precision, outputs, truncate, antialias or keep that is not allowed. A
-    crop is checked by region_of(), where the size of the picture is known.
+    Raises ValueError, naming the field, for a precision, outputs, truncate, antialias, samples or keep that is not
+    allowed. A crop is checked by region_of(), where the size of the picture is known.
     """
 
     precision: Precision = "accurate"
@@ -77,6 +84,7 @@ class Request:
     crop: Crop | None = None
     truncate: bool = False
     antialias: float | None = None
+    samples: int | None = None
     keep: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -92,17 +100,25 @@ class Request:
         if not isinstance(self.truncate, bool):
             raise ValueError(f"truncate: must be True or False, got {self.truncate!r}")
         if self.antialias is not None and not 0 < self.antialias <= 255:
-            raise ValueError(f"antialias: must be True, False or levels of 255, above 0, got {self.antialias!r}")
+            wanted = 'True, False, "proved" or levels of 255, above 0'
+            raise ValueError(f"antialias: must be {wanted}, got {self.antialias!r}")
+        if self.samples is not None and (self.samples not in LATTICES or isinstance(self.samples, bool)):
+            raise ValueError(f"samples: must be one of {', '.join(map(str, LATTICES))}, got {self.samples!r}")
         for name in ("error", "coverage"):
-            if name in self.outputs and self.antialias is None:
+            if name in self.outputs and not self.means:
                 raise ValueError(f"outputs: {name} is of antialiasing, which is off: say antialias=True")
         also = PICTURES if "outputs" in self.keep else ()
-        composed = COMPOSED if self.antialias is None else MEANS
-        if self.antialias is None:
+        composed = MEANS if self.means else COMPOSED
+        if not self.means:
             also = tuple(name for name in also if name not in ("error", "coverage"))
         written = {part for name in self.outputs for part in composed.get(name, (name,))} | {*also}
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in written))
         object.__setattr__(self, "keep", tuple(self.keep))
+
+    @property
+    def means(self) -> bool:
+        """Whether colours are means over pixels."""
+        return self.antialias is not None or self.samples is not None
 
     @property
     def needs_colors(self) -> bool:

@@ -7,8 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.oracle.pairs import Fine, Floats, Pair
-from cltrace.rays.fine import Vector, cross, dot, seen, vector
+from cltrace.numbers.fine import Fine, FineVector, fine_vector
+from cltrace.numbers.pairs import Floats, Pair
+from cltrace.numbers.vectors import cross, dot
+from cltrace.rays.fine import seen
 from cltrace.rays.lines import Ids, Lines, differences
 from cltrace.rays.surfaces import Surfaces
 from cltrace.rays.whole import Exact
@@ -44,7 +46,7 @@ class Attributes:
     @cached_property
     def point(self) -> Floats:
         out, t = np.full((len(self.index), 3), np.nan), self._t(self.met)
-        o, w = vector(self.lines.origin[self.met]), vector(self.lines.w[self.met])
+        o, w = fine_vector(self.lines.origin[self.met]), fine_vector(self.lines.w[self.met])
         out[self.met] = np.stack([(x + t * y).h for x, y in zip(o, w, strict=True)], axis=1)
         return out
 
@@ -90,15 +92,15 @@ class Attributes:
         t = self._t(self.balls)
         return _unit(np.stack([(t * x - y).h for x, y in zip(w, f, strict=True)], axis=1))
 
-    def _corners(self, rows: Ids) -> list[Vector]:
+    def _corners(self, rows: Ids) -> list[FineVector]:
         """Corners of triangles, from where the rays start."""
         face, o = self.surfaces.face[self.index[rows] - self.surfaces.spheres], self.lines.origin[rows]
-        return [vector(*differences(self.surfaces.vertex[face[:, k]], o)) for k in range(3)]
+        return [fine_vector(*differences(self.surfaces.vertex[face[:, k]], o)) for k in range(3)]
 
     @cached_property
     def _weights(self) -> Floats:
         """(flat, 3): how much each corner counts where rays meet triangles; together they are 1."""
-        w, (A, B, C) = vector(self.lines.w[self.flat]), self._corners(self.flat)
+        w, (A, B, C) = fine_vector(self.lines.w[self.flat]), self._corners(self.flat)
         with np.errstate(all="ignore"):
             volumes = [dot(w, cross(u, v)) for u, v in ((B, C), (C, A), (A, B))]
             total = volumes[0] + volumes[1] + volumes[2]
@@ -118,7 +120,7 @@ class Attributes:
             self.surfaces.vertex[corner]
             for corner in self.surfaces.face[self.index[self.flat] - self.surfaces.spheres].T
         )
-        e, f = vector(*differences(B, A)), vector(*differences(C, A))
+        e, f = fine_vector(*differences(B, A)), fine_vector(*differences(C, A))
         return np.stack([x.h for x in cross(e, f)], axis=1)
 
     def _meshes(self) -> Iterator[tuple[PlacedMesh, Ids, Ids]]:

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cltrace.oracle.pairs import Floats
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.vectors import Triple, cross, dot
 from cltrace.rays.lines import Bools, Ids, Lines
 from cltrace.rays.surfaces import Surfaces
 
@@ -58,16 +59,8 @@ def meet(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Met:
     return Met.all(parts)
 
 
-def norm1(v: Floats) -> Floats:
+def norm1(v: Triple[Floats]) -> Floats:
     return np.asarray(np.abs(v[0]) + np.abs(v[1]) + np.abs(v[2]))
-
-
-def dot(u: Floats, v: Floats) -> Floats:
-    return np.asarray(u[0] * v[0] + u[1] * v[1] + u[2] * v[2])
-
-
-def cross(u: Floats, v: Floats) -> Floats:
-    return np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
 
 
 class _Range(NamedTuple):

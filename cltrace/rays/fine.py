@@ -1,7 +1,7 @@
 """What pairs of doubles know of rays and surfaces: the same questions as in doubles.py, to a hundred bits.
 
 The start is the ray's own, not a place near the surfaces, and t is in units of w. The arithmetic keeps count of its
-errors, see cltrace/oracle/pairs.py.
+errors, see cltrace/numbers/pairs.py.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.pairs import Fine, Floats, select
+from cltrace.numbers.fine import Fine, FineVector, fine_vector, select
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.vectors import cross, dot
 from cltrace.rays.lines import Ids, Lines, differences
 from cltrace.rays.surfaces import Surfaces
 
 Signs = NDArray[np.int8]
-Vector = tuple[Fine, Fine, Fine]
 # What is below may have lost digits that no error counts. Of the terms of an error, all factors are within 2^-200 or
 # what a scene's number may be.
 FLOOR = 2.0**-900
@@ -37,22 +38,6 @@ def _sign(x: Fine) -> Signs:
     return (x.h > bound).astype(np.int8) - (x.h < -bound).astype(np.int8)
 
 
-def vector(h: Floats, low: Floats | None = None) -> Vector:
-    """Pairs, (k, 3) each, which have no error."""
-    zero = np.zeros(len(h))
-    x, y, z = (Fine(h[:, i].copy(), zero if low is None else low[:, i].copy(), zero) for i in range(3))
-    return x, y, z
-
-
-def dot(u: Vector, v: Vector) -> Fine:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def cross(u: Vector, v: Vector) -> Vector:
-    x, y, z = (u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3))
-    return x, y, z
-
-
 def ends(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
     """Of pairs all of which are triangles, or none of which is."""
     with np.errstate(all="ignore"):  # what is not finite is not sure
@@ -63,8 +48,8 @@ def ends(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
 
 def _triangles(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
     face, o = surfaces.face[primitive - surfaces.spheres], lines.origin[ray]
-    A, B, C = (vector(*differences(surfaces.vertex[face[:, k]], o)) for k in range(3))
-    w = vector(lines.w[ray])
+    A, B, C = (fine_vector(*differences(surfaces.vertex[face[:, k]], o)) for k in range(3))
+    w = fine_vector(lines.w[ray])
     volumes = [dot(w, cross(u, v)) for u, v in ((A, B), (B, C), (C, A))]
     D = dot(A, cross(B, C))
     den = volumes[0] + volumes[1] + volumes[2]
@@ -76,14 +61,14 @@ def _triangles(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> En
     return Ends(meets.astype(np.int8), t, t)
 
 
-def seen(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> tuple[Vector, Vector]:
+def seen(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> tuple[FineVector, FineVector]:
     """The way from the start to a sphere's centre, and w; both in an ellipsoid's own axes."""
-    f, w = vector(*differences(surfaces.center[primitive], lines.origin[ray])), vector(lines.w[ray])
+    f, w = fine_vector(*differences(surfaces.center[primitive], lines.origin[ray])), fine_vector(lines.w[ray])
     bent = surfaces.bent[primitive]
     if (bent < 0).all():
         return f, w
     maps = np.concatenate([surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
-    rows = [vector(maps[:, i]) for i in range(3)]
+    rows = [fine_vector(maps[:, i]) for i in range(3)]
     (fx, fy, fz), (wx, wy, wz) = ([dot(row, v) for row in rows] for v in (f, w))
     return (fx, fy, fz), (wx, wy, wz)
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.pairs import EPS, Floats, Pair, add, mul, two_sum
+from cltrace.numbers.pairs import EPS, Floats, Pair, add, mul, two_sum
 
 Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]

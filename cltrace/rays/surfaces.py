@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.pairs import Floats
+from cltrace.numbers.inverses import inverses
+from cltrace.numbers.pairs import Floats
 from cltrace.plan.accel.bvh import SIDES, WIDTH, Tree
 from cltrace.plan.paths import Paths
-from cltrace.scene import Scene, inverses
+from cltrace.scene import Scene
 
 Ids = NDArray[np.int64]
 

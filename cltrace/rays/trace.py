@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cltrace.blocks import concurrently
-from cltrace.oracle.pairs import Fine, Floats, select
+from cltrace.base.arrays import concurrently
+from cltrace.numbers.fine import Fine, select
+from cltrace.numbers.pairs import Floats
 from cltrace.rays.attributes import Attributes
 from cltrace.rays.doubles import Met, meet
 from cltrace.rays.fine import compare, ends

@@ -16,8 +16,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.pairs import Floats
-from cltrace.rays.doubles import FLOOR, PER_OFF, Met, cross, dot, norm1
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.vectors import cross, dot
+from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
 from cltrace.rays.lines import Bools, Ids, Lines
 from cltrace.rays.surfaces import Surfaces
 

@@ -14,34 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.pairs import Floats
-from cltrace.oracle.triangles import Whole, grid_of, whole
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.surds import signs_with_root, signs_with_roots
+from cltrace.numbers.vectors import cross, dot, product
+from cltrace.numbers.whole import Signs, Whole, grid_of, rounded, signs, whole
 from cltrace.rays.lines import Bools, Ids, Lines
 from cltrace.rays.surfaces import Surfaces
-
-Signs = NDArray[np.int8]
-
-
-def _sign(x: Whole | NDArray[np.int64]) -> Signs:
-    return (x > 0).astype(np.int8) - (x < 0).astype(np.int8)
-
-
-def _sign_root(p: Whole, q: Whole, D: Whole) -> Signs:
-    """The sign of p + q sqrt(D), D >= 0. Of two terms that differ in sign, the one with the larger square has it."""
-    first, second = _sign(p), _sign(q) * _sign(D)
-    doubt, out = np.flatnonzero(first * second < 0), np.sign(first + second)
-    if len(doubt):
-        p, q, D = p[doubt], q[doubt], D[doubt]
-        out[doubt] = first[doubt] * _sign(p * p - q * q * D)
-    return out
-
-
-def _dot(u: Whole, v: Whole) -> Whole:
-    return np.asarray(u[0] * v[0] + u[1] * v[1] + u[2] * v[2], object)
-
-
-def _cross(u: Whole, v: Whole) -> Whole:
-    return np.array([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)], object)
 
 
 class Roots(NamedTuple):
@@ -70,18 +48,13 @@ class Roots(NamedTuple):
         """
         p = self.b * other.a - other.b * self.a
         E, F = self.D * other.a * other.a, other.D * self.a * self.a
-        first, second = _sign_root(p, self.side, E), -other.side * _sign(F)
-        sign = np.sign(first + second)
-        doubt = np.flatnonzero(first * second < 0)
-        if len(doubt):
-            p, E, F, side = p[doubt], E[doubt], F[doubt], self.side[doubt]
-            sign[doubt] = first[doubt] * _sign_root(p * p + E - F, 2 * p * side, E)
+        sign = signs_with_roots(p, self.side, E, -other.side, F)
         planes = np.flatnonzero((sign == 0) & (self.side == 0) & (other.side == 0))
         if len(planes):
             mine, its = self.at(planes), other.at(planes)
             for m, n in zip(mine.normal, its.normal, strict=True):
                 tie = sign[planes] == 0
-                sign[planes] = np.where(tie, _sign(mine.b * n - its.b * m), sign[planes])
+                sign[planes] = np.where(tie, signs(mine.b * n - its.b * m), sign[planes])
         return np.asarray(sign < 0)
 
     def sign_less(self, bound: Floats, shift: int) -> Signs:
@@ -92,7 +65,7 @@ class Roots(NamedTuple):
             ratios = [(Fraction(x) * Fraction(2) ** shift).as_integer_ratio() for x in bound[rows].tolist()]
             p, q = np.array(ratios, object).T
             a, b, side, D = self.a[rows], self.b[rows], self.side[rows], self.D[rows]
-            out[rows] = _sign_root(b * q - a * p, side * q, D)
+            out[rows] = signs_with_root(b * q - a * p, side * q, D)
         return out
 
     def pair(self, i: int, shift: int) -> tuple[float, float]:
@@ -103,18 +76,11 @@ class Roots(NamedTuple):
             root = isqrt(D << 2 * bits)
             more = int(root * root != D << 2 * bits)
             low, high = sorted(Fraction((b << bits) + side * x, a << bits) * unit for x in (root, root + more))
-            h = _double(low)
+            h = rounded(low)
             # If sqrt(D) is rational both are t, and otherwise t is no double, nor half way between two.
-            if h == _double(high) and high - low <= abs(low) / 2**110:
+            if h == rounded(high) and high - low <= abs(low) / 2**110:
                 return h, 0.0 if np.isinf(h) else float(low - Fraction(h))
             bits *= 2
-
-
-def _double(x: Fraction) -> float:
-    try:
-        return float(x)
-    except OverflowError:
-        return np.inf if x > 0 else -np.inf
 
 
 class Exact:
@@ -146,13 +112,13 @@ class Exact:
     def _triangles(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
         face = surfaces.face[primitive - surfaces.spheres]
         A, B, C = (whole(surfaces.vertex[face[:, k]], self.grid).T - o for k in range(3))
-        edges = _cross(A, B), _cross(B, C), _cross(C, A)
-        D = _dot(A, edges[1])
-        signs = np.array([_sign_along(w, edge) for edge in edges])
-        side = signs[0]
-        exists = (_sign(D) != 0) & (signs == side).all(axis=0)
+        edges = [np.array(cross(u, v), object) for u, v in ((A, B), (B, C), (C, A))]
+        D = dot(A, edges[1])
+        sides = np.array([_sign_along(w, edge) for edge in edges])
+        side = sides[0]
+        exists = (signs(D) != 0) & (sides == side).all(axis=0)
         # Where it is met, all three are on one side, so that side is that of their sum, N.w.
-        volumes = np.array([_dot(w, edge) * side for edge in edges], object).reshape(3, -1)
+        volumes = np.array([dot(w, edge) * side for edge in edges], object).reshape(3, -1)
         self.volumes[:, rows] = volumes
         normal, zero = (edges[0] + edges[1] + edges[2]) * side, np.zeros(len(rows), np.int64)
         roots = Roots(exists, volumes.sum(axis=0), D * side, zero, zero.astype(object), w, normal)
@@ -166,9 +132,9 @@ class Exact:
             maps = np.concatenate([surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
             k = grid_of(maps.ravel())
             K = np.moveaxis(whole(maps, k), 0, -1)
-            f, d = (np.array([_dot(row, v) for row in K], object) for v in (f, d))
+            f, d = (np.array(product(K, v), object) for v in (f, d))
             r = r << k
-        a, b, c = _dot(d, d), _dot(f, d), _dot(f, f) - r * r
+        a, b, c = dot(d, d), dot(f, d), dot(f, f) - r * r
         D, side = b * b - a * c, np.ones(len(rows), np.int64)
         passes = D < 0
         roots = Roots(~passes, a, b, -side, np.where(passes, 0, D), w, np.zeros((3, len(rows)), object))
@@ -187,9 +153,9 @@ class Exact:
 
 def _sign_along(w: Whole, v: Whole) -> Signs:
     """The sign of v.w, and where that is 0, of v.(w + (e, e^2, e^3)) for every small e > 0."""
-    sign = _sign(_dot(v, w))
+    sign = signs(dot(v, w))
     for x in v:
         if sign.all():
             break
-        sign = np.where(sign == 0, _sign(x), sign)
+        sign = np.where(sign == 0, signs(x), sign)
     return sign

@@ -9,40 +9,44 @@ the files in this order:
 
     vectors.py     Point, Direction and Matrix
     rays.py        Ray, and Start, the point of a surface by which a ray leaves it
-    surfaces.py    Surface, Sphere with the tutorial's equation, Ellipsoid, Material, Intersection
+    surfaces.py    Surface, which each shape implements, Material, Intersection
+    sphere.py      Sphere, with the tutorial's equation
+    ellipsoid.py   Ellipsoid
     triangles.py   Mesh, Triangle
     texture.py     Texture
-    lights.py      Light, and ShadowRay, which leads to it
-    bounce.py      where a ray goes on from a mirror or through glass: mirrored, refracted
+    lights/        Light, ShadowRay, which leads to it, and a file for each kind of light
+    bounce.py      where a ray goes on from a mirror or through glass: bounces, mirrored, refracted
+    shapes.py      the table of shapes
     world.py       World: a scene as these objects
-    trace.py       the algorithm: primary_ray, closest_hit, cast_shadow_ray, illuminate, trace, byte_of
+    pixel.py       Pixel, which sums up what rays see, and byte_of()
+    records.py     what is decided on the way: Illumination, Shading, Sight
+    trace.py       the algorithm: primary_ray, closest_hit, intersection_at, cast_shadow_ray, illuminate, shade,
+                   follow, trace
 
 That is a complete ray tracer. It takes any ray: from any point, over any range of t, from outside and from inside. The
 rest is the care that makes each decision of it right, hit or miss, which is nearer, lit or shadowed:
 
+    round.py       what spheres and ellipsoids have in common, in detail
     equation.py    the equation of ray and sphere in doubles that lose no digits
     crossing.py    ray and triangle likewise
     doubt.py       which answers doubles can give for certain
-    exact.py       all other answers, in exact arithmetic, and what exactly they are about
+    exact.py       all other answers, in exact arithmetic, and what exactly they are about; ball.py and face.py, of
+                   spheres and triangles
+    ways.py        all that is on a ray's way, for explanations
 
-check.py holds a picture against the reference.
+What holds a picture against the reference is not here, but in cltrace/students/check.py.
 """
 
 from cltrace.reference.bounce import mirrored, refracted
+from cltrace.reference.ellipsoid import Ellipsoid
 from cltrace.reference.lights import Light, ShadowRay
-from cltrace.reference.rays import EYE, OnSphere, OnTriangle, Ray, Start
-from cltrace.reference.surfaces import Ellipsoid, Intersection, Material, Sphere, Surface, comes_first
+from cltrace.reference.pixel import Pixel, byte_of
+from cltrace.reference.rays import EYE, Ray, Start
+from cltrace.reference.round import OnSphere, Round
+from cltrace.reference.sphere import Sphere
+from cltrace.reference.surfaces import Intersection, Material, Surface, comes_first
 from cltrace.reference.texture import Texture
-from cltrace.reference.trace import (
-    byte_of,
-    cast_shadow_ray,
-    closest_hit,
-    illuminate,
-    local_color,
-    primary_ray,
-    trace,
-)
-from cltrace.reference.triangles import Mesh, Triangle
+from cltrace.reference.triangles import Mesh, OnTriangle, Triangle
 from cltrace.reference.vectors import Color, Direction, Point
 from cltrace.reference.world import World, world_of
 
@@ -57,8 +61,10 @@ __all__ = [
     "Mesh",
     "OnSphere",
     "OnTriangle",
+    "Pixel",
     "Point",
     "Ray",
+    "Round",
     "ShadowRay",
     "Sphere",
     "Start",
@@ -67,14 +73,8 @@ __all__ = [
     "Triangle",
     "World",
     "byte_of",
-    "cast_shadow_ray",
-    "closest_hit",
     "comes_first",
-    "illuminate",
-    "local_color",
     "mirrored",
-    "primary_ray",
     "refracted",
-    "trace",
     "world_of",
 ]

@@ -8,8 +8,39 @@ d, and so does Snell's law as it is written here.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
 
+from cltrace.reference.rays import Ray, Start
+from cltrace.reference.surfaces import Intersection
 from cltrace.reference.vectors import Direction
+
+
+@dataclass(frozen=True, slots=True)
+class Bounce:
+    """A ray that goes on. share: how much of what it sees the ray sees that came; total: whether reflection is total,
+    so that the mirrored ray has the share of the refracted one, too."""
+
+    kind: Literal["mirrored", "refracted"]
+    start: Start
+    direction: Direction
+    share: float
+    total: bool
+
+
+def bounces(ray: Ray, at: Intersection) -> Iterator[Bounce]:
+    """How a ray goes on from a mirror or through glass: the refracted ray first, if any, then the mirrored one."""
+    m, d, n, spread = at.material, ray.direction, at.outward, at.surface.spread
+    mirror, total = m.reflectance, False
+    if m.transmittance > 0:
+        through = refracted(d, n, at.side, m.index, spread)
+        if through is None:
+            mirror, total = mirror + m.transmittance, True
+        else:
+            yield Bounce("refracted", at.start, through, m.transmittance, total=False)
+    if mirror > 0:
+        yield Bounce("mirrored", at.start, mirrored(d, n, at.side, spread), mirror, total)
 
 
 def mirrored(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Direction:

@@ -1,6 +1,6 @@
 """A ray across a triangle's plane, in doubles: where, on which side of each edge, and of what doubles are sure.
 
-The formulas are those of exact.Face, in a form that keeps their digits. Seen from the start O, with A' = A - O,
+The formulas are those of face.Face, in a form that keeps their digits. Seen from the start O, with A' = A - O,
 
     e1 = B - A,  e2 = C - A,  N = e1 x e2,  R = A' x w,
     D = A'.N,  den = N.w,  E_AB = w.(A' x B') = -e1.R,  E_CA = w.(C' x A') = e2.R,  E_BC = (den - E_CA) - E_AB,
@@ -30,22 +30,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
-from cltrace.reference.doubt import Rough
+from cltrace.reference.doubt import Rough, size_of
 from cltrace.reference.exact import Frame
+from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start
 from cltrace.reference.vectors import Direction, Point
 
-if TYPE_CHECKING:
-    from cltrace.reference.lights import ShadowRay
-    from cltrace.reference.triangles import Triangle
-
 NOWHERE = Direction(0.0, 0.0, 0.0)
-
-
-def size(v: Direction) -> float:
-    return (abs(v.x) + abs(v.y)) + abs(v.z)
 
 
 @dataclass(frozen=True)
@@ -71,8 +63,8 @@ def way_of(ray: Ray, frame: Frame, eye: Point) -> Way | None:
         return None
     w, start = frame.B.T @ ray.direction, ray.origin
     if isinstance(start, Start):
-        return Way(start.place, start.step, start.reach, w, size(w))
-    return Way(eye, NOWHERE, 0.0, w, size(w))
+        return Way(start.place, start.step, start.reach, w, size_of(w))
+    return Way(eye, NOWHERE, 0.0, w, size_of(w))
 
 
 def shadow_way(ray: ShadowRay) -> Way | None:
@@ -82,20 +74,30 @@ def shadow_way(ray: ShadowRay) -> Way | None:
         return None
     if site is None:
         w = Direction(*map(float, ray.light.place))
-        return Way(start.place, start.step, start.reach, w, size(w))
+        return Way(start.place, start.step, start.reach, w, size_of(w))
     w = (start.place - site) + start.step
-    return Way(site, NOWHERE, 0.0, w, size(w) + start.reach)
+    return Way(site, NOWHERE, 0.0, w, size_of(w) + start.reach)
+
+
+class RoughFace:
+    """A triangle in doubles. places: A, B and C in the world; e1, e2: from A to B and to C; N: e1 x e2; g, h, size: the
+    sizes of e1 and e2, and their sum."""
+
+    def __init__(self, A: Point, B: Point, C: Point) -> None:
+        self.places, self.e1, self.e2 = (A, B, C), B - A, C - A
+        self.N, self.g, self.h = self.e1.cross(self.e2), size_of(self.e1), size_of(self.e2)
+        self.size = self.g + self.h
 
 
 class Crossing:
     """What doubles know of a ray and a triangle. Each value is a Rough one: with the bound of its error."""
 
-    def __init__(self, triangle: Triangle, way: Way) -> None:
+    def __init__(self, triangle: RoughFace, way: Way) -> None:
         e1, e2, N, w = triangle.e1, triangle.e2, triangle.N, way.w
         to_a = way.to(triangle.places[0])
         R, den = to_a.cross(w), N.dot(w)
         ab, ca = -e1.dot(R), e2.dot(R)
-        s, gh, w1 = size(to_a) + way.reach, triangle.g * triangle.h, way.w1
+        s, gh, w1 = size_of(to_a) + way.reach, triangle.g * triangle.h, way.w1
         bound, den_error = 2.0**-44 * s * w1 * (triangle.g + triangle.h), 2.0**-46 * w1 * gh
         self.D, self.den = Rough(to_a.dot(N), 2.0**-45 * s * gh), Rough(den, den_error)
         self.ab, self.ca = Rough(ab, bound), Rough(ca, bound)

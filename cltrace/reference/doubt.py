@@ -1,4 +1,4 @@
-"""Which answers doubles can give about a ray and a sphere for certain; the others are left to exact.py.
+"""What doubles know for certain of a ray and a sphere; round.py leaves what they cannot tell to exact.py.
 
 Every quantity here is a double with a bound of its error. u = 2^-53; k stands for the camera's skew, the bound of
 |B B^T - 1| (see exact.Frame): camera space is the world but for k. |x| of a vector is bounded by the sum of its
@@ -29,21 +29,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from cltrace.reference.rays import Ray, Start
+from cltrace.reference.rays import Start
 from cltrace.reference.vectors import Direction, Point
-
-if TYPE_CHECKING:
-    from cltrace.reference.lights import ShadowRay
-    from cltrace.reference.surfaces import Sphere
 
 U = 2.0**-53
 FLOOR = 2.0**-900
 
 
-def _size(p: Point | Direction) -> float:
-    return abs(p.x) + abs(p.y) + abs(p.z)
+def size_of(p: Point | Direction) -> float:
+    """|p|_1, the sum of the coordinates' magnitudes."""
+    return (abs(p.x) + abs(p.y)) + abs(p.z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +64,14 @@ class RoughStart:
         self.p: Direction | None
         if isinstance(start, Start):
             self.anchor, self.p = start.anchor, start.from_anchor
-            self.size, self.fixed = _size(self.anchor) + start.reach, start.error
+            self.size, self.fixed = size_of(self.anchor) + start.reach, start.error
         else:
-            self.anchor, self.p, self.size, self.fixed = start, None, _size(start), 0.0
+            self.anchor, self.p, self.size, self.fixed = start, None, size_of(start), 0.0
 
     def to(self, point: Point) -> tuple[Direction, float]:
         """From the start to a point, and the bound of its error."""
         f = point - self.anchor
-        return f - self.p if self.p else f, self.relative * (_size(point) + self.size) + self.fixed
+        return f - self.p if self.p else f, self.relative * (size_of(point) + self.size) + self.fixed
 
 
 class RoughLine:
@@ -87,12 +83,6 @@ class RoughLine:
         a = w.dot(w)
         self.length = math.sqrt(a)
         self.a = Rough(a, 2 * (2 * self.length * error + error * error + self.products * a) + FLOOR)
-
-    def seen_by(self, sphere: Sphere) -> RoughLine:
-        """The same in the own axes of an ellipsoid."""
-        if sphere.ball.to_object is None:
-            return self
-        return RoughLine(*seen_by(sphere, self.w, self.w_error), 0.0)
 
     def excess(self, f: Direction, error: float, r: float) -> Rough:
         """|f|^2 - r^2, the power of what is f away from the centre."""
@@ -118,53 +108,3 @@ class RoughLine:
         X_error = size * self.w_error + self.length * error + error * self.w_error + 4 * U * size * self.length
         bound = rr * self.a.error + 2 * X * X_error + X_error * X_error + 8 * U * (arr + XX) + 4 * self.skew * XX
         return Rough(arr - XX, 2 * bound + FLOOR)
-
-
-def seen_by(sphere: Sphere, v: Direction, error: float) -> tuple[Direction, float]:
-    """A difference of points as the sphere sees it, K B^T v for an ellipsoid, and the bound of its error."""
-    if sphere.ball.to_object is None:
-        return v, error
-    frame = sphere.frame
-    return sphere.seen(frame.B.T @ v), sphere.stretch * (error + (16 * U + frame.skew) * _size(v))
-
-
-def surely_misses(sphere: Sphere, ray: Ray) -> bool:
-    """Whether the ray certainly passes by the sphere, or leads away from it. False: it may or may not."""
-    skew, r = sphere.frame.skew, sphere.radius
-    line = RoughLine(ray.direction, skew * ray.direction.length(), skew).seen_by(sphere)
-    f, error = seen_by(sphere, *RoughStart(ray.origin, skew).to(sphere.center))
-    if line.discriminant(f, error, r).sign() == -1:
-        return True
-    # Away from it, both ends are behind the start.
-    return ray.t_min >= 0 and line.excess(f, error, r).sign() == 1 and line.along(f, error).sign() == -1
-
-
-def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
-    """Whether a sphere that the ray does not start on is met before its end; None if doubles cannot tell.
-
-    A line that passes by the sphere does not meet it, nor does a ray that starts outside and leads away. From inside to
-    inside nothing is crossed, and from inside to outside or back the sphere is. From outside to outside it is if the
-    middle of the way through it, t = b / a, is before the end.
-    """
-    line, light, r = ray.rough_line.seen_by(sphere), ray.light.position, sphere.radius
-    f, error = seen_by(sphere, *ray.rough_start.to(sphere.center))
-    meets = line.discriminant(f, error, r).sign()
-    if meets == -1:
-        return False
-    start, b = line.excess(f, error, r).sign(), line.along(f, error)
-    if start == 1 and b.sign() == -1:
-        return False
-    end, short = (1, 1) if light is None else (_end(sphere, ray.rough_start, line, light), line.rest(b).sign())
-    if start is None or end is None:
-        return None
-    if start < 0 or end < 0:
-        return start != end
-    if short == -1:
-        return False
-    return True if meets == b.sign() == short == 1 else None
-
-
-def _end(sphere: Sphere, start: RoughStart, line: RoughLine, light: Point) -> int | None:
-    """The sign of the light's power, 1 outside."""
-    error = start.relative * (_size(light) + _size(sphere.center))
-    return line.excess(*seen_by(sphere, light - sphere.center, error), sphere.radius).sign()

@@ -8,75 +8,15 @@ other ray is ruled out by doubles where those are sure, and otherwise left to ex
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from fractions import Fraction
-from functools import cached_property
-from typing import TYPE_CHECKING
 
-from cltrace.reference.doubt import surely_misses
-from cltrace.reference.exact import Quadratic, Root, minus, product, vector
+from cltrace.numbers.vectors import minus
+from cltrace.reference.doubt import size_of
+from cltrace.reference.exact import product, vector
 from cltrace.reference.rays import EYE, OnPlane, Ray, Start
+from cltrace.reference.round import Equation, Round, surely_misses
 from cltrace.reference.vectors import Direction
 
-if TYPE_CHECKING:
-    from cltrace.reference.surfaces import Sphere
-
-
 AHEAD = Direction(0.0, 0.0, -1.0)
-
-
-def equation_of(sphere: Sphere, ray: Ray) -> Equation:
-    a = ray.direction.dot(ray.direction)
-    # Directions whose squares leave the range of double are for exact arithmetic.
-    if ray.origin == EYE and sphere.ball.to_object is None and 2.0**-900 < a < 2.0**900:
-        return FromEye(sphere, ray)
-    if isinstance(ray.origin, OnPlane) and ray.is_plain and sphere.ball.to_object is None and ray.direction == AHEAD:
-        return FromPlane(sphere, ray.origin, ray)
-    return (FromSurface if ray.is_plain else FromAnywhere)(sphere, ray)
-
-
-class Equation(ABC):
-    """The two ends of the way through the sphere are told apart by their side: -1 the near one, 1 the far one."""
-
-    def __init__(self, sphere: Sphere, ray: Ray) -> None:
-        self.sphere, self.ray = sphere, ray
-
-    @cached_property
-    def exact(self) -> Quadratic:
-        """The same equation in exact numbers."""
-        return self.ray.line(self.sphere.frame).through(self.sphere.ball)
-
-    @abstractmethod
-    def side(self) -> int | None:
-        """The end that the ray meets first, strictly within its range; None if there is none."""
-
-    @abstractmethod
-    def t(self, side: int) -> float:
-        """Where on the ray that end is."""
-
-    @abstractmethod
-    def normal(self, side: int, t: float) -> Direction:
-        """The unit normal of a Start at that end."""
-
-    def distance(self, t: float) -> float:
-        """How far along the ray that is, in scene units."""
-        return t * self.ray.direction.length()
-
-    def _exact_t(self, side: int) -> float:
-        """Where on the ray that end is, by exact arithmetic."""
-        return float(self._root(side))
-
-    def exact_value(self, side: int) -> Fraction:
-        return self._root(side).value()
-
-    def _root(self, side: int) -> Root:
-        return next(root for root in self.exact.roots() if root.side == side)
-
-    def _unit(self, from_center: Direction) -> Direction:
-        """From the centre to the point is r long but for rounding, so after the division by r one Newton step
-        n (3 - n.n)/2 makes it unit to the last digits."""
-        n = from_center * (1 / self.sphere.radius)
-        return n * (0.5 * (3 - n.dot(n)))
 
 
 class FromEye(Equation):
@@ -84,10 +24,10 @@ class FromEye(Equation):
 
     c = |C|^2 - r^2 comes from the exact scene, rounded once. The discriminant b^2 - a c is kept where it is accurate,
     for |b| < r |d| and from inside; elsewhere a (r^2 - |v|^2) is, where v leads from the ray's closest point to the
-    centre. kernels/shapes/sphere.cl derives both, and the bound below which the sign of the result is in doubt.
+    centre. kernels/shapes/sphere/ derives both, and the bound below which the sign of the result is in doubt.
     """
 
-    def __init__(self, sphere: Sphere, ray: Ray) -> None:
+    def __init__(self, sphere: Round, ray: Ray) -> None:
         super().__init__(sphere, ray)
         C, d, r, c = sphere.center - EYE, ray.direction, sphere.radius, sphere.eye_power
         self.a, self.b, self.outside = d.dot(d), C.dot(d), sphere.eye_outside
@@ -157,11 +97,11 @@ class FromPlane(Equation):
     """The equation of a ray from o = (x, y, 0) along -z, to which a sphere is a disc.
 
     With (x, y) from the ray to the centre C, D = r^2 - (x^2 + y^2), and the ends are at t = -C.z -/+ sqrt(D), from the
-    centre by (-x, -y, +/- sqrt(D)). kernels/shapes/sphere.cl derives the bounds beyond which doubles are sure of which
+    centre by (-x, -y, +/- sqrt(D)). kernels/shapes/sphere/ derives the bounds beyond which doubles are sure of which
     end is met, if any, and t and the normal are right to 2^-24.
     """
 
-    def __init__(self, sphere: Sphere, o: OnPlane, ray: Ray) -> None:
+    def __init__(self, sphere: Round, o: OnPlane, ray: Ray) -> None:
         super().__init__(sphere, ray)
         C, r = sphere.center, sphere.radius
         self.x, self.y, self.b = C.x - o.x, C.y - o.y, -C.z
@@ -250,7 +190,7 @@ class FromSurface(Equation):
     An ellipsoid meets rays from the eye here as well: then f is the exact difference, rounded, and r_A = 0.
     """
 
-    def __init__(self, sphere: Sphere, ray: Ray) -> None:
+    def __init__(self, sphere: Round, ray: Ray) -> None:
         super().__init__(sphere, ray)
         start, k, r = ray.origin, sphere.stretch, sphere.radius
         w = sphere.frame.B.T @ ray.direction
@@ -260,19 +200,19 @@ class FromSurface(Equation):
         else:
             self.is_own, reach = False, 0.0
             f = Direction(*map(float, sphere.ball.center))
-        s, kf, kw = k * (_size(f) + reach), k * _size(f), k * _size(w)
+        s, kf, kw = k * (size_of(f) + reach), k * size_of(f), k * size_of(w)
         f, w, rr = sphere.seen(f), sphere.seen(w), r * r
         X = f.cross(w)
         self.f, self.w, self.a, self.b, ff, XX = f, w, w.dot(w), f.dot(w), f.dot(f), X.dot(X)
         self.c, arr = ff - rr, self.a * rr
         self.discriminant = arr - XX
         self.b_error = 2.0**-47 * s * kw
-        self.D_error = (2 * _size(X) * self.b_error + self.b_error * self.b_error) + 2.0**-47 * (arr + XX)
+        self.D_error = (2 * size_of(X) * self.b_error + self.b_error * self.b_error) + 2.0**-47 * (arr + XX)
         self.c_error = 2.0**-46 * s * kf + 2.0**-50 * (ff + rr)
         self.a_error = 0.0
         if sphere.ball.to_object is not None:
             w_error = 2.0**-49 * kw
-            self.a_error = w_error * (2 * _size(w) + w_error)
+            self.a_error = w_error * (2 * size_of(w) + w_error)
             self.D_error += rr * self.a_error
         self.root = math.sqrt(max(self.discriminant, 0.0))
         self.q = abs(self.b) + self.root
@@ -320,10 +260,6 @@ class FromSurface(Equation):
         return t * math.sqrt(d.dot(d))
 
 
-def _size(v: Direction) -> float:
-    return (abs(v.x) + abs(v.y)) + abs(v.z)
-
-
 class FromAnywhere(Equation):
     """The equation of any ray: where doubles do not rule it out, all of it is exact, and rounded in the end."""
 
@@ -344,3 +280,8 @@ class FromAnywhere(Equation):
         x, y, z = (p.between(bits).low + t_exact * q.p for p, q in zip(start, line.direction, strict=True))
         own = product(ball.to_object, (x, y, z)) if ball.to_object else frame.to_camera((x, y, z))
         return self._unit(Direction(*map(float, own)))
+
+
+def any_equation(surface: Round, ray: Ray) -> Equation:
+    """For a ray from wherever it comes."""
+    return (FromSurface if ray.is_plain else FromAnywhere)(surface, ray)

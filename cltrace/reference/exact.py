@@ -14,7 +14,7 @@ What is decided about
     are exact numbers, and so is every decision. (B^T d) . f is d . (B f), so a centre in camera space serves for b. For
     an ellipsoid, K B^T d and K (C - o) take the places of B^T d and C - o.
 
-    A triangle is three corners of doubles in the world. Who owns an edge, and a corner, is said at Face.
+    A triangle is three corners of doubles in the world. Who owns an edge, and a corner, is said at face.Face.
 
 Which numbers that takes
     A ray from the eye, from any point with given coordinates, or from a triangle needs rational numbers only. A ray
@@ -30,89 +30,21 @@ Which numbers that takes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar
 
+from cltrace.numbers.surds import Interval, Surd, root_between, sign_with_root
+from cltrace.numbers.vectors import dot
 from cltrace.reference.vectors import Direction, Matrix
 
 ZERO = Fraction(0)
 
 
-class Surd:
-    """The real number p + q sqrt(s), exactly; p, q and s >= 0 are rational.
-
-    Numbers that meet in a sum, a difference or a product must have the same s; a rational number has any.
-    """
-
-    __slots__ = ("p", "q", "s")
-
-    def __init__(self, p: Fraction, q: Fraction = ZERO, s: Fraction = ZERO) -> None:
-        self.p, self.q, self.s = p, q, s if q else ZERO
-
-    def _root_of(self, other: Surd) -> Fraction:
-        if self.s and other.s and self.s != other.s:
-            raise ValueError("two different square roots meet")
-        return self.s or other.s
-
-    def __add__(self, other: Surd) -> Surd:
-        return Surd(self.p + other.p, self.q + other.q, self._root_of(other))
-
-    def __sub__(self, other: Surd) -> Surd:
-        return Surd(self.p - other.p, self.q - other.q, self._root_of(other))
-
-    def __mul__(self, other: Surd) -> Surd:
-        if not self.q and not other.q:
-            return Surd(self.p * other.p)
-        s = self._root_of(other)
-        return Surd(self.p * other.p + self.q * other.q * s, self.p * other.q + self.q * other.p, s)
-
-    def times(self, factor: Fraction | int) -> Surd:
-        return Surd(self.p * factor, self.q * factor, self.s)
-
-    def sign(self) -> int:
-        """-1, 0 or 1. Of two terms that differ in sign, the one with the larger square has it."""
-        p, q = _sign(self.p), _sign(self.q)
-        return _sign(p + q) if p * q >= 0 else p * _sign(self.p * self.p - self.q * self.q * self.s)
-
-    def between(self, bits: int) -> Interval:
-        """Two rational numbers with this one between them, that are closer the more bits are asked for."""
-        if not self.q:
-            return Interval(self.p, self.p)
-        root = _root_between(self.s, bits)
-        ends = sorted((self.p + self.q * root.low, self.p + self.q * root.high))
-        return Interval(*ends)
-
-
-def _sign(x: Fraction | int) -> int:
-    return (x > 0) - (x < 0)
-
-
-def sign_with_root(p: Surd, q: Surd, D: Surd) -> int:
-    """The sign of p + q sqrt(D), D >= 0: as in Surd.sign, with numbers that are surds themselves."""
-    x, y = p.sign(), q.sign() * D.sign()
-    return _sign(x + y) if x * y >= 0 else x * (p * p - q * q * D).sign()
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """All numbers from low to high."""
-
-    low: Fraction
-    high: Fraction
-
-
-def _root_between(s: Fraction, bits: int) -> Interval:
-    """Bounds of sqrt(s), s >= 0, within 2^-bits of it; both are the root itself if that is rational."""
-    # sqrt(n / d) = sqrt(n d) / d, and n d >= 1.
-    whole = s.numerator * s.denominator << 2 * bits
-    root, unit = math.isqrt(whole), s.denominator << bits
-    return Interval(Fraction(root, unit), Fraction(root if root * root == whole else root + 1, unit))
-
-
-Vector = tuple[Surd, Surd, Surd]
+Exact = Surd[Fraction]
+Vector = tuple[Exact, Exact, Exact]
 Rational = tuple[Fraction, Fraction, Fraction]
 Rows = tuple[Rational, Rational, Rational]
 
@@ -123,37 +55,20 @@ def rational(v: Iterable[float]) -> Rational:
     return x, y, z
 
 
-def vector(v: Iterable[Fraction]) -> Vector:
-    x, y, z = (Surd(a) for a in v)
+def between(p: Iterable[float], q: Iterable[float]) -> Rational:
+    """From one point to another."""
+    x, y, z = (Fraction(b) - Fraction(a) for a, b in zip(p, q, strict=True))
     return x, y, z
 
 
-def minus(u: Vector, v: Vector) -> Vector:
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-def dot(u: Vector, v: Vector) -> Surd:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def cross(u: Vector, v: Vector) -> Vector:
-    x, y, z = (u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3))
+def vector(v: Iterable[Fraction]) -> Vector:
+    x, y, z = (Surd(a) for a in v)
     return x, y, z
 
 
 def product(rows: Rows, v: Rational) -> Rational:
     """The vector of the products of the rows of a matrix with v."""
     x, y, z = (sum((a * b for a, b in zip(row, v, strict=True) if a), ZERO) for row in rows)
-    return x, y, z
-
-
-def inverse(m: Rows) -> Rows:
-    """The inverse of a matrix that has one: the adjugate over the determinant. Indices that go round need no signs."""
-    adjugate = [
-        [m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)] for i in range(3)
-    ]
-    determinant = sum((m[0][j] * adjugate[j][0] for j in range(3)), ZERO)
-    x, y, z = ((a / determinant, b / determinant, c / determinant) for a, b, c in adjugate)
     return x, y, z
 
 
@@ -195,79 +110,13 @@ class Frame:
         """B v: the vector v of the world along the camera's axes."""
         return product(self.rows, v)
 
+    def turned(self, v: Sequence[float]) -> Direction:
+        """A direction of the world in camera space, of length 1, right to a few ulp.
 
-@dataclass(frozen=True)
-class Ball:
-    """The points p with |K (p - center)| = radius, from the eye along the world's axes.
-
-    to_object: K, which leads from the world to the own axes of an ellipsoid; None for a sphere, where K = 1.
-    """
-
-    center: Rational
-    radius: Fraction
-    to_object: Rows | None = None
-
-    @cached_property
-    def to_world(self) -> Rows | None:
-        """L, the inverse of K."""
-        return inverse(self.to_object) if self.to_object else None
-
-    def seen(self, v: Vector) -> Vector:
-        """K v."""
-        if not self.to_object:
-            return v
-        x, y, z = (v[0].times(a) + v[1].times(b) + v[2].times(c) for a, b, c in self.to_object)
-        return x, y, z
-
-    def power(self, p: Rational) -> Fraction:
-        """|K (p - center)|^2 - radius^2, the power of a point: > 0 outside, 0 on the surface, < 0 inside."""
-        x, y, z = (a - b for a, b in zip(p, self.center, strict=True))
-        w = product(self.to_object, (x, y, z)) if self.to_object else (x, y, z)
-        return sum((a * a for a in w), ZERO) - self.radius * self.radius
-
-    def point(self, n: Rational) -> Vector:
-        """The point center + radius L n / |n|. As |n| = sqrt(s), it is center + (radius L n / s) sqrt(s)."""
-        s = sum((x * x for x in n), ZERO)
-        step = product(self.to_world, n) if self.to_world else n
-        x, y, z = (Surd(c, self.radius * a / s, s) for c, a in zip(self.center, step, strict=True))
-        return x, y, z
-
-
-@dataclass(frozen=True)
-class Face:
-    """A triangle by its corners A, B, C, from the eye along the world's axes.
-
-    Seen from O, with A' = A - O and so on, a ray along w passes the edge AB on the side that is the sign of
-
-        E = w . (A' x B'),    and likewise BC and CA.
-
-    It meets the triangle where these three are the same. At an edge, E = 0, the sign is that of the first of the
-    coordinates of A' x B' that is not 0: that is the side of the ray w + (e, e^2, e^3) for every small e > 0. So one
-    and the same ray is asked about everywhere, and of all triangles around an edge or a corner, exactly one has it on
-    each side where the surface goes on.
-
-    With N = (B - A) x (C - A), the three add up to N.w, and the ray is in the plane at t = A'.N / N.w. Where A'.N = 0,
-    as the ray starts in the plane or the triangle has no area, it is not met. So not all coordinates of A' x B' are 0.
-
-    Where a ray meets two triangles at one t, that ray decides, too. At the edge of a box, which hides its other side,
-    it meets the face in front before that behind; they are at different t unless they are in one plane.
-    """
-
-    corners: tuple[Rational, Rational, Rational]
-
-    def point(self, corner: int, u: Fraction | float, v: Fraction | float) -> Rational:
-        """V + u (V' - V) + v (V'' - V): from one of the corners, and the next ones going round."""
-        V, V1, V2 = (self.corners[(corner + i) % 3] for i in range(3))
-        a, b = Fraction(u), Fraction(v)
-        x, y, z = (p + a * (q - p) + b * (r - p) for p, q, r in zip(V, V1, V2, strict=True))
-        return x, y, z
-
-    @cached_property
-    def normal(self) -> Rational:
-        """N."""
-        A, B, C = (vector(corner) for corner in self.corners)
-        x, y, z = cross(minus(B, A), minus(C, A))
-        return x.p, y.p, z.p
+        The largest coordinate goes to 1 first, for the range.
+        """
+        largest = max(map(abs, v))
+        return (self.B @ Direction(*(x / largest for x in v))).normalized()
 
 
 def sign_along(w: Vector, v: Vector) -> int:
@@ -282,50 +131,6 @@ class Line:
     start: Vector
     direction: Vector
 
-    def through(self, ball: Ball) -> Quadratic:
-        """The equation of the t at which the line meets a sphere or an ellipsoid."""
-        f, d = ball.seen(minus(vector(ball.center), self.start)), ball.seen(self.direction)
-        return Quadratic(dot(d, d), dot(f, d), dot(f, f) - Surd(ball.radius * ball.radius))
-
-    def across(self, face: Face) -> Across | None:
-        """Where the line meets a triangle, and how; None if it does not."""
-        A, B, C = (minus(vector(corner), self.start) for corner in face.corners)
-        N = vector(face.normal)
-        D = dot(A, N)
-        edges = cross(A, B), cross(B, C), cross(C, A)
-        sides = {sign_along(self.direction, edge) for edge in edges} if D.sign() else {1, -1}
-        if len(sides) > 1:
-            return None
-        (side,) = sides
-        plane = Plane(self.direction, (N[0].times(side), N[1].times(side), N[2].times(side)), D.times(side))
-        ab, _, ca = (dot(edge, self.direction) for edge in edges)
-        return Across(side, plane, ca.times(side), ab.times(side))
-
-
-@dataclass(frozen=True)
-class Across:
-    """A line across a triangle. side: the sign of N.w, 1 for a ray that goes the way of N.
-
-    plane: the triangle's; by_b, by_c: side times E of the edges CA and AB, which are |N.w| times the weights of the
-    corners B and C.
-    """
-
-    side: int
-    plane: Plane
-    by_b: Surd
-    by_c: Surd
-
-    @property
-    def root(self) -> Root:
-        """The t at which the line meets the triangle."""
-        return Root(self.plane, self.plane.b.sign())
-
-    def weights(self) -> tuple[float, float]:
-        """Of B and of C, rounded."""
-        w, n = self.plane.direction, self.plane.normal
-        b, c = (float(Root(Plane(w, n, e), e.sign())) for e in (self.by_b, self.by_c))
-        return b, c
-
 
 @dataclass(frozen=True)
 class Plane:
@@ -336,12 +141,12 @@ class Plane:
 
     direction: Vector
     normal: Vector
-    b: Surd
-    c: ClassVar[Surd] = Surd(ZERO)  # nobody asks for it
-    discriminant: ClassVar[Surd] = Surd(ZERO)
+    b: Exact
+    c: ClassVar[Exact] = Surd(ZERO)  # nobody asks for it
+    discriminant: ClassVar[Exact] = Surd(ZERO)
 
     @cached_property
-    def a(self) -> Surd:
+    def a(self) -> Exact:
         return dot(self.normal, self.direction)
 
     def is_before(self, other: Plane) -> bool:
@@ -355,12 +160,12 @@ class Plane:
 class Quadratic:
     """a t^2 - 2 b t + c = 0. Of the sphere that it comes from, c is the power of the line's start."""
 
-    a: Surd
-    b: Surd
-    c: Surd
+    a: Exact
+    b: Exact
+    c: Exact
 
     @cached_property
-    def discriminant(self) -> Surd:
+    def discriminant(self) -> Exact:
         return self.b * self.b - self.a * self.c
 
     def roots(self) -> Iterator[Root]:
@@ -435,21 +240,13 @@ class Root:
         bits = 256
         while True:
             b, D = e.b.between(bits), e.discriminant.between(bits)
-            low, high = _root_between(max(D.low, ZERO), bits).low, _root_between(max(D.high, ZERO), bits).high
+            low, high = root_between(max(D.low, ZERO), bits).low, root_between(max(D.high, ZERO), bits).high
             if e.discriminant.sign() == 0:
                 low = high = ZERO
             side = self.side if direct else -self.side
             ends = Interval(b.low + min(side * low, side * high), b.high + max(side * low, side * high))
             numerator, denominator = (ends, e.a.between(bits)) if direct else (e.c.between(bits), ends)
-            t = _quotient(numerator, denominator)
+            t = numerator.over(denominator)
             if t and (t.high - t.low) <= abs(t.low) / 2**200:
                 return t.low
             bits *= 2
-
-
-def _quotient(x: Interval, y: Interval) -> Interval | None:
-    """All quotients, or None while y may be 0."""
-    if y.low <= 0 <= y.high:
-        return None
-    ends = [p / q for p in (x.low, x.high) for q in (y.low, y.high)]
-    return Interval(min(ends), max(ends))

@@ -29,6 +29,9 @@ class Group(Surface):
     def near(self, way: Way | None) -> Iterator[Surface]:
         """The surfaces that a ray may meet, by rising numbers; all of them if nothing is known of its way."""
 
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        return self.near(shadow_way(ray) if isinstance(ray, ShadowRay) else way_of(ray, self.frame, self.eye))
+
     def intersect(self, ray: Ray) -> float | None:
         met = self._first(ray)
         return met[0] if met else None
@@ -40,10 +43,10 @@ class Group(Surface):
         return self._met_by(ray).intersection_at(ray, t)
 
     def blocks(self, ray: ShadowRay) -> bool:
-        return any(surface.blocks(ray) for surface in self.near(shadow_way(ray)))
+        return any(surface.blocks(ray) for surface in self.parts(ray))
 
     def _find(self, ray: Ray) -> tuple[float, Surface] | None:
-        return first_met(self.near(way_of(ray, self.frame, self.eye)), ray)
+        return first_met(self.parts(ray), ray)
 
     def _met_by(self, ray: Ray) -> Surface:
         met = self._first(ray)

@@ -6,17 +6,11 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from cltrace.reference.exact import Frame, Line, Vector, vector
 from cltrace.reference.vectors import Direction, Point
 
-if TYPE_CHECKING:
-    from cltrace.reference.surfaces import Sphere, Surface
-    from cltrace.reference.triangles import Triangle
-
 EYE = Point(0.0, 0.0, 0.0)
-Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
 
 
 class Start(ABC):
@@ -30,8 +24,13 @@ class Start(ABC):
 
     @property
     @abstractmethod
-    def surface(self) -> Surface | None:
+    def surface(self) -> object:
         """The surface that the ray leaves; None if it comes from the camera."""
+
+    @property
+    @abstractmethod
+    def frame(self) -> Frame:
+        """The camera's axes."""
 
     @property
     @abstractmethod
@@ -84,146 +83,20 @@ class Start(ABC):
 
 
 @dataclass(frozen=True)
-class OnSphere(Start):
-    """A point of a sphere: exactly center + radius n / |n|, n being the double triple `normal`.
-
-    The anchor is the centre. normal: outward in camera space, of any length but 0; of an ellipsoid, that of the sphere
-    that it is in its own axes. Rays are decided soonest where it is unit to rounding.
-    """
-
-    sphere: Sphere
-    normal: Direction
-
-    @property
-    def surface(self) -> Sphere:
-        return self.sphere
-
-    @property
-    def place(self) -> Point:
-        return self.sphere.place
-
-    @property
-    def anchor(self) -> Point:
-        return self.sphere.center
-
-    @cached_property
-    def step(self) -> Direction:
-        return self.sphere.step(self.normal)
-
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return self.sphere.from_center(self.normal)
-
-    @property
-    def reach(self) -> float:
-        return self.sphere.reach
-
-    @property
-    def error(self) -> float:
-        off_unit = abs(self.normal.dot(self.normal) - 1)
-        return self.reach * (off_unit + 2.0**-51) if off_unit < 0.5 else math.inf
-
-    @property
-    def fits(self) -> bool:
-        return abs(self.normal.dot(self.normal) - 1) <= 2.0**-47
-
-    @cached_property
-    def exact_point(self) -> Vector:
-        return self.sphere.exact_point(self.normal)
-
-    @property
-    def point(self) -> Point:
-        return self.anchor + self.sphere.from_center(self.normal.normalized())
-
-    def height(self, point: Point, n: Direction) -> float:
-        """By way of the centre: P = center + radius n, so n.P needs no rounding."""
-        return n.dot(point - self.anchor) - self.sphere.support(self.normal)
-
-
-@dataclass(frozen=True)
-class OnTriangle(Start):
-    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V).
-
-    corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
-    their weights, from 2^-64 to 1/2. So the point is in the triangle's plane, and strictly within its edges: a ray from
-    there meets the triangles beside it, or does not, as it must. On an edge it would be in their planes, too, and no
-    ray that starts in a plane meets it.
-    """
-
-    LEAST, MOST = 2.0**-64, 0.5
-
-    triangle: Triangle
-    corner: int
-    u: float
-    v: float
-
-    @classmethod
-    def near(cls, triangle: Triangle, weights: Weights) -> OnTriangle:
-        """The point of these weights, but for rounding, from the corner that it is nearest to by them."""
-        k = weights.index(max(weights))
-        u, v = (max(cls.LEAST, min(cls.MOST, w)) for w in (weights[k - 2], weights[k - 1]))
-        return cls(triangle, k, u, v)
-
-    @property
-    def weights(self) -> Weights:
-        """Of the triangle's corners A, B and C."""
-        from_v = ((1 - self.u) - self.v, self.u, self.v)
-        return from_v[-self.corner], from_v[1 - self.corner], from_v[2 - self.corner]
-
-    @property
-    def surface(self) -> Triangle:
-        return self.triangle
-
-    @property
-    def place(self) -> Point:
-        return self.triangle.places[self.corner]
-
-    @cached_property
-    def anchor(self) -> Point:
-        return self.triangle.seen_corner(self.corner)
-
-    @cached_property
-    def step(self) -> Direction:
-        V, V1, V2 = (self.triangle.places[(self.corner + i) % 3] for i in range(3))
-        return (V1 - V) * self.u + (V2 - V) * self.v
-
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return self.triangle.frame.B @ self.step
-
-    @property
-    def reach(self) -> float:
-        """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
-        return self.triangle.size
-
-    @property
-    def error(self) -> float:
-        """With u = 2^-53: a difference rounds by u, a product and the sum by u each, and turning by 5.2 u of |step|."""
-        return self.reach * 2.0**-49
-
-    @property
-    def fits(self) -> bool:
-        return True
-
-    @cached_property
-    def exact_point(self) -> Vector:
-        return vector(self.triangle.face.point(self.corner, self.u, self.v))
-
-    def height(self, point: Point, n: Direction) -> float:
-        return n.dot((point - self.anchor) - self.from_anchor)
-
-
-@dataclass(frozen=True)
 class OnPlane(Start):
     """A point of the plane where the rays of an orthographic camera start: exactly the eye plus x and y times its axes.
 
-    The anchor is the eye. eye: in the world; frame: the camera's axes; x, y: scene units.
+    The anchor is the eye. eye: in the world; axes: the camera's; x, y: scene units.
     """
 
     eye: Point
-    frame: Frame
+    axes: Frame
     x: float
     y: float
+
+    @property
+    def frame(self) -> Frame:
+        return self.axes
 
     @property
     def surface(self) -> None:

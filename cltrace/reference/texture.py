@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,17 @@ from numpy.typing import NDArray
 from cltrace.reference.vectors import Color
 
 UV = tuple[float, float]
+
+
+class Lookup(NamedTuple):
+    """x, y: the pixel at the upper left of the four that are mixed; right, down: the shares of those to the right of it
+    and below; color: the mixture."""
+
+    x: int
+    y: int
+    right: float
+    down: float
+    color: Color
 
 
 class Texture:
@@ -24,15 +36,15 @@ class Texture:
     def __init__(self, texels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         self.texels, self.full = texels, int(np.iinfo(texels.dtype).max)
 
-    def color(self, uv: UV) -> Color:
-        """The colour at (u, v), 1 = full in each channel."""
+    def lookup(self, uv: UV) -> Lookup:
+        """The colour at (u, v), 1 = full in each channel, and how it comes about."""
         height, width = self.texels.shape[:2]
         # The image repeats, so whole parts do not matter. Without them, large numbers keep the digits behind.
         x, y = (uv[0] - math.floor(uv[0])) * width, (uv[1] - math.floor(uv[1])) * height
         i, j = math.floor(x), math.floor(y)
         upper = _mix(self.texel(i, j), self.texel(i + 1, j), x - i)
         lower = _mix(self.texel(i, j + 1), self.texel(i + 1, j + 1), x - i)
-        return _mix(upper, lower, y - j)
+        return Lookup(i % width, j % height, x - i, y - j, _mix(upper, lower, y - j))
 
     def texel(self, i: int, j: int) -> Color:
         """The pixel in column i and row j, both counted on beyond the image."""

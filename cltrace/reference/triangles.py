@@ -4,30 +4,112 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from cltrace.reference.crossing import Crossing, Way, shadow_way, size, way_of
-from cltrace.reference.exact import Across, Face, Frame, Rational, Root, rational
+from cltrace.reference.crossing import Crossing, RoughFace, Way, shadow_way, way_of
+from cltrace.reference.doubt import size_of
+from cltrace.reference.exact import Frame, Root, Vector, between, vector
+from cltrace.reference.face import Across, Face
 from cltrace.reference.groups import Group
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import OnTriangle, Ray, Weights
-from cltrace.reference.surfaces import Intersection, Material, Surface
+from cltrace.reference.rays import Ray, Start
+from cltrace.reference.surfaces import Intersection, Setting, Surface
 from cltrace.reference.texture import UV
 from cltrace.reference.vectors import Direction, Matrix, Point
 from cltrace.scene import PlacedMesh
+
+Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
+
+
+@dataclass(frozen=True)
+class OnTriangle(Start):
+    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V).
+
+    corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
+    their weights, from 2^-64 to 1/2. So the point is in the triangle's plane, and strictly within its edges: a ray from
+    there meets the triangles beside it, or does not, as it must. On an edge it would be in their planes, too, and no
+    ray that starts in a plane meets it.
+    """
+
+    LEAST, MOST = 2.0**-64, 0.5
+
+    triangle: Triangle
+    corner: int
+    u: float
+    v: float
+
+    @classmethod
+    def near(cls, triangle: Triangle, weights: Weights) -> OnTriangle:
+        """The point of these weights, but for rounding, from the corner that it is nearest to by them."""
+        k = weights.index(max(weights))
+        u, v = (max(cls.LEAST, min(cls.MOST, w)) for w in (weights[k - 2], weights[k - 1]))
+        return cls(triangle, k, u, v)
+
+    @property
+    def weights(self) -> Weights:
+        """Of the triangle's corners A, B and C."""
+        from_v = ((1 - self.u) - self.v, self.u, self.v)
+        return from_v[-self.corner], from_v[1 - self.corner], from_v[2 - self.corner]
+
+    @property
+    def surface(self) -> Triangle:
+        return self.triangle
+
+    @property
+    def frame(self) -> Frame:
+        return self.triangle.frame
+
+    @property
+    def place(self) -> Point:
+        return self.triangle.places[self.corner]
+
+    @cached_property
+    def anchor(self) -> Point:
+        return self.triangle.seen_corner(self.corner)
+
+    @cached_property
+    def step(self) -> Direction:
+        V, V1, V2 = (self.triangle.places[(self.corner + i) % 3] for i in range(3))
+        return (V1 - V) * self.u + (V2 - V) * self.v
+
+    @cached_property
+    def from_anchor(self) -> Direction:
+        return self.triangle.frame.B @ self.step
+
+    @property
+    def reach(self) -> float:
+        """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
+        return self.triangle.size
+
+    @property
+    def error(self) -> float:
+        """With u = 2^-53: a difference rounds by u, a product and the sum by u each, and turning by 5.2 u of |step|."""
+        return self.reach * 2.0**-49
+
+    @property
+    def fits(self) -> bool:
+        return True
+
+    @cached_property
+    def exact_point(self) -> Vector:
+        return vector(self.triangle.face.point(self.corner, self.u, self.v))
+
+    def height(self, point: Point, n: Direction) -> float:
+        return n.dot((point - self.anchor) - self.from_anchor)
 
 
 class Mesh(Group):
     """Triangles, of which a ray meets the nearest one; of equally near ones, the one of the lowest number.
 
-    of: the scene's; eye: in the world; frame: the camera's axes.
+    of: the scene's.
     """
 
-    def __init__(self, of: PlacedMesh, eye: Point, frame: Frame, material: Material) -> None:
-        super().__init__(of.number, eye, frame)
-        self.of, self.material = of, material
+    def __init__(self, of: PlacedMesh, setting: Setting) -> None:
+        super().__init__(of.number, setting.eye, setting.frame)
+        self.of, self.material = of, setting.material(of.material)
         self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
         self._triangles: dict[int, Triangle] = {}
 
@@ -50,10 +132,10 @@ class Mesh(Group):
         """
         faces = self.of.geometry.faces
         rows = np.arange(len(faces))
-        if way is not None and way.w1 <= 4 * size(way.w):
+        if way is not None and way.w1 <= 4 * size_of(way.w):
             w = np.array(tuple(way.w))
             P = (self.of.vertices - np.array(tuple(way.place))) - np.array(tuple(way.step))
-            error = 2.0**-41 * (np.abs(P).sum(axis=1).max(initial=0.0) + way.reach) * size(way.w)
+            error = 2.0**-41 * (np.abs(P).sum(axis=1).max(initial=0.0) + way.reach) * size_of(way.w)
             k = int(np.argmax(np.abs(w)))
             across = [P[:, i] * w[k] - P[:, k] * w[i] for i in range(3) if i != k]
             sides = [side > error for x in across for side in (x, -x)] + [P @ w < -error]
@@ -63,15 +145,19 @@ class Mesh(Group):
             yield self.triangle(row)
 
 
-class Triangle(Surface):
+def meshes(setting: Setting) -> Iterator[Mesh]:
+    """Those of a scene."""
+    return (Mesh(of, setting) for of in setting.scene.meshes)
+
+
+class Triangle(RoughFace, Surface):
     """The points a A + b B + c C with a, b, c >= 0 and a + b + c = 1. Both sides are seen.
 
     A ray o + t w is in its plane where t w.N = (A - o).N, with N = (B - A) x (C - A). There it is in the triangle if it
     passes all three edges on the same side: A to B, B to C and C to A go round the triangle. crossing.py computes that
-    in doubles; exact.Face says who owns an edge, and decides what doubles cannot.
+    in doubles; face.Face says who owns an edge, and decides what doubles cannot.
 
-    primitive: its number in the mesh; places: A, B and C in the world; e1, e2: from A to B and to C; g, h, size: the
-    sizes of these two, and their sum; front: 1 if N points to the outside, -1 if to the inside; normals: the corners',
+    primitive: its number in the mesh; front: 1 if N points to the outside, -1 if to the inside; normals: the corners',
     in the object's space, or None; uvs: where the corners are in the texture.
     """
 
@@ -79,19 +165,16 @@ class Triangle(Surface):
         self.mesh, self.primitive, self.number = mesh, primitive, mesh.number
         self.frame, self.material, self.front = mesh.frame, mesh.material, int(mesh.of.front[primitive])
         shape = mesh.of.geometry
-        A, B, C = (Point(*place) for place in mesh.of.vertices[shape.faces[primitive]].tolist())
-        self.places, self.e1, self.e2 = (A, B, C), B - A, C - A
-        self.N, self.g, self.h = self.e1.cross(self.e2), size(self.e1), size(self.e2)
-        self.size = self.g + self.h
+        super().__init__(*(Point(*place) for place in mesh.of.vertices[shape.faces[primitive]].tolist()))
         normal_of, uv_of = shape.normal_of[primitive], shape.uv_of[primitive]
         self.normals = [Direction(*n) for n in shape.normals[normal_of].tolist()] if normal_of[0] >= 0 else None
+        self.shape = "smooth" if self.normals else "flat"
         self.uvs: Sequence[UV] = shape.uv[uv_of].tolist() if uv_of[0] >= 0 else [(0.0, 0.0)] * 3
 
     @cached_property
     def face(self) -> Face:
         """The triangle, exactly, from the eye."""
-        eye = rational(self.mesh.eye)
-        a, b, c = (_minus(rational(place), eye) for place in self.places)
+        a, b, c = (between(self.mesh.eye, place) for place in self.places)
         return Face((a, b, c))
 
     def seen_corner(self, corner: int) -> Point:
@@ -121,7 +204,7 @@ class Triangle(Surface):
             sure = crossing.side != 0 and (ray.light.parallel or crossing.ends_beyond)
             if sure is not None:
                 return sure
-        across = ray.line_of_light.across(self.face)
+        across = self.face.met_by(ray.line_of_light)
         return across is not None and across.root.is_between(0.0, ray.t_max)
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
@@ -129,17 +212,19 @@ class Triangle(Surface):
         sure: Crossing | Across = crossing if crossing and crossing.side else self._met_by(ray)
         start = OnTriangle.near(self, _three(*(crossing or sure).weights()))
         normal, inside = self.normal(start.weights), sure.side == self.front
+        turned = normal.dot(ray.direction) > 0
         return Intersection(
             point=ray.at(t),
             t=t,
             distance=t * math.sqrt(ray.direction.dot(ray.direction)),
-            normal=-normal if normal.dot(ray.direction) > 0 else normal,
+            normal=-normal if turned else normal,
             inside=inside,
             start=start,
             material=self.material,
             uv=self.uv(start.weights),
             index=self.number,
             primitive=self.primitive,
+            turned=turned,
         )
 
     def _is_left_by(self, start: object) -> bool:
@@ -152,7 +237,7 @@ class Triangle(Surface):
 
     def _across(self, ray: Ray) -> Across | None:
         """How the ray meets the triangle within its range, exactly; None if it does not."""
-        across = ray.line(self.frame).across(self.face)
+        across = self.face.met_by(ray.line(self.frame))
         return across if across and across.root.is_between(ray.t_min, ray.t_max) else None
 
     def _met_by(self, ray: Ray) -> Across:
@@ -194,7 +279,3 @@ def _three(b: float, c: float) -> Weights:
     """The weights of all three corners from those of two. Rounding may leave nothing for the first one."""
     a = (1 - b) - c
     return (a if a > 0 else 0.0), b, c
-
-
-def _minus(p: Rational, q: Rational) -> Rational:
-    return p[0] - q[0], p[1] - q[1], p[2] - q[2]

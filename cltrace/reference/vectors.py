@@ -7,7 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 Color = tuple[float, float, float]
+
+
+def color_of(value: NDArray[np.float64]) -> Color:
+    r, g, b = value.tolist()
+    return (r, g, b)
 
 
 @dataclass(frozen=True, slots=True)

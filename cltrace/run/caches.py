@@ -1,19 +1,36 @@
-"""A folder for the kernel caches of PoCL and pyopencl, where the usual one cannot be written.
+"""A folder for the kernel caches of PoCL and pyopencl, where the usual one cannot be written, and what is wrong in it.
 
 PoCL hides its devices, and pyopencl fails, if they cannot create their caches, as in containers and on clusters with a
 read-only home. This module is imported before pyopencl, which looks only once. The programs in these caches are run, so
-a folder is used only if nobody else can have filled it.
+a folder is used only if nobody else can have filled it. A file that a full disk or a crash has cut ends the process
+that loads it, so such files are removed before.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import logging
 import os
 import stat
+import struct
+import sys
 import tempfile
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import BinaryIO
 
+log = logging.getLogger("cltrace")
 # The folders that PoCL, pyopencl and its tools make in the cache folder.
 CACHES = ("pocl", "pyopencl", "pytools")
+# Bytes that must be free there: the files of the largest kernel take 2.3 MB while it is compiled.
+ROOM = 2**22
+# A folder in memory, which Linux has.
+SHARED = "/dev/shm"
+# Where PoCL puts a program, by the hash of what it is made from.
+PROGRAM = "[A-P][A-P]/" + "[A-P]" * 37
+# What was wrong with the caches, for --doctor.
+notes: list[str] = []
 
 
 def ensure() -> None:
@@ -31,6 +48,11 @@ def ensure() -> None:
         os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
 
 
+def home() -> Path:
+    """The folder of all caches."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111 - it never fails
+
+
 def _usual() -> bool:
     """Whether ~/.cache can be used and is this user's: `sudo` may leave HOME with somebody else."""
     try:
@@ -43,15 +65,18 @@ def _usual() -> bool:
 def _spare() -> Path | None:
     """A folder of this user among the temporary ones, or None. If others have taken its name, the next one is tried."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
-    for suffix in ("", *(f"-{k}" for k in range(1, 10))):
-        try:
-            folder = Path(tempfile.gettempdir()) / f"cltrace-cache-{user}{suffix}"
-            folder.mkdir(mode=0o700, exist_ok=True)
-            found = folder.lstat()
-        except OSError:
-            continue
-        if stat.S_ISDIR(found.st_mode) and is_own(found) and _usable(folder):
-            return folder
+    for place in (tempfile.gettempdir, lambda: SHARED):
+        for suffix in ("", *(f"-{k}" for k in range(1, 10))):
+            try:
+                folder = Path(place()) / f"cltrace-cache-{user}{suffix}"
+                folder.mkdir(mode=0o700, exist_ok=True)
+                found = folder.lstat()
+            except OSError:
+                continue
+            if stat.S_ISDIR(found.st_mode) and is_own(found):
+                if _usable(folder):
+                    return folder
+                break
     return None
 
 
@@ -64,12 +89,74 @@ def _usable(folder: Path) -> bool:
     """Whether files can be made in the caches of a folder. It is made if it is not there."""
     try:
         for cache in CACHES:
-            (folder / cache).mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder / cache):
-                pass
-    except OSError:
+            check_room(folder / cache, ROOM if cache == CACHES[0] else 1)
+    except OSError as error:
+        notes.append(f"{folder} cannot be used: {error.strerror}")
         return False
     return True
 
 
+def check_room(folder: Path, size: int = ROOM) -> None:
+    """Raises OSError if a file of so many bytes cannot be written in a folder, which is made if it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+        if hasattr(os, "posix_fallocate"):  # which writes nothing where the disk can do without
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            file.write(bytes(size))
+
+
+@functools.cache
+def mend_kernels() -> None:
+    """Removes damaged files from PoCL's cache, once in a process: 0.1 ms for each program that is kept there."""
+    root = Path(os.environ.get("POCL_CACHE_DIR") or home() / "pocl" / "kcache")
+    if sys.platform != "linux":
+        return
+    for program in root.glob(PROGRAM):
+        with contextlib.suppress(OSError):  # a folder that another process removes meanwhile
+            _mend(program.rglob("*.[sb][oc]"))
+
+
+def _mend(files: Iterable[Path]) -> None:
+    """Removes those of the files that are damaged, and says so. They are made again when they are needed."""
+    for path in files:
+        try:
+            with path.open("rb", buffering=0) as file:
+                if WHOLE[path.suffix](file, os.fstat(file.fileno()).st_size):
+                    continue
+            path.unlink()
+        except OSError:  # it has gone, or belongs to somebody else
+            continue
+        notes.append(f"{path} was damaged, and is made again")
+        log.warning(notes[-1])
+
+
+def _is_library(file: BinaryIO, size: int) -> bool:
+    """Whether an ELF file, if it is one of 64 bits, is as long as its table of sections says, which is its end."""
+    head = file.read(64)
+    if head[:4] != b"\x7fELF" or len(head) < 64:
+        return False
+    (place,), (length, count) = struct.unpack_from("=Q", head, 40), struct.unpack_from("=HH", head, 58)
+    return head[4] != 2 or place + length * count <= size
+
+
+def _is_bitcode(file: BinaryIO, size: int) -> bool:
+    """Whether the blocks of an LLVM file, whose second word says how many more words there are, fill it."""
+    at = 4 if file.read(4) == b"BC\xc0\xde" else size + 1
+    while at < size:
+        file.seek(at)
+        at += 8 + 4 * int.from_bytes(file.read(8)[4:], "little")
+    return at == size
+
+
+def _is_database(file: BinaryIO, size: int) -> bool:
+    """Whether an SQLite file has the pages that it says, which a new one has not yet."""
+    head = file.read(32)
+    page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+    return size == 0 or (head.startswith(b"SQLite format 3\0") and pages * (65536 if page == 1 else page) <= size)
+
+
+WHOLE: dict[str, Callable[[BinaryIO, int], bool]] = {".so": _is_library, ".bc": _is_bitcode, ".sqlite": _is_database}
+
 ensure()
+_mend((home() / "pytools").glob("*.sqlite"))

@@ -15,7 +15,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from cltrace.errors import DeviceError
+from cltrace.base.errors import DeviceError
 
 MAX_ROWS = 2**31 - 1  # of a buffer
 # By the package of pip that brings it, or a name that pip has not.

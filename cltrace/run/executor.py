@@ -13,14 +13,15 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.blocks import begins_on_page
-from cltrace.errors import TooManyRaysError
+from cltrace.base.arrays import begins_on_page
+from cltrace.base.errors import TooManyRaysError
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
-from cltrace.run.program import Announcement, build, context_of
-from cltrace.run.strips import Rows
+from cltrace.run.kernel_arguments import argument
+from cltrace.run.program import Announcement, aside, build, context_of
+from cltrace.run.rows import Rows
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -45,7 +46,7 @@ STRIP = 2**22
 # so many rows; where a pixel may take many rays, a quarter of them.
 PATIENCE, FIRST_ROWS = 0.25, 64
 # The flags of kernels by which a pixel may take long.
-SLOW = frozenset(("WITH_SPLITS", "WITH_AVERAGE"))
+SLOW = frozenset(("WITH_SPLITS", "WITH_MEANS"))
 # What is noted where no pixel is overgrown: later than any.
 NOTHING = np.iinfo(np.int32).max
 
@@ -111,7 +112,7 @@ class Executor:
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
-            self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait()
+            aside(self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait)
 
     def take_over(self, before: Executor) -> None:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
@@ -147,7 +148,7 @@ class Executor:
             else cl.Buffer(self._context, write, a.nbytes)
             for n, a in arrays.items()
         }
-        return Frame(self.room, width, height, arrays, buffers)
+        return Frame(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
     def draw(
         self,
@@ -270,7 +271,7 @@ class Executor:
         self._kernel = build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
         self._arguments = arguments_of(self.plan.features)
         self._values = {
-            a.name: _value(a.type, self.plan.values[a.name], self.plan)
+            a.name: self._value(a.type, self.plan.values[a.name])
             for a in self._arguments
             if a.kind == "value" and a.name in self.plan.values
         }
@@ -286,18 +287,12 @@ class Executor:
         # An output that nobody asked for is never written, but must be some buffer.
         buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         values = self._values | {
-            a.name: _value(a.type, of_launch[a.name], self.plan) for a in self._arguments if a.name in of_launch
+            a.name: self._value(a.type, of_launch[a.name]) for a in self._arguments if a.name in of_launch
         }
         arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self._arguments)
         return self._kernel(self._queue, grid, self.packet.group, *arguments)
 
-
-def _value(type_: str, value: Any, plan: Plan) -> Any:
-    """An argument that is no buffer, as pyopencl passes it by value."""
-    if isinstance(value, np.ndarray):
-        return value[()]
-    precision = plan.request.precision
-    if isinstance(value, tuple):
-        real = "float" if precision == "single" else "double"
-        return np.array(value, getattr(cl.cltypes, type_.replace("real", real)))[()]
-    return dtype_of(type_, precision).type(value)
+    def _value(self, type_: str, value: Any) -> Any:
+        """An argument that is no buffer. type_: of abi."""
+        real = "float" if self.plan.request.precision == "single" else "double"
+        return argument(type_.replace("real", real), value[()] if isinstance(value, np.ndarray) else value)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from functools import cache, lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pyopencl as cl
 
-from cltrace.errors import BuildError
-from cltrace.filters import warnings_are
+from cltrace.base.errors import BuildError
+from cltrace.base.warning_filters import warnings_are
 from cltrace.plan import abi
+from cltrace.run.caches import mend_kernels
 from cltrace.run.devices import Device
 
 # In this order; "abi" stands for the header that is made from the table of plan/abi.py.
@@ -25,22 +28,49 @@ SOURCES = (
     "pairs.cl",
     "integers.cl",
     "ray.cl",
-    "shapes/sphere.cl",
-    "shapes/ellipsoid.cl",
-    "shapes/triangle.cl",
-    "shapes/leaving.cl",
-    "shapes/dispatch.cl",
+    "find/hit.cl",
+    "shapes/sphere/sphere.cl",
+    "shapes/sphere/exact.cl",
+    "shapes/sphere/meet.cl",
+    "shapes/sphere/meet_parallel.cl",
+    "shapes/start.cl",
+    "shapes/sphere/between.cl",
+    "shapes/sphere/ellipsoid.cl",
+    "shapes/sphere/leaving.cl",
+    "shapes/sphere/fetch.cl",
+    "shapes/triangle/triangle.cl",
+    "shapes/triangle/fetch.cl",
     "find/cells.cl",
+    "find/fetch.cl",
     "find/closest.cl",
+    "shapes/sphere/eye.cl",
+    "shapes/triangle/eye.cl",
+    "shapes/triangle/leaving.cl",
+    "shapes/dispatch.cl",
     "find/leaves.cl",
+    "find/bundle.cl",
+    "shapes/sphere/leaves.cl",
+    "shapes/triangle/leaves.cl",
     "find/tree.cl",
+    "lights/shadow_ray.cl",
+    "lights/parallel.cl",
+    "lights/point.cl",
+    "lights/spot.cl",
+    "lights/kinds.cl",
+    "shapes/sphere/stops.cl",
+    "shapes/triangle/stops.cl",
+    "shapes/shadow.cl",
     "find/stopped.cl",
     "shade/phong.cl",
     "shade/lights.cl",
+    "shade/materials.cl",
     "shade/texture.cl",
-    "shapes/attributes.cl",
+    "shapes/triangle/attributes.cl",
+    "shapes/sphere/surface.cl",
+    "shapes/triangle/surface.cl",
+    "shapes/surfaces.cl",
     "shade/bounce.cl",
-    "output.cl",
+    "pixels.cl",
     "shade/tree_of_rays.cl",
     "trace.cl",
     "average/models.cl",
@@ -59,6 +89,9 @@ SOURCES = (
     "average/quick.cl",
     "average/samples.cl",
     "average/average.cl",
+    "output.cl",
+    "samples/touches.cl",
+    "samples/samples.cl",
     "render.cl",
 )
 # What finds triangles without shadows.
@@ -66,6 +99,7 @@ UNSTOPPABLE = ("packet.cl", "abi", "find/cells.cl", "find/unstoppable.cl")
 
 
 log = logging.getLogger("cltrace")
+T = TypeVar("T")
 
 
 @cache
@@ -117,22 +151,41 @@ def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
 
 @lru_cache(maxsize=64)
 def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
+    mend_kernels()
     with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
-        return cl.Program(context_of(device), source(files)).build(
-            options=[*options, "-cl-std=CL1.2"], devices=[device]
-        )
+        made = cl.Program(context_of(device), source(files))
+        return aside(lambda: made.build(options=[*options, "-cl-std=CL1.2"], devices=[device]))
+
+
+def aside(work: Callable[[], T]) -> T:
+    """What `work` returns or raises, done by another thread where this is the main one, which hears signals meanwhile.
+
+    A driver that is asked to compile does not come back before it has. After a signal it goes on, for nobody.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    done: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except BaseException as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return done.result()
 
 
 class Announcement:
-    """Logs `text` as information if the `with` block takes longer than `after` seconds."""
+    """Logs `text`, as information or at another level, if the `with` block takes longer than `after` seconds."""
 
-    def __init__(self, text: str, after: float = 0.5) -> None:
-        self.timer = threading.Timer(after, log.info, [text])
+    def __init__(self, text: str, after: float = 0.5, level: int = logging.INFO) -> None:
+        self.timer, self.level = threading.Timer(after, log.log, [level, text]), level
         self.timer.daemon = True
 
     def __enter__(self) -> None:
-        if log.isEnabledFor(logging.INFO):
+        if log.isEnabledFor(self.level):
             self.timer.start()
 
     def __exit__(self, *_: object) -> None:

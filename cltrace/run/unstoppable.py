@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from cltrace.errors import BuildError
+from cltrace.base.errors import BuildError
 from cltrace.plan import abi
+from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
-from cltrace.run.program import UNSTOPPABLE, Announcement, program
-from cltrace.run.toolbox import vector
+from cltrace.run.kernel_arguments import NamedKernel, parameters_of
+from cltrace.run.program import UNSTOPPABLE, Announcement, program, source
 
 # It takes as long as it saves in six pixels for each entry of the lists: 15 to 30 ms of a processor's time for 100,000
 # triangles, of which each frame then takes 10 to 14 less (PoCL 3.1, 1920x1080). Nobody knows how many frames there
@@ -52,8 +53,7 @@ class Unstoppable:
         self._findings: _Findings = before._findings if before else _Findings()
         self.lights = 0
         self._entries: int | None = None
-        parallel, *_, lights = plan.values["lights"]
-        listed = lights > parallel and len(plan.arrays["grid"]) > 1
+        listed = len(self._lights_at_points()) > 0 and len(plan.arrays["grid"]) > 1
         self._may_pay = listed and device.kind == "cpu"
 
     def drawn(self, pixels: int) -> None:
@@ -76,7 +76,12 @@ class Unstoppable:
                 except (BuildError, cl.Error) as error:
                     log.info("triangles without shadows are not looked for: %s", error)
             if findings.bits is not None:
-                buffers["unstoppable"], self.lights = findings.bits, self._plan.values["lights"][3]
+                buffers["unstoppable"], self.lights = findings.bits, self._plan.values["lights"]
+
+    def _lights_at_points(self) -> list[int]:
+        """The indices of these lights of the plan."""
+        lights = self._plan.arrays["light"][: self._plan.values["lights"]]
+        return np.flatnonzero(are_at_points(lights["color"][:, 3])).tolist()
 
     def _pays(self, queue: Any, start: Any) -> bool:
         if self._entries is None:
@@ -94,17 +99,13 @@ class Unstoppable:
 
     def _find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
         """Asks about the triangles that this plan shows, but for those that are known already."""
-        findings, values, grids, flags = (
-            self._findings,
-            self._plan.values,
-            self._plan.arrays["grid"],
-            self._plan.features,
-        )
+        findings, values, flags = self._findings, self._plan.values, self._plan.features
+        grids = self._plan.arrays["grid"]
         everywhere = "WITH_BOUNCES" in flags
         if everywhere and findings.bits is not None:
             return
-        find, look, note = self._kernels()
-        m, first, (parallel, _, _, lights) = values["triangles"], np.int32(values["first"]), values["lights"]
+        kernels = self._kernels()
+        m, first, lights = values["triangles"], values["first"], values["lights"]
         words = -(-m // 32)
 
         def filled(size: int, value: int = 0) -> Any:
@@ -116,25 +117,27 @@ class Unstoppable:
         bits = filled(4 * words * lights) if findings.bits is None else findings.bits
         wanted = filled(m, int(everywhere))
         if not everywhere:  # what is in the tiles' lists
-            of_tiles = np.int32(grids[1]["cells"][2]), first, buffers["start"], buffers["entry"]
-            look(queue, (ITEMS,), (1,), *of_tiles, asked, wanted)
-        eye = (*values["eye"][:3], float(not everywhere and "WITH_PARALLEL_RAYS" not in flags))
-        axes = (vector(values["frame"][name][:3]) for name in ("right", "up", "back"))
-        common = *axes, np.float64(values["unit"]), vector(eye), first
-        read = [buffers[name] for name in ("start", "entry", "light_facet", "vertex", "face")]
-        for light in range(parallel, lights):
+            of_tiles = {"cells": grids[1]["cells"][2], "spheres": first, "asked": asked, "wanted": wanted}
+            lists = {name: buffers[name] for name in ("start", "entry")}
+            kernels["find_listed"].start(queue, ITEMS, 1, of_tiles | lists)
+        common = {name: values["frame"][name][:3] for name in ("right", "up", "back")}
+        common |= {"eye": (*values["eye"][:3], not everywhere and "WITH_PARALLEL_RAYS" not in flags)}
+        common |= {"unit": values["unit"], "spheres": first, "wanted": wanted, "facet": buffers["light_facet"]}
+        common |= {name: buffers[name] for name in ("start", "entry", "vertex", "face")}
+        for light in self._lights_at_points():
             begin, count = self._plan.arrays["light_buffer"][light, :2].tolist()
-            place, row = vector(self._plan.arrays["lamp"][light, :3]), np.int64(3 * m * light)
-            there, open_ = filled(m), filled(m)
+            of_light = {"place": self._plan.arrays["lamp"][light, :3], "facets": 3 * m * light}
+            found = {"listed": filled(m), "open": filled(m)}
             for grid in grids[begin : begin + count]:
-                find(queue, (ITEMS,), (1,), grid, place, *common, row, *read, wanted, there, open_)
-            note(queue, (ITEMS,), (1,), np.int32(m), np.int32(words * light), there, open_, bits)
+                kernels["find_stoppable"].start(queue, ITEMS, 1, common | of_light | found | {"grid": grid})
+            known = {"triangles": m, "first": words * light, "unstoppable": bits}
+            kernels["note_unstoppable"].start(queue, ITEMS, 1, known | found)
             queue.finish()  # so that Ctrl-C is heard
         findings.asked, findings.bits = asked, bits
 
-    def _kernels(self) -> list[Any]:
-        names = ("find_stoppable", "find_listed", "note_unstoppable")
+    def _kernels(self) -> dict[str, NamedKernel]:
         flags = (f"W={self._device.width}", *self._device.flags)
         options = [*(f"-D{flag}" for flag in flags), *abi.options("accurate", frozenset({"WITH_TRIANGLES"}))]
         made = program(self._device, options, UNSTOPPABLE)
-        return [cl.Kernel(made, name) for name in names]
+        parameters = parameters_of(source(UNSTOPPABLE))
+        return {name: NamedKernel(made, name, parameters[name]) for name in parameters}

@@ -14,11 +14,11 @@ from cltrace.scene.lights import (
     point_light,
     spot_light,
 )
-from cltrace.scene.maps import inverses, uniform_scales, whole_inverse
+from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, colors_given
+from cltrace.scene.scene import Scene, colors_given, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -60,14 +60,13 @@ __all__ = [
     "colors_given",
     "extent_faults",
     "inverse_faults",
-    "inverses",
     "parallel_light",
     "place_faults",
     "point_light",
     "reaches",
+    "share_all_but_camera",
     "spot_light",
     "texels",
     "uniform_scales",
-    "whole_inverse",
     "with_spheres",
 ]

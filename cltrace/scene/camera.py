@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.fit import checked_margin, direction_of, reaches_of, up_for
+from cltrace.scene.fit import Fitted, checked_margin, direction_of, reaches_of, up_for
 from cltrace.scene.rules import FOV, FULL_FOV, POSITIVE, Vector, checked, described, is_whole, vector
-
-if TYPE_CHECKING:
-    from cltrace.scene.scene import Scene
 
 MAX_SIDE, MAX_PIXELS = 65_536, 2**28
 MAX_BOUNCES = 100
@@ -111,7 +108,7 @@ class Camera(Pose):
     @classmethod
     def fit(
         cls,
-        scene: Scene,
+        scene: Fitted,
         view: str | ArrayLike = "isometric",
         margin: float = 0.05,
         *,
@@ -217,7 +214,7 @@ class Orthographic(Pose):
     @classmethod
     def fit(
         cls,
-        scene: Scene,
+        scene: Fitted,
         view: str | ArrayLike = "isometric",
         margin: float = 0.05,
         *,

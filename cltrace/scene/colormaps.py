@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.errors import MissingPackageError
+from cltrace.base.errors import MissingPackageError
 from cltrace.scene.rules import ANY, check_rule, checked, described, numbers
 
 # A map for the shares 0..1 of (n,) float64: (n, 3) or (n, 4), uint8 or float with 1 as full.

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.blocks import blockwise
-from cltrace.scene.maps import inverses
+from cltrace.base.arrays import blockwise
+from cltrace.numbers.inverses import inverses
+from cltrace.scene.columns import Columns
+from cltrace.scene.meshes import PlacedMesh
 from cltrace.scene.rules import NOT_NEGATIVE, Vector, checked, described, vector
-
-if TYPE_CHECKING:
-    from cltrace.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 # Where the camera is, as seen from the scene.
@@ -25,6 +24,25 @@ VIEWS: dict[str, Vector] = {
     "bottom": (0.0, -1.0, 0.0),
     "isometric": (1.0, 1.0, 1.0),
 }
+
+
+class Fitted(Protocol):
+    """What of a Scene a camera is fitted to. A scene has a camera, so no camera knows what a Scene is."""
+
+    @property
+    def camera(self) -> Any: ...
+
+    @property
+    def to_object(self) -> Floats: ...
+
+    @property
+    def meshes(self) -> tuple[PlacedMesh, ...]: ...
+
+    @property
+    def columns(self) -> Columns: ...
+
+    @property
+    def triangles(self) -> int: ...
 
 
 def direction_of(view: str | ArrayLike) -> Vector:
@@ -55,7 +73,7 @@ def checked_margin(margin: float) -> float:
     return 1 - 2 * free
 
 
-def reaches_of(scene: Scene, directions: ArrayLike) -> Floats:
+def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
     """How far the surfaces of a scene reach: (k,), for each direction d the largest p.d of all points p on them.
 
     directions: (k, 3), of any length, in the world. Raises ValueError if the scene has no surfaces.

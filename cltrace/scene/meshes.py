@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.blocks import blockwise
-from cltrace.scene.maps import affine, inverses, whole_inverse
+from cltrace.base.arrays import blockwise
+from cltrace.numbers.inverses import inverses, whole_inverse
+from cltrace.scene.maps import affine
 from cltrace.scene.materials import Material
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
 from cltrace.scene.surfaces import inverse_faults

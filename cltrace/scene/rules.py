@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.blocks import blockwise, empty
+from cltrace.base.arrays import blockwise, empty
 
 Vector = tuple[float, float, float]
 
@@ -67,7 +67,8 @@ class Rule:
         if abs(value) > LARGEST:
             return f"must not exceed 3.4e38 in magnitude, got {value:g}"
         if value != 0 and abs(value) < SMALLEST:
-            return f"must be 0 or at least 1.4e-45 in magnitude, got {value:g}"
+            zero = "" if self.open_low and self.low == 0 else "0 or "
+            return f"must be {zero}at least 1.4e-45 in magnitude, got {value:g}"
         if not self.admits(np.asarray(value, np.float64)):
             return f"must be {self.text}, got {value:g}"
         return None

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import colors_of
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
-from cltrace.scene.maps import inverses, uniform_scales
+from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
@@ -351,6 +352,12 @@ class Scene:
         behind = background_of(background, 1.0, transfer)
         scene._fill(camera, lights, surfaces, behind, output_file, to_object, placed, images, transfer)
         return scene
+
+
+def share_all_but_camera(old: Scene, new: Scene) -> bool:
+    """Whether two scenes share all but the camera."""
+    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "spheres", "materials"}
+    return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
 
 
 def colors_given(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ class Source:
     int32, of each light; surfaces: (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the
     numbers of these surfaces; textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine
     maps of the k steps of a surface's transform, in the order of the file, by the surface's number: of the first
-    surfaces that have one.
+    surfaces that have one; files: what the scene is made of: its own file, and those of its meshes and textures.
     """
 
     path: str
@@ -38,6 +39,7 @@ class Source:
     meshes: Mapping[int, MeshFile] = field(default_factory=dict)
     textures: tuple[str, ...] = ()
     transforms: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
 
     @property
     def knows_all_lines(self) -> bool:

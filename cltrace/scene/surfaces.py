@@ -11,7 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene.maps import deviations, inverses
+from cltrace.numbers.inverses import inverses
+from cltrace.scene.maps import deviations
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked
 
 SPHERE = np.dtype(

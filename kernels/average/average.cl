@@ -1,13 +1,12 @@
 /* average.cl: the mean colour of a pixel's square, each colour up to 1, with a bound of what it is off by.
  *
- * A pixel is one cell, then 4, and so on up to 4,096: those cells that are known least are split, breadth first, until the bounds of
- * all add up to no more than `levels`, or too many would be split at once. The cells of all pixels of a packet that are split are
- * packets in turn. Sums are whole numbers, so that no order of cells changes
- * a bit.
+ * A pixel is one cell, then 4, and so on up to 4,096: those cells that are known least are split, breadth first, until
+ * the bounds of all add up to no more than `levels`, or too many would be split at once. The cells of all pixels of a
+ * packet that are split are packets in turn. Sums are whole numbers, so that no order of cells changes a bit.
  */
 #ifdef WITH_AVERAGE
-/* The finest level, where textures may ask for it all over the picture a coarser one; how many cells of a level may be split, those
- * that are known least. */
+/* The finest level, where textures may ask for it all over the picture a coarser one; how many cells of a level may be
+ * split, those that are known least. */
 #ifdef WITH_TEXTURES
 #define FINEST 4
 #else
@@ -29,12 +28,11 @@ typedef int2 Tiles;
 #endif
 
 /* The rays through the middles of those cells that are `wanted`: their colours, 1 at most. */
-static __attribute__((noinline)) void sample_cells(const Frame frame, const Scene scene, const Cells cells, const int2 tile, const MASK wanted, Means *means,
-                         MASK *overgrown, Work *work) {
-    Pixels pixels = {{INFINITY, -1, {0, 0, 1}},
-                     {frame.background.x, frame.background.y, frame.background.z},
-                     {0, 0, 0},
-                     0};
+static __attribute__((noinline)) void sample_cells(const Frame frame, const Scene scene, const Cells cells,
+                                                   const int2 tile, const MASK wanted, Means *means, MASK *overgrown,
+                                                   Work *work) {
+    Pixels pixels = {
+        {INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}, {0, 0, 0}, 0};
 #ifdef WITH_CEILING
     pixels.wanted = wanted;
     pixels.overgrown = 0;
@@ -50,7 +48,8 @@ static __attribute__((noinline)) void sample_cells(const Frame frame, const Scen
 }
 
 #ifndef WITH_TRIANGLES
-/* A surface before the cover. D: its discriminant; straight: where its outline is nearly a line, of which it is on one side. */
+/* A surface before the cover. D: its discriminant; straight: where its outline is nearly a line, of which it is on one
+ * side. */
 typedef struct {
     Quadric shape;
     Outline outline;
@@ -62,7 +61,8 @@ static Front front_of(const Scene scene, const Cells cells, const INT id) {
     front.shape = quadrics_of(scene.spheres, id);
     front.outline = outline_of(cells, front.shape, scene.unit);
     const Model D = front.outline.D;
-    front.straight = (id >= 0) & (front.outline.c > 0) & (least_of(front.outline.b) > 0) & (D.r < fabs(D.x) + fabs(D.y));
+    front.straight = (id >= 0) & (front.outline.c > 0) & (least_of(front.outline.b) > 0) &
+                     (D.r < fabs(D.x) + fabs(D.y));
     return front;
 }
 
@@ -82,15 +82,17 @@ static Model flattened(const Model m) {
     return flat;
 }
 
-/* Which of two surfaces is nearer: a, where the model is negative. With t = (b - sqrt(D)) / d.d, it is the sign of the difference
- * of b - sqrt(D). */
+/* Which of two surfaces is nearer: a, where the model is negative. With t = (b - sqrt(D)) / d.d, it is the sign of the
+ * difference of b - sqrt(D). */
 static Model depth_difference(const Front a, const Front b) {
-    const Model first = minus_model(a.outline.b, root_of(a.outline.D)), last = minus_model(b.outline.b, root_of(b.outline.D));
+    const Model first = minus_model(a.outline.b, root_of(a.outline.D)),
+                last = minus_model(b.outline.b, root_of(b.outline.D));
     Model order = flattened(minus_model(first, last));
 #ifdef WITH_QUADRICS
     order.r = INFINITY; /* These have other b. */
 #endif
-    const MASK outside = (a.outline.c > 0) & (least_of(a.outline.b) > 0) & (b.outline.c > 0) & (least_of(b.outline.b) > 0);
+    const MASK outside = (a.outline.c > 0) & (least_of(a.outline.b) > 0) & (b.outline.c > 0) &
+                         (least_of(b.outline.b) > 0);
     order.r = outside ? order.r : (FLOAT)INFINITY;
     return order;
 }
@@ -116,8 +118,8 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
         open_window(&windows[which]);
         clear_tint(&tints[which]);
     }
-    /* Which cells are cut in two by the front's outline: the rest of the cover, or of the background, is behind it. And which are
-     * cut again by that of the second. */
+    /* Which cells are cut in two by the front's outline: the rest of the cover, or of the background, is behind it. And
+     * which are cut again by that of the second. */
     MASK halved = 0, cut_twice = 0;
     Front front[2];
     if (ANY(fronts)) {
@@ -133,7 +135,8 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
             kind.plain = kind.plain | hidden;
             mixed = mixed & !hidden;
             fronts = fronts & !hidden;
-            crossing = mixed & !clear & view.of_front.covers & is_known(order) & (order.r < fabs(order.x) + fabs(order.y));
+            crossing = mixed & !clear & view.of_front.covers & is_known(order) &
+                       (order.r < fabs(order.x) + fabs(order.y));
             line = choose_model(crossing, scaled(order, -1), line);
         }
         line = choose_model(clear & view.of_front.covers, constant_model(1), line);
@@ -147,7 +150,8 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
             cut_twice = halved & kind.pair & !view.of_second.covers & front[1].straight;
             MASK beyond = view.of_second.most < view.of_cover.least;
             if (ANY(cut_twice & !beyond)) {
-                const Model order = depth_difference(front[1], front_of(scene, cells, cut_twice ? view.cover : (INT)-1));
+                const Model order = depth_difference(front[1],
+                                                     front_of(scene, cells, cut_twice ? view.cover : (INT)-1));
                 beyond = beyond | (is_known(order) & (most_of(order) < 0));
             }
             /* Then the first is before the cover where it is before the second, but it may be beside that. */
@@ -193,15 +197,17 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
     MASK known = known_kind;
     for (int k = 0; k < 3; k++) {
         /* Of s f + (1 - s) b, with the share s of the front: it is linear in s. */
-        const FLOAT p = share.least, q = share.most, f0 = tints[1].least[k], f1 = tints[1].most[k], b0 = tints[0].least[k],
-                   b1 = tints[0].most[k];
+        const FLOAT p = share.least, q = share.most, f0 = tints[1].least[k], f1 = tints[1].most[k],
+                    b0 = tints[0].least[k], b1 = tints[0].most[k];
         const FLOAT low = b0 + (f0 < b0 ? q : p) * (f0 - b0), high = b1 + (f1 > b1 ? q : p) * (f1 - b1);
         /* Where outlines are nearly straight: what is in their strips is of the front, or of what is behind. */
         const FLOAT first = contrast_of(&tints[1], &tints[0], k), over = contrast_of(&tints[1], &tints[2], k);
-        const FLOAT second = contrast_of(&tints[2], &tints[0], k), largest = (cut_twice & (over > first)) ? over : first;
+        const FLOAT second = contrast_of(&tints[2], &tints[0], k),
+                    largest = (cut_twice & (over > first)) ? over : first;
         const FLOAT beyond = windows[2].off - windows[1].off, strip = beyond > 0 ? beyond : (FLOAT)0;
         const FLOAT sum = tints[0].v[k] + tints[1].v[k] + (cut_twice ? tints[2].v[k] : (FLOAT)0);
-        const FLOAT off = tints[0].e[k] + tints[1].e[k] + windows[1].off * largest + (cut_twice ? tints[2].e[k] + strip * second : (FLOAT)0);
+        const FLOAT off = tints[0].e[k] + tints[1].e[k] + windows[1].off * largest +
+                          (cut_twice ? tints[2].e[k] + strip * second : (FLOAT)0);
         const FLOAT range = (FLOAT)0.5f * (high - low);
         const MASK straight = halved & (cut_twice | (off < range));
         out->v[k] = fronts ? (straight ? sum : (FLOAT)0.5f * (low + high)) : tints[0].v[k];
@@ -223,8 +229,8 @@ static MASK mean_tint(const Frame frame, const Scene scene, const Cells cells, c
 
 #ifdef WITH_RUNS
 /* The same of cells of several tiles. */
-static void sample_tiles(const Frame frame, const Scene scene, const Cells cells, const Tiles tiles, const MASK wanted, Means *means, MASK *overgrown,
-                         Work *work) {
+static void sample_tiles(const Frame frame, const Scene scene, const Cells cells, const Tiles tiles, const MASK wanted,
+                         Means *means, MASK *overgrown, Work *work) {
     int x[W], y[W], some[W];
     STORE_LANES(tiles.x, x);
     STORE_LANES(tiles.y, y);
@@ -244,8 +250,9 @@ static void sample_tiles(const Frame frame, const Scene scene, const Cells cells
 #endif
 
 /* What cells show, given which surfaces these are. */
-static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells, const int level, const Tiles tile,
-                                                    const Sight *sight, Means *means, MASK *overgrown, Work *work) {
+static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells,
+                                                    const int level, const Tiles tile, const Sight *sight, Means *means,
+                                                    MASK *overgrown, Work *work) {
     Tint tint;
 #ifdef WITH_TRIANGLES
     MASK beyond;
@@ -253,7 +260,8 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
 #else
     const Sight view = *sight;
     Kind kind = kind_of_sight(view);
-    const MASK beyond = beyond_proof(scene, view.cover) | ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & !kind.plain);
+    const MASK beyond = beyond_proof(scene, view.cover) |
+                        ((beyond_proof(scene, view.front) | beyond_proof(scene, view.second)) & !kind.plain);
     kind.plain = kind.plain & !beyond;
     kind.mixed = kind.mixed & !beyond;
     kind.pair = kind.pair & !beyond;
@@ -265,13 +273,13 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
         means->color[k] = TO_SHADE(tint.v[k]);
         error = tint.e[k] > error ? tint.e[k] : error;
     }
-    /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them. The
-     * background alone is exact, as it is where no list holds anything. */
+    /* Besides, colours are at most 1 and in float: each rounding is below 2^-16 of a level, and 2^-12 are 16 of them.
+     * The background alone is exact, as it is where no list holds anything. */
     const MASK nothing = known & (error == 0) & (means->coverage == 0);
     means->error = nothing ? (FLOAT)0 : error * 255.0f * 1.0001f + 0x1p-12f;
     means->state = beyond ? (INT)BEYOND : open ? (INT)OPEN : (INT)SURE;
-    /* What is known but roughly is sampled, too, where it is not split any more: of what is within the bounds the sample is mostly
-     * nearer to the mean than the middle. */
+    /* What is known but roughly is sampled, too, where it is not split any more: of what is within the bounds the
+     * sample is mostly nearer to the mean than the middle. */
     const MASK rough = (known & !beyond) & (means->error > ROUGH) & (level == FINEST ? ALL_LANES : (MASK)0);
     if (level == 0 || !ANY(open | rough)) return;
     const FLOAT coverage = means->coverage;
@@ -301,7 +309,8 @@ static __attribute__((noinline)) void look_at_cells(const Frame frame, const Sce
     means->error = open ? most * 255.0f + 0x1p-12f : means->error;
 }
 
-/* A cell that may be split. place: its column in the pixel, plus 64 times its row, plus 4,096 times the pixel's lane. */
+/* A cell that may be split. place: its column in the pixel, plus 64 times its row, plus 4,096 times the pixel's lane.
+ */
 typedef struct {
     float color[3], coverage, error;
     ushort place;
@@ -313,8 +322,8 @@ static void add_cell(Sum *sum, const Part *cell, const float area) {
     sum->error += cell->error * area;
 }
 
-/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are above it, unless
- * those are all about equally large. */
+/* The error up to which cells are not split: what these leave is at most `budget`, and no more than MOST_SPLIT are
+ * above it, unless those are all about equally large. */
 static float largest_kept(const Part *cells, const int count, const float area, const float budget) {
     float kept = 0;
     for (int i = 0; i < count; i++) kept = fmax(kept, cells[i].error);
@@ -333,8 +342,8 @@ static float largest_kept(const Part *cells, const int count, const float area, 
 }
 
 /* Those of a packet's pixels' parts that are lanes of one packet, by their order. columns, rows: of the pixels. */
-static Cells cells_of_parts(const Frame frame, const int2 size, const int level, const int *columns, const int *rows, const Part *parts,
-                            const int *order) {
+static Cells cells_of_parts(const Frame frame, const int2 size, const int level, const int *columns, const int *rows,
+                            const Part *parts, const int *order) {
     int x[W], y[W];
     for (int lane = 0; lane < W; lane++) {
         const int place = parts[order[lane]].place, pixel = place >> 12;
@@ -363,8 +372,8 @@ static Tiles tiles_of_parts(const int *columns, const int *rows, const Part *par
 /* So many cells are seen before they are looked at. */
 #define MOST_SEEN (8 * W)
 
-/* Puts cells of which as many surfaces are to be looked at beside each other: the order is that of their ranks, and beyond the last
- * the last is repeated. */
+/* Puts cells of which as many surfaces are to be looked at beside each other: the order is that of their ranks, and
+ * beyond the last the last is repeated. */
 static void sort_by_rank(const int *rank, const int count, int *order) {
     int next = 0;
     for (int one = 0; one < RANKS; one++)
@@ -374,8 +383,8 @@ static void sort_by_rank(const int *rank, const int count, int *order) {
 }
 
 /* Looks at parts of pixels, MOST_SEEN at most. level: of the cells; see cells_of_parts(). */
-static void look_at_parts(const Frame frame, const Scene scene, const int2 size, const int level, const int *columns, const int *rows,
-                          Part *parts, const int count, int *beyond, int *late, Work *work) {
+static void look_at_parts(const Frame frame, const Scene scene, const int2 size, const int level, const int *columns,
+                          const int *rows, Part *parts, const int count, int *beyond, int *late, Work *work) {
     int order[MOST_SEEN + W], rank[MOST_SEEN + W];
     Sights sights;
     for (int first = 0, end = 0; first < count; first = end) {
@@ -424,8 +433,10 @@ static void place_parts(const ushort *split, const int count, Part *parts) {
     }
 }
 
-/* Adds those cells of one pixel that stay whole to its sum, and puts the places of the others into `split`. Returns how many these are. */
-static int keep_or_split(const Part *cells, const int count, const int level, const float levels, Sum *sum, ushort *split) {
+/* Adds those cells of one pixel that stay whole to its sum, and puts the places of the others into `split`. Returns how
+ * many these are. */
+static int keep_or_split(const Part *cells, const int count, const int level, const float levels, Sum *sum,
+                         ushort *split) {
     const float area = 1.0f / (1 << 2 * level);
     float total = sum->error;
     for (int i = 0; i < count; i++) total += cells[i].error * area;
@@ -442,9 +453,10 @@ static int keep_or_split(const Part *cells, const int count, const int level, co
     return next;
 }
 
-/* The means of those of W pixels that are wanted `again`, by their parts; but for those of which a part is `beyond` proof. */
-static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *again,
-                         Sum *sums, int *beyond, int *late, Work *work) {
+/* The means of those of W pixels that are wanted `again`, by their parts; but for those of which a part is `beyond`
+ * proof. */
+static void split_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows,
+                         const int *again, Sum *sums, int *beyond, int *late, Work *work) {
     ushort split[W * MOST_SPLIT];
     Part cells[4 * W * MOST_SPLIT];
     int count = 0;
@@ -453,12 +465,14 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
     for (int level = 1; count > 0; level++) {
         place_parts(split, count, cells);
         for (int first = 0; first < 4 * count; first += MOST_SEEN)
-            look_at_parts(frame, scene, size, level, columns, rows, cells + first, min(4 * count - first, MOST_SEEN), beyond, late, work);
+            look_at_parts(frame, scene, size, level, columns, rows, cells + first, min(4 * count - first, MOST_SEEN),
+                          beyond, late, work);
         int next = 0;
         for (int first = 0, end = 0; first < 4 * count; first = end) {
             const int pixel = cells[first].place >> 12;
             while (end < 4 * count && cells[end].place >> 12 == pixel) end++;
-            if (!beyond[pixel]) next += keep_or_split(cells + first, end - first, level, scene.average.w, &sums[pixel], split + next);
+            if (!beyond[pixel])
+                next += keep_or_split(cells + first, end - first, level, scene.average.w, &sums[pixel], split + next);
         }
         count = next;
     }
@@ -499,8 +513,8 @@ static Cells cells_of_run(const Frame frame, const int2 size, const int x, const
 }
 
 /* Splits those pixels of a run that are not known, or not well enough, W at once. which: the pixels that may be so. */
-static void split_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y, const int *which, const int count,
-                      Wholes *wholes, Work *work) {
+static void split_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y, const int *which,
+                      const int count, Wholes *wholes, Work *work) {
     const float levels = scene.average.w;
     int next = 0;
     while (next < count) {
@@ -529,10 +543,10 @@ static void split_run(const Frame frame, const Scene scene, const int2 size, con
     }
 }
 
-/* Looks at the pixels of up to RUN packets, side by side: quickly, and at the others, packed together, as usual. x, y: where they begin; right,
- * bottom: where the part of the picture ends that is wanted. */
-static void look_at_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y, const int right, const int bottom,
-                        Wholes *wholes, Work *work) {
+/* Looks at the pixels of up to RUN packets, side by side: quickly, and at the others, packed together, as usual. x, y:
+ * where they begin; right, bottom: where the part of the picture ends that is wanted. */
+static void look_at_run(const Frame frame, const Scene scene, const int2 size, const int x, const int y,
+                        const int right, const int bottom, Wholes *wholes, Work *work) {
     int order[RUN * W + W], rank[RUN * W], rest[RUN * W], sorted[RUN * W + W], count = 0;
     Sights sights;
     for (int packet = 0; packet < RUN && x + packet * PACKET_WIDTH < right; packet++) {
@@ -564,7 +578,8 @@ static void look_at_run(const Frame frame, const Scene scene, const int2 size, c
         const Sight view = load_sight(&sights, order + first);
         Means means;
         MASK overgrown = 0;
-        look_at_cells(frame, scene, cells_of_run(frame, size, x, y, order + first), 0, none, &view, &means, &overgrown, work);
+        look_at_cells(frame, scene, cells_of_run(frame, size, x, y, order + first), 0, none, &view, &means, &overgrown,
+                      work);
         Wholes own;
         store_means(&own, 0, means);
         for (int lane = 0; lane < W; lane++) {
@@ -577,10 +592,11 @@ static void look_at_run(const Frame frame, const Scene scene, const int2 size, c
     }
     split_run(frame, scene, size, x, y, rest, count, wholes, work);
 }
+#define MEANS_OF(frame, scene, packet, known) (known)->means
 #else
 /* What pixels show, as whole cells: quickly, where that is enough. */
-static Means look_at_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
-                            const MASK within, Work *work) {
+static Means look_at_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row,
+                            const int2 tile, const MASK within, Work *work) {
     Means means;
     MASK overgrown = 0;
     const Cells cells = cells_at(frame, size, 0, column, row);
@@ -600,11 +616,13 @@ static Means look_at_pixels(const Frame frame, const Scene scene, const int2 siz
 #endif
     return means;
 }
+#define MEANS_OF(frame, scene, packet, known) \
+    look_at_pixels(frame, scene, packet.size, packet.column, packet.row, packet.tile, packet.within, &(known)->work)
 #endif
 
 /* Puts the means into a packet of pixels. within: which of them are wanted; means: of what they show as whole cells. */
-static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row, const int2 tile,
-                           const MASK within, const Means means, Pixels *pixels, Work *work) {
+static void average_pixels(const Frame frame, const Scene scene, const int2 size, const INT column, const INT row,
+                           const int2 tile, const MASK within, const Means means, Pixels *pixels, Work *work) {
     const float levels = scene.average.w;
 #ifdef WITH_RUNS
     pixels->color.x = means.color[0];

@@ -3,8 +3,8 @@
  * Cells of level k have sides of 2^-k pixels. A packet of 4 x W/4 of them goes side by side, as pixels do.
  */
 #ifdef WITH_AVERAGE
-/* The rays (x, y, -1) through cells, and their squared lengths. dx, dy, h, k: x is dx + h s, and y is dy + k t. Of an orthographic
- * camera these are where rays start, and x, y stay 0 and a is 1. */
+/* The rays (x, y, -1) through cells, and their squared lengths. dx, dy, h, k: x is dx + h s, and y is dy + k t. Of an
+ * orthographic camera these are where rays start, and x, y stay 0 and a is 1. */
 typedef struct {
     REAL dx, dy;
     real h, k;
@@ -18,9 +18,11 @@ static Model narrowed(const REAL v, const REAL x, const REAL y, const REAL r) {
 }
 
 /* v + x s + y t - (ss s^2 + st s t + tt t^2), known in double. */
-static Conic conic_of(const REAL v, const REAL x, const REAL y, const REAL ss, const REAL st, const REAL tt, const REAL r) {
+static Conic conic_of(const REAL v, const REAL x, const REAL y, const REAL ss, const REAL st, const REAL tt,
+                      const REAL r) {
     Conic D = {TO_FLOAT(v), TO_FLOAT(x), TO_FLOAT(y), TO_FLOAT(ss), TO_FLOAT(st), TO_FLOAT(tt), TO_FLOAT(r)};
-    D.r += 0x1p-23f * (fabs(D.v) + fabs(D.x) + fabs(D.y) + (fabs(D.ss) + fabs(D.st) + fabs(D.tt))) + 0x1p-19f * D.r + VANISHING;
+    D.r += 0x1p-23f * (fabs(D.v) + fabs(D.x) + fabs(D.y) + (fabs(D.ss) + fabs(D.st) + fabs(D.tt))) + 0x1p-19f * D.r +
+           VANISHING;
     return D;
 }
 
@@ -85,7 +87,8 @@ typedef struct {
     INT id;      /* which surface, -1 for none */
     Model3 P, n; /* in camera space; the unit normal that faces the eye */
     Model3 v;    /* the unit vector to the eye */
-    /* From `anchor` to the points. Of a small sphere that is its centre: what shadows it depends on small differences. */
+    /* From `anchor` to the points. Of a small sphere that is its centre: what shadows it depends on small differences.
+     */
     Real3 anchor;
     Model3 p;
     Limb limb;
@@ -93,7 +96,8 @@ typedef struct {
     FLOAT radius; /* no point is further from the middle, anchor + (p.x.v, p.y.v, p.z.v) */
     int bare;     /* whether nothing else of them is known but this, P and side, so that shadows' rims are not */
 #ifdef WITH_SHEETS
-    /* P is ray / over; of what is flat both are planes over the cell, and so are all linear functions of P times over. */
+    /* P is ray / over; of what is flat both are planes over the cell, and so are all linear functions of P times over.
+     */
     int flat;
     Model over;
     Model3 ray;
@@ -128,8 +132,8 @@ static Model3 unit_or_any(const Model3 n) {
 /* The directions of a cell's rays, or where parallel ones start, as facets take them. */
 static Model3 directions_of(const Cells cells, const real unit) {
 #ifdef WITH_PARALLEL_RAYS
-    const Model3 v = {narrowed(unit * cells.dx, unit * (REAL)cells.h, 0, 0), narrowed(unit * cells.dy, 0, unit * (REAL)cells.k, 0),
-                      constant_model(1)};
+    const Model3 v = {narrowed(unit * cells.dx, unit * (REAL)cells.h, 0, 0),
+                      narrowed(unit * cells.dy, 0, unit * (REAL)cells.k, 0), constant_model(1)};
 #else
     const Model3 v = {cells.x, cells.y, constant_model(-1)};
 #endif
@@ -156,7 +160,8 @@ static void put_points(Area *patch, const Cells cells, const Model t, const real
 #endif
 }
 
-/* Puts in the points once more, as p from an anchor, and how far they are spread. Shadows are looked for by planes, but at outlines. */
+/* Puts in the points once more, as p from an anchor, and how far they are spread. Shadows are looked for by planes, but
+ * at outlines. */
 static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
     patch->bare = 0;
     patch->anchor = anchor;
@@ -167,13 +172,14 @@ static void put_anchor(Area *patch, const Real3 anchor, const Model3 p) {
     patch->radius = sqrt((x * x + y * y) + z * z) * (1 + 4 * ROUNDING);
 }
 
-/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; BEYOND: something in the cell mirrors or is
- * transparent, so that the pixel is one for samples.cl. */
+/* SURE: within the error; OPEN: too, but it may be large, and smaller after splitting; BEYOND: something in the cell
+ * mirrors or is transparent, so that the pixel is one for samples.cl. */
 #define SURE 0
 #define OPEN 1
 #define BEYOND 2
 
-/* What is known of a packet of cells: the mean colour, the share that surfaces have, and the colour's error in levels of 255. */
+/* What is known of a packet of cells: the mean colour, the share that surfaces have, and the colour's error in levels
+ * of 255. */
 typedef struct {
     SHADE color[3];
     FLOAT coverage, error;

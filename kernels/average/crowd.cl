@@ -1,23 +1,26 @@
 /* crowd.cl: what cells show where there are meshes: any number of surfaces, up to CROWD of them.
  *
- * A cell that meets no rim of a mesh is either wholly covered by it or not at all: a triangle goes on beyond each edge, on the other
- * side of it. So one place that it surely covers says it of all the cell, however many triangles there are. Surfaces that follow
- * each other in depth without a gap are a group: of a mesh all triangles that go on in each other are in one group.
+ * A cell that meets no rim of a mesh is either wholly covered by it or not at all: a triangle goes on beyond each edge,
+ * on the other side of it. So one place that it surely covers says it of all the cell, however many triangles there
+ * are. Surfaces that follow each other in depth without a gap are a group: of a mesh all triangles that go on in each
+ * other are in one group.
  */
 #ifdef WITH_SHEETS
 #define CROWD 24
 #define GROUPS 3
 
-/* Surfaces that a packet of cells may show. near, far: where along the rays they are, near is INFINITY where they are not. */
+/* Surfaces that a packet of cells may show. near, far: where along the rays they are, near is INFINITY where they are
+ * not. */
 typedef struct {
     int count, index[CROWD];
     FLOAT near[CROWD], far[CROWD];
-    Share share[CROWD];                     /* of the cell, whether or not something is before it */
-    MASK covers[CROWD], rim[CROWD], sure[CROWD]; /* whether it covers the cell, whether a rim is in it, and whether it is there at all */
+    Share share[CROWD]; /* of the cell, whether or not something is before it */
+    MASK covers[CROWD], rim[CROWD],
+        sure[CROWD]; /* whether it covers the cell, whether a rim is in it, and whether it is there at all */
     /* It is where all lines are positive that cut the cell; vague: but for these lanes, in which that is not known. */
     Model line[CROWD][3], depth[CROWD]; /* depth: a plane that is larger where a surface is nearer, or not known */
     MASK cut[CROWD][3], vague[CROWD];
-    FLOAT rest;                             /* what there was no room for is no nearer */
+    FLOAT rest; /* what there was no room for is no nearer */
 } Crowd;
 
 /* may: the lanes in which it may be before what is known to cover the cell. */
@@ -28,8 +31,8 @@ static void join_crowd(const Scene scene, const Cells cells, const int index, co
     Edges edges;
     Model depth = constant_model(0);
     depth.r = INFINITY;
-    if (index >= scene.spheres.first) {
-        const int number = index - scene.spheres.first;
+    if (index >= FIRST_TRIANGLE(scene.spheres)) {
+        const int number = index - FIRST_TRIANGLE(scene.spheres);
         __global const float4 *facet = scene.facet + 3 * (long)number;
         const Model3 v = directions_of(cells, scene.unit);
         edges = edges_along(facet, v, 1);
@@ -52,7 +55,7 @@ static void join_crowd(const Scene scene, const Cells cells, const int index, co
         rim = rim | vague;
 #endif
     } else {
-#ifdef ONLY_TRIANGLES
+#ifndef WITH_SPHERES
         return;
 #else
         const Quadric sphere = quadric_at(scene.spheres, index);
@@ -64,7 +67,8 @@ static void join_crowd(const Scene scene, const Cells cells, const int index, co
         share.least = extent.covers ? (FLOAT)1 : share.least;
         edges.edge[0] = outline.D;
         edges.edge[1] = edges.edge[2] = constant_model(1);
-        const MASK straight = (outline.c > 0) & (least_of(outline.b) > 0) & (outline.D.r < fabs(outline.D.x) + fabs(outline.D.y));
+        const MASK straight = (outline.c > 0) & (least_of(outline.b) > 0) &
+                              (outline.D.r < fabs(outline.D.x) + fabs(outline.D.y));
         vague = !extent.covers & !straight;
 #endif
     }
@@ -114,7 +118,8 @@ static void gather_crowd(const Scene scene, const Cells cells, const int2 tile, 
     }
 }
 
-/* Behind what nothing is seen; INFINITY where the background may be. single: whether what is seen is one sheet of a mesh. */
+/* Behind what nothing is seen; INFINITY where the background may be. single: whether what is seen is one sheet of a
+ * mesh. */
 typedef struct {
     FLOAT far;
     MASK single;
@@ -123,11 +128,13 @@ typedef struct {
 /* first_triangle: the index of the first surface that is one. */
 static Depth depth_of(const Crowd *crowd, const int first_triangle) {
     Depth depth = {INFINITY, 0};
-    for (int k = 0; k < crowd->count; k++) depth.far = (crowd->covers[k] & (crowd->far[k] < depth.far)) ? crowd->far[k] : depth.far;
+    for (int k = 0; k < crowd->count; k++)
+        depth.far = (crowd->covers[k] & (crowd->far[k] < depth.far)) ? crowd->far[k] : depth.far;
     FLOAT begin = -1;
     for (int group = 0; group < GROUPS; group++) {
         FLOAT first = INFINITY, end = INFINITY, previous;
-        for (int k = 0; k < crowd->count; k++) first = ((crowd->near[k] > begin) & (crowd->near[k] < first)) ? crowd->near[k] : first;
+        for (int k = 0; k < crowd->count; k++)
+            first = ((crowd->near[k] > begin) & (crowd->near[k] < first)) ? crowd->near[k] : first;
         end = first;
         do {
             previous = end;

@@ -1,16 +1,17 @@
 /* hiding.cl: which surfaces of a crowd hide which, and what each one shows of itself.
  *
- * In a cell, triangles have straight edges, and 1/t is a plane over each of them. So of two the common part is a polygon, and which one
- * is nearer there is told by the sign of a plane. A surface of which one edge alone is in the cell leaves to those behind it what
- * is on the other side of a line. What these leave of each other in turn is a polygon again.
+ * In a cell, triangles have straight edges, and 1/t is a plane over each of them. So of two the common part is a
+ * polygon, and which one is nearer there is told by the sign of a plane. A surface of which one edge alone is in the
+ * cell leaves to those behind it what is on the other side of a line. What these leave of each other in turn is a
+ * polygon again.
  */
 #ifdef WITH_SHEETS
 /* As many others may cut a surface in a lane. */
 #define SLOTS 3
 
-/* Of each surface, sets of others, with the bit 1 << k for the one of the number k: those that surely are before it where both are, and
- * those that may be. slack: what share of the cell that is wrong in; hidden: by one that is before it; loose: the share of the cell
- * that such ones may have, nevertheless. */
+/* Of each surface, sets of others, with the bit 1 << k for the one of the number k: those that surely are before it
+ * where both are, and those that may be. slack: what share of the cell that is wrong in; hidden: by one that is before
+ * it; loose: the share of the cell that such ones may have, nevertheless. */
 typedef struct {
     INT before[CROWD], unsure[CROWD];
     MASK seen[CROWD], hidden[CROWD];
@@ -48,14 +49,16 @@ static void order_pair(const Crowd *crowd, const int j, const int k, const MASK 
         const FLOAT all = common.share + common.off;
         const FLOAT nearer = share_left(&common, gap, clear), further = share_left(&common, scaled(gap, -1), clear);
         const MASK apart = clear & (all < TINY);
-        const MASK before = clear & !apart & told & (further < TINY), behind = clear & !apart & !before & told & (nearer < TINY);
+        const MASK before = clear & !apart & told & (further < TINY),
+                   behind = clear & !apart & !before & told & (nearer < TINY);
         const FLOAT wrong = apart ? all : before ? further : behind ? nearer : (FLOAT)0;
         order->slack[j] += wrong;
         order->slack[k] += wrong;
         Window other;
         open_window(&other);
         cut_to_member(&other, crowd, j, clear);
-        const FLOAT rest_k = own.share - common.share + common.off, rest_j = other.share - common.share + (common.off + other.off);
+        const FLOAT rest_k = own.share - common.share + common.off,
+                    rest_j = other.share - common.share + (common.off + other.off);
         const MASK hides_k = before & (rest_k < TINY), hides_j = behind & (rest_j < TINY);
         order->hidden[k] = order->hidden[k] | hides_k;
         order->hidden[j] = order->hidden[j] | hides_j;
@@ -74,7 +77,7 @@ static void order_pair(const Crowd *crowd, const int j, const int k, const MASK 
 
 /* Whether two triangles go on in each other, as the eye sees them, so that they are on opposite sides of an edge. */
 static int are_beside(const Scene scene, const int one, const int two) {
-    const int first = scene.spheres.first;
+    const int first = FIRST_TRIANGLE(scene.spheres);
     if (one < first || two < first) return 0;
     const int4 around = scene.neighbour[one - first];
     const int side = scene.face_side[one - first], other = two - first;
@@ -98,8 +101,8 @@ static void order_crowd(const Scene scene, const Crowd *crowd, const Depth depth
     for (int k = 0; k < crowd->count; k++) order->seen[k] = order->seen[k] & !order->hidden[k];
 }
 
-/* What is left of a member's part of cells, or with k = -1 of the background's. off: what share of the cell that is wrong in; lost:
- * what share others may have of it besides, and hidden: what share of it they surely have. */
+/* What is left of a member's part of cells, or with k = -1 of the background's. off: what share of the cell that is
+ * wrong in; lost: what share others may have of it besides, and hidden: what share of it they surely have. */
 typedef struct {
     Window window;
     FLOAT off, lost, hidden;
@@ -112,9 +115,9 @@ static FLOAT common_share(const Window *window, const Crowd *crowd, const int k,
     return part.share + part.off;
 }
 
-/* Counts what others have of what is left, which no line cuts off. other: these, as bits, and sure: those that surely are before it. All of
- * them together have no more than the sum of their parts, and no less than that without what every two have in common. Two that go on in
- * each other have nothing. */
+/* Counts what others have of what is left, which no line cuts off. other: these, as bits, and sure: those that surely
+ * are before it. All of them together have no more than the sum of their parts, and no less than that without what
+ * every two have in common. Two that go on in each other have nothing. */
 static void count_lost(const Scene scene, const Crowd *crowd, const INT other, const INT sure, Rest *rest) {
     for (int j = 0; j < crowd->count; j++) {
         const MASK here = (other & (INT)(1 << j)) != 0, clear = here & !crowd->vague[j];
@@ -135,7 +138,8 @@ static void count_lost(const Scene scene, const Crowd *crowd, const INT other, c
     }
 }
 
-static void leave_rest(const Scene scene, const Crowd *crowd, const Order *order, const int k, const MASK here, Rest *rest) {
+static void leave_rest(const Scene scene, const Crowd *crowd, const Order *order, const int k, const MASK here,
+                       Rest *rest) {
     open_window(&rest->window);
     rest->lost = rest->hidden = 0;
     if (k >= 0) cut_to_member(&rest->window, crowd, k, here);
@@ -145,11 +149,13 @@ static void leave_rest(const Scene scene, const Crowd *crowd, const Order *order
     for (int j = 0; j < crowd->count; j++) {
         if (j == k) continue;
         const MASK surely = k < 0 ? ALL_LANES : (order->before[max(k, 0)] & (INT)(1 << j)) != 0;
-        const MASK unsure = k < 0 ? (MASK)0 : (order->unsure[max(k, 0)] & (INT)(1 << j)) != 0, may = here & order->seen[j] & (surely | unsure);
+        const MASK unsure = k < 0 ? (MASK)0 : (order->unsure[max(k, 0)] & (INT)(1 << j)) != 0,
+                   may = here & order->seen[j] & (surely | unsure);
         if (!ANY(may)) continue;
         const MASK a = crowd->cut[j][0], b = crowd->cut[j][1], c = crowd->cut[j][2];
         const MASK one = (a & !b & !c) | (b & !a & !c) | (c & !a & !b), cuts = may & surely & one & (used < SLOTS);
-        const Model line = scaled(choose_model(a, crowd->line[j][0], choose_model(b, crowd->line[j][1], crowd->line[j][2])), -1);
+        const Model line = scaled(
+            choose_model(a, crowd->line[j][0], choose_model(b, crowd->line[j][1], crowd->line[j][2])), -1);
         for (int n = 0; n < SLOTS; n++) slot[n] = choose_model(cuts & (used == n), line, slot[n]);
         used = cuts ? used + 1 : used;
         other = (may & !cuts) ? other | (INT)(1 << j) : other;

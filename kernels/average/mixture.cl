@@ -1,21 +1,22 @@
 /* mixture.cl: the mean colour of cells that show a crowd.
  */
 #ifdef WITH_SHEETS
-/* What a member of a crowd, or the background, adds: a tint within its window, where that is exact, else any share between low and
- * high of colours within the tint's. off: what share of the cell the window is wrong in. */
+/* What a member of a crowd, or the background, adds: a tint within its window, where that is exact, else any share
+ * between low and high of colours within the tint's. off: what share of the cell the window is wrong in. */
 typedef struct {
     Tint tint;
     FLOAT share, off, low, high;
     MASK exact, here;
 } Piece;
 
-static Tint tint_of_member(const Frame frame, const Scene scene, const Cells cells, const int index, const MASK seen, const Window *window,
-                           Work *work) {
+static Tint tint_of_member(const Frame frame, const Scene scene, const Cells cells, const int index, const MASK seen,
+                           const Window *window, Work *work) {
     Area patch;
-    if (index >= scene.spheres.first) {
-        patch = patch_of_triangle(frame, scene, cells, index - scene.spheres.first, seen ? (INT)index : (INT)-1);
+    if (index >= FIRST_TRIANGLE(scene.spheres)) {
+        patch = patch_of_triangle(frame, scene, cells, index - FIRST_TRIANGLE(scene.spheres),
+                                  seen ? (INT)index : (INT)-1);
     } else {
-#ifndef ONLY_TRIANGLES
+#ifdef WITH_SPHERES
         const Quadric sphere = quadric_at(scene.spheres, index);
         patch = patch_of_sphere(cells, sphere, outline_of(cells, sphere, scene.unit), scene.unit);
         patch.id = seen ? patch.id : (INT)-1;
@@ -47,14 +48,15 @@ static void bound_tint(Tint *tint) {
 }
 
 /* The piece of a member, or with k = -1 of the background, in the lanes it is `here` in. */
-static void put_piece(const Frame frame, const Scene scene, const Cells cells, const Crowd *crowd, const Order *order, const int k,
-                     const MASK here, Piece *piece, Work *work) {
+static void put_piece(const Frame frame, const Scene scene, const Cells cells, const Crowd *crowd, const Order *order,
+                      const int k, const MASK here, Piece *piece, Work *work) {
     Rest rest;
     leave_rest(scene, crowd, order, k, here, &rest);
     const MASK vague = k < 0 ? (MASK)0 : crowd->vague[max(k, 0)];
     const FLOAT all = k < 0 ? (FLOAT)1 : crowd->share[max(k, 0)].most;
     const FLOAT least = k < 0 ? (FLOAT)0 : crowd->share[max(k, 0)].least;
-    const FLOAT share = rest.window.share, low = (vague ? least : share - rest.off) - rest.lost, most = vague ? all : share + rest.off, high = most - rest.hidden;
+    const FLOAT share = rest.window.share, low = (vague ? least : share - rest.off) - rest.lost,
+                most = vague ? all : share + rest.off, high = most - rest.hidden;
     piece->here = here;
     piece->share = share;
     piece->off = rest.off;
@@ -95,10 +97,12 @@ static void put_piece(const Frame frame, const Scene scene, const Cells cells, c
     }
 }
 
-/* What shares between each piece's low and high that are `left` together, or less, of what exceeds m in colours, make at most; with
- * sign = -1, of what is below m. The sum of w_k x_k with w_k <= cap_k and sum of w_k <= left is no more than
- * left H + sum of cap_k max(0, x_k - H) for any H >= 0, and with one of the x_k or 0 for H it is the largest (linear programming). */
-static FLOAT most_of_shares(const Piece *piece, const int count, const FLOAT left, const int c, const FLOAT m, const int sign) {
+/* What shares between each piece's low and high that are `left` together, or less, of what exceeds m in colours, make
+ * at most; with sign = -1, of what is below m. The sum of w_k x_k with w_k <= cap_k and sum of w_k <= left is no more
+ * than left H + sum of cap_k max(0, x_k - H) for any H >= 0, and with one of the x_k or 0 for H it is the largest
+ * (linear programming). */
+static FLOAT most_of_shares(const Piece *piece, const int count, const FLOAT left, const int c, const FLOAT m,
+                            const int sign) {
     FLOAT best = INFINITY;
     for (int h = 0; h <= count; h++) {
         FLOAT H = 0;
@@ -116,7 +120,8 @@ static FLOAT most_of_shares(const Piece *piece, const int count, const FLOAT lef
     return best;
 }
 
-/* All shares are 1 together. So with any m the mean is m plus what the pieces have above it, less what they have below. */
+/* All shares are 1 together. So with any m the mean is m plus what the pieces have above it, less what they have below.
+ */
 static void mix_pieces(const Piece *piece, const int count, const FLOAT loose, Tint *out) {
     FLOAT left = 1;
     MASK vague = 0;
@@ -154,11 +159,11 @@ static void mix_pieces(const Piece *piece, const int count, const FLOAT loose, T
 }
 
 /* What cells show. Returns the lanes in which the mean is known; beyond: those in which something seen has no proof. */
-static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, const int2 tile, Tint *out, FLOAT *coverage, MASK *beyond,
-                       Work *work) {
+static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, const int2 tile, Tint *out,
+                       FLOAT *coverage, MASK *beyond, Work *work) {
     Crowd crowd;
     gather_crowd(scene, cells, tile, &crowd);
-    const Depth depth = depth_of(&crowd, scene.spheres.first);
+    const Depth depth = depth_of(&crowd, FIRST_TRIANGLE(scene.spheres));
     const MASK open_sky = !(depth.far < INFINITY);
     MASK known = (crowd.rest > depth.far) | !(crowd.rest < INFINITY);
     Order order;
@@ -173,7 +178,8 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
     const MASK wanted = known & !*beyond;
     Piece piece[CROWD + 1];
     for (int k = -1; k < crowd.count; k++)
-        put_piece(frame, scene, cells, &crowd, &order, k, (k < 0 ? open_sky : order.seen[max(k, 0)]) & wanted, &piece[k + 1], work);
+        put_piece(frame, scene, cells, &crowd, &order, k, (k < 0 ? open_sky : order.seen[max(k, 0)]) & wanted,
+                  &piece[k + 1], work);
     mix_pieces(piece, crowd.count + 1, order.loose, out);
     const MASK sky_alone = wanted & !any;
     const Tint sky = constant_tint(frame.background.x, frame.background.y, frame.background.z);
@@ -183,7 +189,8 @@ static MASK crowd_tint(const Frame frame, const Scene scene, const Cells cells, 
         known = known & (out->e[c] < 1);
     }
     /* The sky has what surfaces leave to it. */
-    const FLOAT least = open_sky ? 1 - (piece[0].high + order.loose) : (FLOAT)1, most = open_sky ? 1 - (piece[0].low - order.loose) : (FLOAT)1;
+    const FLOAT least = open_sky ? 1 - (piece[0].high + order.loose) : (FLOAT)1,
+                most = open_sky ? 1 - (piece[0].low - order.loose) : (FLOAT)1;
     *coverage = sky_alone ? (FLOAT)0 : (FLOAT)0.5f * (least + most);
 #ifdef OUT_COVERAGE
     const FLOAT off = sky_alone ? (FLOAT)0 : (FLOAT)0.5f * (most - least);

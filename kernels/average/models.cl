@@ -1,17 +1,19 @@
 /* models.cl: numbers over all points of a cell of the picture at once.
  *
- * A cell is a rectangle of the picture, and (s, t) a place in it: each of s and t is within -1 .. 1. A Taylor model (Berz
- * and Makino) of a quantity is what it is at all places but for a bound:
+ * A cell is a rectangle of the picture, and (s, t) a place in it: each of s and t is within -1 .. 1. A Taylor model
+ * (Berz and Makino) of a quantity is what it is at all places but for a bound:
  *
  *     |quantity(s, t) - (v + x s + y t + z w)| <= r
  *
- * where w is within -1 .. 1, too: what is seen near a surface's outline goes with a root, which no plane is near to, and w stands
- * for that (see Limb in windows.cl). Elsewhere z is 0, and the mean over the cell is v, but for r, which is of second order in the
- * cell's size: this is the midpoint rule with its error. Each operation bounds what it leaves out, and what its own numbers are off by. With u = 2^-24: v, x and y are sums of
- * two numbers, off by u of |v| + |x| + |y|, so that 2 u of that are enough; products and functions add more where they are
- * more. The bound itself is made of fewer than 16 roundings of numbers of one sign, so that 2^-19 of it, with those that
- * follow, covers them; and VANISHING what underflows. A quotient may be off by 5 u and a root by 6 u, as the standard has it.
- * Where no bound is known, r is infinite or no number; is_known() tells, and what is made of it must not be known either. Lengths are in the float buffers' unit.
+ * where w is within -1 .. 1, too: what is seen near a surface's outline goes with a root, which no plane is near to,
+ * and w stands for that (see Limb in windows.cl). Elsewhere z is 0, and the mean over the cell is v, but for r, which
+ * is of second order in the cell's size: this is the midpoint rule with its error. Each operation bounds what it leaves
+ * out, and what its own numbers are off by. With u = 2^-24: v, x and y are sums of two numbers, off by u of |v| + |x| +
+ * |y|, so that 2 u of that are enough; products and functions add more where they are more. The bound itself is made of
+ * fewer than 16 roundings of numbers of one sign, so that 2^-19 of it, with those that follow, covers them; and
+ * VANISHING what underflows. A quotient may be off by 5 u and a root by 6 u, as the standard has it. Where no bound is
+ * known, r is infinite or no number; is_known() tells, and what is made of it must not be known either. Lengths are in
+ * the float buffers' unit.
  */
 #ifdef WITH_AVERAGE
 #define ROUNDING 0x1p-20f
@@ -86,14 +88,15 @@ static Model between_bounds(const FLOAT low, const FLOAT high) {
     return with_rounding(m);
 }
 
-/* a b. Of the product of the gradients, x x' s^2 is within 0 and x x', as y y' t^2 and z z' w^2 are; in the middle of that it is
- * off by half. */
+/* a b. Of the product of the gradients, x x' s^2 is within 0 and x x', as y y' t^2 and z z' w^2 are; in the middle of
+ * that it is off by half. */
 static Model times_model(const Model a, const Model b) {
-    const FLOAT xx = (FLOAT)0.5f * a.x * b.x, yy = (FLOAT)0.5f * a.y * b.y, zz = (FLOAT)0.5f * a.z * b.z, ga = gradient(a), gb = gradient(b);
+    const FLOAT xx = (FLOAT)0.5f * a.x * b.x, yy = (FLOAT)0.5f * a.y * b.y, zz = (FLOAT)0.5f * a.z * b.z,
+                ga = gradient(a), gb = gradient(b);
     const FLOAT mixed = fabs(a.x * b.y + a.y * b.x) + fabs(a.x * b.z + a.z * b.x) + fabs(a.y * b.z + a.z * b.y);
     const Model m = {a.v * b.v + (xx + yy + zz), a.v * b.x + b.v * a.x, a.v * b.y + b.v * a.y,
-                     fabs(a.v) * b.r + fabs(b.v) * a.r + (fabs(xx) + fabs(yy) + fabs(zz)) + mixed + (ga * b.r + gb * a.r + a.r * b.r) +
-                         0x1p-22f * ((fabs(a.v) + ga) * (fabs(b.v) + gb)),
+                     fabs(a.v) * b.r + fabs(b.v) * a.r + (fabs(xx) + fabs(yy) + fabs(zz)) + mixed +
+                         (ga * b.r + gb * a.r + a.r * b.r) + 0x1p-22f * ((fabs(a.v) + ga) * (fabs(b.v) + gb)),
                      a.v * b.z + b.v * a.z};
     return with_rounding(m);
 }
@@ -101,16 +104,17 @@ static Model times_model(const Model a, const Model b) {
 /* a^2. The square of the gradient's part is within 0 and (|x| + |y| + |z|)^2. */
 static Model square_of(const Model a) {
     const FLOAT g = gradient(a), halved = (FLOAT)0.5f * g * g;
-    const Model m = {a.v * a.v + halved, 2 * a.v * a.x, 2 * a.v * a.y, halved + (2 * (fabs(a.v) + g) + a.r) * a.r + 0x1p-22f * halved,
-                     2 * a.v * a.z};
+    const Model m = {a.v * a.v + halved, 2 * a.v * a.x, 2 * a.v * a.y,
+                     halved + (2 * (fabs(a.v) + g) + a.r) * a.r + 0x1p-22f * halved, 2 * a.v * a.z};
     return with_rounding(m);
 }
 
-/* f(a) for a function whose value and slope at v are given, and whose distance from that tangent is within 0 and `rest`,
- * or of a negative `rest` within that and 0. */
+/* f(a) for a function whose value and slope at v are given, and whose distance from that tangent is within 0 and
+ * `rest`, or of a negative `rest` within that and 0. */
 static Model on_tangent(const Model a, const FLOAT value, const FLOAT slope, const FLOAT rest) {
     const FLOAT halved = (FLOAT)0.5f * rest;
-    const Model m = {value + halved, slope * a.x, slope * a.y, fabs(slope) * a.r + fabs(halved) + 0x1p-20f * (fabs(value) + fabs(slope) * gradient(a)),
+    const Model m = {value + halved, slope * a.x, slope * a.y,
+                     fabs(slope) * a.r + fabs(halved) + 0x1p-20f * (fabs(value) + fabs(slope) * gradient(a)),
                      slope * a.z};
     return with_rounding(m);
 }
@@ -123,13 +127,15 @@ static Model reciprocal_of(const Model a) {
     return m;
 }
 
-/* sqrt(max(0, a)). With d = a - v: sqrt(a) = sqrt(v) + d/(2 sqrt(v)) - d^2/(2 sqrt(v) (sqrt(a) + sqrt(v))^2). Where a may be
- * negative, it is what lies between 0 and the largest root. */
+/* sqrt(max(0, a)). With d = a - v: sqrt(a) = sqrt(v) + d/(2 sqrt(v)) - d^2/(2 sqrt(v) (sqrt(a) + sqrt(v))^2). Where a
+ * may be negative, it is what lies between 0 and the largest root. */
 static Model root_of(const Model a) {
     const FLOAT low = least_of(a), high = most_of(a), rad = radius_of(a);
     const MASK positive = low > 0;
-    const FLOAT v = positive ? a.v : (FLOAT)1, root = sqrt(v), over = 1 / root, sum = root + sqrt(positive ? low : (FLOAT)0);
-    const Model tangent = on_tangent(a, root, (FLOAT)0.5f * over, (FLOAT)-0.5f * (rad * rad) * over / (sum * sum) * (1 + 2 * ROUNDING));
+    const FLOAT v = positive ? a.v : (FLOAT)1, root = sqrt(v), over = 1 / root,
+                sum = root + sqrt(positive ? low : (FLOAT)0);
+    const Model tangent = on_tangent(a, root, (FLOAT)0.5f * over,
+                                     (FLOAT)-0.5f * (rad * rad) * over / (sum * sum) * (1 + 2 * ROUNDING));
     const Model range = between_bounds(0, sqrt(high <= 0 ? (FLOAT)0 : high));
     return choose_model(positive, tangent, range);
 }
@@ -146,7 +152,8 @@ static Model over_root_of(const Model a) {
 /* max(0, a). Where a is hardly ever negative, it is a and what is within 0 and -least more. */
 static Model positive_part(const Model a) {
     const FLOAT low = least_of(a), high = most_of(a), more = low < 0 ? (FLOAT)-0.5f * low : (FLOAT)0;
-    const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high), shifted = {a.v + more, a.x, a.y, a.r + more, a.z};
+    const Model range = between_bounds(0, high <= 0 ? (FLOAT)0 : high),
+                shifted = {a.v + more, a.x, a.y, a.r + more, a.z};
     return choose_model(shifted.r < range.r, with_rounding(shifted), range);
 }
 
@@ -160,7 +167,8 @@ static Model square_of_vector(const Model3 a) {
 
 /* a c, where c is the same in all of the cell but for its r. */
 static Model times_constant(const Model a, const Model c) {
-    const Model m = {c.v * a.v, c.v * a.x, c.v * a.y, fabs(c.v) * a.r + c.r * (fabs(a.v) + gradient(a) + a.r), c.v * a.z};
+    const Model m = {c.v * a.v, c.v * a.x, c.v * a.y, fabs(c.v) * a.r + c.r * (fabs(a.v) + gradient(a) + a.r),
+                     c.v * a.z};
     return with_rounding(m);
 }
 
@@ -184,13 +192,15 @@ static Model3 plus_vectors(const Model3 a, const Model3 b) {
 }
 
 static Model3 cross_models(const Model3 a, const Model3 b) {
-    const Model3 m = {minus_model(times_model(a.y, b.z), times_model(a.z, b.y)), minus_model(times_model(a.z, b.x), times_model(a.x, b.z)),
+    const Model3 m = {minus_model(times_model(a.y, b.z), times_model(a.z, b.y)),
+                      minus_model(times_model(a.z, b.x), times_model(a.x, b.z)),
                       minus_model(times_model(a.x, b.y), times_model(a.y, b.x))};
     return m;
 }
 
 static Model3 cross_constant(const Model3 a, const Model3 c) {
-    const Model3 m = {minus_model(times_constant(a.y, c.z), times_constant(a.z, c.y)), minus_model(times_constant(a.z, c.x), times_constant(a.x, c.z)),
+    const Model3 m = {minus_model(times_constant(a.y, c.z), times_constant(a.z, c.y)),
+                      minus_model(times_constant(a.z, c.x), times_constant(a.x, c.z)),
                       minus_model(times_constant(a.x, c.y), times_constant(a.y, c.x))};
     return m;
 }

@@ -1,8 +1,8 @@
 /* paint.cl: the colour that a texture gives a patch of a surface.
  */
 #if defined(WITH_AVERAGE) && defined(WITH_TEXTURES)
-/* The angle of (x, y) in turns. As a function of a point that is rho from the origin, it has the slope 1 / rho and its second
- * derivatives are within 1 / rho^2, in radians. */
+/* The angle of (x, y) in turns. As a function of a point that is rho from the origin, it has the slope 1 / rho and its
+ * second derivatives are within 1 / rho^2, in radians. */
 static Model turns_of_models(const Model y, const Model x) {
     const FLOAT square = x.v * x.v + y.v * y.v, rx = radius_of(x), ry = radius_of(y);
     const FLOAT far = sqrt(rx * rx + ry * ry), rho = sqrt(square) * (1 - 8 * ROUNDING) - far, part = far / rho;
@@ -44,8 +44,10 @@ static int wrapped(const int place, const int size) {
 /* Three colours of a texel, 0 .. 1. x, y: within the texture. */
 static float3 texel_at(const Scene scene, const Sheet sheet, const int x, const int y) {
     const int deep = sheet.full > 255, shift = deep ? 16 : 8;
-    const ulong bytes = as_ulong(vload8(0, scene.texel + sheet.begin + (deep ? 6 : 3) * (y * sheet.columns + x))), most = (ulong)sheet.full;
-    return (float3)((float)(bytes & most), (float)(bytes >> shift & most), (float)(bytes >> 2 * shift & most)) / (float)sheet.full;
+    const ulong bytes = as_ulong(vload8(0, scene.texel + sheet.begin + (deep ? 6 : 3) * (y * sheet.columns + x))),
+                most = (ulong)sheet.full;
+    return (float3)((float)(bytes & most), (float)(bytes >> shift & most), (float)(bytes >> 2 * shift & most)) /
+           (float)sheet.full;
 }
 
 /* A coordinate on textures by lanes: a model, whose z is in `off`. */
@@ -60,7 +62,8 @@ static void store_coordinate(const Model m, Coordinate *to) {
     STORE_LANES(m.r + fabs(m.z), to->off);
 }
 
-/* The same of one lane in texels: c is at + s + t, off by `off`, and within `radius`. The texels that matter are `count` from `first`. */
+/* The same of one lane in texels: c is at + s + t, off by `off`, and within `radius`. The texels that matter are
+ * `count` from `first`. */
 typedef struct {
     float at, s, t, off, radius;
     int first, count;
@@ -88,10 +91,10 @@ static int are_known(const Range x, const Range y) {
     return x.count > 0 && y.count > 0 && x.count * y.count <= MOST_TEXELS;
 }
 
-/* Texels that a cell may show, less the colour in its middle: rows of so many columns, or if they are `turned`, columns of so many rows.
- * All is named as of rows. sum: their integrals along rows, from below the middle on. low, high: their range; steep: up to what colours
- * differ from one texel to the next, across and down; total: the sum of that over all squares between four texels, and sides: over the
- * columns of squares, or the rows, of the most in each. */
+/* Texels that a cell may show, less the colour in its middle: rows of so many columns, or if they are `turned`, columns
+ * of so many rows. All is named as of rows. sum: their integrals along rows, from below the middle on. low, high: their
+ * range; steep: up to what colours differ from one texel to the next, across and down; total: the sum of that over all
+ * squares between four texels, and sides: over the columns of squares, or the rows, of the most in each. */
 typedef struct {
     int columns, rows, turned;
     float3 texel[MOST_TEXELS], sum[MOST_TEXELS];
@@ -108,7 +111,8 @@ static float3 color_in(const Texels *texels, const float x, const float y, const
 static float3 row_integral(const Texels *texels, const float x, const int i, const int j) {
     const int place = j * texels->columns + i;
     const float part = x - i;
-    return texels->sum[place] + part * (texels->texel[place] + 0.5f * part * (texels->texel[place + 1] - texels->texel[place]));
+    return texels->sum[place] +
+           part * (texels->texel[place] + 0.5f * part * (texels->texel[place + 1] - texels->texel[place]));
 }
 
 static float3 integral_in(const Texels *texels, const float x, const float y, const int i, const int j) {
@@ -119,7 +123,8 @@ static float3 integral_in(const Texels *texels, const float x, const float y, co
 static void load_texels(const Scene scene, const Sheet sheet, const Range u, const Range v, Texels *texels) {
     texels->turned = v.radius > u.radius && (u.count > 2 || v.count > 2);
     const Range x = texels->turned ? v : u, y = texels->turned ? u : v;
-    const int left = wrapped(u.first, sheet.columns), top = wrapped(v.first, sheet.rows), columns = x.count, middle_column = (int)x.at;
+    const int left = wrapped(u.first, sheet.columns), top = wrapped(v.first, sheet.rows), columns = x.count,
+              middle_column = (int)x.at;
     const int step = texels->turned ? 1 : columns, next = texels->turned ? columns : 1;
     texels->columns = columns;
     texels->rows = y.count;
@@ -154,12 +159,14 @@ static void load_texels(const Scene scene, const Sheet sheet, const Range u, con
     texels->sides[0] = texels->sides[1] = 0;
     for (int i = 1; i < columns; i++) {
         float3 most = 0;
-        for (int j = 0; j < y.count; j++) most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[j * columns + i - 1]));
+        for (int j = 0; j < y.count; j++)
+            most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[j * columns + i - 1]));
         texels->sides[0] += most;
     }
     for (int j = 1; j < y.count; j++) {
         float3 most = 0;
-        for (int i = 0; i < columns; i++) most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[(j - 1) * columns + i]));
+        for (int i = 0; i < columns; i++)
+            most = fmax(most, fabs(texels->texel[j * columns + i] - texels->texel[(j - 1) * columns + i]));
         texels->sides[1] += most;
     }
 }
@@ -169,17 +176,20 @@ static float way_to_next(const float x, const float step) {
     return step > 0 ? (floor(x) + 1 - x) / step : step < 0 ? (ceil(x) - 1 - x) / step : INFINITY;
 }
 
-/* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is integral_in(). Between lines through texels it is of
- * the third degree in the place on the line, so two points tell it (Gauss and Legendre). */
+/* The integral of F dy along a line from (x, y) to (x + dx, y + dy), where F is integral_in(). Between lines through
+ * texels it is of the third degree in the place on the line, so two points tell it (Gauss and Legendre). */
 static float3 integral_along(const Texels *texels, const float x, const float y, const float dx, const float dy) {
     float3 sum = 0;
     if (dy == 0) return sum;
     float next_x = way_to_next(x, dx), next_y = way_to_next(y, dy), done = 0;
     for (int n = 0; n < texels->columns + texels->rows && done < 1; n++) {
-        const float end = fmin(fmin(next_x, next_y), 1.0f), middle = 0.5f * (done + end), length = end - done, apart = 0.288675135f * length;
-        const int i = clamp((int)floor(x + middle * dx), 0, texels->columns - 2), j = clamp((int)floor(y + middle * dy), 0, texels->rows - 2);
+        const float end = fmin(fmin(next_x, next_y), 1.0f), middle = 0.5f * (done + end), length = end - done,
+                    apart = 0.288675135f * length;
+        const int i = clamp((int)floor(x + middle * dx), 0, texels->columns - 2),
+                  j = clamp((int)floor(y + middle * dy), 0, texels->rows - 2);
         const float first = middle - apart, last = middle + apart;
-        sum += length * (integral_in(texels, x + first * dx, y + first * dy, i, j) + integral_in(texels, x + last * dx, y + last * dy, i, j));
+        sum += length * (integral_in(texels, x + first * dx, y + first * dy, i, j) +
+                         integral_in(texels, x + last * dx, y + last * dy, i, j));
         if (next_x <= end) next_x += 1 / fabs(dx);
         if (next_y <= end) next_y += 1 / fabs(dy);
         done = end;
@@ -204,8 +214,9 @@ static void store_polygons(const Window *window, Polygons *to) {
     }
 }
 
-/* Makes places that lie on a line, or nearly so, no less than a little wide, as otherwise their area would be all roundings. What these
- * are off by grows by that. Returns a quarter of the area that the cell has on the texture, with its sign. */
+/* Makes places that lie on a line, or nearly so, no less than a little wide, as otherwise their area would be all
+ * roundings. What these are off by grows by that. Returns a quarter of the area that the cell has on the texture, with
+ * its sign. */
 static float widened_area(Range *x, Range *y) {
     const float area = x->s * y->t - x->t * y->s, gx = fabs(x->s) + fabs(x->t), gy = fabs(y->s) + fabs(y->t);
     Range *wide = gy > gx ? x : y;
@@ -222,26 +233,30 @@ static float widened_area(Range *x, Range *y) {
 
 /* The mean over the cell of texels' colours within a window, and 0 elsewhere. off: what that is off by.
  *
- * By Green's theorem it is the integral of F dy around the window, divided by what the cell's area is on the texture, which is 4
- * times `area`. Where places are off by e, colours are by e times their slope there, whose mean over the cell is no more than
- * the largest, no more than the sum over all squares, each wider by e, divided by the cell's area, and no more than the sum over columns
- * of squares: with x = a s + b t, of the cell's places no more than 1 / (2 max(|a|, |b|)) are in each unit of x.
- * Roundings, with u = 2^-24, n columns, m rows, and A for the largest colour: F is off by (n^2 + 8) u A, as sums are of up to n colours,
- * and the border goes down and up by 4 ry in all; corners are off by 3 u rx and 3 u ry, which is an area of 24 u rx ry; and F is A rx
- * at most, so what is added up are less than n + m + 26 roundings of 4 A rx ry. All this is divided by 4 area, too. */
-static float3 mean_within(const Texels *texels, const Range u, const Range v, const Polygons *window, const int lane, float3 *off) {
+ * By Green's theorem it is the integral of F dy around the window, divided by what the cell's area is on the texture,
+ * which is 4 times `area`. Where places are off by e, colours are by e times their slope there, whose mean over the
+ * cell is no more than the largest, no more than the sum over all squares, each wider by e, divided by the cell's area,
+ * and no more than the sum over columns of squares: with x = a s + b t, of the cell's places no more than 1 / (2
+ * max(|a|, |b|)) are in each unit of x. Roundings, with u = 2^-24, n columns, m rows, and A for the largest colour: F
+ * is off by (n^2 + 8) u A, as sums are of up to n colours, and the border goes down and up by 4 ry in all; corners are
+ * off by 3 u rx and 3 u ry, which is an area of 24 u rx ry; and F is A rx at most, so what is added up are less than n
+ * + m + 26 roundings of 4 A rx ry. All this is divided by 4 area, too. */
+static float3 mean_within(const Texels *texels, const Range u, const Range v, const Polygons *window, const int lane,
+                          float3 *off) {
     Range x = texels->turned ? v : u, y = texels->turned ? u : v;
     const float area = widened_area(&x, &y), over = 0.25f / area;
     float3 sum = 0;
     for (int k = 0; k < window->sides; k++) {
-        const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s1 = window->s1[k][lane], t1 = window->t1[k][lane];
+        const float s0 = window->s0[k][lane], t0 = window->t0[k][lane], s1 = window->s1[k][lane],
+                    t1 = window->t1[k][lane];
         const float x0 = x.s * s0 + x.t * t0, y0 = y.s * s0 + y.t * t0;
         sum += integral_along(texels, x.at + x0, y.at + y0, x.s * s1 + x.t * t1 - x0, y.s * s1 + y.t * t1 - y0);
     }
     const float n = texels->columns, m = texels->rows, wider = (1 + 2 * x.off) * (1 + 2 * y.off) * fabs(over);
     const float rounded = 0x1p-23f * y.radius * (n * n + 8 + (2 * (n + m) + 64) * x.radius) / fabs(area);
     const float3 largest = fmax(texels->high, -texels->low);
-    const float wide_x = 0.5f * (1 + 2 * x.off) / fmax(fabs(x.s), fabs(x.t)), wide_y = 0.5f * (1 + 2 * y.off) / fmax(fabs(y.s), fabs(y.t));
+    const float wide_x = 0.5f * (1 + 2 * x.off) / fmax(fabs(x.s), fabs(x.t)),
+                wide_y = 0.5f * (1 + 2 * y.off) / fmax(fabs(y.s), fabs(y.t));
     const float3 steep_x = fmin(fmin(texels->steep[0], texels->total[0] * wider), texels->sides[0] * wide_x);
     const float3 steep_y = fmin(fmin(texels->steep[1], texels->total[1] * wider), texels->sides[1] * wide_y);
     *off = (x.off * steep_x + y.off * steep_y + rounded * largest) * (1 + 0x1p-18f);
@@ -279,19 +294,20 @@ typedef struct {
     float mean[3][W], off[3][W];
 } TextureMoments;
 
-/* Of what the texture has besides the colour in the middle: its mean within a window, and what that is off by. Of bounds the smaller one
- * holds: that of mean_within(), or up to what colours differ from the middle's, `range`. */
-static void put_mean(const Texels *texels, const Range x, const Range y, const Polygons *window, const int lane, const float3 range,
-                     TextureMoments *to) {
+/* Of what the texture has besides the colour in the middle: its mean within a window, and what that is off by. Of
+ * bounds the smaller one holds: that of mean_within(), or up to what colours differ from the middle's, `range`. */
+static void put_mean(const Texels *texels, const Range x, const Range y, const Polygons *window, const int lane,
+                     const float3 range, TextureMoments *to) {
     float3 wrong;
     const float3 mean = mean_within(texels, x, y, window, lane, &wrong), all = window->share[lane] * range;
     put_color(to->mean, lane, wrong < all ? mean : (float3)0);
     put_color(to->off, lane, wrong < all ? wrong : all);
 }
 
-/* Puts in the moments of textures within a window, in some lanes: of what they have besides patch.paint, which is the colour in the
- * middle where cells show more than four texels. */
-static void find_texture_moments(const Scene scene, const Area patch, const Window *window, const MASK here, Moments *moments) {
+/* Puts in the moments of textures within a window, in some lanes: of what they have besides patch.paint, which is the
+ * colour in the middle where cells show more than four texels. */
+static void find_texture_moments(const Scene scene, const Area patch, const Window *window, const MASK here,
+                                 Moments *moments) {
     if (!ANY(here & patch.rough)) return;
     Places places;
     Polygons polygons;
@@ -324,8 +340,9 @@ static void find_texture_moments(const Scene scene, const Area patch, const Wind
     }
 }
 
-/* What textures multiply the colours of a patch with, and its moments within the window in which it is seen. Within four texels, colour
- * is a + (b - a) s + (c - a) t + (a - b - c + d) s t; of more, it is what is in the middle, and a range. */
+/* What textures multiply the colours of a patch with, and its moments within the window in which it is seen. Within
+ * four texels, colour is a + (b - a) s + (c - a) t + (a - b - c + d) s t; of more, it is what is in the middle, and a
+ * range. */
 static void paint_of(const Scene scene, const Window *seen, Area *patch, Moments *moments) {
     Places places;
     Polygons polygons;
@@ -381,12 +398,15 @@ static void paint_of(const Scene scene, const Window *seen, Area *patch, Moments
     /* Where a range stands for the colour, the place does not matter, known or not. */
     const FLOAT columns = LOAD_LANES(wide), rows = LOAD_LANES(high);
     const Model zero = constant_model(0);
-    const Model s = plus_model(choose_model(columns > 0, scaled(patch->tu, columns), zero), constant_model(LOAD_LANES(s0)));
-    const Model t = plus_model(choose_model(columns > 0, scaled(patch->tv, rows), zero), constant_model(LOAD_LANES(t0)));
+    const Model s = plus_model(choose_model(columns > 0, scaled(patch->tu, columns), zero),
+                               constant_model(LOAD_LANES(s0)));
+    const Model t = plus_model(choose_model(columns > 0, scaled(patch->tv, rows), zero),
+                               constant_model(LOAD_LANES(t0)));
     const Model st = times_model(s, t);
     for (int k = 0; k < 3; k++) {
         const Model first = plus_model(constant_model(LOAD_LANES(part[0][k])), scaled(s, LOAD_LANES(part[1][k])));
-        patch->paint[k] = plus_model(plus_model(first, scaled(t, LOAD_LANES(part[2][k]))), scaled(st, LOAD_LANES(part[3][k])));
+        patch->paint[k] = plus_model(plus_model(first, scaled(t, LOAD_LANES(part[2][k]))),
+                                     scaled(st, LOAD_LANES(part[3][k])));
         patch->paint[k].r += LOAD_LANES(off[k]);
         moments->paint[k] = LOAD_LANES(found.mean[k]);
         moments->paint_off[k] = LOAD_LANES(found.off[k]);

@@ -17,8 +17,9 @@ typedef struct {
     Model free[2];
     INT by[2];
 #ifdef WITH_TRIANGLES
-    MASK sure, leaky; /* whether a mesh surely stops the light somewhere, and whether a rim of one may be before the light */
-    FLOAT off;        /* the share of the cell in which lines tell it wrongly, within the window of what is seen */
+    MASK sure,
+        leaky; /* whether a mesh surely stops the light somewhere, and whether a rim of one may be before the light */
+    FLOAT off; /* the share of the cell in which lines tell it wrongly, within the window of what is seen */
 #endif
 } Blocking;
 
@@ -31,8 +32,9 @@ static void block(Blocking *blocking, const int index, const MASK here, const Sh
     blocking->only = (here & (share.most > 0)) ? (INT)index : blocking->only;
 }
 
-/* What leads from camera space to the axes of a surface, as in quadrics.cl: K, divided by the sum of its numbers' magnitudes. Nothing
- * becomes longer on the way, and what its numbers are off by is less than a rounding of the vector that is taken there. */
+/* What leads from camera space to the axes of a surface, as in quadrics.cl: K, divided by the sum of its numbers'
+ * magnitudes. Nothing becomes longer on the way, and what its numbers are off by is less than a rounding of the vector
+ * that is taken there. */
 typedef struct {
     float over;
 #ifdef WITH_ELLIPSOIDS
@@ -49,7 +51,8 @@ static FLOAT dot_row(const float3 row, const Float3 v) {
 /* Rounding the row moves a number by less than 2^-24 of the vector's. */
 static Model model_along(const float3 row, const Model3 v) {
     Model m = plus_model(plus_model(scaled(v.x, row.x), scaled(v.y, row.y)), scaled(v.z, row.z));
-    m.r += 0x1p-23f * ((fabs(v.x.v) + radius_of(v.x)) + (fabs(v.y.v) + radius_of(v.y)) + (fabs(v.z.v) + radius_of(v.z)));
+    m.r += 0x1p-23f *
+           ((fabs(v.x.v) + radius_of(v.x)) + (fabs(v.y.v) + radius_of(v.y)) + (fabs(v.z.v) + radius_of(v.z)));
     return m;
 }
 
@@ -91,7 +94,8 @@ static OwnAxes own_axes(const Scene scene, const int index) {
 #define models_along(axes, v) v
 #endif
 
-/* Notes that a surface blocks the light where a model is positive. Returns the lanes in which that is not told otherwise. */
+/* Notes that a surface blocks the light where a model is positive. Returns the lanes in which that is not told
+ * otherwise. */
 static MASK block_where(Blocking *blocking, const int index, const MASK here, const Model shadow) {
     const FLOAT r = shadow.r + fabs(shadow.z);
     const Model free = {-shadow.v, -shadow.x, -shadow.y, r, 0};
@@ -107,16 +111,18 @@ static MASK block_where(Blocking *blocking, const int index, const MASK here, co
 }
 
 #if REAL_BYTES == 8
-/* Whether a sphere surely is clear of the ways to the light, which lead away from it: the one from the patch's middle is nearest to C
- * where it begins, then. Of a large sphere, such as the ground, the roundings of floats are larger than a patch, so this is in double;
- * less than 16 of its roundings are 2^-46 of the coordinates. w is off by no more than its radius. */
+/* Whether a sphere surely is clear of the ways to the light, which lead away from it: the one from the patch's middle
+ * is nearest to C where it begins, then. Of a large sphere, such as the ground, the roundings of floats are larger than
+ * a patch, so this is in double; less than 16 of its roundings are 2^-46 of the coordinates. w is off by no more than
+ * its radius. */
 static MASK leads_away(const Real3 C, const REAL r, const Area *patch, const Model3 w) {
     const Real3 f = {(C.x - patch->anchor.x) - TO_REAL(patch->p.x.v), (C.y - patch->anchor.y) - TO_REAL(patch->p.y.v),
                      (C.z - patch->anchor.z) - TO_REAL(patch->p.z.v)};
     const Real3 to_light = {TO_REAL(w.x.v), TO_REAL(w.y.v), TO_REAL(w.z.v)};
     const Real3 A = patch->anchor;
     const REAL size = (fabs(C.x) + fabs(C.y) + fabs(C.z)) + (fabs(A.x) + fabs(A.y) + fabs(A.z)) + r;
-    const REAL far = fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z), off = TO_REAL(radius_of(w.x) + radius_of(w.y) + radius_of(w.z));
+    const REAL far = fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z),
+               off = TO_REAL(radius_of(w.x) + radius_of(w.y) + radius_of(w.z));
     const REAL cosine = DOT(f, to_light) + 2 * off * size + 0x1p-46 * size * far;
     const FLOAT gap = TO_FLOAT(sqrt(DOT(f, f)) - r - 0x1p-46 * size);
     return TO_MASK(cosine < 0) & (gap > patch->radius * (1 + 4 * ROUNDING));
@@ -135,23 +141,27 @@ static int eye_is_outside(const Scene scene, const int index) {
 #endif
 }
 
-/* What is positive where the way w from a point to a light goes through a sphere: r |w| - |X|, with X = f x w and f from the point to the
- * centre. Since f - w is s, the same for all points, X is s x w, or s x f, which is linear in the place; of parallel light, where w is
- * constant, s is -w. Let e be the unit vector along X in the middle. With X' for what X has across e,
+/* What is positive where the way w from a point to a light goes through a sphere: r |w| - |X|, with X = f x w and f
+ * from the point to the centre. Since f - w is s, the same for all points, X is s x w, or s x f, which is linear in the
+ * place; of parallel light, where w is constant, s is -w. Let e be the unit vector along X in the middle. With X' for
+ * what X has across e,
  *
  *     e.X <= |X| <= e.X + X'.X' / (2 e.X),   e.X = (e x s).w
  *
- * and |X'| is at most |s| times what points are apart from the middle, `far`. s is off by s_off, and 2^-23 of itself, e by 2^-20 in length
- * and in direction, and e x s by 2^-21 |s|. shorter: whether f is shorter than w, or w is constant. */
-static Model shadow_of(const Model3 f, const Model3 w, const Model a, const MASK shorter, const Float3 s, const FLOAT s_off, const FLOAT r,
-                       const FLOAT far) {
+ * and |X'| is at most |s| times what points are apart from the middle, `far`. s is off by s_off, and 2^-23 of itself, e
+ * by 2^-20 in length and in direction, and e x s by 2^-21 |s|. shorter: whether f is shorter than w, or w is constant.
+ */
+static Model shadow_of(const Model3 f, const Model3 w, const Model a, const MASK shorter, const Float3 s,
+                       const FLOAT s_off, const FLOAT r, const FLOAT far) {
     const Model3 g = choose_vector(shorter, f, w);
     const Float3 X = {s.y * g.z.v - s.z * g.y.v, s.z * g.x.v - s.x * g.z.v, s.x * g.y.v - s.y * g.x.v};
     const FLOAT size = sqrt(DOT(X, X)), over = 1 / size, s_size = sqrt(DOT(s, s));
     const FLOAT rounding = (ROUNDING * s_size + s_off) * (fabs(g.x.v) + fabs(g.y.v) + fabs(g.z.v));
     const Float3 e = {over * X.x, over * X.y, over * X.z};
     const FLOAT off = 0x1p-21f * s_size;
-    const Model3 across = {{e.y * s.z - e.z * s.y, 0, 0, off, 0}, {e.z * s.x - e.x * s.z, 0, 0, off, 0}, {e.x * s.y - e.y * s.x, 0, 0, off, 0}};
+    const Model3 across = {{e.y * s.z - e.z * s.y, 0, 0, off, 0},
+                           {e.z * s.x - e.x * s.z, 0, 0, off, 0},
+                           {e.x * s.y - e.y * s.x, 0, 0, off, 0}};
     const FLOAT aside = s_size * far + 2 * rounding, least = size - aside, bow = (FLOAT)0.25f * aside * aside / least;
     Model m = minus_model(scaled(root_of(a), r), dot_constant(g, across));
     m.v -= bow;
@@ -160,20 +170,23 @@ static Model shadow_of(const Model3 f, const Model3 w, const Model a, const MASK
     return m;
 }
 
-/* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P to the
- * light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the point of the way
- * that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points. Where f.w < 0 and P is outside, so is the way.
- * What the eye sees from outside of a sphere is outside of it, and what the patch has else is in no window.
+/* Whether a light at infinity or at a point is cut off by a sphere from points P of the patch: with f = C - P, w from P
+ * to the light and X = f x w, where D = w.w r^2 - X.X > 0, if both ends of the way are outside of the sphere and the
+ * point of the way that is nearest to C lies between them, 0 < f.w < w.w. w: from the patch's points. Where f.w < 0 and
+ * P is outside, so is the way. What the eye sees from outside of a sphere is outside of it, and what the patch has else
+ * is in no window.
  *
  * The way from a point P' that is no further than `radius` from P is nowhere further than that from the way from P. So
  * what the distance of C from that way says of P', it says of all of the patch, but for `radius`. */
-static void block_by_sphere(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const int index,
-                            const MASK may, Blocking *blocking) {
+static void block_by_sphere(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w,
+                            const int index, const MASK may, Blocking *blocking) {
     const real4 s = scene.spheres.center_radius[index];
-    const int light_side = scene.light_side[(long)number * scene.count + index], seen_from_outside = eye_is_outside(scene, index);
+    const int light_side = scene.light_side[(long)number * scene.count + index],
+              seen_from_outside = eye_is_outside(scene, index);
     const Real3 C = {scene.unit * s.x, scene.unit * s.y, scene.unit * s.z};
     /* From the anchor to C. */
-    const Float3 g = {TO_FLOAT(C.x - patch->anchor.x), TO_FLOAT(C.y - patch->anchor.y), TO_FLOAT(C.z - patch->anchor.z)};
+    const Float3 g = {TO_FLOAT(C.x - patch->anchor.x), TO_FLOAT(C.y - patch->anchor.y),
+                      TO_FLOAT(C.z - patch->anchor.z)};
     const Float3 way = {g.x - patch->p.x.v, g.y - patch->p.y.v, g.z - patch->p.z.v}, to_light = {w.x.v, w.y.v, w.z.v};
     const OwnAxes axes = own_axes(scene, index);
     const Float3 f0 = along_axes(axes, way), w0 = along_axes(axes, to_light);
@@ -181,8 +194,9 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
     const FLOAT a0 = DOT(w0, w0), along = DOT(f0, w0) / a0;
     const FLOAT low = along > 0 ? along : (FLOAT)0, x = (((FLOAT)kind != 0) & (low > 1)) ? (FLOAT)1 : low;
     const Float3 q = {f0.x - x * w0.x, f0.y - x * w0.y, f0.z - x * w0.z};
-    const FLOAT off = 4 * ROUNDING * ((fabs(g.x) + fabs(g.y) + fabs(g.z) + radius) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
-                                      x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
+    const FLOAT off = 4 * ROUNDING *
+                      ((fabs(g.x) + fabs(g.y) + fabs(g.z) + radius) + (fabs(way.x) + fabs(way.y) + fabs(way.z)) +
+                       x * (fabs(to_light.x) + fabs(to_light.y) + fabs(to_light.z)));
     const FLOAT reach = patch->radius + off, outer = radius + reach, apart = DOT(q, q);
     const MASK within = may & !(apart > outer * outer);
     if (!ANY(within)) return;
@@ -195,19 +209,25 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
 #endif
     if (!ANY(near)) return;
     const MASK outside = away > outer;
-    const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) | (outside & ((FLOAT)light_side < 0)));
+    const MASK wholly = near & (((gap + reach < radius) & (outside | ((FLOAT)light_side > 0))) |
+                                (outside & ((FLOAT)light_side < 0)));
     Share share = {0, 1};
     if (light_side > 0 && !patch->bare && ANY(near & !wholly)) {
         const REAL rounded = (REAL)CENTER_ROUNDING * ((fabs(C.x) + fabs(C.y)) + fabs(C.z));
-        const Model3 from_anchor = {narrowed(C.x - patch->anchor.x, 0, 0, rounded), narrowed(C.y - patch->anchor.y, 0, 0, rounded),
+        const Model3 from_anchor = {narrowed(C.x - patch->anchor.x, 0, 0, rounded),
+                                    narrowed(C.y - patch->anchor.y, 0, 0, rounded),
                                     narrowed(C.z - patch->anchor.z, 0, 0, rounded)};
         const Model3 f = models_along(axes, minus_vectors(from_anchor, patch->p)), v = models_along(axes, w);
         const Model a = square_of_vector(v), b = kind == 0 ? dot_constant(f, v) : dot_models(f, v);
         const real4 to = scene.light[number].position;
-        const Float3 from_light = {TO_FLOAT(C.x - scene.unit * to.x), TO_FLOAT(C.y - scene.unit * to.y), TO_FLOAT(C.z - scene.unit * to.z)};
+        const Float3 from_light = {TO_FLOAT(C.x - scene.unit * to.x), TO_FLOAT(C.y - scene.unit * to.y),
+                                   TO_FLOAT(C.z - scene.unit * to.z)};
         const Float3 back = {-w0.x, -w0.y, -w0.z}, s0 = kind == 0 ? back : along_axes(axes, from_light);
-        const REAL loose = kind == 0 ? (REAL)0 : 2 * (rounded + (REAL)CENTER_ROUNDING * scene.unit * (fabs(to.x) + fabs(to.y) + fabs(to.z)));
-        const Model D = shadow_of(f, v, a, kind == 0 ? ALL_LANES : DOT(f0, f0) < a0, s0, TO_FLOAT(loose), radius, patch->radius);
+        const REAL loose = kind == 0 ? (REAL)0
+                                     : 2 * (rounded + (REAL)CENTER_ROUNDING * scene.unit *
+                                                          (fabs(to.x) + fabs(to.y) + fabs(to.z)));
+        const Model D = shadow_of(f, v, a, kind == 0 ? ALL_LANES : DOT(f0, f0) < a0, s0, TO_FLOAT(loose), radius,
+                                  patch->radius);
         const MASK started = outside | ((FLOAT)seen_from_outside > 0), behind = started & (most_of(b) < 0);
         const MASK between = (least_of(b) > 0) & (((FLOAT)kind == 0) | (most_of(b) < least_of(a))) & started;
         const MASK told = block_where(blocking, index, near & !wholly & between, D);
@@ -223,9 +243,9 @@ static void block_by_sphere(const Scene scene, const int number, const int kind,
 }
 
 #ifdef WITH_TRIANGLES
-/* The number of a triangle's edge. Two triangles on the same side of it, as the light sees them, have the same number for it: those of
- * which one faces the light and the other one does not. If they have two edges in common they take theirs for different ones. side: how
- * the light sees all triangles. */
+/* The number of a triangle's edge. Two triangles on the same side of it, as the light sees them, have the same number
+ * for it: those of which one faces the light and the other one does not. If they have two edges in common they take
+ * theirs for different ones. side: how the light sees all triangles. */
 static int number_of_edge(const Scene scene, __global const char *side, const int triangle, const int k) {
     const int4 around = scene.neighbour[triangle];
     const int other = k == 0 ? around.x : k == 1 ? around.y : around.z;
@@ -235,11 +255,13 @@ static int number_of_edge(const Scene scene, __global const char *side, const in
     return min(4 * triangle + k, 4 * other + (back.x == triangle ? 0 : back.y == triangle ? 1 : 2));
 }
 
-/* Notes the triangle that blocks the light within some lines: its edges, and its plane. Where one of them alone is in a patch, or one
- * alone is in what is seen of it, all on its inner side is dark. That may be told already, by the triangle that has this edge in common
- * with it at a solid's rim. Returns the lanes, of those it is `here` in, in which lines tell all of this triangle. most: of what is seen
- * the triangle darkens no larger share of the cell, where that is known. A line that may be anywhere in the cell cuts off nothing. */
-static MASK block_by_lines(const Model *line, const int *number, const Window *seen, const MASK here, Blocking *blocking, FLOAT *most) {
+/* Notes the triangle that blocks the light within some lines: its edges, and its plane. Where one of them alone is in a
+ * patch, or one alone is in what is seen of it, all on its inner side is dark. That may be told already, by the
+ * triangle that has this edge in common with it at a solid's rim. Returns the lanes, of those it is `here` in, in which
+ * lines tell all of this triangle. most: of what is seen the triangle darkens no larger share of the cell, where that
+ * is known. A line that may be anywhere in the cell cuts off nothing. */
+static MASK block_by_lines(const Model *line, const int *number, const Window *seen, const MASK here,
+                           Blocking *blocking, FLOAT *most) {
     MASK crosses[4], told = 0, loose = 0;
     INT count = 0;
     for (int k = 0; k < 4; k++) {
@@ -282,9 +304,9 @@ static MASK block_by_lines(const Model *line, const int *number, const Window *s
     return told;
 }
 
-/* The way from a patch's points to a light, as its facets take it, times patch.over where the patch is flat: along, what edges and planes
- * are linear in; reach, what the plane is beyond; bound: what facets' bounds are to be multiplied by. seen: the part of the cell that
- * shows the patch. */
+/* The way from a patch's points to a light, as its facets take it, times patch.over where the patch is flat: along,
+ * what edges and planes are linear in; reach, what the plane is beyond; bound: what facets' bounds are to be multiplied
+ * by. seen: the part of the cell that shows the patch. */
 typedef struct {
     const Window *seen;
     Model3 along;
@@ -292,7 +314,8 @@ typedef struct {
     FLOAT bound;
 } Way;
 
-static Way way_to_light(const Light light, const int kind, const Area patch, const Model3 L, const Model3 w, const Window *seen) {
+static Way way_to_light(const Light light, const int kind, const Area patch, const Model3 L, const Model3 w,
+                        const Window *seen) {
     Way way;
     way.seen = seen;
     Model3 P = patch.P;
@@ -303,7 +326,8 @@ static Way way_to_light(const Light light, const int kind, const Area patch, con
     }
     const FLOAT most = most_of(over);
     if (kind == 0) {
-        const Real3 axis = {light.axis.x, light.axis.y, light.axis.z}, across = {light.across.x, light.across.y, light.across.z};
+        const Real3 axis = {light.axis.x, light.axis.y, light.axis.z},
+                    across = {light.across.x, light.across.y, light.across.z};
         way.along.x = dot_models(P, constant_vector_in(axis, 1));
         way.along.y = dot_models(P, constant_vector_in(across, 1));
         way.along.z = over;
@@ -318,14 +342,15 @@ static Way way_to_light(const Light light, const int kind, const Area patch, con
     return way;
 }
 
-/* Whether a light is cut off by a triangle: it is where P is on the positive side of the edges' planes, as the light sees them, and
- * beyond the triangle's own; see triangle_stops().
+/* Whether a light is cut off by a triangle: it is where P is on the positive side of the edges' planes, as the light
+ * sees them, and beyond the triangle's own; see triangle_shadow().
  *
- * Where no rim of a mesh and no plane is between the light and the patch's points, meshes cut off all of it or nothing. The triangle
- * beyond an edge of the own one, if the light sees both the same way round, is beside the own one as the light sees it, and so cuts
- * off nothing of it; but what goes on in that one goes on in the own one, so the former does not hold there. */
-static void block_by_triangle(const Scene scene, const int number, const int kind, const Area *patch, const Way *way, const int triangle,
-                              const MASK may, Blocking *blocking) {
+ * Where no rim of a mesh and no plane is between the light and the patch's points, meshes cut off all of it or nothing.
+ * The triangle beyond an edge of the own one, if the light sees both the same way round, is beside the own one as the
+ * light sees it, and so cuts off nothing of it; but what goes on in that one goes on in the own one, so the former does
+ * not hold there. */
+static void block_by_triangle(const Scene scene, const int number, const int kind, const Area *patch, const Way *way,
+                              const int triangle, const MASK may, Blocking *blocking) {
     __global const float4 *facet = scene.light_facet + 3 * ((long)number * scene.triangles + triangle);
     const Model plane = plane_along(facet, way->along);
     const Model beyond = kind == 0 ? scaled(plus_model(way->reach, plane), -1) : minus_model(plane, way->reach);
@@ -339,14 +364,14 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     MASK beside = 0;
     for (int k = 0; k < 3; k++)
         if (each[k] >= 0 && side[triangle] != 0 && side[max(each[k], 0)] == side[triangle])
-            beside = beside | (here & (patch->id == scene.spheres.first + each[k]));
+            beside = beside | (here & (patch->id == FIRST_TRIANGLE(scene.spheres) + each[k]));
     const MASK before = least_of(beyond) > 0;
     blocking->leaky = blocking->leaky | beside | (here & (rim_within(scene, 1 + number, triangle, edges) | !before));
     here = here & !beside;
     blocking->sure = blocking->sure | (here & before & surely_within(edges));
     Model line[4] = {edges.edge[0], edges.edge[1], edges.edge[2], beyond};
-    int lines[4] = {0, 0, 0, scene.spheres.first + 4 * triangle + 3};
-    for (int k = 0; k < 3; k++) lines[k] = scene.spheres.first + number_of_edge(scene, side, triangle, k);
+    int lines[4] = {0, 0, 0, FIRST_TRIANGLE(scene.spheres) + 4 * triangle + 3};
+    for (int k = 0; k < 3; k++) lines[k] = FIRST_TRIANGLE(scene.spheres) + number_of_edge(scene, side, triangle, k);
     FLOAT most;
     here = here & !block_by_lines(line, lines, way->seen, here, blocking, &most);
     if (!ANY(here)) return;
@@ -356,15 +381,16 @@ static void block_by_triangle(const Scene scene, const int number, const int kin
     Share share = share_within(sides, 4);
     share.most = share.most < most ? share.most : most;
     share.least = share.least < most ? share.least : most;
-    block(blocking, scene.spheres.first + triangle, here, share);
+    block(blocking, FIRST_TRIANGLE(scene.spheres) + triangle, here, share);
 }
 #else
 /* There are no triangles. */
 typedef int Way;
 #endif
 
-/* The ways to a light from all that is within `radius` of a patch's middle, for the light's filters: the way from there to a light at a
- * point, and its square, or where parallel light meets the plane across it. The way is rounded as p is, which counts as a distance. */
+/* The ways to a light from all that is within `radius` of a patch's middle, for the light's filters: the way from there
+ * to a light at a point, and its square, or where parallel light meets the plane across it. The way is rounded as p is,
+ * which counts as a distance. */
 typedef struct {
     Float3 w;
     FLOAT a, u, v, radius;
@@ -385,11 +411,13 @@ static Shaft shaft_of(const Scene scene, const int number, const int kind, const
 
 /* Whether the light's filter leaves it open that a sphere is in the way of any point within the shaft.
  *
- * A way that meets the sphere does so no further than `radius` from a point of the way to the middle, at the same part of both. So that meets
- * a sphere whose radius is larger by it, R = r + radius: with R^2 - r^2 in place, filter_leaves() tells it. That is made of 5
- * roundings, for which 2^-19 of it is enough, and as many of c' are less than 2^-21. A parallel light's coordinates are off by 2^-24 of
- * (2 |U| + R), and the sum of squares by three roundings. */
-static MASK shaft_may_meet(const Scene scene, const int number, const int kind, const Shaft shaft, const int index, const MASK may) {
+ * A way that meets the sphere does so no further than `radius` from a point of the way to the middle, at the same part
+ * of both. So that meets a sphere whose radius is larger by it, R = r + radius: with R^2 - r^2 in place,
+ * sphere_filter_leaves() tells it. That is made of 5 roundings, for which 2^-19 of it is enough, and as many of c' are
+ * less than 2^-21. A parallel light's coordinates are off by 2^-24 of (2 |U| + R), and the sum of squares by three
+ * roundings. */
+static MASK shaft_may_meet(const Scene scene, const int number, const int kind, const Shaft shaft, const int index,
+                           const MASK may) {
 #ifdef WITH_FILTER
 #ifdef WITH_ELLIPSOIDS
     if (scene.spheres.map_of[index] != 0) return may;
@@ -408,10 +436,11 @@ static MASK shaft_may_meet(const Scene scene, const int number, const int kind, 
 #endif
 }
 
-/* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the list's
- * order, at most. */
-static void block_by_list(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
-                          const FLOAT far, const int cell, const MASK in, const Shaft shaft, Blocking *blocking) {
+/* All that may block the light, of the list of one cell of the light's buffer. far: how far a patch's points are in the
+ * list's order, at most. */
+static void block_by_list(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w,
+                          const Way *way, const FLOAT far, const int cell, const MASK in, const Shaft shaft,
+                          Blocking *blocking) {
     const int end = scene.lists.start[cell + 1];
     for (int k = scene.lists.start[cell]; k < end; k++) {
         const int2 entry = scene.lists.entry[k];
@@ -420,8 +449,9 @@ static void block_by_list(const Scene scene, const int number, const int kind, c
         MASK may = in & (far > as_float(entry.y)) & (!dark);
         if (!ANY(may)) break;
 #ifdef WITH_TRIANGLES
-        if (index >= scene.spheres.first) {
-            block_by_triangle(scene, number, kind, patch, way, index - scene.spheres.first, may & (patch->id != index), blocking);
+        if (index >= FIRST_TRIANGLE(scene.spheres)) {
+            block_by_triangle(scene, number, kind, patch, way, index - FIRST_TRIANGLE(scene.spheres),
+                              may & (patch->id != index), blocking);
             continue;
         }
 #endif
@@ -451,7 +481,8 @@ static INT index_on(const FLOAT x, const float side, const float scale, const in
     return TO_INT(low < last ? low : (FLOAT)last);
 }
 
-static Cover cover_of(const Scene scene, const Grid grid, const int kind, const Area *patch, const Model3 w, const MASK wanted) {
+static Cover cover_of(const Scene scene, const Grid grid, const int kind, const Area *patch, const Model3 w,
+                      const MASK wanted) {
     Cover cover = {wanted, 0, 0, 0, 0, 0};
     if (grid.cells.x <= 1 && grid.cells.y <= 1) return cover;
     const FLOAT k = kind == 0 ? 1 : -1;
@@ -461,7 +492,8 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
     const float4 right = fabs(grid.near_right), up = fabs(grid.near_up), ahead = fabs(grid.near_ahead);
     const FLOAT x = DOT(m, grid.near_right) + grid.near_right.w, y = DOT(m, grid.near_up) + grid.near_up.w;
     const FLOAT z = kind == 0 ? (FLOAT)1 : DOT(m, grid.near_ahead);
-    const FLOAT loose = 1 + 0x1p-20f, dx = DOT(off, right) * loose, dy = DOT(off, up) * loose, dz = kind == 0 ? (FLOAT)0 : DOT(off, ahead) * loose;
+    const FLOAT loose = 1 + 0x1p-20f, dx = DOT(off, right) * loose, dy = DOT(off, up) * loose,
+                dz = kind == 0 ? (FLOAT)0 : DOT(off, ahead) * loose;
     const FLOAT z0 = z - dz, z1 = z + dz, x0 = x - dx, x1 = x + dx, y0 = y - dy, y1 = y + dy;
     const FLOAT X = grid.window.x * loose * z1, Y = grid.window.y * loose * z1;
     cover.here = wanted & (z1 > 0) & (x0 <= X) & (x1 >= -X) & (y0 <= Y) & (y1 >= -Y);
@@ -482,9 +514,10 @@ static Cover cover_of(const Scene scene, const Grid grid, const int kind, const 
 /* So many cells of a level, side by side, a patch's lists are looked at; where it lies on more, all may be blocked. */
 #define MOST_CELLS_A_SIDE 12
 
-/* What is between a patch's points and a light. w: from the points to it; way: the same for triangles; far: see block_by_list(). */
-static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w, const Way *way,
-                            const FLOAT far, const MASK wanted) {
+/* What is between a patch's points and a light. w: from the points to it; way: the same for triangles; far: see
+ * block_by_list(). */
+static Blocking blocking_of(const Scene scene, const int number, const int kind, const Area *patch, const Model3 w,
+                            const Way *way, const FLOAT far, const MASK wanted) {
     Blocking blocking = {{0, 0}, -1, {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}}, {-1, -1}};
 #ifdef WITH_TRIANGLES
     blocking.sure = blocking.leaky = 0;
@@ -504,11 +537,12 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
         while (level.mask) {
             level = next_level(grid, level);
             const INT column = cover.first_column >> level.level, row = cover.first_row >> level.level;
-            const INT columns = (cover.last_column >> level.level) - column, rows = (cover.last_row >> level.level) - row;
+            const INT columns = (cover.last_column >> level.level) - column,
+                      rows = (cover.last_row >> level.level) - row;
             const MASK many = (columns >= MOST_CELLS_A_SIDE) | (rows >= MOST_CELLS_A_SIDE);
-            blocking.blocked.most = ((many) & cover.here) ? (FLOAT)1 : blocking.blocked.most;
+            blocking.blocked.most = ((many)&cover.here) ? (FLOAT)1 : blocking.blocked.most;
 #ifdef WITH_TRIANGLES
-            blocking.leaky = blocking.leaky | ((many) & cover.here);
+            blocking.leaky = blocking.leaky | ((many)&cover.here);
 #endif
             const MASK some = (cover.here) & !many;
             const int width = LARGEST(some ? columns : (INT)0) + 1, height = LARGEST(some ? rows : (INT)0) + 1;
@@ -534,14 +568,15 @@ static Blocking blocking_of(const Scene scene, const int number, const int kind,
 }
 #endif
 
-/* max(0, 1 + z)^exponent of a model z, which is 0 at most; 0^0 = 1. Where the tangent's error is too large, it is what lies
- * between the least and the largest power. f = c^e has the second derivative e (e - 1) c^(e - 2), which is largest at one of the
- * ends. lobe() is right to 2^-15 of the power. */
+/* max(0, 1 + z)^exponent of a model z, which is 0 at most; 0^0 = 1. Where the tangent's error is too large, it is what
+ * lies between the least and the largest power. f = c^e has the second derivative e (e - 1) c^(e - 2), which is largest
+ * at one of the ends. lobe() is right to 2^-15 of the power. */
 static Model highlight_power(const Model z, const FLOAT exponent) {
     const FLOAT most = most_of(z), least = least_of(z);
     const FLOAT high = most < 0 ? most : (FLOAT)0, low = least < high ? least : high, v = z.v < high ? z.v : high;
     const SHADE e = TO_SHADE(exponent);
-    const FLOAT at_high = TO_FLOAT(lobe(TO_SHADE(high), e)), at_low = TO_FLOAT(lobe(TO_SHADE(low), e)), at = TO_FLOAT(lobe(TO_SHADE(v), e));
+    const FLOAT at_high = TO_FLOAT(lobe(TO_SHADE(high), e)), at_low = TO_FLOAT(lobe(TO_SHADE(low), e)),
+                at = TO_FLOAT(lobe(TO_SHADE(v), e));
     const FLOAT top = 1 + high, bottom = 1 + low;
     const FLOAT bend = fabs(exponent * (exponent - 1)), up = at_high / (top * top), down = at_low / (bottom * bottom);
     const FLOAT rad = radius_of(z), rest = 0.5f * rad * rad * bend * (up > down ? up : down) * (1 + 0x1p-12f);
@@ -555,17 +590,18 @@ static Model highlight_power(const Model z, const FLOAT exponent) {
 
 #ifdef WITH_SPOT
 /* The share of a spot light that leaves along its rays. cosine: of the angle with its axis. */
-static Model spot_strength(const Light light, const Model cosine) {
+static Model strength_in_cone(const Light light, const Model cosine) {
     const FLOAT most = most_of(cosine), least = least_of(cosine);
     const FLOAT high = most < 1 ? most : (FLOAT)1, low = least > -1 ? least : (FLOAT)-1;
     const FLOAT loose = 0x1p-20f;
-    const FLOAT first = atan2(sqrt((1 - high) * (1 + high)), high) - loose, last = atan2(sqrt((1 - low) * (1 + low)), low) + loose;
+    const FLOAT first = atan2(sqrt((1 - high) * (1 + high)), high) - loose,
+                last = atan2(sqrt((1 - low) * (1 + low)), low) + loose;
     const FLOAT begin = light.cone.x, over = light.cone.y;
     const FLOAT strong = 1 - (first - begin) * over, weak = 1 - (last - begin) * over;
     const FLOAT top = strong < 1 ? strong : (FLOAT)1, bottom = weak > 0 ? weak : (FLOAT)0;
     const Model range = between_bounds(bottom < 1 ? bottom : (FLOAT)1, top > 0 ? top : (FLOAT)0);
-    /* Where the light falls off all over the patch: the arc cosine has the slope -1 / sqrt(1 - c^2) and the second derivative
-     * -c / (1 - c^2)^(3/2). */
+    /* Where the light falls off all over the patch: the arc cosine has the slope -1 / sqrt(1 - c^2) and the second
+     * derivative -c / (1 - c^2)^(3/2). */
     const MASK falls = (strong < 1) & (weak > 0) & (high < 1) & (low > -1);
     const FLOAT v = cosine.v, sine = sqrt((1 - v) * (1 + v));
     const FLOAT far = fabs(high) > fabs(low) ? fabs(high) : fabs(low), thin = 1 / ((1 - far) * (1 + far));
@@ -576,8 +612,8 @@ static Model spot_strength(const Light light, const Model cosine) {
 }
 #endif
 
-/* Of a colour, for red, green and blue: v, its mean over the cell within a window and 0 elsewhere, off by at most e, and what it
- * is within at all points of the cell, as far as the window shows them. */
+/* Of a colour, for red, green and blue: v, its mean over the cell within a window and 0 elsewhere, off by at most e,
+ * and what it is within at all points of the cell, as far as the window shows them. */
 typedef struct {
     FLOAT v[3], e[3], least[3], most[3];
 #ifdef WITH_SHEETS
@@ -585,8 +621,8 @@ typedef struct {
 #endif
 } Tint;
 
-/* What a light gives a patch within a window. lit: the moments of where it does so, but for `blocked`; off: what share of the
- * cell that is off by; all: the lanes in which all of the cell is lit. */
+/* What a light gives a patch within a window. lit: the moments of where it does so, but for `blocked`; off: what share
+ * of the cell that is off by; all: the lanes in which all of the cell is lit. */
 typedef struct {
     Moments lit;
     Share blocked;
@@ -594,26 +630,30 @@ typedef struct {
     MASK all;
 } Reach;
 
-/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. shine: what has the highlight's mean. */
-static void add_light(Tint *tint, const Light light, const Area patch, const Intersection at, const Model amount, const Model highlight,
-                      const Model shine, const Reach *reach, const MASK on) {
+/* Adds what a light gives a patch: (kd C amount + highlight) L, where it reaches it. shine: what has the highlight's
+ * mean. */
+static void add_light(Tint *tint, const Light light, const Area patch, const Intersection at, const Model amount,
+                      const Model highlight, const Model shine, const Reach *reach, const MASK on) {
     const float color[3] = {light.color.x, light.color.y, light.color.z};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
     const Moments lit = reach->lit;
     for (int k = 0; k < 3; k++) {
         const Model plain = scaled(amount, kd[k]);
 #ifdef WITH_TEXTURES
-        const Model diffuse = times_model(plain, patch.paint[k]), even = choose_model(patch.rough, scaled(plain, patch.paint[k].v), diffuse);
+        const Model diffuse = times_model(plain, patch.paint[k]),
+                    even = choose_model(patch.rough, scaled(plain, patch.paint[k].v), diffuse);
 #else
         const Model diffuse = plain, even = plain;
 #endif
-        const Model all = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]), m = scaled(plus_model(even, shine), (FLOAT)color[k]);
-        const FLOAT low = least_of(all), least = low > 0 ? low : (FLOAT)0, high = most_of(all), most = high <= 0 ? (FLOAT)0 : high;
+        const Model all = scaled(plus_model(diffuse, highlight), (FLOAT)color[k]),
+                    m = scaled(plus_model(even, shine), (FLOAT)color[k]);
+        const FLOAT low = least_of(all), least = low > 0 ? low : (FLOAT)0, high = most_of(all),
+                    most = high <= 0 ? (FLOAT)0 : high;
         FLOAT mean = lit.one * m.v + (lit.s * m.x + lit.t * m.y + lit.w * m.z);
         FLOAT off = lit.one * m.r + fabs(m.z) * lit.off + most * reach->off + 16 * ROUNDING * (fabs(m.v) + gradient(m));
 #ifdef WITH_TEXTURES
-        /* Of amount C, what the mean of C has besides its model counts by the amount in the middle, and any of C by what the amount
-         * differs from that: the means of |s| and |t| are at most 1/2. */
+        /* Of amount C, what the mean of C has besides its model counts by the amount in the middle, and any of C by
+         * what the amount differs from that: the means of |s| and |t| are at most 1/2. */
         const FLOAT half_lit = lit.one < 0.5f ? lit.one : (FLOAT)0.5f;
         const FLOAT varied = half_lit * (fabs(plain.x) + fabs(plain.y)) + lit.one * (fabs(plain.z) + plain.r);
         mean += color[k] * plain.v * lit.paint[k];
@@ -638,11 +678,13 @@ static Model at_most_one(const Model cosine) {
 #endif
 
 /* What one light adds to a patch: illuminate() for all points at once. */
-static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch, const Intersection at,
-                             const Window *seen, const Moments *moments, Tint *tint, Work *work) {
+static void illuminate_patch(const Scene scene, const int number, const int kind, const Area patch,
+                             const Intersection at, const Window *seen, const Moments *moments, Tint *tint,
+                             Work *work) {
     const Light light = scene.light[number];
     const Real3 to = {light.position.x, light.position.y, light.position.z};
-    const Real3 way = {scene.unit * to.x - patch.anchor.x, scene.unit * to.y - patch.anchor.y, scene.unit * to.z - patch.anchor.z};
+    const Real3 way = {scene.unit * to.x - patch.anchor.x, scene.unit * to.y - patch.anchor.y,
+                       scene.unit * to.z - patch.anchor.z};
     const Model3 L = constant_vector_in(kind == 0 ? to : way, 1), w = kind == 0 ? L : minus_vectors(L, patch.p);
     const Model a = square_of_vector(w);
     const Model over = kind == 0 ? constant_model(1) : over_root_of(a);
@@ -667,7 +709,7 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
         const Model angle = dot_models(l, constant_vector_in(axis, 1));
         on = on & !(most_of(angle) < (float)light.axis.w);
         if (light.cone.y > 0) {
-            strength = spot_strength(light, angle);
+            strength = strength_in_cone(light, angle);
         } else {
             const Model within = minus_model(angle, with_rounding(constant_model((FLOAT)(float)light.axis.w)));
             const Model edge = flattened_on(within, &patch.limb);
@@ -735,7 +777,8 @@ static void illuminate_patch(const Scene scene, const int number, const int kind
 #ifdef WITH_SPECULAR
     const MASK shines = on & (at.hit) & (TO_FLOAT(at.ks) > 0);
     if (ANY((shines))) {
-        /* As illuminate() has it: r = 2 (n.l) n - l, r.v = 1 - |r - v|^2 / 2. No highlight where n.l <= 0, but all of it beside. */
+        /* As illuminate() has it: r = 2 (n.l) n - l, r.v = 1 - |r - v|^2 / 2. No highlight where n.l <= 0, but all of
+         * it beside. */
         const Model3 e = minus_vectors(times_vector(scaled(cosine, 2), patch.n), plus_vectors(l, patch.v));
         Model power = highlight_power(scaled(square_of_vector(e), -0.5f), TO_FLOAT(at.exponent));
         const Model some = between_bounds(0, most_of(power));
@@ -791,18 +834,21 @@ static Tint tint_of(const Scene scene, Area patch, const Window *seen, Work *wor
     }
 #endif
 #ifdef WITH_LIGHTS
-    for (int number = 0; number < scene.lights.w; number++)
-        illuminate_patch(scene, number, kind_of(scene.lights, number), patch, at, seen, &moments, &tint, work);
+    for (int number = 0; number < scene.lights; number++)
+        illuminate_patch(scene, number, kind_of(scene.light[number]), patch, at, seen, &moments, &tint, work);
 #endif
     return tint;
 }
 
-/* The same tint where every colour is 1 at most. share: of the window. What c exceeds 1 by is convex in c, and so nowhere above its
- * chord from the least c to the most, where it is `excess`: no more is lost of the mean of c than the chord has at that mean. */
+/* The same tint where every colour is 1 at most. share: of the window. What c exceeds 1 by is convex in c, and so
+ * nowhere above its chord from the least c to the most, where it is `excess`: no more is lost of the mean of c than the
+ * chord has at that mean. */
 static void clamp_tint(Tint *tint, const FLOAT share) {
     for (int k = 0; k < 3; k++) {
-        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1, range = tint->most[k] - low;
-        const FLOAT least = tint->v[k] - tint->e[k], chord = excess * ((least - low * share) / (range > 0 ? range : (FLOAT)1));
+        const FLOAT excess = tint->most[k] - 1, low = tint->least[k] < 1 ? tint->least[k] : (FLOAT)1,
+                    range = tint->most[k] - low;
+        const FLOAT least = tint->v[k] - tint->e[k],
+                    chord = excess * ((least - low * share) / (range > 0 ? range : (FLOAT)1));
         const FLOAT by_mean = least - (chord > 0 ? chord : (FLOAT)0), above = tint->v[k] + tint->e[k];
         const FLOAT bottom = by_mean > low * share ? by_mean : low * share, top = above < share ? above : share;
         const MASK over = excess > 0;

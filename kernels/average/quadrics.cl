@@ -1,13 +1,13 @@
 /* quadrics.cl: ellipsoids over cells, and whatever parallel rays meet.
  *
- * In an ellipsoid's own axes it is a sphere, and a ray keeps its t. The matrix K that leads there is divided by the sum of its
- * numbers' magnitudes here, so that nothing becomes longer on the way; a sphere has K = 1. With F = K (C - O) from where the
- * ray starts, G = K d along it and X = F x G:
+ * In an ellipsoid's own axes it is a sphere, and a ray keeps its t. The matrix K that leads there is divided by the sum
+ * of its numbers' magnitudes here, so that nothing becomes longer on the way; a sphere has K = 1. With F = K (C - O)
+ * from where the ray starts, G = K d along it and X = F x G:
  *
  *     a = G.G,   b = F.G,   D = a r^2 - X.X,   t = (b -+ sqrt(D)) / a
  *
- * and the point is t G - F = (X x G -+ sqrt(D) G) / a as seen from the centre. Of a cell's rays either G is a linear function of
- * the place (s, t), or F is where they are parallel. So X and b are linear, and a and D are quadratic.
+ * and the point is t G - F = (X x G -+ sqrt(D) G) / a as seen from the centre. Of a cell's rays either G is a linear
+ * function of the place (s, t), or F is where they are parallel. So X and b are linear, and a and D are quadratic.
  */
 #if defined(WITH_AVERAGE) && defined(WITH_QUADRICS)
 typedef struct {
@@ -84,7 +84,8 @@ static Real3 cross_in_double(const Real3 a, const Real3 b) {
 }
 
 static Model3 narrowed_vector(const Linear3 l, const REAL r) {
-    const Model3 m = {narrowed(l.v.x, l.s.x, l.t.x, r), narrowed(l.v.y, l.s.y, l.t.y, r), narrowed(l.v.z, l.s.z, l.t.z, r)};
+    const Model3 m = {narrowed(l.v.x, l.s.x, l.t.x, r), narrowed(l.v.y, l.s.y, l.t.y, r),
+                      narrowed(l.v.z, l.s.z, l.t.z, r)};
     return m;
 }
 
@@ -92,8 +93,8 @@ static REAL norm_of(const Real3 v) {
     return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
 }
 
-/* D is D0 + Ds s + Dt t - (ss s^2 + st s t + tt t^2), but for `off`. c: positive where all rays start outside of the surface and
- * lead towards it, negative where all start inside, and else 0. */
+/* D is D0 + Ds s + Dt t - (ss s^2 + st s t + tt t^2), but for `off`. c: positive where all rays start outside of the
+ * surface and lead towards it, negative where all start inside, and else 0. */
 typedef struct {
     Model a, b, D;
     Conic exact; /* D */
@@ -102,9 +103,10 @@ typedef struct {
     FLOAT c;
 } Outline;
 
-/* In double, a number here is made of fewer than 16 roundings of products whose magnitudes add up to no more than those of the
- * vectors' numbers: |F| <= f and |G| <= g, so that X is off by ROUNDINGS f g =: e, in each coordinate, and b by that. X.X is then off
- * by 2 |X| e + 3 e^2, and a r^2 by 4 ROUNDINGS g^2 r^2; their own sums are off by ROUNDINGS of themselves. */
+/* In double, a number here is made of fewer than 16 roundings of products whose magnitudes add up to no more than those
+ * of the vectors' numbers: |F| <= f and |G| <= g, so that X is off by ROUNDINGS f g =: e, in each coordinate, and b by
+ * that. X.X is then off by 2 |X| e + 3 e^2, and a r^2 by 4 ROUNDINGS g^2 r^2; their own sums are off by ROUNDINGS of
+ * themselves. */
 #if REAL_BYTES == 8
 #define ROUNDINGS 0x1p-49
 #else
@@ -119,7 +121,8 @@ static Outline outline_of(const Cells cells, const Quadric own, const real unit)
 #ifdef WITH_PARALLEL_RAYS
     const Real3 from = {C.x - unit * cells.dx, C.y - unit * cells.dy, C.z}, ahead = {0, 0, -1};
     const Real3 across = {unit * cells.h, zero, zero}, up = {zero, unit * cells.k, zero};
-    const Real3 F = in_own_axes(own, from), G = in_own_axes(own, ahead), U = in_own_axes(own, across), V = in_own_axes(own, up);
+    const Real3 F = in_own_axes(own, from), G = in_own_axes(own, ahead), U = in_own_axes(own, across),
+                V = in_own_axes(own, up);
     X.v = cross_in_double(F, G);
     X.s = cross_in_double(G, U);
     X.t = cross_in_double(G, V);
@@ -127,8 +130,10 @@ static Outline outline_of(const Cells cells, const Quadric own, const real unit)
     const REAL as = 0, at = 0, ass = 0, ast = 0, att = 0;
     const Linear3 along = {G, {zero, zero, zero}, {zero, zero, zero}};
 #else
-    const Real3 middle = {cells.dx, cells.dy, (REAL)-1}, across = {(REAL)cells.h, zero, zero}, up = {zero, (REAL)cells.k, zero};
-    const Real3 F = in_own_axes(own, C), G = in_own_axes(own, middle), U = in_own_axes(own, across), V = in_own_axes(own, up);
+    const Real3 middle = {cells.dx, cells.dy, (REAL)-1}, across = {(REAL)cells.h, zero, zero},
+                up = {zero, (REAL)cells.k, zero};
+    const Real3 F = in_own_axes(own, C), G = in_own_axes(own, middle), U = in_own_axes(own, across),
+                V = in_own_axes(own, up);
     X.v = cross_in_double(F, G);
     X.s = cross_in_double(F, U);
     X.t = cross_in_double(F, V);
@@ -154,7 +159,8 @@ static Outline outline_of(const Cells cells, const Quadric own, const real unit)
     outline.G = narrowed_vector(along, rounding * g);
 #ifdef WITH_PARALLEL_RAYS
     const FLOAT low = least_of(outline.D), high = most_of(outline.D), b0 = least_of(outline.b), b1 = most_of(outline.b);
-    const FLOAT s0 = sqrt(low > 0 ? low : (FLOAT)0) * (1 - 8 * ROUNDING), s1 = sqrt(high > 0 ? high : (FLOAT)0) * (1 + 8 * ROUNDING);
+    const FLOAT s0 = sqrt(low > 0 ? low : (FLOAT)0) * (1 - 8 * ROUNDING),
+                s1 = sqrt(high > 0 ? high : (FLOAT)0) * (1 + 8 * ROUNDING);
     const MASK outside = b0 - s1 > 0, inside = (low > 0) & (b1 - s0 < 0) & (b0 + s0 > 0);
     outline.c = outside ? (FLOAT)1 : inside ? (FLOAT)-1 : (FLOAT)0;
 #else
@@ -173,8 +179,10 @@ static Outline outline_of(const Cells cells, const Quadric own, const real unit)
 
 /* Where it is met from outside, t is the smaller root, and from inside the larger one. */
 static Extent extent_of(const Cells cells, const Outline outline) {
-    const FLOAT b0 = least_of(outline.b), b1 = most_of(outline.b), D0 = least_of(outline.D), D1 = most_of(outline.D), c = outline.c;
-    const FLOAT loose = 8 * ROUNDING, s0 = sqrt(D0 > 0 ? D0 : (FLOAT)0) * (1 - loose), s1 = sqrt(D1 > 0 ? D1 : (FLOAT)0) * (1 + loose);
+    const FLOAT b0 = least_of(outline.b), b1 = most_of(outline.b), D0 = least_of(outline.D), D1 = most_of(outline.D),
+                c = outline.c;
+    const FLOAT loose = 8 * ROUNDING, s0 = sqrt(D0 > 0 ? D0 : (FLOAT)0) * (1 - loose),
+                s1 = sqrt(D1 > 0 ? D1 : (FLOAT)0) * (1 + loose);
     const FLOAT a0 = least_of(outline.a), a1 = most_of(outline.a), off = loose * (fabs(b0) + fabs(b1) + s1);
     Extent extent = {(D0 > 0) & (c != 0), (D1 < 0) | (b1 + s1 + off < 0), 0, INFINITY};
     const FLOAT low = (c > 0 ? b0 - s1 : b0 + s0) - off, high = (c > 0 ? b1 - s0 : b1 + s1) + off;
@@ -183,11 +191,11 @@ static Extent extent_of(const Cells cells, const Outline outline) {
     return extent;
 }
 
-/* The share of cells that a disc has, whether or not something is before it. Where D's quadratic part is negative definite, D is
- * positive in an ellipse of the area pi Dm / sqrt(det), where Dm is its largest value and det = ss tt - st^2 / 4, and that is
- * sqrt(Dm tt / det) wide and sqrt(Dm ss / det) high to each side. With D off by `off`, it lies between those of Dm -+ off.
- * No share of a cell, whose area is 4, is larger than the whole ellipse's, a cell in which it lies has all of it, and one that it
- * is beside has none. */
+/* The share of cells that a disc has, whether or not something is before it. Where D's quadratic part is negative
+ * definite, D is positive in an ellipse of the area pi Dm / sqrt(det), where Dm is its largest value and det = ss tt -
+ * st^2 / 4, and that is sqrt(Dm tt / det) wide and sqrt(Dm ss / det) high to each side. With D off by `off`, it lies
+ * between those of Dm -+ off. No share of a cell, whose area is 4, is larger than the whole ellipse's, a cell in which
+ * it lies has all of it, and one that it is beside has none. */
 static Share share_of_disc(const Cells cells, const Quadric own, const Outline outline) {
     const MASK clear = outline.c > 0;
     Share share = share_where_positive(outline.D);
@@ -197,7 +205,8 @@ static Share share_of_disc(const Cells cells, const Quadric own, const Outline o
     const REAL x = (REAL)0.5f * (tt * outline.Ds - (REAL)0.5f * st * outline.Dt) * over;
     const REAL y = (REAL)0.5f * (ss * outline.Dt - (REAL)0.5f * st * outline.Ds) * over;
     const REAL top = outline.D0 + (REAL)0.5f * (outline.Ds * x + outline.Dt * y), loose = (REAL)0x1p-20f;
-    const REAL high = top * (1 + loose) + outline.off, low = top * (1 - loose) - outline.off, unit = (REAL)0.785398163397448f / sqrt(det);
+    const REAL high = top * (1 + loose) + outline.off, low = top * (1 - loose) - outline.off,
+               unit = (REAL)0.785398163397448f / sqrt(det);
     const REAL wide = sqrt(high * tt * over) * (1 + loose), tall = sqrt(high * ss * over) * (1 + loose);
     const REAL_MASK round = (ss > 0) & (tt > 0) & (det > loose * (ss * tt)) & (high > 0);
     const REAL_MASK apart = round & ((fabs(x) - wide > 1) | (fabs(y) - tall > 1));
@@ -210,7 +219,8 @@ static Share share_of_disc(const Cells cells, const Quadric own, const Outline o
     return share;
 }
 
-/* A point of the surface is q = (X x G -+ sqrt(D) G) / a in the own axes, where its normal is q; in camera space that is K^T q. */
+/* A point of the surface is q = (X x G -+ sqrt(D) G) / a in the own axes, where its normal is q; in camera space that
+ * is K^T q. */
 static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline outline, const real unit) {
     Area patch;
     patch.id = own.sphere.index;
@@ -222,7 +232,8 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     put_points(&patch, cells, t, unit);
     put_anchor(&patch, origin, patch.P);
     const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own_radius(own)));
-    const Model3 q = times_vector(scaled(over, over_r), plus_vectors(cross_models(outline.X, outline.G), times_vector(root, outline.G)));
+    const Model3 q = times_vector(scaled(over, over_r),
+                                  plus_vectors(cross_models(outline.X, outline.G), times_vector(root, outline.G)));
     patch.n = q;
 #ifdef WITH_TEXTURES
     patch.q.x = scaled(q.x, patch.side);
@@ -239,7 +250,8 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
         const Real3 column[3] = {{own.x.x, own.y.x, own.z.x}, {own.x.y, own.y.y, own.z.y}, {own.x.z, own.y.z, own.z.z}};
         Model m[3];
         for (int k = 0; k < 3; k++) {
-            const Model3 axis = {narrowed(column[k].x, 0, 0, 0), narrowed(column[k].y, 0, 0, 0), narrowed(column[k].z, 0, 0, 0)};
+            const Model3 axis = {narrowed(column[k].x, 0, 0, 0), narrowed(column[k].y, 0, 0, 0),
+                                 narrowed(column[k].z, 0, 0, 0)};
             m[k] = dot_models(axis, q);
         }
         const Model3 normal = {m[0], m[1], m[2]};

@@ -1,12 +1,15 @@
-/* quick.cl: cells that show one surface, on which neither a shadow nor a light's cone ends. Their mean colour is nearly that of the middle.
+/* quick.cl: cells that show one surface, on which neither a shadow nor a light's cone ends. Their mean colour is nearly
+ * that of the middle.
  *
- * Let e be the way from a cell's middle, as a part of that to its corners: |e| <= 1, and the mean of |e|^2 over the cell is 1/3. If
- * second derivatives of f by e are no larger than `bend` in any direction, |f(e) + f(-e) - 2 f(0)| <= bend |e|^2, so that the mean of f
- * is off from f(0) by bend / 6 at most. It is off by `slope` anywhere, if the first derivatives are no larger than that.
+ * Let e be the way from a cell's middle, as a part of that to its corners: |e| <= 1, and the mean of |e|^2 over the
+ * cell is 1/3. If second derivatives of f by e are no larger than `bend` in any direction, |f(e) + f(-e) - 2 f(0)| <=
+ * bend |e|^2, so that the mean of f is off from f(0) by bend / 6 at most. It is off by `slope` anywhere, if the first
+ * derivatives are no larger than that.
  *
- * With f' and f'' for these, at once in all directions, (f g)'' = f'' g + 2 f' g' + f g'', also of scalar products. The unit vector along w
- * has a slope of |w'| / |w|, and while w moves on a straight line its second derivative is sqrt(4/3) (|w'| / |w|)^2 at most: at the
- * angle phi with the line, it is sin(phi) sqrt(4 - 3 sin(phi)^2) times that, where w' is along the line.
+ * With f' and f'' for these, at once in all directions, (f g)'' = f'' g + 2 f' g' + f g'', also of scalar products. The
+ * unit vector along w has a slope of |w'| / |w|, and while w moves on a straight line its second derivative is
+ * sqrt(4/3) (|w'| / |w|)^2 at most: at the angle phi with the line, it is sin(phi) sqrt(4 - 3 sin(phi)^2) times that,
+ * where w' is along the line.
  */
 #if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES) && !defined(WITH_QUADRICS)
 #define WITH_QUICK
@@ -17,9 +20,9 @@
 /* No less than sqrt(4/3). */
 #define ARC 1.1548f
 
-/* The point in a cell's middle, and how it changes over the cell. Lengths are in the float buffers' unit. P1, n1, v1: most that slopes
- * are, of the point, of the normal, and of the unit vector to the eye; P2, n2, v2: of second derivatives; P_off: what
- * P is off by; off: what n and v are. */
+/* The point in a cell's middle, and how it changes over the cell. Lengths are in the float buffers' unit. P1, n1, v1:
+ * most that slopes are, of the point, of the normal, and of the unit vector to the eye; P2, n2, v2: of second
+ * derivatives; P_off: what P is off by; off: what n and v are. */
 typedef struct {
     INT id; /* which surface, -1 for none */
     Real3 P;
@@ -29,15 +32,17 @@ typedef struct {
 
 /* A point of a sphere. far: t there, over the cell, at most.
  *
- * With the unit vector u along the ray d, P = rho u and n.u = -cos(theta), where cos(theta)^2 = D / (d.d r^2). Let k be 1 / cos(theta) at
- * most, w >= |u'| and T >= rho |u'|: with d' = 1 at a corner's distance h, these are h and t h. From n.P' = 0 it follows that
- * |rho'| <= T tan(theta) and |P'| <= T k; from n.P'' = -n'.P' = -|P'|^2 / r that
+ * With the unit vector u along the ray d, P = rho u and n.u = -cos(theta), where cos(theta)^2 = D / (d.d r^2). Let k be
+ * 1 / cos(theta) at most, w >= |u'| and T >= rho |u'|: with d' = 1 at a corner's distance h, these are h and t h. From
+ * n.P' = 0 it follows that |rho'| <= T tan(theta) and |P'| <= T k; from n.P'' = -n'.P' = -|P'|^2 / r that
  *
- *     |rho''| <= k (|P'|^2 / r + 2 |rho'| w + ARC T w),   |P''| <= |rho''| + 2 |rho'| w + ARC T w <= k |P'| (|P'| / r + (4 + 2 ARC) w)
+ *     |rho''| <= k (|P'|^2 / r + 2 |rho'| w + ARC T w),   |P''| <= |rho''| + 2 |rho'| w + ARC T w <= k |P'| (|P'| / r +
+ * (4 + 2 ARC) w)
  *
- * since k >= 1 and |P'| >= T. With m the sum of magnitudes in C.d, b is off by e m, with e = OUTLINE_ROUNDING, and D by 4 e times m^2 and
- * little more than d.d |c|, which is no more than b^2 or D. With s = m + sqrt(D) this is less than 9 e s^2, so that the root is off by less than
- * 9 e s^2 / sqrt(D), and rho by 10 e s^2 / (sqrt(D) (|b| + sqrt(D))) of itself. */
+ * since k >= 1 and |P'| >= T. With m the sum of magnitudes in C.d, b is off by e m, with e = OUTLINE_ROUNDING, and D by
+ * 4 e times m^2 and little more than d.d |c|, which is no more than b^2 or D. With s = m + sqrt(D) this is less than 9
+ * e s^2, so that the root is off by less than 9 e s^2 / sqrt(D), and rho by 10 e s^2 / (sqrt(D) (|b| + sqrt(D))) of
+ * itself. */
 static Middle middle_of_sphere(const Cells cells, const Sphere sphere, const FLOAT far, const real unit) {
     const Outline outline = outline_of(cells, sphere, unit);
     const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
@@ -53,7 +58,8 @@ static Middle middle_of_sphere(const Cells cells, const Sphere sphere, const FLO
     m.P.y = t * dy;
     m.P.z = -t;
     const REAL over_r = sphere.over_r / unit;
-    const Float3 n = {TO_FLOAT((m.P.x - C.x) * over_r), TO_FLOAT((m.P.y - C.y) * over_r), TO_FLOAT((m.P.z - C.z) * over_r)};
+    const Float3 n = {TO_FLOAT((m.P.x - C.x) * over_r), TO_FLOAT((m.P.y - C.y) * over_r),
+                      TO_FLOAT((m.P.z - C.z) * over_r)};
     m.n.x = m.side * n.x;
     m.n.y = m.side * n.y;
     m.n.z = m.side * n.z;
@@ -63,14 +69,16 @@ static Middle middle_of_sphere(const Cells cells, const Sphere sphere, const FLO
     m.v.z = over_d;
     m.r = TO_FLOAT(unit * sphere.r);
     const float h = (float)cells.h, k = (float)cells.k, w = sqrt(h * h + k * k);
-    const FLOAT low = least_of(outline.D), over = m.r * sqrt(most_of(cells.a) / low), slant = over > 1 ? over : (FLOAT)1;
+    const FLOAT low = least_of(outline.D), over = m.r * sqrt(most_of(cells.a) / low),
+                slant = over > 1 ? over : (FLOAT)1;
     m.P1 = far * w * slant;
     m.P2 = slant * m.P1 * (m.P1 / m.r + (4 + 2 * ARC) * w);
     m.n1 = m.P1 / m.r;
     m.n2 = m.P2 / m.r;
     m.v1 = w;
     m.v2 = ARC * w * w;
-    const FLOAT s = TO_FLOAT(sum + root), part = 10 * (FLOAT)(float)OUTLINE_ROUNDING * s / TO_FLOAT(root) * s / TO_FLOAT(all);
+    const FLOAT s = TO_FLOAT(sum + root),
+                part = 10 * (FLOAT)(float)OUTLINE_ROUNDING * s / TO_FLOAT(root) * s / TO_FLOAT(all);
     const FLOAT from_eye = TO_FLOAT(t) / over_d;
     m.P_off = from_eye * part + 8 * (FLOAT)(float)OUTLINE_ROUNDING * (s + from_eye);
     m.off = 0x1p-20f + m.P_off / m.r;
@@ -80,7 +88,8 @@ static Middle middle_of_sphere(const Cells cells, const Sphere sphere, const FLO
     return m;
 }
 
-/* A colour's part, or what it is made of: in the middle, its largest slope and second derivative; off: what rounding may have made of it. */
+/* A colour's part, or what it is made of: in the middle, its largest slope and second derivative; off: what rounding
+ * may have made of it. */
 typedef struct {
     FLOAT at, slope, bend, off;
 } Gentle;
@@ -94,19 +103,21 @@ typedef struct {
 /* (f g), but for what rounding makes of g. */
 static Gentle gentle_product(const Gentle f, const Gentle g) {
     const Gentle product = {f.at * g.at, f.slope * g.at + f.at * g.slope + f.slope * g.slope,
-                            f.bend * (g.at + g.slope) + 2 * f.slope * g.slope + (f.at + f.slope) * g.bend, f.off * g.at + f.at * g.off};
+                            f.bend * (g.at + g.slope) + 2 * f.slope * g.slope + (f.at + f.slope) * g.bend,
+                            f.off * g.at + f.at * g.off};
     return product;
 }
 
 #ifdef WITH_SPECULAR
-/* ks max(0, r.v)^exponent, where r is l mirrored at n: r' is 2 n' + l' at most, since (n'.l) n + (n.l) n' is no longer than n', and r''
- * is 2 ((n.l)'' + 2 (n.l)' n' + n'') + l''. As r' is orthogonal to r, and v' to v, the slope of r.v is (r' + v') |r - v| at most; |r - v| is
- * chord, and no more than that changes by r' + v' over the cell.
+/* ks max(0, r.v)^exponent, where r is l mirrored at n: r' is 2 n' + l' at most, since (n'.l) n + (n.l) n' is no longer
+ * than n', and r'' is 2 ((n.l)'' + 2 (n.l)' n' + n'') + l''. As r' is orthogonal to r, and v' to v, the slope of r.v is
+ * (r' + v') |r - v| at most; |r - v| is chord, and no more than that changes by r' + v' over the cell.
  *
- * With top, the largest r.v over the cell, (x^e)'' is e (e - 1) x^(e - 2) x'^2 + e x^(e - 1) x'', no more than that at top, for e >= 2.
- * Powers are right to 2^-15 of themselves; chord is off by `off`. Returns the lanes in which that holds. */
-static MASK shine_of(const Middle m, const Intersection at, const Float3 l, const FLOAT l1, const FLOAT l2, const Gentle cosine,
-                     const MASK here, Gentle *shine) {
+ * With top, the largest r.v over the cell, (x^e)'' is e (e - 1) x^(e - 2) x'^2 + e x^(e - 1) x'', no more than that at
+ * top, for e >= 2. Powers are right to 2^-15 of themselves; chord is off by `off`. Returns the lanes in which that
+ * holds. */
+static MASK shine_of(const Middle m, const Intersection at, const Float3 l, const FLOAT l1, const FLOAT l2,
+                     const Gentle cosine, const MASK here, Gentle *shine) {
     const FLOAT exponent = TO_FLOAT(at.exponent), ks = TO_FLOAT(at.ks), two = 2 * cosine.at;
     const MASK shines = here & (ks > 0);
     const Gentle none = {0, 0, 0, 0};
@@ -115,8 +126,10 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
     const Float3 e = {two * m.n.x - l.x - m.v.x, two * m.n.y - l.y - m.v.y, two * m.n.z - l.z - m.v.z};
     const FLOAT square = DOT(e, e), chord = sqrt(square), z = -0.5f * square;
     const FLOAT r1 = 2 * m.n1 + l1, r2 = 2 * (cosine.bend + 2 * cosine.slope * m.n1 + m.n2) + l2, turn = r1 + m.v1;
-    const FLOAT off = 2 * cosine.off + 4 * m.off + 0x1p-20f, slope = turn * (chord + turn), bend = r2 + 2 * r1 * m.v1 + m.v2;
-    const FLOAT z_off = (chord + off) * off, higher = z + slope + z_off, high = higher < 0 ? higher : (FLOAT)0, top = 1 + high;
+    const FLOAT off = 2 * cosine.off + 4 * m.off + 0x1p-20f, slope = turn * (chord + turn),
+                bend = r2 + 2 * r1 * m.v1 + m.v2;
+    const FLOAT z_off = (chord + off) * off, higher = z + slope + z_off, high = higher < 0 ? higher : (FLOAT)0,
+                top = 1 + high;
     /* As log(1 + z) <= z, it is less than 2^-28 then. */
     const MASK faint = (exponent * high < -20) & (exponent >= 2);
     shine->off = shines & faint ? ks * 0x1p-26f : (FLOAT)0;
@@ -124,7 +137,8 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
     if (!ANY(bright)) return here;
     const SHADE power = TO_SHADE(exponent);
     const FLOAT most = TO_FLOAT(lobe(TO_SHADE(high), power)), middle = TO_FLOAT(lobe(TO_SHADE(z), power));
-    const FLOAT first = top > 0 ? exponent * most / top : (FLOAT)0, second = top > 0 ? (exponent - 1) * first / top : (FLOAT)0;
+    const FLOAT first = top > 0 ? exponent * most / top : (FLOAT)0,
+                second = top > 0 ? (exponent - 1) * first / top : (FLOAT)0;
     shine->at = bright ? ks * middle : (FLOAT)0;
     shine->slope = bright ? ks * first * slope : (FLOAT)0;
     shine->bend = bright ? ks * (second * slope * slope + first * bend) : (FLOAT)0;
@@ -135,10 +149,11 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
 
 #ifdef WITH_LIGHTS
 #ifdef WITH_SPOT
-/* Leaves of `here` the lanes in which all of a cell is within a light's cone, and returns those in which its edge, or where it begins to
- * fall off, may be in the cell. strength: what leaves along its rays; an angle a from the axis has the slope l', and l'' + l'^2 / tan(a) for
- * a second derivative. */
-static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLOAT l2, const FLOAT off, MASK *here, Gentle *strength) {
+/* Leaves of `here` the lanes in which all of a cell is within a light's cone, and returns those in which its edge, or
+ * where it begins to fall off, may be in the cell. strength: what leaves along its rays; an angle a from the axis has
+ * the slope l', and l'' + l'^2 / tan(a) for a second derivative. */
+static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLOAT l2, const FLOAT off, MASK *here,
+                    Gentle *strength) {
     const Float3 axis = {-(float)light.axis.x, -(float)light.axis.y, -(float)light.axis.z};
     const FLOAT cosine = DOT(axis, l), least = (float)light.axis.w, far = l1 + off + 0x1p-20f;
     const MASK crossed = *here & (fabs(cosine - least) <= far);
@@ -158,8 +173,8 @@ static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLO
 
 #ifdef WITH_SHADOWS
 /* Whether something cuts off a light from all of a cell, and, as what is returned, whether it may from a part. */
-static MASK shade_of(const Scene scene, const int number, const int kind, const Middle m, const Float3 w, const FLOAT along, const FLOAT size,
-                     const MASK here, MASK *lit) {
+static MASK shade_of(const Scene scene, const int number, const int kind, const Middle m, const Float3 w,
+                     const FLOAT along, const FLOAT size, const MASK here, MASK *lit) {
     const FLOAT radius = m.P1 * (1 + 16 * ROUNDING) + m.P_off;
     const Model zero = constant_model(0);
     Area patch;
@@ -177,7 +192,8 @@ static MASK shade_of(const Scene scene, const int number, const int kind, const 
     patch.bare = 1;
     const FLOAT loose = kind == 0 ? (FLOAT)0x1p-22f : radius + 0x1p-22f * size;
     const Model3 ways = {{w.x, 0, 0, loose, 0}, {w.y, 0, 0, loose, 0}, {w.z, 0, 0, loose, 0}};
-    const FLOAT depth = kind == 0 ? radius - along : (size + radius) * (size + radius), far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
+    const FLOAT depth = kind == 0 ? radius - along : (size + radius) * (size + radius),
+                far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
     const Way way = 0;
     const Blocking blocking = blocking_of(scene, number, kind, &patch, ways, &way, far, here);
     const MASK dark = here & (blocking.blocked.least >= 1);
@@ -187,7 +203,8 @@ static MASK shade_of(const Scene scene, const int number, const int kind, const 
 #endif
 
 /* What one light gives. here: the lanes that ask; returns those of them in which it is known. */
-static MASK gift_of(const Scene scene, const int number, const int kind, const Middle m, const Intersection at, const MASK here, Gift *gift) {
+static MASK gift_of(const Scene scene, const int number, const int kind, const Middle m, const Intersection at,
+                    const MASK here, Gift *gift) {
     const Light light = scene.light[number];
     const Gentle none = {0, 0, 0, 0};
     const real unit = kind == 0 ? (real)1 : scene.unit;
@@ -239,7 +256,8 @@ static MASK is_plain(const Scene scene, const INT id) {
 #ifdef WITH_TEXTURES
     int each[W], plain[W];
     STORE_LANES(id, each);
-    for (int lane = 0; lane < W; lane++) plain[lane] = each[lane] < 0 || scene.texture_of[scene.material_of[each[lane]]] < 0;
+    for (int lane = 0; lane < W; lane++)
+        plain[lane] = each[lane] < 0 || scene.texture_of[scene.material_of[each[lane]]] < 0;
     return LOAD_LANES(plain) != 0;
 #else
     return ALL_LANES;
@@ -247,9 +265,11 @@ static MASK is_plain(const Scene scene, const INT id) {
 }
 
 /* Looks at those cells of which that may be enough. Returns the lanes in which it is. */
-static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells, const Sight *view, Means *means) {
+static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells,
+                                                   const Sight *view, Means *means) {
     const float levels = scene.average.w;
-    const MASK plain = kind_of_sight(*view).plain, some = plain & (view->cover >= 0) & !beyond_proof(scene, view->cover) & is_plain(scene, view->cover);
+    const MASK plain = kind_of_sight(*view).plain,
+               some = plain & (view->cover >= 0) & !beyond_proof(scene, view->cover) & is_plain(scene, view->cover);
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
     means->error = 0;
     means->coverage = 0;
@@ -257,7 +277,8 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
     for (int k = 0; k < 3; k++) means->color[k] = background[k] < 1 ? background[k] : 1;
     MASK known = plain & (view->cover < 0);
     if (!ANY(some)) return known;
-    Middle m = middle_of_sphere(*cells, spheres_of(scene.spheres, some ? view->cover : (INT)-1), view->of_cover.most, scene.unit);
+    Middle m = middle_of_sphere(*cells, spheres_of(scene.spheres, some ? view->cover : (INT)-1), view->of_cover.most,
+                                scene.unit);
     /* Where white light from behind the eye is off by more, so may any other. */
     const MASK asked = some & (m.n2 * 42.5f <= levels);
     if (!ANY(asked)) return known;
@@ -272,9 +293,9 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
         color[k] = first;
     }
 #ifdef WITH_LIGHTS
-    for (int number = 0; number < scene.lights.w; number++) {
+    for (int number = 0; number < scene.lights; number++) {
         Gift gift;
-        here = here & gift_of(scene, number, kind_of(scene.lights, number), m, at, here, &gift);
+        here = here & gift_of(scene, number, kind_of(scene.light[number]), m, at, here, &gift);
         if (!ANY(here)) return known;
         const float4 light = scene.light[number].color;
         const float each[3] = {light.x, light.y, light.z};
@@ -288,7 +309,8 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
 #endif
     FLOAT error = 0;
     for (int k = 0; k < 3; k++) {
-        const FLOAT off = color[k].bend * (1.0f / 6) + color[k].off + 0x1p-20f * color[k].at, far = color[k].slope + 2 * off;
+        const FLOAT off = color[k].bend * (1.0f / 6) + color[k].off + 0x1p-20f * color[k].at,
+                    far = color[k].slope + 2 * off;
         const MASK over = color[k].at - far > 1;
         here = here & (over | (color[k].at + far < 1));
         const FLOAT worst = over ? (FLOAT)0 : off;

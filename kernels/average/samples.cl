@@ -1,23 +1,25 @@
 /* samples.cl: the mean colours of pixels that show mirrors or glass, from samples; their errors are estimates.
  *
- * A pixel is a square with samples at its corners, its middle and the middles of its sides; neighbours share all but the middle. Each
- * sample has a mark, which says what its rays have met. Where all are nearly on a plane, they give the mean. Where there are two marks,
- * one beyond a line, the line is found by halving on two sides of the square, and each part of the square has the colour at its
- * centroid. All other squares are split into 4, those that are known least first, down to SMALLEST. Which these are depends on
- * the pixel's own samples alone, and sums are whole numbers: neither crops nor the width of packets change a bit.
+ * A pixel is a square with samples at its corners, its middle and the middles of its sides; neighbours share all but
+ * the middle. Each sample has a mark, which says what its rays have met. Where all are nearly on a plane, they give the
+ * mean. Where there are two marks, one beyond a line, the line is found by halving on two sides of the square, and each
+ * part of the square has the colour at its centroid. All other squares are split into 4, those that are known least
+ * first, down to SMALLEST. Which these are depends on the pixel's own samples alone, and sums are whole numbers:
+ * neither crops nor the width of packets change a bit.
  */
-#ifdef WITH_MARKS
-/* Places of samples are counted in these parts of a pixel, 2^GRID_LEVEL halves of cells; the side of a smallest square in them. */
+#if defined(WITH_AVERAGE) && defined(WITH_MARKS)
+/* Places of samples are counted in these parts of a pixel, 2^GRID_LEVEL halves of cells; the side of a smallest square
+ * in them. */
 #define GRID_LEVEL 8
 #define GRID (2 << GRID_LEVEL)
 #define SMALLEST (GRID / 16)
 /* In smaller squares no line is looked for: their four parts are as cheap. */
 #define SMALLEST_LINED (GRID / 4)
-/* So many squares of one size may be split in a pixel: all but the smallest. To split only a part of these would be a bias: squares
- * are known to be uncertain where a sample met what is thin, but not where all samples missed it. */
+/* So many squares of one size may be split in a pixel: all but the smallest. To split only a part of these would be a
+ * bias: squares are known to be uncertain where a sample met what is thin, but not where all samples missed it. */
 #define MOST_OPEN 64
-/* What squares are off by is independent of each other, so that the squares of their errors add up. The error of a pixel is that many
- * times the root of the sum. */
+/* What squares are off by is independent of each other, so that the squares of their errors add up. The error of a
+ * pixel is that many times the root of the sum. */
 #define SAFETY 3
 /* What part of the sum that a pixel may still have its squares of one size may take. */
 #define ALLOWED 0.7f
@@ -32,16 +34,16 @@
 #define LEFT_OUT 0
 #endif
 
-/* Red, green, blue, at most 1 each, and coverage; what was met, and that and where on textures: colours jump where the first is another,
- * and bend where the second is; whether it took too many rays. */
+/* Red, green, blue, at most 1 each, and coverage; what was met, and that and where on textures: colours jump where the
+ * first is another, and bend where the second is; whether it took too many rays. */
 typedef struct {
     float c[4];
     uint met, mark;
     int overgrown;
 } Sample;
 
-/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets. There is room for
- * their samples, and for those of a packet's pixels, a grid of half pixels. */
+/* So many squares are looked at together: the ends of their lines, or what is new where they are split, are packets.
+ * There is room for their samples, and for those of a packet's pixels, a grid of half pixels. */
 #define BATCH 8
 #define PACKET_SAMPLES ((2 * PACKET_HEIGHT + 1) * (2 * PACKET_WIDTH + 1))
 #define MOST_SAMPLES (PACKET_SAMPLES > 8 * BATCH ? PACKET_SAMPLES : 8 * BATCH)
@@ -57,8 +59,8 @@ static void add_sample(Samples *samples, const int x, const int y) {
     samples->y[samples->count++] = y;
 }
 
-static __attribute__((noinline)) void trace_samples(const Frame frame, const Scene scene, const int2 size, const int2 tile, Samples *samples,
-                                                    Work *work) {
+static __attribute__((noinline)) void trace_samples(const Frame frame, const Scene scene, const int2 size,
+                                                    const int2 tile, Samples *samples, Work *work) {
     for (int first = 0; first < samples->count; first += W) {
         int x[W], y[W];
         for (int lane = 0; lane < W; lane++) {
@@ -66,10 +68,8 @@ static __attribute__((noinline)) void trace_samples(const Frame frame, const Sce
             x[lane] = samples->x[i];
             y[lane] = samples->y[i];
         }
-        Pixels pixels = {{INFINITY, -1, {0, 0, 1}},
-                         {frame.background.x, frame.background.y, frame.background.z},
-                         {0, 0, 0},
-                         0};
+        Pixels pixels = {
+            {INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}, {0, 0, 0}, 0};
 #ifdef WITH_CEILING
         pixels.wanted = ALL_LANES;
         pixels.overgrown = 0;
@@ -102,8 +102,9 @@ static __attribute__((noinline)) void trace_samples(const Frame frame, const Sce
 }
 
 /* x, y: of its upper left corner; corner: from there clockwise; pixel: the lane of the pixel it is in.
- * bent, broken: what the middles of a whole pixel's sides say; both are 0 in parts of pixels. bent: the most by which one is off the mean
- * of its side's ends, in levels; broken: whether one has a mark that neither end has, so that no single line goes through the square. */
+ * bent, broken: what the middles of a whole pixel's sides say; both are 0 in parts of pixels. bent: the most by which
+ * one is off the mean of its side's ends, in levels; broken: whether one has a mark that neither end has, so that no
+ * single line goes through the square. */
 typedef struct {
     int x, y, side, pixel;
     Sample corner[4], middle;
@@ -120,8 +121,8 @@ typedef struct {
 #define RIGHT(corner) ((corner) == 1 || (corner) == 2)
 #define BELOW(corner) ((corner) >= 2)
 
-/* Sums over squares that come in any order: of colours and coverage times areas, and of the squares of errors in levels times areas. In
- * units of 2^-40. */
+/* Sums over squares that come in any order: of colours and coverage times areas, and of the squares of errors in levels
+ * times areas. In units of 2^-40. */
 typedef struct {
     long c[4], error;
 } Total;
@@ -146,13 +147,14 @@ static void note_overgrown_square(const Square *square, int *late) {
     late[square->pixel] |= square->middle.overgrown;
 }
 
-/* How far a square's samples are from a plane: of a quadratic in x and y the mean of the corners is twice as far from its mean as the
- * middle is, on the other side; and the difference between the diagonals' means tells of the rest. Of a whole pixel, also how far the
- * middles of its sides are from lines. In levels. */
+/* How far a square's samples are from a plane: of a quadratic in x and y the mean of the corners is twice as far from
+ * its mean as the middle is, on the other side; and the difference between the diagonals' means tells of the rest. Of a
+ * whole pixel, also how far the middles of its sides are from lines. In levels. */
 static float bend_of(const Square *square) {
     float most = square->bent / 255;
     for (int k = 0; k < CHANNELS; k++) {
-        const float one = square->corner[0].c[k] + square->corner[2].c[k], other = square->corner[1].c[k] + square->corner[3].c[k];
+        const float one = square->corner[0].c[k] + square->corner[2].c[k],
+                    other = square->corner[1].c[k] + square->corner[3].c[k];
         most = fmax(most, fmax(fabs(0.25f * (one + other) - square->middle.c[k]), 0.25f * fabs(one - other)));
     }
     return 255 * most;
@@ -170,15 +172,16 @@ static void add_square(const Square *square, const float error, Total *total) {
     const float weight = is_smooth(square) ? 8 : 4;
     float c[4];
     for (int k = 0; k < 4; k++) {
-        const float corners = square->corner[0].c[k] + square->corner[1].c[k] + square->corner[2].c[k] + square->corner[3].c[k];
+        const float corners = square->corner[0].c[k] + square->corner[1].c[k] + square->corner[2].c[k] +
+                              square->corner[3].c[k];
         c[k] = (corners + weight * square->middle.c[k]) / (4 + weight);
     }
     add_part(total, c, side * side);
     add_error(total, error * side * side);
 }
 
-/* Two marks in a square. first: that of the upper left corner; cut: the two sides on which they meet, of which side k goes clockwise
- * from corner k; contrast: between their colours, in levels. */
+/* Two marks in a square. first: that of the upper left corner; cut: the two sides on which they meet, of which side k
+ * goes clockwise from corner k; contrast: between their colours, in levels. */
 typedef struct {
     uint first, second;
     int cut[2];
@@ -218,14 +221,15 @@ static int has_border(const Square *square, Border *border) {
     return 1;
 }
 
-/* In levels, what a square's mean is mostly off by: of what is smooth no more than the middle is by itself, see bend_of(). Where an edge
- * cuts off a part p < 1/2 of a square with the contrast c, the samples' mean is off by about c / 8, and the bend is c / 4 or more. */
+/* In levels, what a square's mean is mostly off by: of what is smooth no more than the middle is by itself, see
+ * bend_of(). Where an edge cuts off a part p < 1/2 of a square with the contrast c, the samples' mean is off by about c
+ * / 8, and the bend is c / 4 or more. */
 static float error_of(const Square *square) {
     return bend_of(square) * (is_smooth(square) ? 1.0f / 3 : 0.5f);
 }
 
-/* The same of the parts of squares. Where these differ, what is thin may go through one of them between its samples, as it does through
- * those beside it: a 16th of their bend is added. */
+/* The same of the parts of squares. Where these differ, what is thin may go through one of them between its samples, as
+ * it does through those beside it: a 16th of their bend is added. */
 static void errors_of(const Square *squares, const int count, float *error) {
     for (int i = 0; i < count; i++) error[i] = error_of(&squares[i]);
     for (int first = 0; first + 3 < count; first += 4) {
@@ -235,8 +239,8 @@ static void errors_of(const Square *squares, const int count, float *error) {
     }
 }
 
-/* Adds those squares of a pixel to it that are known well enough, all of one size: the squares of their errors add up to no more than a
- * part of what is left. Puts the others into `open`, and returns how many these are. */
+/* Adds those squares of a pixel to it that are known well enough, all of one size: the squares of their errors add up
+ * to no more than a part of what is left. Puts the others into `open`, and returns how many these are. */
 static int keep_squares(const Square *squares, const int count, const float levels, Total *total, Square *open) {
     float error[4 * MOST_OPEN], kept = 0, lower = INFINITY;
     const float side = (float)squares->side / GRID, area = side * side;
@@ -271,7 +275,8 @@ static void look_beside(Square *square, const Sample *sides, int *late) {
     square->broken = 0;
     for (int k = 0; k < 4; k++) {
         const Sample *from = &square->corner[k], *to = &square->corner[(k + 1) & 3], *side = &sides[k];
-        for (int c = 0; c < CHANNELS; c++) square->bent = fmax(square->bent, 255 * fabs(0.5f * (from->c[c] + to->c[c]) - side->c[c]));
+        for (int c = 0; c < CHANNELS; c++)
+            square->bent = fmax(square->bent, 255 * fabs(0.5f * (from->c[c] + to->c[c]) - side->c[c]));
         square->broken |= side->mark != from->mark && side->mark != to->mark;
         late[square->pixel] |= side->overgrown;
     }
@@ -281,13 +286,16 @@ static void look_beside(Square *square, const Sample *sides, int *late) {
 static int is_needed(const int *wanted, const int row, const int column) {
     int needed = 0;
     for (int y = max((row - 1) >> 1, 0); y <= min(row >> 1, PACKET_HEIGHT - 1); y++)
-        for (int x = max((column - 1) >> 1, 0); x <= min(column >> 1, PACKET_WIDTH - 1); x++) needed |= wanted[PACKET_WIDTH * y + x];
+        for (int x = max((column - 1) >> 1, 0); x <= min(column >> 1, PACKET_WIDTH - 1); x++)
+            needed |= wanted[PACKET_WIDTH * y + x];
     return needed;
 }
 
-/* The squares of those pixels of a packet that are wanted, and the middles of their sides. Returns how many squares these are. */
-static int squares_of_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows, const int *wanted,
-                             const int2 tile, Square *squares, SideMiddles *sides, int *late, Work *work) {
+/* The squares of those pixels of a packet that are wanted, and the middles of their sides. Returns how many squares
+ * these are. */
+static int squares_of_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows,
+                             const int *wanted, const int2 tile, Square *squares, SideMiddles *sides, int *late,
+                             Work *work) {
     Samples samples;
     int number[2 * PACKET_HEIGHT + 1][2 * PACKET_WIDTH + 1], count = 0;
     samples.count = 0;
@@ -333,9 +341,9 @@ typedef struct {
     int failed, overgrown;
 } Line;
 
-/* An end of a line that is off by half a gap, along a side s, moves no more than a quarter of the gap times s from one part to the other,
- * and mostly a half of that. Of squares of the nth part of a pixel about n have the edge, so that their gaps may be the root of n times as
- * wide. */
+/* An end of a line that is off by half a gap, along a side s, moves no more than a quarter of the gap times s from one
+ * part to the other, and mostly a half of that. Of squares of the nth part of a pixel about n have the edge, so that
+ * their gaps may be the root of n times as wide. */
 static Line line_of(const Square *square, const float levels) {
     Line line;
     has_border(square, &line.border);
@@ -344,7 +352,8 @@ static Line line_of(const Square *square, const float levels) {
     line.width = (int)clamp(width, 2.0f, 0.25f * square->side);
     for (int end = 0; end < 2; end++) {
         for (int k = 0; k < 2; k++) {
-            const int corner = (line.border.cut[end] + k) & 3, second = square->corner[corner].mark != line.border.first;
+            const int corner = (line.border.cut[end] + k) & 3,
+                      second = square->corner[corner].mark != line.border.first;
             line.gap[end].x[second] = square->x + RIGHT(corner) * square->side;
             line.gap[end].y[second] = square->y + BELOW(corner) * square->side;
         }
@@ -353,7 +362,8 @@ static Line line_of(const Square *square, const float levels) {
 }
 
 /* Halves the gaps of lines until they are narrow enough. */
-static void narrow_gaps(const Frame frame, const Scene scene, const int2 size, const int2 tile, Line *lines, const int count, Work *work) {
+static void narrow_gaps(const Frame frame, const Scene scene, const int2 size, const int2 tile, Line *lines,
+                        const int count, Work *work) {
     for (;;) {
         Samples samples;
         int which[2 * BATCH];
@@ -415,10 +425,13 @@ static void regions_of(const Square *square, const Line *line, Region *regions) 
     }
 }
 
-/* Adds samples that tell whether a line is one: at the centroids of both parts, and beside its middle on either side, as far off as
- * the middle of a curve may be. Returns how far that is: the curve takes two thirds of that times its length from a part. */
-static float add_witnesses(const Square *square, const Line *line, const Region *regions, const float levels, Samples *samples) {
-    for (int k = 0; k < 2; k++) add_sample(samples, square->x + (int)(regions[k].x + 0.5f), square->y + (int)(regions[k].y + 0.5f));
+/* Adds samples that tell whether a line is one: at the centroids of both parts, and beside its middle on either side,
+ * as far off as the middle of a curve may be. Returns how far that is: the curve takes two thirds of that times its
+ * length from a part. */
+static float add_witnesses(const Square *square, const Line *line, const Region *regions, const float levels,
+                           Samples *samples) {
+    for (int k = 0; k < 2; k++)
+        add_sample(samples, square->x + (int)(regions[k].x + 0.5f), square->y + (int)(regions[k].y + 0.5f));
     float x[2], y[2];
     for (int end = 0; end < 2; end++) {
         x[end] = 0.5f * (line->gap[end].x[0] + line->gap[end].x[1] - 2 * square->x);
@@ -427,16 +440,17 @@ static float add_witnesses(const Square *square, const Line *line, const Region 
     const float mx = 0.5f * (x[0] + x[1]), my = 0.5f * (y[0] + y[1]), nx = y[0] - y[1], ny = x[1] - x[0];
     const float most = 1.5f * PRECISE * levels * sqrt(GRID * GRID * GRID / (float)square->side) / line->border.contrast;
     const float off = clamp(most, 2.0f, 0.125f * square->side);
-    const float towards = nx * (regions[0].x - mx) + ny * (regions[0].y - my) < 0 ? -1 : 1, step = towards * off / sqrt(nx * nx + ny * ny);
+    const float towards = nx * (regions[0].x - mx) + ny * (regions[0].y - my) < 0 ? -1 : 1,
+                step = towards * off / sqrt(nx * nx + ny * ny);
     add_sample(samples, square->x + (int)floor(mx + step * nx + 0.5f), square->y + (int)floor(my + step * ny + 0.5f));
     add_sample(samples, square->x + (int)floor(mx - step * nx + 0.5f), square->y + (int)floor(my - step * ny + 0.5f));
     return off;
 }
 
-/* Adds those of some squares to their pixels, BATCH at most, that have a line. These are no more: their side is 0. which: their
- * numbers. */
-static void follow_lines(const Frame frame, const Scene scene, const int2 size, const int2 tile, Square *squares, const int *which,
-                         const int count, Total *totals, int *late, Work *work) {
+/* Adds those of some squares to their pixels, BATCH at most, that have a line. These are no more: their side is 0.
+ * which: their numbers. */
+static void follow_lines(const Frame frame, const Scene scene, const int2 size, const int2 tile, Square *squares,
+                         const int *which, const int count, Total *totals, int *late, Work *work) {
     Line lines[BATCH];
     Region regions[2 * BATCH];
     float off[BATCH];
@@ -463,15 +477,17 @@ static void follow_lines(const Frame frame, const Scene scene, const int2 size, 
         for (int k = 0; k < 4; k++) found &= samples.at[first[i] + k].mark == ((k & 1) ? border.second : border.first);
         if (!found) continue;
         for (int k = 0; k < 2; k++)
-            add_part(&totals[square->pixel], samples.at[first[i] + k].c, 0.5f * regions[2 * i + k].twice / (GRID * GRID));
-        add_error(&totals[square->pixel], border.contrast * (0.2f * lines[i].width + 0.3f * off[i]) * square->side / (GRID * GRID));
+            add_part(&totals[square->pixel], samples.at[first[i] + k].c,
+                     0.5f * regions[2 * i + k].twice / (GRID * GRID));
+        add_error(&totals[square->pixel],
+                  border.contrast * (0.2f * lines[i].width + 0.3f * off[i]) * square->side / (GRID * GRID));
         square->side = 0;
     }
 }
 
 /* Puts in the four parts of each square, BATCH at most. Of whole pixels the sides' middles are known. */
-static void split_squares(const Frame frame, const Scene scene, const int2 size, const int2 tile, const Square *squares, const int count,
-                          const SideMiddles *sides, Square *parts, int *late, Work *work) {
+static void split_squares(const Frame frame, const Scene scene, const int2 size, const int2 tile, const Square *squares,
+                          const int count, const SideMiddles *sides, Square *parts, int *late, Work *work) {
     const int known = squares->side == GRID, each = known ? 4 : 8;
     Samples samples;
     samples.count = 0;
@@ -489,7 +505,8 @@ static void split_squares(const Frame frame, const Scene scene, const int2 size,
         const Square *from = &squares[i];
         const Sample *middle = &samples.at[each * i], *side = known ? sides->of[from->pixel] : middle + 4;
         for (int k = 0; k < 4; k++) {
-            Square square = {from->x + RIGHT(k) * (from->side / 2), from->y + BELOW(k) * (from->side / 2), from->side / 2, from->pixel};
+            Square square = {from->x + RIGHT(k) * (from->side / 2), from->y + BELOW(k) * (from->side / 2),
+                             from->side / 2, from->pixel};
             square.corner[k] = from->corner[k];
             square.corner[(k + 1) & 3] = side[k];
             square.corner[(k + 2) & 3] = from->middle;
@@ -503,10 +520,10 @@ static void split_squares(const Frame frame, const Scene scene, const int2 size,
     }
 }
 
-/* Adds those squares to their pixels that have a line, and if they are the smallest all of them. Leaves the others, and returns how
- * many these are. */
-static int follow_all(const Frame frame, const Scene scene, const int2 size, const int2 tile, Square *squares, const int count,
-                      Total *totals, int *late, Work *work) {
+/* Adds those squares to their pixels that have a line, and if they are the smallest all of them. Leaves the others, and
+ * returns how many these are. */
+static int follow_all(const Frame frame, const Scene scene, const int2 size, const int2 tile, Square *squares,
+                      const int count, Total *totals, int *late, Work *work) {
     const int last = count > 0 && squares->side == SMALLEST;
     int which[BATCH], lines = 0, left = 0;
     for (int i = 0; i < count; i++) {
@@ -528,8 +545,9 @@ static int follow_all(const Frame frame, const Scene scene, const int2 size, con
 }
 
 /* The means of those pixels of a packet that are wanted. */
-static __attribute__((noinline)) void sample_pixels(const Frame frame, const Scene scene, const int2 size, const int *columns, const int *rows,
-                                                    const int *wanted, const int2 tile, Sum *sums, int *late, Work *work) {
+static __attribute__((noinline)) void sample_pixels(const Frame frame, const Scene scene, const int2 size,
+                                                    const int *columns, const int *rows, const int *wanted,
+                                                    const int2 tile, Sum *sums, int *late, Work *work) {
     Square squares[4 * MOST_OPEN * W], open[MOST_OPEN * W];
     SideMiddles sides;
     Total totals[W];
@@ -548,11 +566,13 @@ static __attribute__((noinline)) void sample_pixels(const Frame frame, const Sce
         left = follow_all(frame, scene, size, tile, open, left, totals, late, work);
         count = 4 * left;
         for (int i = 0; i < left; i += BATCH)
-            split_squares(frame, scene, size, tile, open + i, min(left - i, BATCH), &sides, squares + 4 * i, late, work);
+            split_squares(frame, scene, size, tile, open + i, min(left - i, BATCH), &sides, squares + 4 * i, late,
+                          work);
     }
     for (int lane = 0; lane < W; lane++) {
         const Total total = totals[lane];
-        const Sum sum = {{total.c[0], total.c[1], total.c[2]}, total.c[3], SAFETY * sqrt((float)total.error * 0x1p-40f) + LEFT_OUT};
+        const Sum sum = {
+            {total.c[0], total.c[1], total.c[2]}, total.c[3], SAFETY * sqrt((float)total.error * 0x1p-40f) + LEFT_OUT};
         if (wanted[lane]) sums[lane] = sum;
     }
 }

@@ -1,9 +1,9 @@
 /* sight.cl: which surfaces a cell of the picture shows.
  */
 #if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES)
-/* What cells show. cover: the surface that surely covers all of the cell and whose furthest point there is nearest, -1 for the
- * background; front, second: of all others in the cell, those with the nearest points, -1 for none; others: how near the rest may
- * be. */
+/* What cells show. cover: the surface that surely covers all of the cell and whose furthest point there is nearest, -1
+ * for the background; front, second: of all others in the cell, those with the nearest points, -1 for none; others: how
+ * near the rest may be. */
 typedef struct {
     INT cover, front, second;
     Extent of_cover, of_front, of_second;
@@ -69,11 +69,11 @@ static Sight sight_of(const Scene scene, const Cells cells, const int2 tile) {
         level = next_level(grid, level);
         const int cell = cell_of(level, tile);
         const int end = scene.lists.start[cell + 1];
-        FETCH_AHEAD(scene, scene.eye_filter, -1, end);
+        fetch_ahead(scene, -1, end);
         for (int k = scene.lists.start[cell]; k < end; k++) {
             const int2 entry = scene.lists.entry[k];
             if (as_float(entry.y) > reach) break;
-            FETCH_ENTRY(scene, scene.eye_filter, -1, k + AHEAD);
+            fetch_entry(scene, -1, k + AHEAD);
             const Extent extent = extent_of(cells, outline_of(cells, quadric_at(scene.spheres, entry.x), scene.unit));
             if (!ANY((!extent.misses))) continue;
             see(&view, entry.x, extent);
@@ -145,7 +145,8 @@ static Sight load_sight(const Sights *from, const int *which) {
         extent[k].least = LOAD_LANES(least[k]);
         extent[k].most = LOAD_LANES(most[k]);
     }
-    const Sight view = {LOAD_LANES(id[0]), LOAD_LANES(id[1]), LOAD_LANES(id[2]), extent[0], extent[1], extent[2], LOAD_LANES(others)};
+    const Sight view = {LOAD_LANES(id[0]), LOAD_LANES(id[1]), LOAD_LANES(id[2]), extent[0],
+                        extent[1],         extent[2],         LOAD_LANES(others)};
     return view;
 }
 #endif

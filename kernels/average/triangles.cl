@@ -1,7 +1,8 @@
 /* triangles.cl: triangles over cells, and between the light and patches of surfaces.
  */
 #ifdef WITH_SHEETS
-/* What is positive at the places of a cell where it shows a triangle, or where that cuts off a light; see sides_of(). */
+/* What is positive at the places of a cell where it shows a triangle, or where that cuts off a light; see sides_of().
+ */
 typedef struct {
     Model edge[3];
 } Edges;
@@ -20,10 +21,12 @@ static Edges edges_along(__global const float4 *facet, const Model3 v, const FLO
     return edges;
 }
 
-/* 1/t at the plane, or its depth along parallel rays, off by `size` times 2^-22 beside the model's own rounding: see plane_at(). */
+/* 1/t at the plane, or its depth along parallel rays, off by `size` times 2^-22 beside the model's own rounding: see
+ * plane_at(). */
 static Model plane_along(__global const float4 *facet, const Model3 v) {
     const float a = facet[0].w, b = facet[1].w, c = facet[2].w;
-    const FLOAT size = fabs(a) * (fabs(v.x.v) + radius_of(v.x)) + fabs(b) * (fabs(v.y.v) + radius_of(v.y)) + fabs(c) * (fabs(v.z.v) + radius_of(v.z));
+    const FLOAT size = fabs(a) * (fabs(v.x.v) + radius_of(v.x)) + fabs(b) * (fabs(v.y.v) + radius_of(v.y)) +
+                       fabs(c) * (fabs(v.z.v) + radius_of(v.z));
     return dot_facet(a, b, c, v, 0x1p-22f * size);
 }
 
@@ -44,13 +47,16 @@ static MASK surely_within(const Edges edges) {
     for (int place = 0; place < 5; place++) {
         const float s = place == 4 ? 0 : (place & 1) ? 1 : -1, t = place == 4 ? 0 : (place & 2) ? 1 : -1;
         MASK all = ALL_LANES;
-        for (int k = 0; k < 3; k++) all = all & (edges.edge[k].v + s * edges.edge[k].x + t * edges.edge[k].y > edges.edge[k].r * (1 + ROUNDING));
+        for (int k = 0; k < 3; k++)
+            all = all &
+                  (edges.edge[k].v + s * edges.edge[k].x + t * edges.edge[k].y > edges.edge[k].r * (1 + ROUNDING));
         any = any | all;
     }
     return any;
 }
 
-/* Whether a rim of its mesh may be in the cell: an edge beyond which no triangle goes on, as seen from the eye (view 0) or a light. */
+/* Whether a rim of its mesh may be in the cell: an edge beyond which no triangle goes on, as seen from the eye (view 0)
+ * or a light. */
 static MASK rim_within(const Scene scene, const int view, const int number, const Edges edges) {
     const int4 beyond = scene.neighbour[number];
     const int each[3] = {beyond.x, beyond.y, beyond.z};
@@ -105,11 +111,12 @@ static Model weighted_models(const float3 row, const Model b, const Model c) {
 }
 #endif
 
-/* The part of a triangle's plane that a cell shows. With A from the ray's start to the corner A, and w along the ray, E_AB and E_CA
- * are linear in the place, as are D = A.N and N.w: see triangle.cl. t is D / (N.w), and B counts E_CA / (N.w), C E_AB / (N.w).
+/* The part of a triangle's plane that a cell shows. With A from the ray's start to the corner A, and w along the ray,
+ * E_AB and E_CA are linear in the place, as are D = A.N and N.w: see triangle.cl. t is D / (N.w), and B counts E_CA /
+ * (N.w), C E_AB / (N.w).
  *
- * Volumes are off by 2^-44 (g + h) s w1 and 2^-46 w1 g h, see volumes_of(), which is 512 and 128 roundings of doubles; as many of
- * floats are 2^-15 and 2^-17. The rays of a cell are longer by its sides. */
+ * Volumes are off by 2^-44 (g + h) s w1 and 2^-46 w1 g h, see volumes_of(), which is 512 and 128 roundings of doubles;
+ * as many of floats are 2^-15 and 2^-17. The rays of a cell are longer by its sides. */
 static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells cells, const int number, const INT id) {
     Area patch;
     patch.id = id;
@@ -151,10 +158,12 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     EC.y = -DOT(T.e1, Rx);
     EC.z = -DOT(T.e1, Ry);
     const REAL u = (REAL)VOLUME_ROUNDING;
-    const REAL over = 1 / den.x, gh = T.g * T.h, den_error = u * w1 * gh, E_error = u * s * w1 * (T.g + T.h) + den_error, size = fabs(over);
+    const REAL over = 1 / den.x, gh = T.g * T.h, den_error = u * w1 * gh,
+               E_error = u * s * w1 * (T.g + T.h) + den_error, size = fabs(over);
     const Model whole = narrowed_by(den, over, den_error * size), share = reciprocal_of(whole);
     const Model t = times_model(narrowed_by(D, over * scene.unit, u * s * gh * size * scene.unit), share);
-    const Model b = times_model(narrowed_by(EB, over, E_error * size), share), c = times_model(narrowed_by(EC, over, E_error * size), share);
+    const Model b = times_model(narrowed_by(EB, over, E_error * size), share),
+                c = times_model(narrowed_by(EC, over, E_error * size), share);
     const Real3 origin = {0, 0, 0};
     put_points(&patch, cells, t, scene.unit);
     put_anchor(&patch, origin, patch.P);
@@ -164,7 +173,8 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     patch.ray = patch.P;
     patch.over = constant_model(1);
 #else
-    const REAL nearness = 1 / (D.x * scene.unit), wrong = fabs(nearness) * u * s * gh / fabs(D.x) * (fabs(den.x) + fabs(den.y) + fabs(den.z));
+    const REAL nearness = 1 / (D.x * scene.unit),
+               wrong = fabs(nearness) * u * s * gh / fabs(D.x) * (fabs(den.x) + fabs(den.y) + fabs(den.z));
     patch.ray = directions_of(cells, scene.unit);
     patch.over = narrowed_by(den, nearness, 2 * (den_error * fabs(nearness) + wrong));
 #endif
@@ -172,8 +182,10 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     patch.tu = patch.tv = constant_model(0);
     const int4 place = scene.uv_face[number];
     if (place.w >= 0) {
-        const real2 first = scene.corner_uv[place.x], second = scene.corner_uv[place.y], third = scene.corner_uv[place.z];
-        const float3 corner_u = (float3)((float)first.x, (float)(second.x - first.x), (float)(third.x - first.x)), corner_v = (float3)((float)first.y, (float)(second.y - first.y), (float)(third.y - first.y));
+        const real2 first = scene.corner_uv[place.x], second = scene.corner_uv[place.y],
+                    third = scene.corner_uv[place.z];
+        const float3 corner_u = (float3)((float)first.x, (float)(second.x - first.x), (float)(third.x - first.x)),
+                     corner_v = (float3)((float)first.y, (float)(second.y - first.y), (float)(third.y - first.y));
         patch.tu = weighted_models(corner_u, b, c);
         patch.tv = weighted_models(corner_v, b, c);
     }
@@ -196,8 +208,12 @@ static Area patch_of_triangle(const Frame frame, const Scene scene, const Cells 
     for (int k = 0; k < (corner.w >= 0 ? 3 : 1); k++) {
         const Real3 own = turned_to_camera(frame, normal[k]);
         const REAL shorter = 1 / largest, off = (REAL)AXES_ROUNDING;
-        const Model3 m = {narrowed(own.x * shorter, 0, 0, off), narrowed(own.y * shorter, 0, 0, off), narrowed(own.z * shorter, 0, 0, off)};
-        const Model weight = corner.w < 0 ? constant_model(1) : k == 0 ? minus_model(constant_model(1), plus_model(b, c)) : k == 1 ? b : c;
+        const Model3 m = {narrowed(own.x * shorter, 0, 0, off), narrowed(own.y * shorter, 0, 0, off),
+                          narrowed(own.z * shorter, 0, 0, off)};
+        const Model weight = corner.w < 0 ? constant_model(1)
+                             : k == 0     ? minus_model(constant_model(1), plus_model(b, c))
+                             : k == 1     ? b
+                                          : c;
         sum = plus_vectors(sum, times_vector(weight, m));
     }
     const Model3 n = times_vector(over_root_of(square_of_vector(sum)), sum);

@@ -7,82 +7,42 @@
  */
 #ifdef WITH_BOUNCES
 
-/* What rays that leave surfaces have met: as Hit, and the side. */
-typedef struct {
-    REAL t;
-    INT id;
-    REAL_MASK inside; /* whether the ray comes from the inside of what it meets */
-#ifdef WITH_TRIANGLES
-    Shares shares; /* where on a triangle */
-#endif
-} Met;
-
-/* Which lanes' rays meet a shape, at t, before what they have met so far. As closer(). */
+/* Which lanes' rays meet a surface, at t, before what they have met so far. As closer(). */
 static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT index, const REAL t, const Met met) {
-    const REAL_MASK nearer = t < met.t;
-    const REAL_MASK close = too_close(t, met.t);
+    const REAL_MASK nearer = t < met.at.t;
+    const REAL_MASK close = too_close(t, met.at.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
-#ifdef WITH_TRIANGLES
-    const REAL_MASK first = comes_first_of(scene, ray, index, met.id);
-#else
-    REAL_MASK first = TO_REAL_MASK(ids_of(scene, index) < ids_of(scene, met.id));
-#if REAL_BYTES == 8
-    const Ball ball = balls_of(scene.spheres, index), other = balls_of(scene.spheres, met.id);
-    first = comes_first_from(scene.spheres, ray, ball, index, other, met.id, first);
-#endif
-#endif
-    return close ? first : nearer;
+    return close ? comes_first_of(scene, ray, index, met.id) : nearer;
 }
 
-/* Takes one shape for each lane, -1 for none, into account. */
+/* Takes one surface for each lane, -1 for none, into account. */
 static void meet(const Scene scene, const Leaving ray, const INT index, Met *met, Work *work) {
     const MASK wanted = index >= 0;
     COUNT(DECIDED, wanted);
-#ifdef ONLY_TRIANGLES
-    Shares shares;
-    const Encounter at = triangle_meet_from(scene, ray, index, TO_REAL_MASK(wanted), &shares);
-#else
-#ifdef WITH_TRIANGLES
-    const MASK flat = index >= scene.spheres.first;
-    const INT round = flat ? (INT)-1 : index;
-#else
-    const INT round = index;
-#endif
-    const Ball ball = balls_of(scene.spheres, round);
-    Encounter at = sphere_meet_from(scene.spheres, ray, ball, round, TO_REAL_MASK(round >= 0));
-#ifdef WITH_TRIANGLES
-    Shares shares = met->shares;
-    if (ANY(flat)) {
-        const REAL_MASK here = TO_REAL_MASK(flat);
-        const Encounter on = triangle_meet_from(scene, ray, flat ? index : (INT)-1, here, &shares);
-        PUT_WHERE(here, at.t, on.t);
-        PUT_WHERE(here, at.inside, on.inside);
-    }
-#endif
-#endif
+    Encounter at = met->at;
+    EACH_SHAPE(scene.spheres, index, encounter(scene, ray, index, &at));
     const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, *met);
-    PUT_WHERE(nearer, met->t, at.t);
-    PUT_WHERE(nearer, met->inside, at.inside);
+    PUT_WHERE(nearer, met->at.t, at.t);
+    PUT_WHERE(nearer, met->at.inside, at.inside);
     PUT_WHERE(TO_MASK(nearer), met->id, index);
-#ifdef WITH_TRIANGLES
-    PUT_WHERE(nearer, met->shares.EB, shares.EB);
-    PUT_WHERE(nearer, met->shares.EC, shares.EC);
-    PUT_WHERE(nearer, met->shares.all, shares.all);
-#endif
+    if (!ANY_LATE) return;
+    PUT_WHERE(nearer, met->at.shares.EB, at.shares.EB);
+    PUT_WHERE(nearer, met->at.shares.EC, at.shares.EC);
+    PUT_WHERE(nearer, met->at.shares.all, at.shares.all);
 }
 
-/* Decides all candidates, and forgets them. scale: the length of the ray's direction in the tree's unit. Tells how
- * far each ray has to look from now on. */
-static __attribute__((noinline)) void decide_all(const Scene *all, const Leaving *ray, const REAL scale, Search *search,
-                                                 Met *met, Work *work) {
-    const Scene scene = *all;
-    FLOAT reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
+/* Decides all candidates, and forgets them. Tells how far each ray has to look from now on. */
+static __attribute__((noinline)) void decide_all(Search *search) {
+    const Scene scene = *search->scene;
+    const REAL scale = search->scale;
+    Met *met = search->met;
+    FLOAT reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;
     const INT left = LOAD_LANES(search->count);
     for (int k = 0; ANY(left > k); k++) {
         const MASK wanted = (left > k) & (LOAD_LANES(search->near[k]) <= reach);
         if (!ANY(wanted)) continue;
-        meet(scene, *ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, work);
-        reach = TO_FLOAT(met->t * scale) * REACH_SLACK;
+        meet(scene, *search->ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, search->work);
+        reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;
     }
     const FLOAT before = LOAD_LANES(search->reach);
     STORE_LANES(reach < before ? reach : before, search->reach);
@@ -108,14 +68,9 @@ static Walker walker_of(const Search *search, const int lane) {
 }
 
 static int leaves_of(const Scene scene) {
-#ifdef WITH_PATCHES
     return scene.tree.blocks + scene.patches;
-#else
-    return scene.tree.blocks;
-#endif
 }
 
-#ifdef WITH_TREE
 /* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of
  * at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there
  * are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
@@ -134,28 +89,13 @@ static float entered(const ulong entry) {
 
 /* Fetches a node or a leaf that is to be visited soon: in large trees, half of the time is waiting. */
 static void fetch_child(const Scene scene, const int child) {
-#ifdef FETCH
-    if (leaves_of(scene) < LARGE_TREE) return;
-    const Tree tree = scene.tree;
-#ifdef WITH_PATCHES
-    if (child < -tree.blocks) {
-        __global const uchar *leaf = (__global const uchar *)(scene.patch + (~child - tree.blocks));
-        FETCH(leaf, 0);
-        FETCH(leaf, 64);
-        FETCH(leaf, 128);
-        FETCH(leaf, 192);
-        FETCH(leaf, 256);
-        FETCH(leaf, 320);
+    if (!CAN_FETCH || leaves_of(scene) < LARGE_TREE) return;
+    if (child < 0) {
+        ASK_LEAF(scene.tree, ~child, fetch_leaf(scene, ~child));
         return;
     }
-#endif
-    __global const uchar *lines = child < 0 ? (__global const uchar *)(tree.block + ~child)
-                                            : (__global const uchar *)(tree.node + child);
-    FETCH(lines, 0);
-    FETCH(lines, 64);
-    FETCH(lines, 128);
-    FETCH(lines, 192);
-#endif
+    __global const uchar *lines = (__global const uchar *)(scene.tree.node + child);
+    for (int line = 0; line < 4; line++) FETCH(lines, 64 * line);
 }
 
 /* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top. Boxes are
@@ -184,43 +124,58 @@ static void add_children(const Scene scene, const int number, const Walker *walk
         stack->entry[k] = entry;
     }
 }
-#endif
 
-/* Looks for what the ray of a lane may meet, in the part of the tree below a child. */
-static void walk_alone(const Scene *all, const Leaving *ray, const REAL scale, const int lane, const int from,
-                       Search *search, Met *met, Work *work) {
-    const Scene scene = *all;
-    Walker walker = walker_of(search, lane);
-#ifdef WITH_TREE
+/* Looks for what the ray of a lane may meet in a leaf. */
+static __attribute__((always_inline)) void visit_leaf(const int leaf, Walker *walker, Search *search) {
+    if (!make_room(search, walker->lane, walker->reach)) {
+        search->reach[walker->lane] = walker->reach;
+        decide_all(search);
+        walker->reach = search->reach[walker->lane];
+    }
+    const Scene scene = *search->scene;
+    ASK_LEAF(scene.tree, leaf, add_leaf(scene, leaf, walker, search));
+}
+
+/* The same in all leaves below a child of the tree; where there is no tree, in the first `from` leaves, which are all.
+ */
+static __attribute__((always_inline)) void visit_leaves(const int from, Walker *walker, Search *search) {
+    if (!HAS(WITH_TREE)) {
+        for (int leaf = 0; leaf < from; leaf++) visit_leaf(leaf, walker, search);
+        return;
+    }
+    const Scene scene = *search->scene;
     Stack stack;
     stack.top = 1;
     stack.entry[0] = (uint)from;
     while (stack.top) {
         const ulong entry = stack.entry[--stack.top];
-        if (entered(entry) > walker.reach) continue;
+        if (entered(entry) > walker->reach) continue;
         const int child = (int)entry;
-        if (child >= 0) {
-            add_children(scene, child, &walker, &stack);
-            continue;
-        }
-        const int leaf = ~child;
-#else
-    for (int leaf = 0; leaf < from; leaf++) {
-#endif
-        if (!make_room(search, lane, walker.reach)) {
-            search->reach[lane] = walker.reach;
-            decide_all(all, ray, scale, search, met, work);
-            walker.reach = search->reach[lane];
-        }
-        add_leaf(scene, leaf, &walker, search);
+        if (child >= 0) add_children(scene, child, walker, &stack);
+        else visit_leaf(~child, walker, search);
     }
+}
+
+/* Looks for what the ray of a lane may meet, in the part of the tree below a child. */
+static void walk_alone(const int lane, const int from, Search *search) {
+    Walker walker = walker_of(search, lane);
+    visit_leaves(from, &walker, search);
     if (walker.reach < search->reach[lane]) {
         search->reach[lane] = walker.reach;
         search->shorter = 1;
     }
 }
 
-#if W > 1 && defined(WITH_TREE)
+/* The same for each of these rays. */
+static void walk_each(const MASK live, Search *search) {
+    const int from = HAS(WITH_TREE) ? 0 : leaves_of(*search->scene);
+    int wanted[W];
+    STORE_LANES(live, wanted);
+    for (int lane = 0; lane < W; lane++)
+        if (wanted[lane]) walk_alone(lane, from, search);
+}
+
+#if W > 1
 /* So few rays of a packet go on one at a time. */
 #define ALONE 5
 
@@ -232,8 +187,9 @@ static void add_children_for_bundle(const Scene scene, const int number, const B
     __global const float8 *planes = &node->low_x;
     const int x = bundle->back[0], y = bundle->back[1], z = bundle->back[2];
     float8 near;
-    int bits = boxes_met(bundle, planes[x], planes[1 - x], planes[2 + y], planes[3 - y], planes[4 + z], planes[5 - z], furthest,
-                         &near);
+    const float8 in[3] = {planes[x], planes[2 + y], planes[4 + z]};
+    const float8 out[3] = {planes[1 - x], planes[3 - y], planes[5 - z]};
+    int bits = boxes_met(bundle, in, out, furthest, &near);
     if (!bits) return;
     int enter[8];
     vstore8(as_int8(near), 0, enter);
@@ -264,9 +220,8 @@ static MASK entering(const Scene scene, const Bundle *bundle, const int number, 
 }
 
 /* Looks for what these rays may meet. Their directions have the same signs. */
-static void walk_together(const Scene *all, const Leaving *ray, const REAL scale, const MASK live, Search *search, Met *met,
-                          Work *work) {
-    const Scene scene = *all;
+static void walk_together(const MASK live, Search *search) {
+    const Scene scene = *search->scene;
     Bundle bundle;
     if (popcount(lane_bits(live)) > ALONE) bundle_rays(search, live, &bundle);
     FLOAT reach = LOAD_LANES(search->reach);
@@ -281,10 +236,10 @@ static void walk_together(const Scene *all, const Leaving *ray, const REAL scale
             add_children_for_bundle(scene, child, &bundle, furthest, &stack);
         } else {
             if (popcount(bits) > ALONE) {
-                if (!make_room_for_packet(search, here)) decide_all(all, ray, scale, search, met, work);
-                add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search);
+                if (!make_room_for_packet(search, here)) decide_all(search);
+                ASK_LEAF(scene.tree, ~child, add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search));
             } else {
-                for (; bits; bits &= bits - 1) walk_alone(all, ray, scale, lowest_of(bits), child, search, met, work);
+                for (; bits; bits &= bits - 1) walk_alone(lowest_of(bits), child, search);
             }
             if (search->shorter) {
                 search->shorter = 0;
@@ -305,70 +260,71 @@ static void walk_together(const Scene *all, const Leaving *ray, const REAL scale
         } while (!ANY(here));
     }
 }
+
+/* All of these rays, those together that go into the same octant. */
+static void walk_all(const MASK live, Search *search) {
+    if (!HAS(WITH_TREE)) {
+        walk_each(live, search);
+        return;
+    }
+    const FLOAT wx = LOAD_LANES(search->w[0]), wy = LOAD_LANES(search->w[1]), wz = LOAD_LANES(search->w[2]);
+    MASK left = live;
+    for (int bits = lane_bits(left); bits; bits = lane_bits(left)) {
+        const int lane = lowest_of(bits);
+        const MASK like = (AS(int, wx) ^ as_int(search->w[0][lane])) | (AS(int, wy) ^ as_int(search->w[1][lane])) |
+                          (AS(int, wz) ^ as_int(search->w[2][lane]));
+        const MASK group = left & (like >= 0);
+        walk_together(group, search);
+        left &= ~group;
+    }
+}
+#else
+#define walk_all(live, search) walk_each(live, search)
 #endif
+
+/* 1 / |w|, from the square of |w|: by one Newton step from float, which is right to 2^-40. */
+static REAL over_root(const REAL ww) {
+    if (REAL_BYTES == 4) return 1 / sqrt(ww);
+    const REAL guess = TO_REAL(1 / sqrt(TO_FLOAT(ww)));
+    return guess * ((real)1.5f - (real)0.5f * ww * (guess * guess));
+}
+
+/* Puts the rays into a search, in the tree's unit. over: 1 / |w|. */
+static void start_search(const Leaving *ray, const real4 middle, const REAL over, Search *search) {
+    const FLOAT wx = TO_FLOAT(ray->w.x * over), wy = TO_FLOAT(ray->w.y * over), wz = TO_FLOAT(ray->w.z * over);
+    STORE_LANES(TO_FLOAT(((ray->center.x - middle.x) + ray->p.x) * middle.w), search->o[0]);
+    STORE_LANES(TO_FLOAT(((ray->center.y - middle.y) + ray->p.y) * middle.w), search->o[1]);
+    STORE_LANES(TO_FLOAT(((ray->center.z - middle.z) + ray->p.z) * middle.w), search->o[2]);
+    STORE_LANES(wx, search->w[0]);
+    STORE_LANES(wy, search->w[1]);
+    STORE_LANES(wz, search->w[2]);
+    STORE_LANES(copysign(1 / fmax(fabs(wx), 0x1p-60f), wx), search->over[0]);
+    STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search->over[1]);
+    STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search->over[2]);
+    STORE_LANES(TO_FLOAT(search->met->at.t * search->scale) * REACH_SLACK, search->reach);
+    STORE_LANES(ray->own, search->own);
+    STORE_LANES((INT)0, search->count);
+    search->shorter = 0;
+}
 
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
  * id. */
 static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live, Work *work) {
-    const Scene scene = *all;
-    Met met;
-    met.t = INFINITY;
-    met.id = -1;
-    met.inside = 0;
-#ifdef WITH_TRIANGLES
-    met.shares.EB = met.shares.EC = met.shares.all = 0;
-#endif
-    const Tree tree = scene.tree;
-    const REAL ww = DOT(ray->w, ray->w);
-#if REAL_BYTES == 8
-    /* 1 / |w|, by one Newton step from float: right to 2^-40. */
-    const REAL guess = TO_REAL(1 / sqrt(TO_FLOAT(ww))), over = guess * (1.5 - 0.5 * ww * (guess * guess));
-#else
-    const REAL over = 1 / sqrt(ww);
-#endif
-    const REAL scale = ww * over * tree.middle.w;
-#ifndef ONLY_TRIANGLES
-    /* The far side of the own sphere is met for certain. */
+    const real4 middle = all->tree.middle;
+    Met met = {{INFINITY, 0, {0, 0, 0}}, -1};
+    const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
+    /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);
-    if (ANY(inner)) meet(scene, *ray, inner ? ray->own : (INT)-1, &met, work);
-#endif
-    const FLOAT wx = TO_FLOAT(ray->w.x * over), wy = TO_FLOAT(ray->w.y * over), wz = TO_FLOAT(ray->w.z * over);
-    Search search;
-    STORE_LANES(TO_FLOAT(((ray->center.x - tree.middle.x) + ray->p.x) * tree.middle.w), search.o[0]);
-    STORE_LANES(TO_FLOAT(((ray->center.y - tree.middle.y) + ray->p.y) * tree.middle.w), search.o[1]);
-    STORE_LANES(TO_FLOAT(((ray->center.z - tree.middle.z) + ray->p.z) * tree.middle.w), search.o[2]);
-    STORE_LANES(wx, search.w[0]);
-    STORE_LANES(wy, search.w[1]);
-    STORE_LANES(wz, search.w[2]);
-    STORE_LANES(copysign(1 / fmax(fabs(wx), 0x1p-60f), wx), search.over[0]);
-    STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search.over[1]);
-    STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search.over[2]);
-    STORE_LANES(TO_FLOAT(met.t * scale) * REACH_SLACK, search.reach);
-    STORE_LANES(ray->own, search.own);
-    STORE_LANES((INT)0, search.count);
-    search.shorter = 0;
-#if W > 1 && defined(WITH_TREE)
-    MASK left = live;
-    for (int bits = lane_bits(left); bits; bits = lane_bits(left)) {
-        const int lane = lowest_of(bits);
-        const MASK like = (AS(int, wx) ^ as_int(search.w[0][lane])) | (AS(int, wy) ^ as_int(search.w[1][lane])) |
-                          (AS(int, wz) ^ as_int(search.w[2][lane]));
-        const MASK group = left & (like >= 0);
-        walk_together(all, ray, scale, group, &search, &met, work);
-        left &= ~group;
-    }
-#else
-#ifdef WITH_TREE
-    const int from = 0;
-#else
-    const int from = leaves_of(scene);
-#endif
-    int wanted[W];
-    STORE_LANES(live, wanted);
-    for (int lane = 0; lane < W; lane++)
-        if (wanted[lane]) walk_alone(all, ray, scale, lane, from, &search, &met, work);
-#endif
-    if (ANY(LOAD_LANES(search.count) > 0)) decide_all(all, ray, scale, &search, &met, work);
+    if (ANY_ROUND && ANY(inner)) meet(*all, *ray, inner ? ray->own : (INT)-1, &met, work);
+    Search search; /* is large: most of it is never read before it is written */
+    search.scene = all;
+    search.ray = ray;
+    search.met = &met;
+    search.work = work;
+    search.scale = ww * over * middle.w;
+    start_search(ray, middle, over, &search);
+    walk_all(live, &search);
+    if (ANY(LOAD_LANES(search.count) > 0)) decide_all(&search);
     return met;
 }
 #endif

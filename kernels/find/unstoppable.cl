@@ -1,23 +1,26 @@
 /* unstoppable.cl: on which triangles no shadow can fall, so that no shadow ray from there needs to be cast.
  *
- * Of a light at a point L. A shadow ray from a point P of a triangle T looks at the list of its cell on each level, and T itself
- * is in one of these. So it is enough to look at T and each other surface N that are together in the lists that a cell is in:
- * T is unstoppable if none of these N can stand between L and a point of T.
+ * Of a light at a point L. A shadow ray from a point P of a triangle T looks at the list of its cell on each level, and
+ * T itself is in one of these. So it is enough to look at T and each other surface N that are together in the lists
+ * that a cell is in: T is unstoppable if none of these N can stand between L and a point of T.
  *
  * A point P is inside of T, not on an edge, see face_point(). So N stops no ray from T
- *   - if a plane through L, along an edge of T or N or between boxes around them, has T on one side, and N on the other or on it;
+ *   - if a plane through L, along an edge of T or N or between boxes around them, has T on one side, and N on the other
+ * or on it;
  *   - if N is behind the plane of T as seen from L, or on it, or T before that of N;
  *   - if N begins beyond the furthest corner of T.
  *
- * The facets tell on which side of a plane a corner is, with the bounds of sides_of() and plane_at(), as a corner is a direction
- * from L like any other. Corners that both have in common are on the planes, exactly: neighbours have one or two. Of planes of
- * triangles, is_beside() may know more. What bounds leave open may be stopped, and so may a T whose own plane is unsure, as L
- * all but sees its edge. Of others, a point is so far from a plane along an edge that pairs of doubles tell on which side: it has
- * 2^-64 or more of the third corner's distance, which is 2^-22 or more of what its volume is made from.
+ * The facets tell on which side of a plane a corner is, with the bounds of sides_of() and plane_at(), as a corner is a
+ * direction from L like any other. Corners that both have in common are on the planes, exactly: neighbours have one or
+ * two. Of planes of triangles, is_beside() may know more. What bounds leave open may be stopped, and so may a T whose
+ * own plane is unsure, as L all but sees its edge. Of others, a point is so far from a plane along an edge that pairs
+ * of doubles tell on which side: it has 2^-64 or more of the third corner's distance, which is 2^-22 or more of what
+ * its volume is made from.
  *
- * plane_at() is about rays that meet the triangle. Elsewhere the plane's numbers N / D are off by less than 2^-26 / s in all for
- * each coordinate of a ray w, with s the largest corner's size, see _facets(). As |N / D| s is at least 1, that is less than
- * half a rounding of |w| |N / D|, and the products are off by 5 such roundings: together less than the 8 here.
+ * plane_at() is about rays that meet the triangle. Elsewhere the plane's numbers N / D are off by less than 2^-26 / s
+ * in all for each coordinate of a ray w, with s the largest corner's size, see _facets(). As |N / D| s is at least 1,
+ * that is less than half a rounding of |w| |N / D|, and the products are off by 5 such roundings: together less than
+ * the 8 here.
  */
 
 /* Lists that are longer together, and all in them, are left as they are. */
@@ -33,10 +36,11 @@ typedef struct {
     FLOAT far;     /* none of its points is further than that */
     FLOAT box[4];  /* what holds it on the grid's plane: the most that a point of it has of u, v, -u and -v */
     INT corner[3]; /* which vertices its corners are; -1 of another surface */
-    FLOAT x[3], y[3], z[3], size[3]; /* from these to the light, along the camera's axes, in the float buffers' unit; how long */
-    FLOAT nx[4], ny[4], nz[4];       /* the facet: the planes of the edges AB, BC and CA, and the triangle's own */
-    float around[4];                 /* the greatest of each number of the boxes */
-    int of_cell;                     /* whether the list is that of the cell itself, not of a larger one around it */
+    FLOAT x[3], y[3], z[3],
+        size[3]; /* from these to the light, along the camera's axes, in the float buffers' unit; how long */
+    FLOAT nx[4], ny[4], nz[4]; /* the facet: the planes of the edges AB, BC and CA, and the triangle's own */
+    float around[4];           /* the greatest of each number of the boxes */
+    int of_cell;               /* whether the list is that of the cell itself, not of a larger one around it */
 } Few;
 
 /* Number i of a vector in memory. */
@@ -51,8 +55,8 @@ typedef struct {
     int spheres;                    /* the index of the first triangle as a surface */
     __global const real4 *vertex;
     __global const int4 *face;
-    __global const float4 *facet;   /* of this light */
-    __global const char *wanted;    /* which triangles are asked about */
+    __global const float4 *facet; /* of this light */
+    __global const char *wanted;  /* which triangles are asked about */
 } Lamp;
 
 /* Sorts entries by their surfaces: neighbours in memory are mostly neighbours in space. By Shell. */
@@ -125,8 +129,8 @@ static void read_few(const Lamp lamp, const int2 *entry, const int count, Few *f
     few->nz[3] = LOAD_LANES(own[2]);
 }
 
-/* Whether eye and light are on one side of a triangle, but for rounding. Where they are not, what the eye sees is dark, but where
- * shading normals say something else, and it does not pay to ask for more. */
+/* Whether eye and light are on one side of a triangle, but for rounding. Where they are not, what the eye sees is dark,
+ * but where shading normals say something else, and it does not pay to ask for more. */
 static MASK shows_both(const Lamp lamp, const Few *few) {
     const Float3 eye = way_to(lamp, lamp.eye.x, lamp.eye.y, lamp.eye.z);
     const FLOAT fx = few->x[1] - few->x[0], fy = few->y[1] - few->y[0], fz = few->z[1] - few->z[0];
@@ -177,20 +181,28 @@ static void put_few(const Lamp lamp, const Grid grid, const int2 *entry, const i
     if (lamp.eye.w != 0) few->asked &= shows_both(lamp, few);
 }
 
-/* The same of those entries of a list, from `first` to `end`, that are asked about, or that are not and begin before `far`, behind
- * `packets` others. Returns how many there are then. */
-static int put_list(const Lamp lamp, const Grid grid, __global const int2 *entry, const int first, const int end,
-                    const int asked, const float far, const int of_cell, Few *few, int packets) {
+/* The lists of a cell and of those around it, and what has been read of them so far. */
+typedef struct {
+    __global const int2 *entry;
+    Few *few;
+    int packets; /* how many of these */
+} Reading;
+
+/* Reads those entries of a list, from `first` to `end`, that are asked about, where `far` is negative; else those that
+ * are not and begin before `far`. of_cell: as in Few. */
+static void put_list(const Lamp lamp, const Grid grid, const int first, const int end, const float far,
+                     const int of_cell, Reading *reading) {
+    const int asked = far < 0;
     int2 chosen[MOST_LISTED];
     int count = 0;
     for (int k = first; k < end; k++) {
-        const int2 one = entry[k];
+        const int2 one = reading->entry[k];
         if (!asked && !(as_float(one.y) < far)) break;
         if ((one.x >= lamp.spheres && lamp.wanted[one.x - lamp.spheres]) == asked) chosen[count++] = one;
     }
     sort_by_index(chosen, count);
-    for (int k = 0; k < count; k += W) put_few(lamp, grid, chosen + k, min(count - k, W), of_cell, few + packets++);
-    return packets;
+    for (int k = 0; k < count; k += W)
+        put_few(lamp, grid, chosen + k, min(count - k, W), of_cell, reading->few + reading->packets++);
 }
 
 /* Which of a few may stop a ray from triangle i of others. */
@@ -199,7 +211,8 @@ static MASK may_stop(const Few *few, const Few *others, const int i) {
     for (int k = 0; k < 4; k++) may &= few->box[k] >= -FLOAT_AT(others->box[k ^ 2], i);
     if (!ANY(may)) return may;
     for (int plane = 0; plane < 4; plane++) {
-        const FLOAT nx = FLOAT_AT(others->nx[plane], i), ny = FLOAT_AT(others->ny[plane], i), nz = FLOAT_AT(others->nz[plane], i);
+        const FLOAT nx = FLOAT_AT(others->nx[plane], i), ny = FLOAT_AT(others->ny[plane], i),
+                    nz = FLOAT_AT(others->nz[plane], i);
         const int a = INT_AT(others->corner[plane % 3], i), b = INT_AT(others->corner[(plane + 1) % 3], i);
         const int c = plane == 3 ? INT_AT(others->corner[2], i) : a;
         const FLOAT off = ((magnitude(nx) + magnitude(ny)) + magnitude(nz)) * 0x1p-21f;
@@ -235,10 +248,10 @@ static int is_tiny(const double4 size) {
     return (size.x > 0 && size.x < 0x1p-300) || (size.y > 0 && size.y < 0x1p-300) || (size.z > 0 && size.z < 0x1p-300);
 }
 
-/* Whether all corners of a triangle are behind the plane of another one as seen from the light (side = 1), or before it (-1), or on
- * it, by numbers of the world. With u = 2^-53, a coordinate of N is off by less than 4 u m, and N.d by less than 8 u of the sum of
- * |d| m, if nothing underflows. Where coordinates are equal, products are exactly 0: this knows planes along axes, such as floors
- * of several triangles that have no corner in common. */
+/* Whether all corners of a triangle are behind the plane of another one as seen from the light (side = 1), or before it
+ * (-1), or on it, by numbers of the world. With u = 2^-53, a coordinate of N is off by less than 4 u m, and N.d by less
+ * than 8 u of the sum of |d| m, if nothing underflows. Where coordinates are equal, products are exactly 0: this knows
+ * planes along axes, such as floors of several triangles that have no corner in common. */
 static int is_beside(const Lamp lamp, const int number, const int plane, const double side) {
     const int4 face = lamp.face[plane], other = lamp.face[number];
     const real4 A = lamp.vertex[face.x], e = lamp.vertex[face.y] - A, f = lamp.vertex[face.z] - A;
@@ -268,8 +281,8 @@ static int are_beside(const Lamp lamp, const Few *few, const Few *others, const 
     return 1;
 }
 
-/* Whether anything in some packets may stop a ray from triangle i of one of them; of larger cells' lists only where that is in the
- * list of the cell itself. */
+/* Whether anything in some packets may stop a ray from triangle i of one of them; of larger cells' lists only where
+ * that is in the list of the cell itself. */
 static int may_be_stopped(const Lamp lamp, const Few *few, const int packets, const Few *own, const int i) {
     if (!(FLOAT_AT(own->nx[3], i) - FLOAT_AT(own->nx[3], i) == 0)) return 1;
     const float u = -FLOAT_AT(own->box[2], i), v = -FLOAT_AT(own->box[3], i);
@@ -285,7 +298,8 @@ static int may_be_stopped(const Lamp lamp, const Few *few, const int packets, co
 }
 
 /* Leaves what is in a list as it is. */
-static void leave_open(__global const int2 *entry, const int first, const int end, const int spheres, __global char *open) {
+static void leave_open(__global const int2 *entry, const int first, const int end, const int spheres,
+                       __global char *open) {
     for (int k = first; k < end; k++)
         if (entry[k].x >= spheres) open[entry[k].x - spheres] = 1;
 }
@@ -294,27 +308,14 @@ static void leave_open(__global const int2 *entry, const int first, const int en
 #define FOR_EACH_LEVEL_ABOVE(above, level) \
     for (Level above = first_level(grid); (above = next_level(grid, above)).level > (level).level;)
 
-/* Notes of each triangle that is wanted and in a grid's lists that it is there, in `listed`, and whether a point of it may be in
- * a shadow, in `open`. */
-__kernel void find_stoppable(
-    const Grid grid,
-    const double4 place,
-    const double4 right,
-    const double4 up,
-    const double4 back,
-    const double unit,
-    const double4 eye,
-    const int spheres,
-    const long facets,
-    __global const int *restrict start,
-    __global const int2 *restrict entry,
-    __global const float4 *restrict facet,
-    __global const real4 *restrict vertex,
-    __global const int4 *restrict face,
-    __global const char *restrict wanted,
-    __global char *restrict listed,
-    __global char *restrict open
-) {
+/* Notes of each triangle that is wanted and in a grid's lists that it is there, in `listed`, and whether a point of it
+ * may be in a shadow, in `open`. */
+__kernel void find_stoppable(const Grid grid, const double4 place, const double4 right, const double4 up,
+                             const double4 back, const double unit, const double4 eye, const int spheres,
+                             const long facets, __global const int *restrict start, __global const int2 *restrict entry,
+                             __global const float4 *restrict facet, __global const real4 *restrict vertex,
+                             __global const int4 *restrict face, __global const char *restrict wanted,
+                             __global char *restrict listed, __global char *restrict open) {
     const Lamp lamp = {place, right, up, back, unit, eye, spheres, vertex, face, facet + facets, wanted};
     const int items = get_global_size(0), item = get_global_id(0);
     Few few[PACKETS];
@@ -340,59 +341,50 @@ __kernel void find_stoppable(
                 }
                 continue;
             }
-            int packets = put_list(lamp, grid, entry, first, end, 1, 0, 1, few, 0);
+            Reading reading = {entry, few, 0};
+            put_list(lamp, grid, first, end, -1, 1, &reading);
             FOR_EACH_LEVEL_ABOVE(above, level) {
                 const int over = cell_of(above, corner);
-                packets = put_list(lamp, grid, entry, start[over], start[over + 1], 1, 0, 0, few, packets);
+                put_list(lamp, grid, start[over], start[over + 1], -1, 0, &reading);
             }
-            const int asked = packets;
+            const int asked = reading.packets;
             FLOAT most = 0;
             for (int k = 0; k < asked; k++) most = (few[k].asked & (few[k].far > most)) ? few[k].far : most;
             const float far = LARGEST_FLOAT(most);
             if (far == 0) continue;
-            packets = put_list(lamp, grid, entry, first, end, 0, far, 1, few, packets);
+            put_list(lamp, grid, first, end, far, 1, &reading);
             FOR_EACH_LEVEL_ABOVE(above, level) {
                 const int over = cell_of(above, corner);
-                packets = put_list(lamp, grid, entry, start[over], start[over + 1], 0, far, 0, few, packets);
+                put_list(lamp, grid, start[over], start[over + 1], far, 0, &reading);
             }
             for (int i = 0; i < W * asked; i++) {
                 const Few *own = few + i / W;
                 const int number = INT_AT(own->number, i % W);
                 if (!INT_AT(own->asked, i % W) || open[number]) continue;
                 listed[number] = 1;
-                if (may_be_stopped(lamp, few, packets, own, i % W)) open[number] = 1;
+                if (may_be_stopped(lamp, few, reading.packets, own, i % W)) open[number] = 1;
             }
         }
     }
 }
 
 /* Notes which triangles are in the lists of so many cells, the first ones, but for those that have been asked about. */
-__kernel void find_listed(
-    const int cells,
-    const int spheres,
-    __global const int *restrict start,
-    __global const int2 *restrict entry,
-    __global char *restrict asked,
-    __global char *restrict wanted
-) {
+__kernel void find_listed(const int cells, const int spheres, __global const int *restrict start,
+                          __global const int2 *restrict entry, __global char *restrict asked,
+                          __global char *restrict wanted) {
     const int items = get_global_size(0), item = get_global_id(0), count = start[cells];
     for (int k = (long)count * item / items; k < (long)count * (item + 1) / items; k++)
-        if (entry[k].x >= spheres && !asked[entry[k].x - spheres]) asked[entry[k].x - spheres] = wanted[entry[k].x - spheres] = 1;
+        if (entry[k].x >= spheres && !asked[entry[k].x - spheres])
+            asked[entry[k].x - spheres] = wanted[entry[k].x - spheres] = 1;
 }
 
 /* A bit for each triangle, 32 of them in a number: whether nothing can stop a ray from there. */
-__kernel void note_unstoppable(
-    const int triangles,
-    const int first,
-    __global const char *restrict listed,
-    __global const char *restrict open,
-    __global int *restrict unstoppable
-) {
+__kernel void note_unstoppable(const int triangles, const int first, __global const char *restrict listed,
+                               __global const char *restrict open, __global int *restrict unstoppable) {
     const int words = (triangles + 31) / 32;
     for (int k = get_global_id(0); k < words; k += get_global_size(0)) {
         int bits = 0;
-        for (int i = 0; i < 32 && 32 * k + i < triangles; i++)
-            bits |= (listed[32 * k + i] & !open[32 * k + i]) << i;
+        for (int i = 0; i < 32 && 32 * k + i < triangles; i++) bits |= (listed[32 * k + i] & !open[32 * k + i]) << i;
         unstoppable[first + k] |= bits;
     }
 }

@@ -1,5 +1,5 @@
-/* cells.cl: the lists of a grid's cells, as cltrace/plan/accel/cells.py makes them: spheres are counted cell by cell, the
- * counts are added up to where each list begins, the spheres are written there, and each list is sorted.
+/* cells.cl: the lists of a grid's cells, as cltrace/plan/accel/cells.py makes them: spheres are counted cell by cell,
+ * the counts are added up to where each list begins, the spheres are written there, and each list is sorted.
  *
  * In which order work-items come to a list is not known, but what they write is sorted by a key that no two entries
  * share. An entry is a whole number while it is made: above the depth, as bits that rise with it, below the index.
@@ -16,40 +16,33 @@ INLINE int bits_of(const int size) {
 
 /* How many entries the spheres take if each is on the level of its size less a lift, for lifts from 0 to lifts - 1, and
  * how many spheres have each size. For each work-item: 16 numbers of entries, 16 of spheres. */
-__kernel void tally(
-    const int n,
-    const int pitch,
-    const int lifts,
-    __global const short *restrict covers,
-    __global const float *restrict near,
-    __global long *restrict part
-) {
+__kernel void tally(const int n, const int pitch, const int lifts, __global const short *restrict covers,
+                    __global const float *restrict near, __global long *restrict part) {
     long entries[16], spheres[16];
-    for (int k = 0; k < 16; k++)
-        entries[k] = spheres[k] = 0;
-    const int items = get_global_size(0), item = get_global_id(0);
-    for (int i = (long)n * item / items; i < (long)n * (item + 1) / items; i++) {
-        if (!(near[i] < INFINITY))
-            continue;
-        const int left = covers[i], top = covers[pitch + i], wide = covers[2L * pitch + i], high = covers[3L * pitch + i];
+    for (int k = 0; k < 16; k++) entries[k] = spheres[k] = 0;
+    FOR_EACH_OF_PART(i, n, 1) {
+        if (!(near[i] < INFINITY)) continue;
+        const int left = covers[i], top = covers[pitch + i], wide = covers[2L * pitch + i],
+                  high = covers[3L * pitch + i];
         const int bits = bits_of(max(wide, high));
         spheres[bits]++;
         for (int lift = 0; lift < lifts; lift++) {
             const int level = max(bits - lift, 0);
-            const int columns = ((left + wide) >> level) - (left >> level) + 1, rows = ((top + high) >> level) - (top >> level) + 1;
+            const int columns = ((left + wide) >> level) - (left >> level) + 1,
+                      rows = ((top + high) >> level) - (top >> level) + 1;
             entries[lift] += columns * rows;
         }
     }
-    for (int k = 0; k < 16; k++)
-        part[32 * item + k] = entries[k], part[32 * item + 16 + k] = spheres[k];
+    __global long *note = part + 32 * get_global_id(0);
+    for (int k = 0; k < 16; k++) note[k] = entries[k], note[16 + k] = spheres[k];
 }
 
 /* For each cell that surface i covers on a level. */
-#define FOR_EACH_CELL(cell, i, level)                                                                               \
-    const int right_ = (covers[i] + covers[2L * pitch + i]) >> level;                                               \
-    const int bottom_ = (covers[pitch + i] + covers[3L * pitch + i]) >> level;                                      \
-    const int pitch_ = levels->pitch[level], base_ = levels->base[level];                                           \
-    for (int row_ = covers[pitch + i] >> level; row_ <= bottom_; row_++)                                            \
+#define FOR_EACH_CELL(cell, i, level)                                          \
+    const int right_ = (covers[i] + covers[2L * pitch + i]) >> level;          \
+    const int bottom_ = (covers[pitch + i] + covers[3L * pitch + i]) >> level; \
+    const int pitch_ = levels->pitch[level], base_ = levels->base[level];      \
+    for (int row_ = covers[pitch + i] >> level; row_ <= bottom_; row_++)       \
         for (int cell = base_ + row_ * pitch_ + (covers[i] >> level); cell <= base_ + row_ * pitch_ + right_; cell++)
 
 /* The level of a sphere's size less a lift; lift < 0: level 0. */
@@ -64,18 +57,12 @@ INLINE ulong key_of(const float near, const uint mask, const int index) {
     return (ulong)(rising & mask) << 32 | (uint)index;
 }
 
-/* Of each cell of the levels of `mask`, the largest of the cells of level 0 in it, of which there are `columns` and `rows`. */
-__kernel void find_deepest(
-    const int columns,
-    const int rows,
-    const int mask,
-    __constant Levels *levels,
-    __global const float *restrict behind,
-    __global float *restrict deepest
-) {
+/* Of each cell of the levels of `mask`, the largest of the cells of level 0 in it, of which there are `columns` and
+ * `rows`. */
+__kernel void find_deepest(const int columns, const int rows, const int mask, __constant Levels *levels,
+                           __global const float *restrict behind, __global float *restrict deepest) {
     for (int level = 0; level < 16; level++) {
-        if (!(mask >> level & 1))
-            continue;
+        if (!(mask >> level & 1)) continue;
         const int pitch = levels->pitch[level], cells = pitch * (((rows - 1) >> level) + 1);
         FOR_EACH_SPHERE(cell, cells) {
             const int left = cell % pitch << level, top = cell / pitch << level;
@@ -90,168 +77,108 @@ __kernel void find_deepest(
 
 /* How many entries each cell has, of spheres that are each on the level of its size less `lift`. some, deepest: whether
  * cells lack what is deeper than that; the depth of spheres that are then in no cell becomes infinite. */
-__kernel void count_entries(
-    const int n,
-    const int pitch,
-    const int lift,
-    const int some,
-    __global const float *restrict deepest,
-    __constant Levels *levels,
-    __global const short *restrict covers,
-    __global float *restrict near,
-    volatile __global int *count
-) {
+__kernel void count_entries(const int n, const int pitch, const int lift, const int some,
+                            __global const float *restrict deepest, __constant Levels *levels,
+                            __global const short *restrict covers, __global float *restrict near,
+                            volatile __global int *count) {
     FOR_EACH_SPHERE(i, n) {
-        if (!(near[i] < INFINITY))
-            continue;
+        if (!(near[i] < INFINITY)) continue;
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         const float depth = near[i];
         int entered = !some;
         FOR_EACH_CELL(cell, i, level)
-            if (!some || depth <= deepest[cell]) {
-                atomic_inc(count + cell);
-                entered = 1;
-            }
-        if (!entered)
-            near[i] = INFINITY;
+        if (!some || depth <= deepest[cell]) {
+            atomic_inc(count + cell);
+            entered = 1;
+        }
+        if (!entered) near[i] = INFINITY;
     }
 }
 
 /* The same of surfaces each of which is on a level of its own; level < 0: it has strips instead. */
-__kernel void count_members(
-    const int n,
-    const int pitch,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const short *restrict covers,
-    volatile __global int *count
-) {
+__kernel void count_members(const int n, const int pitch, __constant Levels *levels,
+                            __global const char *restrict level_of, __global const short *restrict covers,
+                            volatile __global int *count) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
-        if (level < 0)
-            continue;
+        if (level < 0) continue;
         FOR_EACH_CELL(cell, i, level)
-            atomic_inc(count + cell);
+        atomic_inc(count + cell);
     }
 }
 
-/* The same of strips: of surface `at` one for each of some rows of cells; `more` cells after the one at row and column. */
-__kernel void count_strips(
-    const int n,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const int *restrict at,
-    __global const int *restrict row,
-    __global const int *restrict column,
-    __global const int *restrict more,
-    volatile __global int *count
-) {
+/* The same of strips: of surface `at` one for each of some rows of cells; `more` cells after the one at row and column.
+ */
+__kernel void count_strips(const int n, __constant Levels *levels, __global const char *restrict level_of,
+                           __global const int *restrict at, __global const int *restrict row,
+                           __global const int *restrict column, __global const int *restrict more,
+                           volatile __global int *count) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
-        for (int k = 0; k <= more[i]; k++)
-            atomic_inc(count + cell + k);
+        for (int k = 0; k <= more[i]; k++) atomic_inc(count + cell + k);
     }
 }
 
 /* The sums of `count` over one part of the cells for each work-item. */
 __kernel void sum_cells(const int cells, __global const int *restrict count, __global int *restrict sum) {
-    const int items = get_global_size(0), item = get_global_id(0);
     int total = 0;
-    for (int i = (long)cells * item / items; i < (long)cells * (item + 1) / items; i++)
-        total += count[i];
-    sum[item] = total;
+    FOR_EACH_OF_PART(i, cells, 1)
+    total += count[i];
+    sum[get_global_id(0)] = total;
 }
 
-/* Where each list begins, from `at` on, and the same in `count`, for scattering; after them, where the last one ends. sum:
- * of sum_cells(); first: where the first list begins. */
-__kernel void start_cells(
-    const int cells,
-    const int at,
-    const int first,
-    __global int *restrict count,
-    __global const int *restrict sum,
-    __global int *restrict start
-) {
-    const int items = get_global_size(0), item = get_global_id(0);
+/* Where each list begins, from `at` on, and the same in `count`, for scattering; after them, where the last one ends.
+ * sum: of sum_cells(); first: where the first list begins. */
+__kernel void start_cells(const int cells, const int at, const int first, __global int *restrict count,
+                          __global const int *restrict sum, __global int *restrict start) {
     int total = first;
-    for (int k = 0; k < item; k++)
-        total += sum[k];
-    for (int i = (long)cells * item / items; i < (long)cells * (item + 1) / items; i++) {
+    for (int k = 0; k < get_global_id(0); k++) total += sum[k];
+    FOR_EACH_OF_PART(i, cells, 1) {
         const int more = count[i];
         start[at + i] = count[i] = total;
         total += more;
     }
-    if (item == items - 1)
-        start[at + cells] = total;
+    if (get_global_id(0) == get_global_size(0) - 1) start[at + cells] = total;
 }
 
 /* The entries of all spheres, each into the lists of its cells. mask: the bits of a depth that an entry keeps. */
-__kernel void scatter_entries(
-    const int n,
-    const int pitch,
-    const int lift,
-    const int some,
-    __global const float *restrict deepest,
-    const uint mask,
-    __constant Levels *levels,
-    __global const short *restrict covers,
-    __global const float *restrict near,
-    volatile __global int *next,
-    __global ulong *restrict entry
-) {
+__kernel void scatter_entries(const int n, const int pitch, const int lift, const int some,
+                              __global const float *restrict deepest, const uint mask, __constant Levels *levels,
+                              __global const short *restrict covers, __global const float *restrict near,
+                              volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
-        if (!(near[i] < INFINITY))
-            continue;
+        if (!(near[i] < INFINITY)) continue;
         const float depth = near[i];
         const ulong key = key_of(depth, mask, i);
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         FOR_EACH_CELL(cell, i, level)
-            if (!some || depth <= deepest[cell])
-                entry[atomic_inc(next + cell)] = key;
+        if (!some || depth <= deepest[cell]) entry[atomic_inc(next + cell)] = key;
     }
 }
 
-__kernel void scatter_members(
-    const int n,
-    const int pitch,
-    const uint mask,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const short *restrict covers,
-    __global const int *restrict member,
-    __global const float *restrict near,
-    volatile __global int *next,
-    __global ulong *restrict entry
-) {
+__kernel void scatter_members(const int n, const int pitch, const uint mask, __constant Levels *levels,
+                              __global const char *restrict level_of, __global const short *restrict covers,
+                              __global const int *restrict member, __global const float *restrict near,
+                              volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
-        if (level < 0)
-            continue;
+        if (level < 0) continue;
         const ulong key = key_of(near[i], mask, member[i]);
         FOR_EACH_CELL(cell, i, level)
-            entry[atomic_inc(next + cell)] = key;
+        entry[atomic_inc(next + cell)] = key;
     }
 }
 
-__kernel void scatter_strips(
-    const int n,
-    const uint mask,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const int *restrict at,
-    __global const int *restrict row,
-    __global const int *restrict column,
-    __global const int *restrict more,
-    __global const int *restrict member,
-    __global const float *restrict near,
-    volatile __global int *next,
-    __global ulong *restrict entry
-) {
+__kernel void scatter_strips(const int n, const uint mask, __constant Levels *levels,
+                             __global const char *restrict level_of, __global const int *restrict at,
+                             __global const int *restrict row, __global const int *restrict column,
+                             __global const int *restrict more, __global const int *restrict member,
+                             __global const float *restrict near, volatile __global int *next,
+                             __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
         const ulong key = key_of(near[at[i]], mask, member[at[i]]);
-        for (int k = 0; k <= more[i]; k++)
-            entry[atomic_inc(next + cell + k)] = key;
+        for (int k = 0; k <= more[i]; k++) entry[atomic_inc(next + cell + k)] = key;
     }
 }
 
@@ -259,16 +186,15 @@ static void sink(__global ulong *heap, int at, const int count) {
     const ulong key = heap[at];
     for (int child = 2 * at + 1; child < count; child = 2 * at + 1) {
         child += child + 1 < count && heap[child] < heap[child + 1];
-        if (heap[child] <= key)
-            break;
+        if (heap[child] <= key) break;
         heap[at] = heap[child];
         at = child;
     }
     heap[at] = key;
 }
 
-/* Lists of up to MERGED entries are sorted by merging runs of RUN_LENGTH, with room for one of two runs beside the list.
- * Longer ones are sorted as heaps, which need no room. On a GPU room is as slow as the list itself. */
+/* Lists of up to MERGED entries are sorted by merging runs of RUN_LENGTH, with room for one of two runs beside the
+ * list. Longer ones are sorted as heaps, which need no room. On a GPU room is as slow as the list itself. */
 #if W == 1
 #define RUN_LENGTH 12
 #define MERGED RUN_LENGTH
@@ -277,8 +203,7 @@ static void sort_run(__global ulong *list, const int count) {
     for (int i = 1; i < count; i++) {
         const ulong key = list[i];
         int k = i;
-        for (; k > 0 && list[k - 1] > key; k--)
-            list[k] = list[k - 1];
+        for (; k > 0 && list[k - 1] > key; k--) list[k] = list[k - 1];
         list[k] = key;
     }
 }
@@ -291,13 +216,12 @@ typedef LANES(ulong) KEYS;
 /* How many keys of a list are below each of these. */
 INLINE KEYS ranks(__global const ulong *list, const int count, const KEYS keys) {
     KEYS below = 0;
-    for (int i = 0; i < count; i++)
-        below -= AS(ulong, (KEYS)list[i] < keys);
+    for (int i = 0; i < count; i++) below -= AS(ulong, (KEYS)list[i] < keys);
     return below;
 }
 
-/* A key belongs where as many are as are below it. There is nothing in this that a CPU would have to guess. What is beyond
- * the list, up to AHEAD entries, is read in vain. */
+/* A key belongs where as many are as are below it. There is nothing in this that a CPU would have to guess. What is
+ * beyond the list, up to AHEAD entries, is read in vain. */
 INLINE void sort_run(__global ulong *list, const int count) {
     ulong key[RUN_LENGTH], place[RUN_LENGTH];
     for (int i = 0; i < count; i += W) {
@@ -305,17 +229,14 @@ INLINE void sort_run(__global ulong *list, const int count) {
         STORE_LANES(keys, key + i);
         STORE_LANES(ranks(list, count, keys), place + i);
     }
-    for (int i = 0; i < count; i++)
-        list[place[i]] = key[i];
+    for (int i = 0; i < count; i++) list[place[i]] = key[i];
 }
 #endif
 
 /* Merges two runs, of which the first one ends at `middle`. */
 static void merge(__global ulong *list, const int middle, const int count, ulong *room) {
-    if (list[middle - 1] < list[middle])
-        return;
-    for (int i = 0; i < middle; i++)
-        room[i] = list[i];
+    if (list[middle - 1] < list[middle]) return;
+    for (int i = 0; i < middle; i++) room[i] = list[i];
     int left = 0, right = middle, k = 0;
     while (left < middle && right < count) {
         const ulong a = room[left], b = list[right];
@@ -324,22 +245,18 @@ static void merge(__global ulong *list, const int middle, const int count, ulong
         right += second;
         left += !second;
     }
-    while (left < middle)
-        list[k++] = room[left++];
+    while (left < middle) list[k++] = room[left++];
 }
 
 static void merge_sort(__global ulong *list, const int count) {
     ulong room[MERGED];
-    for (int i = 0; i < count; i += RUN_LENGTH)
-        sort_run(list + i, min(RUN_LENGTH, count - i));
+    for (int i = 0; i < count; i += RUN_LENGTH) sort_run(list + i, min(RUN_LENGTH, count - i));
     for (int run = RUN_LENGTH; run < count; run *= 2)
-        for (int i = 0; i + run < count; i += 2 * run)
-            merge(list + i, run, min(2 * run, count - i), room);
+        for (int i = 0; i + run < count; i += 2 * run) merge(list + i, run, min(2 * run, count - i), room);
 }
 
 static void heap_sort(__global ulong *list, const int count) {
-    for (int i = count / 2 - 1; i >= 0; i--)
-        sink(list, i, count);
+    for (int i = count / 2 - 1; i >= 0; i--) sink(list, i, count);
     for (int i = count - 1; i > 0; i--) {
         const ulong most = list[0];
         list[0] = list[i];
@@ -349,19 +266,13 @@ static void heap_sort(__global ulong *list, const int count) {
 }
 
 /* Sorts each list, and gives the depths their own bits. at: of the first list in `start`. */
-__kernel void sort_lists(
-    const int cells,
-    const int at,
-    __global const int *restrict start,
-    __global ulong *restrict entry
-) {
+__kernel void sort_lists(const int cells, const int at, __global const int *restrict start,
+                         __global ulong *restrict entry) {
     FOR_EACH_SPHERE(cell, cells) {
         __global ulong *list = entry + start[at + cell];
         const int count = start[at + cell + 1] - start[at + cell];
-        if (count <= MERGED)
-            merge_sort(list, count);
-        else
-            heap_sort(list, count);
+        if (count <= MERGED) merge_sort(list, count);
+        else heap_sort(list, count);
         for (int i = 0; i < count; i++) {
             const int bits = as_int((uint)(list[i] >> 32) ^ 0x80000000u);
             list[i] = (ulong)as_uint(bits ^ (bits >> 31 & 0x7fffffff)) << 32 | (uint)list[i];

@@ -21,32 +21,22 @@ INLINE Real3 difference(const Real3 a, const Real3 b) {
 }
 
 /* The corners `member` of W triangles, `three` vertices each. */
-#define PUT_VERTEX(corner, member)                 \
-    do {                                           \
-        double3 p[W];                              \
-        for (int k = 0; k < W; k++)                \
-            p[k] = vload3(three[k] member, vertex); \
-        (corner).x = (REAL)EACH_LANE(p, .x);       \
-        (corner).y = (REAL)EACH_LANE(p, .y);       \
-        (corner).z = (REAL)EACH_LANE(p, .z);       \
+#define PUT_VERTEX(corner, member)                                          \
+    do {                                                                    \
+        double3 p[W];                                                       \
+        for (int k = 0; k < W; k++) p[k] = vload3(three[k] member, vertex); \
+        (corner).x = (REAL)EACH_LANE(p, .x);                                \
+        (corner).y = (REAL)EACH_LANE(p, .y);                                \
+        (corner).z = (REAL)EACH_LANE(p, .z);                                \
     } while (0)
 
 /* Three rows for each of `count` triangles, from row 3 first on. known: 0: all of them, and those are noted in `unsure`
  * whose side rounding leaves open; 1: those of `which`, whose sides are known. pane: the largest |x| and |y| of a ray
  * (x, y, -1) from the eye; x < 0: of a light at a point. met: whether a ray from there can meet the triangle. */
-__kernel void facets(
-    const int count,
-    const int known,
-    const double2 pane,
-    const long first,
-    __global const double *restrict vertex,
-    __global const int *restrict face,
-    __global const int *restrict which,
-    __global const char *restrict side_of,
-    __global float4 *restrict facet,
-    __global char *restrict met,
-    __global int *restrict unsure
-) {
+__kernel void facets(const int count, const int known, const double2 pane, const long first,
+                     __global const double *restrict vertex, __global const int *restrict face,
+                     __global const int *restrict which, __global const char *restrict side_of,
+                     __global float4 *restrict facet, __global char *restrict met, __global int *restrict unsure) {
     const double turn = pane.x < 0 ? -1 : 1, reach = pane.x < 0 ? 1 : 1 + pane.x + pane.y;
     FOR_EACH_PACKET(i, count) {
         double sign[W];
@@ -74,10 +64,9 @@ __kernel void facets(
         }
         STORE_LANES(side, sign);
         side *= turn;
-        const MASK clear = TO_MASK(
-            (most * N_off <= 0x1p-27 * size_of_D) & (most * total * D_off <= 0x1p-27 * size_of_D * size_of_D) &
-            (D_off <= 0x1p-26 * size_of_D)
-        );
+        const MASK clear = TO_MASK((most * N_off <= 0x1p-27 * size_of_D) &
+                                   (most * total * D_off <= 0x1p-27 * size_of_D * size_of_D) &
+                                   (D_off <= 0x1p-26 * size_of_D));
         const REAL over = turn / D, own[3] = {N.x * over, N.y * over, N.z * over};
         for (int c = 0; c < 3; c++) {
             const Real3 n = cross_product(corner[c], corner[(c + 1) % 3]);
@@ -91,10 +80,8 @@ __kernel void facets(
             STORE_LANES(TO_FLOAT(n.y * factor), y);
             STORE_LANES(TO_FLOAT(n.z * factor), z);
             STORE_LANES(clear ? TO_FLOAT(own[c]) : AS(float, (INT)0x7fc00000), w);
-            for (int k = 0; k < W; k++)
-                facet[3 * (first + at[k]) + c] = (float4)(x[k], y[k], z[k], w[k]);
+            for (int k = 0; k < W; k++) facet[3 * (first + at[k]) + c] = (float4)(x[k], y[k], z[k], w[k]);
         }
-        for (int k = 0; k < W; k++)
-            met[at[k]] = sign[k] != 0;
+        for (int k = 0; k < W; k++) met[at[k]] = sign[k] != 0;
     }
 }

@@ -1,5 +1,5 @@
 /* polygons.cl: triangles as polygons on a plane, as the eye or a light at a point sees them, and the cells that they
- * cover: shapes/polygon.py and accel/{cells,tiles,light_buffer}.py of cltrace/plan, where all bounds are derived, with
+ * cover: accel/{cells,polygons,light_buffer}.py of cltrace/plan, where all bounds are derived, with
  * the same arithmetic in the same order.
  *
  * A point is four ints: the bits of a vertex's coordinates along three axes, as floats, and five bits for each side of
@@ -10,33 +10,23 @@
 #define BEYOND 16
 #define OUTSIDE 15
 
-/* What is seen through. middle, halves: of Pane; loose: SLACK (|middle| + half), size: 1 + |middle| + half; scale, shift: of Pane;
- * over: 1 / scale. */
+/* What is seen through. middle, halves: of Pane; loose: SLACK (|middle| + half), size: 1 + |middle| + half; scale,
+ * shift: of Pane; over: 1 / scale. */
 typedef struct {
     float middle[2], halves[2], loose[2], size[2], scale[2], shift[2], over[2];
 } Pane;
 
 /* Every vertex as points of the sides whose bits are set. a, b, c: the axes. */
-__kernel void look_at_vertices(
-    const int n,
-    const int sides,
-    const double4 a,
-    const double4 b,
-    const double4 c,
-    __constant Pane *pane,
-    __global const double *restrict vertex,
-    __global int *restrict point
-) {
+__kernel void look_at_vertices(const int n, const int sides, const double4 a, const double4 b, const double4 c,
+                               __constant Pane *pane, __global const double *restrict vertex,
+                               __global int *restrict point) {
     FOR_EACH_PACKET(i, n) {
-        const Point p = point_of(vertex, n, i);
-        const REAL x = p.x, y = p.y, z = p.z;
-        const FLOAT place[3] = {
-            TO_FLOAT(turned_along(a, x, y, z)), TO_FLOAT(turned_along(b, x, y, z)), TO_FLOAT(turned_along(c, x, y, z))
-        };
+        const Real3 p = point_of(vertex, n, i);
+        const FLOAT place[3] = {TO_FLOAT(turned_along(a, p)), TO_FLOAT(turned_along(b, p)),
+                                TO_FLOAT(turned_along(c, p))};
         INT code = 0;
         for (int side = 0; side < 6; side++) {
-            if (!(sides >> side & 1))
-                continue;
+            if (!(sides >> side & 1)) continue;
             const FLOAT ahead = place[side / 2], d = side % 2 ? -ahead : ahead, depth = fabs(d);
             const FLOAT across[2] = {place[(side / 2 + 1) % 3], place[(side / 2 + 2) % 3]};
             const FLOAT size = ((fabs(across[0]) + fabs(across[1])) + depth) * 0x1p-46f;
@@ -51,11 +41,9 @@ __kernel void look_at_vertices(
             code |= beyond ? (INT)(BEYOND << (SIDE_BITS * side)) : (INT)0;
         }
         int lane[4][W];
-        for (int k = 0; k < 3; k++)
-            STORE_LANES(AS(int, place[k]), lane[k]);
+        for (int k = 0; k < 3; k++) STORE_LANES(AS(int, place[k]), lane[k]);
         STORE_LANES(code, lane[3]);
-        for (int k = 0; k < W; k++)
-            vstore4((int4)(lane[0][k], lane[1][k], lane[2][k], lane[3][k]), i + k, point);
+        for (int k = 0; k < W; k++) vstore4((int4)(lane[0][k], lane[1][k], lane[2][k], lane[3][k]), i + k, point);
     }
 }
 
@@ -63,47 +51,47 @@ __kernel void look_at_vertices(
 typedef struct {
     FLOAT place[3][3];
     INT code[3];
-} Corners;
+} SeenCorners;
 
-#define PUT_CORNER(at, c, member)                                \
-    do {                                                         \
-        int4 p[W];                                               \
-        for (int k = 0; k < W; k++)                              \
-            p[k] = vload4(three[k] member, point);               \
-        (at).place[c][0] = AS(float, (INT)EACH_LANE(p, .x));     \
-        (at).place[c][1] = AS(float, (INT)EACH_LANE(p, .y));     \
-        (at).place[c][2] = AS(float, (INT)EACH_LANE(p, .z));     \
-        (at).code[c] = (INT)EACH_LANE(p, .w);                    \
+#define PUT_CORNER(at, c, member)                                          \
+    do {                                                                   \
+        int4 p[W];                                                         \
+        for (int k = 0; k < W; k++) p[k] = vload4(three[k] member, point); \
+        (at).place[c][0] = AS(float, (INT)EACH_LANE(p, .x));               \
+        (at).place[c][1] = AS(float, (INT)EACH_LANE(p, .y));               \
+        (at).place[c][2] = AS(float, (INT)EACH_LANE(p, .z));               \
+        (at).code[c] = (INT)EACH_LANE(p, .w);                              \
     } while (0)
 
-INLINE Corners corners_of(
-    __global const int *restrict point, __global const int *restrict face, const int first, const int stride, const int count,
-    const int i
-) {
+/* `count` triangles, from the first one on, one in `stride`. */
+typedef struct {
+    int first, stride, count;
+} Some;
+
+INLINE SeenCorners corners_of(__global const int *restrict point, __global const int *restrict face, const Some some,
+                              const int i) {
     int4 three[W];
-    for (int k = 0; k < W; k++)
-        three[k] = vload4(first + (long)stride * min(i + k, count - 1), face);
-    Corners at;
+    for (int k = 0; k < W; k++) three[k] = vload4(some.first + (long)some.stride * min(i + k, some.count - 1), face);
+    SeenCorners at;
     PUT_CORNER(at, 0, .x);
     PUT_CORNER(at, 1, .y);
     PUT_CORNER(at, 2, .z);
     return at;
 }
 
-/* Which of W triangles a mask has. The rest: of corners_of(). */
-INLINE MASK those_of(__global const char *restrict mask, const int first, const int stride, const int count, const int i) {
+/* Which of W triangles a mask has. */
+INLINE MASK those_of(__global const char *restrict mask, const Some some, const int i) {
     int lane[W];
-    for (int k = 0; k < W; k++)
-        lane[k] = i + k < count ? mask[first + (long)stride * (i + k)] : 0;
+    for (int k = 0; k < W; k++) lane[k] = i + k < some.count ? mask[some.first + (long)some.stride * (i + k)] : 0;
     return LOAD_LANES(lane) != 0;
 }
 
 /* Which of W triangles a side may show. */
-INLINE MASK may_be_seen(const Corners at, const int side) {
+INLINE MASK may_be_seen(const SeenCorners at, const int side) {
     return ((at.code[0] & at.code[1] & at.code[2]) >> (SIDE_BITS * side) & OUTSIDE) == 0;
 }
 
-INLINE MASK is_inside(const Corners at, const int side) {
+INLINE MASK is_inside(const SeenCorners at, const int side) {
     return ((at.code[0] | at.code[1] | at.code[2]) >> (SIDE_BITS * side) & BEYOND) == 0;
 }
 
@@ -116,12 +104,13 @@ typedef struct {
 
 #define LESS(a, b) ((a) < (b) ? (a) : (b))
 
-INLINE Polygon polygon_of(const Corners at, const int side, __constant Pane *pane) {
+INLINE Polygon polygon_of(const SeenCorners at, const int side, __constant Pane *pane) {
     Polygon p;
     FLOAT square[3];
     const int right = (side / 2 + 1) % 3, up = (side / 2 + 2) % 3;
     for (int c = 0; c < 3; c++) {
-        const FLOAT x = at.place[c][right], y = at.place[c][up], d = side % 2 ? -at.place[c][side / 2] : at.place[c][side / 2];
+        const FLOAT x = at.place[c][right], y = at.place[c][up],
+                    d = side % 2 ? -at.place[c][side / 2] : at.place[c][side / 2];
         const FLOAT over = 1 / d;
         p.corner[0][c] = (x * over) * pane->scale[0] + pane->shift[0];
         p.corner[1][c] = (y * over) * pane->scale[1] + pane->shift[1];
@@ -131,7 +120,8 @@ INLINE Polygon polygon_of(const Corners at, const int side, __constant Pane *pan
         p.edge[2 * k] = LESS(LESS(p.corner[k][0], p.corner[k][1]), p.corner[k][2]);
         p.edge[2 * k + 1] = LARGER(LARGER(p.corner[k][0], p.corner[k][1]), p.corner[k][2]);
     }
-    const FLOAT least = LESS(LESS(square[0], square[1]), square[2]), most = LARGER(LARGER(square[0], square[1]), square[2]);
+    const FLOAT least = LESS(LESS(square[0], square[1]), square[2]),
+                most = LARGER(LARGER(square[0], square[1]), square[2]);
     const FLOAT wide = (p.edge[1] - p.edge[0]) * pane->over[0], high = (p.edge[3] - p.edge[2]) * pane->over[1];
     const FLOAT apart = most - least,
                 spread = ((apart * apart) / (4 * least) + most * (wide * wide + high * high)) * (float)(1.0 / 3);
@@ -145,43 +135,33 @@ INLINE Polygon polygon_of(const Corners at, const int side, __constant Pane *pan
  * shadow rays may end, minus the nearest depth of these, the furthest one, and how many polygons there are. */
 #define EXTENTS_OF_SIDE 11
 
-/* What the sides show whose bits are set. rest: for each of six sides, how many triangles are left to the host, then m for
- * each side, which these are; part: for each work-item EXTENTS_OF_SIDE numbers for each of six sides. */
-__kernel void see_polygons(
-    const int m,
-    const int sides,
-    __constant Pane *pane,
-    __global const int *restrict point,
-    __global const int *restrict face,
-    __global const char *restrict among,
-    __global const char *restrict receiver,
-    __global int *restrict rest,
-    __global float *restrict part
-) {
+/* What the sides show whose bits are set. rest: for each of six sides, how many triangles are left to the host, then m
+ * for each side, which these are; part: for each work-item EXTENTS_OF_SIDE numbers for each of six sides. */
+__kernel void see_polygons(const int m, const int sides, __constant Pane *pane, __global const int *restrict point,
+                           __global const int *restrict face, __global const char *restrict among,
+                           __global const char *restrict receiver, __global int *restrict rest,
+                           __global float *restrict part) {
+    const Some all = {0, 1, m};
     FLOAT most[6][EXTENTS_OF_SIDE - 1];
     INT members[6];
     for (int side = 0; side < 6; side++) {
         members[side] = 0;
-        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++)
-            most[side][k] = -INFINITY;
+        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++) most[side][k] = -INFINITY;
     }
     FOR_EACH_PACKET(i, m) {
-        const Corners at = corners_of(point, face, 0, 1, m, i);
-        const MASK asked = those_of(among, 0, 1, m, i), end = those_of(receiver, 0, 1, m, i);
+        const SeenCorners at = corners_of(point, face, all, i);
+        const MASK asked = those_of(among, all, i), end = those_of(receiver, all, i);
         for (int side = 0; side < 6; side++) {
-            if (!(sides >> side & 1))
-                continue;
+            if (!(sides >> side & 1)) continue;
             const MASK wanted = asked & may_be_seen(at, side);
-            if (!ANY(wanted))
-                continue;
+            if (!ANY(wanted)) continue;
             const Polygon p = polygon_of(at, side, pane);
             const MASK done = wanted & is_inside(at, side) & !p.large;
             if (RARELY(ANY(wanted & !done))) {
                 int lane[W];
                 STORE_LANES((wanted & !done) ? (INT)1 : (INT)0, lane);
                 for (int k = 0; k < W; k++)
-                    if (lane[k])
-                        rest[6 + (long)m * side + atomic_inc(rest + side)] = i + k;
+                    if (lane[k]) rest[6 + (long)m * side + atomic_inc(rest + side)] = i + k;
             }
             members[side] += done ? (INT)1 : (INT)0;
             for (int k = 0; k < 4; k++) {
@@ -195,8 +175,7 @@ __kernel void see_polygons(
     }
     for (int side = 0; side < 6; side++) {
         __global float *note = part + EXTENTS_OF_SIDE * (6 * get_global_id(0) + side);
-        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++)
-            note[k] = largest_lane(TO_REAL(most[side][k]));
+        for (int k = 0; k < EXTENTS_OF_SIDE - 1; k++) note[k] = largest_lane(TO_REAL(most[side][k]));
         note[EXTENTS_OF_SIDE - 1] = sum_of_lanes(TO_LONG(members[side]));
     }
 }
@@ -205,62 +184,62 @@ INLINE FLOAT area_of(const FLOAT *x, const FLOAT *y) {
     return fabs((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])) / 2;
 }
 
-INLINE FLOAT between(const FLOAT x, const int low, const int high) {
-    const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
-    return above > (FLOAT)high ? (FLOAT)high : above;
-}
-
 /* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window.
  * A light's: axis: for each axis where the window begins, where it ends, what leads to cells, and the last cell; slack:
- * relative to an edge; loose: what edges are off by beside that; furthest: where the last ray ends; low, scale: lead from
- * the plane to cells; off: what cells are off by.
- * A picture's: axis: the first pixel of each axis, and the one after the last; loose: what edges are off by, and off. */
+ * relative to an edge; loose: what edges are off by beside that; furthest: where the last ray ends; low, scale: lead
+ * from the plane to cells; off: what cells are off by. A picture's: axis: the first pixel of each axis, and the one
+ * after the last; loose: what edges are off by, and off. */
 typedef struct {
     double axis[2][4], slack, loose, low[2], scale[2], off;
     float furthest, price;
     int pixels, levels;
 } Place;
 
-/* Which cells polygons cover: first column and row, how many more; those that do; area, width plus height, in cells. */
+/* Which cells polygons cover, across and down; those that do; those of more than one row and column; area, width plus
+ * height, in cells. */
 typedef struct {
-    INT begin[2], more[2];
+    Run run[2];
     MASK within, sprawls;
     FLOAT area, sides;
     REAL corner[2][3];
 } Covered;
 
+/* The cells between two edges: of a picture, and of a light's window. */
+INLINE Run tiles_between(const FLOAT *edge, __constant double *axis, __constant Place *place) {
+    const int shift = 31 - clz(place->pixels), first = axis[0], stop = axis[1];
+    const float off = place->loose;
+    const FLOAT begin = clipped(ceil(edge[0] - off), first, stop),
+                end = clipped(floor(edge[1] + off), first - 1, stop - 1);
+    const INT tile = TO_INT(begin) >> shift;
+    const Run run = {tile, (TO_INT(end) >> shift) - tile, begin <= end};
+    return run;
+}
+
+INLINE Run cells_between(const FLOAT *edge, __constant double *axis, __constant Place *place) {
+    const REAL low = TO_REAL(edge[0]) - place->loose, high = TO_REAL(edge[1]) + place->loose;
+    const REAL loose = place->slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
+    const REAL first = (begin - axis[0]) * axis[2] - 0.015625, last = (end - axis[0]) * axis[2] + 0.015625;
+    const REAL from = first < 0 ? (REAL)0 : first > axis[3] ? (REAL)axis[3] : first;
+    const REAL to = last < 0 ? (REAL)0 : last > axis[3] ? (REAL)axis[3] : last;
+    const INT cell = TO_INT(from);
+    const Run run = {cell, TO_INT(to) - cell, TO_MASK((end >= axis[0]) & (begin <= axis[1]))};
+    return run;
+}
+
 INLINE Covered cells_under(const Polygon p, const MASK seen, __constant Place *place) {
     Covered c;
     c.within = seen;
     for (int k = 0; k < 2; k++) {
-        if (place->pixels) {
-            const int shift = 31 - clz(place->pixels), first = place->axis[k][0], stop = place->axis[k][1];
-            const float off = place->loose;
-            const FLOAT begin = between(ceil(p.edge[2 * k] - off), first, stop),
-                        end = between(floor(p.edge[2 * k + 1] + off), first - 1, stop - 1);
-            c.within &= begin <= end;
-            c.begin[k] = TO_INT(begin) >> shift;
-            c.more[k] = (TO_INT(end) >> shift) - c.begin[k];
-        } else {
-            const REAL low = TO_REAL(p.edge[2 * k]) - place->loose, high = TO_REAL(p.edge[2 * k + 1]) + place->loose;
-            const REAL loose = place->slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
-            __constant double *axis = place->axis[k];
-            const REAL first = (begin - axis[0]) * axis[2] - 0.015625, last = (end - axis[0]) * axis[2] + 0.015625;
-            const REAL from = first < 0 ? (REAL)0 : first > axis[3] ? (REAL)axis[3] : first;
-            const REAL to = last < 0 ? (REAL)0 : last > axis[3] ? (REAL)axis[3] : last;
-            c.within &= TO_MASK((end >= axis[0]) & (begin <= axis[1]));
-            c.begin[k] = TO_INT(from);
-            c.more[k] = TO_INT(to) - c.begin[k];
-        }
+        c.run[k] = place->pixels ? tiles_between(p.edge + 2 * k, place->axis[k], place)
+                                 : cells_between(p.edge + 2 * k, place->axis[k], place);
+        c.within &= c.run[k].any;
     }
-    if (!place->pixels)
-        c.within &= p.near < place->furthest;
-    const FLOAT wide = TO_FLOAT(c.more[0]), high = TO_FLOAT(c.more[1]);
-    c.sprawls = c.within & (c.more[0] > 0) & (c.more[1] > 0);
+    if (!place->pixels) c.within &= p.near < place->furthest;
+    const FLOAT wide = TO_FLOAT(c.run[0].more), high = TO_FLOAT(c.run[1].more);
+    c.sprawls = c.within & (c.run[0].more > 0) & (c.run[1].more > 0);
     FLOAT x[3], y[3];
     for (int j = 0; j < 3; j++) {
-        for (int k = 0; k < 2; k++)
-            c.corner[k][j] = (TO_REAL(p.corner[k][j]) - place->low[k]) * place->scale[k];
+        for (int k = 0; k < 2; k++) c.corner[k][j] = (TO_REAL(p.corner[k][j]) - place->low[k]) * place->scale[k];
         x[j] = TO_FLOAT(c.corner[0][j]), y[j] = TO_FLOAT(c.corner[1][j]);
     }
     const float pixels = max(1, place->pixels);
@@ -270,24 +249,17 @@ INLINE Covered cells_under(const Polygon p, const MASK seen, __constant Place *p
     return c;
 }
 
-/* The sizes of some triangles, from the first one on, one in `stride`: two numbers each, -1 where it is not entered. With
- * levels: area, width plus height in cells; else: the area on the plane. */
-__kernel void sample_polygons(
-    const int count,
-    const int first,
-    const int stride,
-    const int side,
-    __constant Pane *pane,
-    __constant Place *place,
-    __global const int *restrict point,
-    __global const int *restrict face,
-    __global const char *restrict among,
-    __global float *restrict size
-) {
+/* The sizes of some triangles, from the first one on, one in `stride`: two numbers each, -1 where it is not entered.
+ * With levels: area, width plus height in cells; else: the area on the plane. */
+__kernel void sample_polygons(const int count, const int first, const int stride, const int side, __constant Pane *pane,
+                              __constant Place *place, __global const int *restrict point,
+                              __global const int *restrict face, __global const char *restrict among,
+                              __global float *restrict size) {
+    const Some some = {first, stride, count};
     FOR_EACH_PACKET(i, count) {
-        const Corners at = corners_of(point, face, first, stride, count, i);
+        const SeenCorners at = corners_of(point, face, some, i);
         const Polygon p = polygon_of(at, side, pane);
-        MASK seen = those_of(among, first, stride, count, i) & may_be_seen(at, side) & is_inside(at, side) & !p.large;
+        MASK seen = those_of(among, some, i) & may_be_seen(at, side) & is_inside(at, side) & !p.large;
         FLOAT area = area_of(p.corner[0], p.corner[1]), sides = 0;
         if (place->levels) {
             const Covered c = cells_under(p, seen, place);
@@ -304,29 +276,62 @@ __kernel void sample_polygons(
 #define OUTLINED -2
 #define ABSENT -1
 
-/* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many there are. For each work-item: which levels
- * are used, as bits, the last triangle, how many are entered, and how many entries those without outlines take. */
-__kernel void place_polygons(
-    const int m,
-    const int pitch,
-    const int side,
-    __constant Pane *pane,
-    __constant Place *place,
-    __global const int *restrict point,
-    __global const int *restrict face,
-    __global const char *restrict among,
-    __global short *restrict covers,
-    __global float *restrict near,
-    __global char *restrict level_of,
-    __global int *restrict outlines,
-    __global float *restrict outline,
-    __global long *restrict part
-) {
+/* The level on which each polygon costs least: Sizes.levels() of accel/cells.py. */
+INLINE INT levels_of(const Covered c, __constant Place *place) {
+    INT level = 0;
+    for (int k = 1; k < place->levels; k++) {
+        const float finer = 1 << (k - 1), cell = 1 << k;
+        const FLOAT looks = c.sides * finer + 3 * finer * finer,
+                    won = place->price * (c.area * (3 / (cell * cell)) + c.sides * (1 / cell));
+        const MASK up = c.within & (c.sides > 0) & (looks <= won);
+        if (!ANY(up)) break;
+        level += up ? (INT)1 : (INT)0;
+    }
+    return level;
+}
+
+/* Adds the outlines of those polygons that sprawl. i: the first triangle's index; off: of Place. */
+INLINE void add_outlines(const Covered c, const FLOAT near, const INT level, const int i, const double off,
+                         __global int *outlines, __global float *outline) {
+    REAL most = 0;
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 2; k++) most = fabs(c.corner[k][j]) > most ? fabs(c.corner[k][j]) : most;
+    float number[7][W];
+    int whole[6][W], sprawls[W];
+    STORE_LANES(AS(int, near), whole[0]);
+    STORE_LANES(level, whole[1]);
+    for (int k = 0; k < 2; k++) {
+        STORE_LANES(c.run[k].begin >> level, whole[2 + 2 * k]);
+        STORE_LANES((c.run[k].begin + c.run[k].more) >> level, whole[3 + 2 * k]);
+    }
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 2; k++) STORE_LANES(TO_FLOAT(c.corner[k][j]), number[2 * j + k]);
+    STORE_LANES(-rounded_down(-(off + SLACK * most)), number[6]);
+    STORE_LANES(c.sprawls ? (INT)1 : (INT)0, sprawls);
+    for (int k = 0; k < W; k++) {
+        if (!sprawls[k]) continue;
+        __global float *out = outline + (long)OUTLINE * atomic_inc(outlines);
+        for (int j = 0; j < 7; j++) out[j] = number[j][k];
+        out[7] = as_float(i + k);
+        for (int j = 0; j < 6; j++) out[8 + j] = as_float(whole[j][k]);
+    }
+}
+
+/* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many
+ * there are. For each work-item: which levels are used, as bits, the last triangle, how many are entered, and how many
+ * entries those without outlines take. */
+__kernel void place_polygons(const int m, const int pitch, const int side, __constant Pane *pane,
+                             __constant Place *place, __global const int *restrict point,
+                             __global const int *restrict face, __global const char *restrict among,
+                             __global short *restrict covers, __global float *restrict near,
+                             __global char *restrict level_of, __global int *restrict outlines,
+                             __global float *restrict outline, __global long *restrict part) {
+    const Some all = {0, 1, m};
     INT used = 0, last = -1;
     LONG members = 0, entries = 0;
     FOR_EACH_PACKET(i, m) {
-        const Corners at = corners_of(point, face, 0, 1, m, i);
-        const MASK wanted = those_of(among, 0, 1, m, i) & may_be_seen(at, side) & is_inside(at, side);
+        const SeenCorners at = corners_of(point, face, all, i);
+        const MASK wanted = those_of(among, all, i) & may_be_seen(at, side) & is_inside(at, side);
         Polygon p;
         Covered c;
         if (ANY(wanted)) {
@@ -337,69 +342,28 @@ __kernel void place_polygons(
             store_flags((INT)ABSENT, level_of + i);
             continue;
         }
-        INT level = 0;
-        for (int k = 1; k < place->levels; k++) {
-            const float finer = 1 << (k - 1), cell = 1 << k;
-            const FLOAT looks = c.sides * finer + 3 * finer * finer,
-                        won = place->price * (c.area * (3 / (cell * cell)) + c.sides * (1 / cell));
-            const MASK up = c.within & (c.sides > 0) & (looks <= won);
-            if (!ANY(up))
-                break;
-            level += up ? (INT)1 : (INT)0;
-        }
-        store_short(c.begin[0], covers + i);
-        store_short(c.begin[1], covers + pitch + i);
-        store_short(c.more[0], covers + 2L * pitch + i);
-        store_short(c.more[1], covers + 3L * pitch + i);
+        const INT level = levels_of(c, place);
+        store_covers(c.run[0], c.run[1], covers + i, pitch);
         STORE_LANES(p.near, near + i);
         used |= c.within ? (INT)1 << level : (INT)0;
         last = c.within ? i + LANE : last;
         members += TO_LONG(c.within ? (INT)1 : (INT)0);
-        const INT columns = ((c.begin[0] + c.more[0]) >> level) - (c.begin[0] >> level) + 1,
-                  rows = ((c.begin[1] + c.more[1]) >> level) - (c.begin[1] >> level) + 1;
-        entries += TO_LONG((c.within & !c.sprawls) ? columns * rows : (INT)0);
+        INT cells = 1;
+        for (int k = 0; k < 2; k++)
+            cells *= ((c.run[k].begin + c.run[k].more) >> level) - (c.run[k].begin >> level) + 1;
+        entries += TO_LONG((c.within & !c.sprawls) ? cells : (INT)0);
         store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : level) : (INT)ABSENT, level_of + i);
-        if (!ANY(c.sprawls))
-            continue;
-        REAL most = 0;
-        for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 2; k++)
-                most = fabs(c.corner[k][j]) > most ? fabs(c.corner[k][j]) : most;
-        const INT rectangle[6] = {
-            AS(int, p.near), level, c.begin[0] >> level, (c.begin[0] + c.more[0]) >> level, c.begin[1] >> level,
-            (c.begin[1] + c.more[1]) >> level
-        };
-        float number[7][W];
-        int whole[6][W];
-        for (int j = 0; j < 6; j++)
-            STORE_LANES(rectangle[j], whole[j]);
-        for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 2; k++)
-                STORE_LANES(TO_FLOAT(c.corner[k][j]), number[2 * j + k]);
-        STORE_LANES(-rounded_down(-(place->off + SLACK * most)), number[6]);
-        int sprawls[W];
-        STORE_LANES(c.sprawls ? (INT)1 : (INT)0, sprawls);
-        for (int k = 0; k < W; k++) {
-            if (!sprawls[k])
-                continue;
-            __global float *out = outline + (long)OUTLINE * atomic_inc(outlines);
-            for (int j = 0; j < 7; j++)
-                out[j] = number[j][k];
-            out[7] = as_float(i + k);
-            for (int j = 0; j < 6; j++)
-                out[8 + j] = as_float(whole[j][k]);
-        }
+        if (ANY(c.sprawls)) add_outlines(c, p.near, level, i, place->off, outlines, outline);
     }
     __global long *note = part + 4 * get_global_id(0);
     int lane[W], every = 0;
     STORE_LANES(used, lane);
-    for (int k = 0; k < W; k++)
-        every |= lane[k];
+    for (int k = 0; k < W; k++) every |= lane[k];
     note[0] = every, note[1] = LARGEST(last), note[2] = sum_of_lanes(members), note[3] = sum_of_lanes(entries);
 }
 
-/* W polygons' cells in rows of them. x, y: where their sides begin, lower end first, end_y, slope: where they end; over: 1
- * by the side of a cell, which is a power of two; there: which polygons there are. */
+/* W polygons' cells in rows of them. x, y: where their sides begin, lower end first, end_y, slope: where they end;
+ * over: 1 by the side of a cell, which is a power of two; there: which polygons there are. */
 typedef struct {
     FLOAT x[3], y[3], end_y[3], slope[3], loose, side, over;
     INT left, right, top, bottom, first, pitch, index, near;
@@ -407,15 +371,14 @@ typedef struct {
     float gap;
 } Outlines;
 
-/* W of n outlines, from number i on. */
-INLINE Outlines outlines_of(
-    __global const float *restrict outline, __constant Levels *levels, const int pixels, const int n, const int i
-) {
+/* The first W of n outlines. */
+INLINE Outlines outlines_of(__global const float *restrict outline, const int n, __constant Levels *levels,
+                            const int pixels) {
     float8 number[W];
     int8 whole[W];
     int first[W], pitch[W], size[W];
     for (int k = 0; k < W; k++) {
-        __global const float *at = outline + (long)OUTLINE * min(i + k, n - 1);
+        __global const float *at = outline + OUTLINE * min(k, n - 1);
         number[k] = vload8(0, at), whole[k] = as_int8(vload8(1, at));
         const int level = whole[k].s1;
         first[k] = levels->base[level], pitch[k] = levels->pitch[level], size[k] = max(1, pixels) << level;
@@ -427,7 +390,7 @@ INLINE Outlines outlines_of(
     o.near = (INT)EACH_LANE(whole, .s0), o.left = (INT)EACH_LANE(whole, .s2), o.right = (INT)EACH_LANE(whole, .s3);
     o.top = (INT)EACH_LANE(whole, .s4), o.bottom = (INT)EACH_LANE(whole, .s5);
     o.first = LOAD_LANES(first), o.pitch = LOAD_LANES(pitch), o.side = TO_FLOAT(LOAD_LANES(size)), o.over = 1 / o.side;
-    o.there = i + LANE < n, o.gap = pixels > 0;
+    o.there = LANE < n, o.gap = pixels > 0;
     for (int k = 0; k < 3; k++) {
         const int next = (k + 1) % 3;
         const MASK falls = y[k] > y[next];
@@ -460,8 +423,12 @@ INLINE Runs runs_of(const Outlines *o, const INT row) {
     const MASK some = o->there & (row <= o->bottom) & (least <= most);
     const FLOAT first = least * o->over, last = most * o->over;
     const FLOAT left = TO_FLOAT(o->left), right = TO_FLOAT(o->right);
-    const FLOAT begin = first < left ? left : first > right + 1 ? right + 1 : first,
-                end = last < left - 1 ? left - 1 : last > right ? right : last;
+    const FLOAT begin = first < left        ? left
+                        : first > right + 1 ? right + 1
+                                            : first,
+                end = last < left - 1 ? left - 1
+                      : last > right  ? right
+                                      : last;
     const INT cell = o->first + row * o->pitch;
     Runs runs;
     STORE_LANES(some ? cell + TO_INT(begin) : (INT)0, runs.begin);
@@ -470,75 +437,51 @@ INLINE Runs runs_of(const Outlines *o, const INT row) {
 }
 
 /* How many entries each cell has of polygons with outlines; for each work-item, how many in all. */
-__kernel void count_outlines(
-    const int n,
-    const int pixels,
-    __constant Levels *levels,
-    __global const float *restrict outline,
-    volatile __global int *count,
-    __global long *restrict part
-) {
+__kernel void count_outlines(const int n, const int pixels, __constant Levels *levels,
+                             __global const float *restrict outline, volatile __global int *count,
+                             __global long *restrict part) {
     long entries = 0;
     FOR_EACH_PACKET(i, n) {
-        const Outlines o = outlines_of(outline, levels, pixels, n, i);
+        const Outlines o = outlines_of(outline + (long)OUTLINE * i, n - i, levels, pixels);
         for (INT row = o.top; ANY(row <= o.bottom); row++) {
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
-                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++, entries++)
-                    atomic_inc(count + cell);
+                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++, entries++) atomic_inc(count + cell);
         }
     }
     part[get_global_id(0)] = entries;
 }
 
 /* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
-__kernel void scatter_outlines(
-    const int n,
-    const int pixels,
-    const int index,
-    const uint mask,
-    __constant Levels *levels,
-    __global const float *restrict outline,
-    volatile __global int *next,
-    __global ulong *restrict entry
-) {
+__kernel void scatter_outlines(const int n, const int pixels, const int index, const uint mask,
+                               __constant Levels *levels, __global const float *restrict outline,
+                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_PACKET(i, n) {
-        const Outlines o = outlines_of(outline, levels, pixels, n, i);
+        const Outlines o = outlines_of(outline + (long)OUTLINE * i, n - i, levels, pixels);
         int triangle[W];
         float near[W];
         ulong key[W];
         STORE_LANES(o.index, triangle);
         STORE_LANES(AS(float, o.near), near);
-        for (int k = 0; k < W; k++)
-            key[k] = key_of(near[k], mask, index + triangle[k]);
+        for (int k = 0; k < W; k++) key[k] = key_of(near[k], mask, index + triangle[k]);
         for (INT row = o.top; ANY(row <= o.bottom); row++) {
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
-                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++)
-                    entry[atomic_inc(next + cell)] = key[k];
+                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++) entry[atomic_inc(next + cell)] = key[k];
         }
     }
 }
 
 /* The entries of polygons without outlines, which count_members() in cells.cl counts. */
-__kernel void scatter_polygons(
-    const int n,
-    const int pitch,
-    const int index,
-    const uint mask,
-    __constant Levels *levels,
-    __global const char *restrict level_of,
-    __global const short *restrict covers,
-    __global const float *restrict near,
-    volatile __global int *next,
-    __global ulong *restrict entry
-) {
+__kernel void scatter_polygons(const int n, const int pitch, const int index, const uint mask,
+                               __constant Levels *levels, __global const char *restrict level_of,
+                               __global const short *restrict covers, __global const float *restrict near,
+                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
-        if (level < 0)
-            continue;
+        if (level < 0) continue;
         const ulong key = key_of(near[i], mask, index + i);
         FOR_EACH_CELL(cell, i, level)
-            entry[atomic_inc(next + cell)] = key;
+        entry[atomic_inc(next + cell)] = key;
     }
 }

@@ -1,4 +1,4 @@
-/* sums.cl: sums that must not cancel, as cltrace/plan/exact.py makes them: the same terms in the same order. */
+/* sums.cl: sums that must not cancel, as cltrace/plan/rounding.py makes them: the same terms in the same order. */
 
 /* Functions that compilers find too long to inline would have their vectors passed through memory. */
 #define INLINE static inline __attribute__((always_inline))
@@ -29,40 +29,43 @@ INLINE Pair total(const Sum s) {
     return two_sum(hi.hi, hi.lo + s.lower);
 }
 
-/* The vector (x, y, z) along an axis. A zero of the axis adds zeros, which numpy leaves out: they change no bit. */
-INLINE REAL dot_product(const double4 axis, const Pair x, const Pair y, const Pair z) {
-    const Sum a = with_term(sum_of(two_product(axis.x, x.hi)), axis.x * x.lo);
-    const Sum b = with_term(with_pair(a, two_product(axis.y, y.hi)), axis.y * y.lo);
-    const Sum c = with_term(with_pair(b, two_product(axis.z, z.hi)), axis.z * z.lo);
+/* A vector that is not rounded. */
+typedef struct {
+    Pair x, y, z;
+} Pair3;
+
+/* v along an axis. A zero of the axis adds zeros, which numpy leaves out: they change no bit. */
+INLINE REAL dot_product(const double4 axis, const Pair3 v) {
+    const Sum a = with_term(sum_of(two_product(axis.x, v.x.hi)), axis.x * v.x.lo);
+    const Sum b = with_term(with_pair(a, two_product(axis.y, v.y.hi)), axis.y * v.y.lo);
+    const Sum c = with_term(with_pair(b, two_product(axis.z, v.z.hi)), axis.z * v.z.lo);
     return total(c).hi;
 }
 
 /* What dot_product() is within of what quick_product() adds up: see there. */
-INLINE REAL doubt(const Pair x, const Pair y, const Pair z) {
-    return fma((fabs(x.hi) + fabs(y.hi)) + fabs(z.hi), (REAL)0x1p-100, (REAL)0x1p-900);
+INLINE REAL doubt(const Pair3 v) {
+    return fma((fabs(v.x.hi) + fabs(v.y.hi)) + fabs(v.z.hi), (REAL)0x1p-100, (REAL)0x1p-900);
 }
 
 /* What dot_product() is wherever `unsure` is not set, in a third of its operations.
  *
  * With u = 2^-53 and M = |x| + |y| + |z|, the numbers that `rest` adds up come to 4 u M at most, and seven roundings of
- * that, two of it with `doubt`, are off by less than 2^-101 M. dot_product() rounds what is off by less than 2^-103 M. So
- * if both ends of an interval of 2^-100 M around the sum are rounded to the same double, so is what lies between. Of 0
- * they are not, as `doubt` is more than that. */
-INLINE REAL quick_product(
-    const double4 axis, const Pair x, const Pair y, const Pair z, const REAL doubt, REAL_INT *unsure
-) {
-    const Pair a = two_product(axis.x, x.hi), b = two_product(axis.y, y.hi), c = two_product(axis.z, z.hi);
+ * that, two of it with `doubt`, are off by less than 2^-101 M. dot_product() rounds what is off by less than 2^-103 M.
+ * So if both ends of an interval of 2^-100 M around the sum are rounded to the same double, so is what lies between. Of
+ * 0 they are not, as `doubt` is more than that. */
+INLINE REAL quick_product(const double4 axis, const Pair3 v, const REAL doubt, REAL_INT *unsure) {
+    const Pair a = two_product(axis.x, v.x.hi), b = two_product(axis.y, v.y.hi), c = two_product(axis.z, v.z.hi);
     const Pair ab = two_sum(a.hi, b.hi), sum = two_sum(ab.hi, c.hi);
-    const REAL low = fma((REAL)axis.x, x.lo, fma((REAL)axis.y, y.lo, axis.z * z.lo));
+    const REAL low = fma((REAL)axis.x, v.x.lo, fma((REAL)axis.y, v.y.lo, axis.z * v.z.lo));
     const REAL rest = (((a.lo + b.lo) + c.lo) + (ab.lo + sum.lo)) + low;
     const REAL least = sum.hi + (rest - doubt), most = sum.hi + (rest + doubt);
     *unsure |= least != most;
     return most;
 }
 
-/* |(x, y, z)|^2 - r^2, a pair. Where its terms cancel too far, `lo` is nan: the host sums those again. */
-INLINE Pair square_excess(const Pair x, const Pair y, const Pair z, const REAL r) {
-    const Pair square = two_product(r, r);
+/* |v|^2 - r^2, a pair. Where its terms cancel too far, `lo` is nan: the host sums those again. */
+INLINE Pair square_excess(const Pair3 v, const REAL r) {
+    const Pair x = v.x, y = v.y, z = v.z, square = two_product(r, r);
     const Sum a = with_term(sum_of(two_product(x.hi, x.hi)), 2 * x.hi * x.lo);
     const Sum b = with_term(with_pair(a, two_product(y.hi, y.hi)), 2 * y.hi * y.lo);
     const Sum c = with_term(with_pair(b, two_product(z.hi, z.hi)), 2 * z.hi * z.lo);

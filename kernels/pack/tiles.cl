@@ -1,46 +1,44 @@
 /* tiles.cl: which cells spheres cover: of the picture, and of the grids of a light at a point. These are the kernels of
- * accel/tiles.py and accel/light_buffer.py of cltrace/plan, with the same arithmetic in the same order.
+ * accel/discs.py, accel/tiles.py and accel/light_buffer.py of cltrace/plan, with the same arithmetic in the same order.
  *
- * EDGE is the type of a disc's edges: float, or double where cells are too fine for that. `covers` holds four columns of
- * `pitch` shorts each: the first column and row of cells and how many more of each. near: the depth of the nearest
- * point; infinite where a sphere is not to be entered.
+ * edge_t and edge4, of the host, are the types of discs' edges: float, or double where cells are too fine for that.
+ * `covers` holds four columns of `pitch` shorts each: the first column and row of cells and how many more of each.
+ * near: the depth of the nearest point; infinite where a sphere is not to be entered.
  */
-#if EDGE_BYTES == 4
-typedef float edge_t;
-typedef float4 edge4;
-typedef FLOAT EDGE;
-#define TO_EDGE(x) TO_FLOAT(x)
-#define EDGE_TO_FLOAT(x) (x)
-#define EDGE_TO_REAL(x) TO_REAL(x)
-#define EDGE_MASK(m) (m)
-#define FROM_MASK(m) (m)
-#else
-typedef double edge_t;
-typedef double4 edge4;
-typedef REAL EDGE;
-#define TO_EDGE(x) (x)
-#define EDGE_TO_FLOAT(x) TO_FLOAT(x)
-#define EDGE_TO_REAL(x) (x)
-#define EDGE_MASK(m) TO_MASK(m)
-#define FROM_MASK(m) TO_REAL_MASK(m)
-#endif
+typedef LANES(edge_t) EDGE;
+#define TO_EDGE(x) TO(edge_t, x)
+/* The mask of a comparison of EDGEs as a MASK, and back. */
+#define EDGE_MASK(m) TO_INT(m)
+#define FROM_MASK(m) TO(PASTE(MASK_OF_, edge_t), m)
+#define MASK_OF_float int
+#define MASK_OF_double long
 #define SLACK 0x1p-20
 
 typedef struct {
     EDGE low, high;
 } Slopes;
 
-/* The slopes of the tangents from the origin to circles with centre (c, d) and radius r. clear: whether there are any;
- * forward, around: d and r over the gap, d^2 - r^2. */
-INLINE Slopes slopes(const EDGE c, const EDGE gap, const EDGE forward, const EDGE around, const MASK clear) {
-    const EDGE middle = c * forward, square = c * c + gap,
-               reach = around * sqrt(square > 0 ? square : (EDGE)0), low = middle - reach, high = middle + reach;
-    const Slopes found = {FROM_MASK(clear) ? low : (EDGE)-INFINITY, FROM_MASK(clear) ? high : (EDGE)INFINITY};
-    return found;
+/* Circles of radius r at depth d, as seen from the origin. clear: whether they have tangents; gap: d^2 - r^2; forward,
+ * around: d and r over it. */
+typedef struct {
+    EDGE gap, forward, around;
+    MASK clear;
+} Circles;
+
+INLINE Circles circles(const EDGE d, const EDGE r, const EDGE gap) {
+    Circles c = {gap};
+    c.clear = EDGE_MASK((d > 0) & (gap >= d * d * (edge_t)0.0625) & (gap > (edge_t)0x1p-100));
+    const EDGE over = 1 / (FROM_MASK(c.clear) ? gap : (EDGE)1);
+    c.forward = d * over, c.around = r * over;
+    return c;
 }
 
-INLINE MASK is_clear(const EDGE d, const EDGE gap) {
-    return EDGE_MASK((d > 0) & (gap >= d * d * (edge_t)0.0625) & (gap > (edge_t)0x1p-100));
+/* The slopes of the tangents to circles with these places across. */
+INLINE Slopes slopes(const EDGE across, const Circles c) {
+    const EDGE middle = across * c.forward, square = across * across + c.gap,
+               reach = c.around * sqrt(square > 0 ? square : (EDGE)0), low = middle - reach, high = middle + reach;
+    const Slopes found = {FROM_MASK(c.clear) ? low : (EDGE)-INFINITY, FROM_MASK(c.clear) ? high : (EDGE)INFINITY};
+    return found;
 }
 
 INLINE EDGE length_of(const EDGE x, const EDGE y, const EDGE z) {
@@ -51,7 +49,7 @@ INLINE EDGE length_of(const EDGE x, const EDGE y, const EDGE z) {
 INLINE FLOAT nearest(const EDGE distance, const EDGE r, const REAL power) {
     const EDGE gap = TO_EDGE(TO_REAL(fabs(TO_FLOAT(power)))) / (distance + r);
     const EDGE near = gap * gap * (edge_t)(1 - 0x1p-19);
-    return EDGE_MASK(gap > (edge_t)0x1p-50) ? EDGE_TO_FLOAT(near) : (FLOAT)-1;
+    return EDGE_MASK(gap > (edge_t)0x1p-50) ? TO_FLOAT(near) : (FLOAT)-1;
 }
 
 INLINE void store_short(const INT value, __global short *at) {
@@ -60,8 +58,7 @@ INLINE void store_short(const INT value, __global short *at) {
 
 INLINE INT load_flags(__global const char *flags) {
     int lane[W];
-    for (int k = 0; k < W; k++)
-        lane[k] = flags[k];
+    for (int k = 0; k < W; k++) lane[k] = flags[k];
     return LOAD_LANES(lane);
 }
 
@@ -75,197 +72,128 @@ typedef struct {
     MASK any;
 } Run;
 
-#if EDGE_BYTES == 4
-INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
-    const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
-    return above > (FLOAT)high ? (FLOAT)high : above;
+INLINE void store_covers(const Run across, const Run down, __global short *covers, const int pitch) {
+    store_short(across.begin, covers);
+    store_short(down.begin, covers + pitch);
+    store_short(across.more, covers + 2L * pitch);
+    store_short(down.more, covers + 3L * pitch);
 }
 
-/* loose: by how much slopes are off, beside a share of themselves; axis: x: leads from slopes to pixels, y, z: what is added
- * to begin and end; range: the first pixel, and the one after the last. */
-INLINE Run pixels_of(const Slopes s, const float loose, const float4 axis, const int2 range, const int shift) {
-    const FLOAT slack = (fabs(s.low) + fabs(s.high)) * (float)SLACK + loose;
-    const FLOAT first = clipped(ceil((s.low - slack) * axis.x + axis.y), range.x, range.y);
-    const FLOAT last = clipped(floor((s.high + slack) * axis.x + axis.z), range.x - 1, range.y - 1);
-    const INT begin = TO_INT(first) >> shift;
-    const Run run = {begin, (TO_INT(last) >> shift) - begin, first <= last};
-    return run;
-}
-#endif
-
-/* A sphere as a light at a point sees it, in the directions of the cube around the light: c its axes, with the one that
- * it is looked along last, and the same rounded. */
+/* A sphere as a light at a point sees it, along the axes of the cube around the light: its centre, and the same
+ * rounded, with the radius; size: how far from the light along each axis. */
 typedef struct {
     REAL c[3];
-    EDGE e[3];
+    EDGE e[3], size[3];
     EDGE r, distance;
 } OnCube;
 
-INLINE OnCube on_cube(
-    __global const double *seen, const int pitch, const int i, const REAL r, const double4 a, const double4 b, const double4 c
-) {
-    const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i);
+INLINE OnCube on_cube(const Real3 place, const REAL r, const double4 *axis) {
     OnCube at;
-    at.c[0] = (a.x * x + a.y * y) + a.z * z;
-    at.c[1] = (b.x * x + b.y * y) + b.z * z;
-    at.c[2] = (c.x * x + c.y * y) + c.z * z;
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++) {
+        at.c[k] = turned_along(axis[k], place);
         at.e[k] = TO_EDGE(at.c[k]);
+        at.size[k] = fabs(at.e[k]);
+    }
     at.r = TO_EDGE(r);
     at.distance = length_of(at.e[0], at.e[1], at.e[2]);
     return at;
 }
 
 /* How far beyond the face of a pyramid a centre may be if its sphere still reaches into the pyramid. */
-INLINE EDGE reach_of(const OnCube at, const EDGE *size) {
-    const EDGE most = LARGER(LARGER(size[0], size[1]), size[2]);
+INLINE EDGE reach_of(const OnCube at) {
+    const EDGE most = LARGER(LARGER(at.size[0], at.size[1]), at.size[2]);
     return at.r * (edge_t)(M_SQRT2 * (1 + SLACK)) + most * (edge_t)SLACK;
 }
 
-INLINE MASK is_on_side(const OnCube at, const EDGE *size, const EDGE reach, const int axis, const int negative) {
-    const EDGE across = LARGER(size[(axis + 1) % 3], size[(axis + 2) % 3]);
-    return EDGE_MASK(across <= (negative ? reach - at.e[axis] : reach + at.e[axis]));
+/* side: of cube_sides(). */
+INLINE MASK is_on_side(const OnCube at, const EDGE reach, const int side) {
+    const EDGE across = LARGER(at.size[(side / 2 + 1) % 3], at.size[(side / 2 + 2) % 3]), ahead = at.e[side / 2];
+    return EDGE_MASK(across <= (side % 2 ? reach - ahead : reach + ahead));
 }
 
 /* On which sides of the cube any sphere is seen: for each work-item, a bit for each of +x, -x, +y, -y, +z, -z. */
-__kernel void cube_sides(
-    const int n,
-    const int pitch,
-    const double unit,
-    const double4 a,
-    const double4 b,
-    const double4 c,
-    __global const double *restrict seen,
-    __global const double *restrict radius,
-    __global char *restrict flags,
-    __global int *restrict part
-) {
+__kernel void cube_sides(const int n, const int pitch, const double unit, const double4 a, const double4 b,
+                         const double4 c, __global const double *restrict seen, __global const double *restrict radius,
+                         __global char *restrict flags, __global int *restrict part) {
+    const double4 cube[3] = {a, b, c};
     int sides = 0;
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const OnCube at = on_cube(seen, pitch, i, column(radius, n, i) * unit, a, b, c);
-        const EDGE size[3] = {fabs(at.e[0]), fabs(at.e[1]), fabs(at.e[2])}, reach = reach_of(at, size);
+        const OnCube at = on_cube(place_of(seen, pitch, i), column(radius, n, i) * unit, cube);
+        const EDGE reach = reach_of(at);
         for (int side = 0; side < 6; side++)
-            if (ANY(is_on_side(at, size, reach, side / 2, side % 2) & ((flag & VISIBLE) != 0)))
-                sides |= 1 << side;
+            if (ANY(is_on_side(at, reach, side) & ((flag & VISIBLE) != 0))) sides |= 1 << side;
         store_flags(flag & VISIBLE, flags + i);
     }
     part[get_global_id(0)] = sides;
 }
 
+/* What is known of a disc: its edges, left, right, low and high, its nearest depth and the furthest one. */
 #define EXTENTS 6
 
-/* The edges of the spheres that are seen through one side of the cube: four columns of `pitch` numbers each, left, right,
- * low and high. For each work-item, EXTENTS numbers: the outermost edges of all discs, lower bounds negative; minus their
- * nearest depth and the furthest one; after these, how many discs there are. */
-__kernel void cube_discs(
-    const int n,
-    const int pitch,
-    const double unit,
-    const double4 a,
-    const double4 b,
-    const double4 c,
-    const int side,
-    __global const double *restrict seen,
-    __global const double *restrict radius,
-    __global const char *restrict flags,
-    __global edge_t *restrict edges,
-    __global float *restrict near,
-    __global double *restrict part
-) {
+/* The outermost of what is known of discs, lower bounds negative, and how many there are. */
+typedef struct {
+    EDGE most[EXTENTS];
+    LONG members;
+} Extent;
+
+INLINE Extent no_discs(void) {
+    Extent e;
+    for (int k = 0; k < EXTENTS; k++) e.most[k] = -INFINITY;
+    e.members = 0;
+    return e;
+}
+
+/* Writes the edges of discs, four columns of `pitch` numbers each, and makes the extent hold those that are members. */
+INLINE void store_discs(const EDGE *disc, const MASK member, Extent *e, __global edge_t *edges, const int pitch) {
+    for (int k = 0; k < EXTENTS; k++) {
+        const EDGE outer = k % 2 ? disc[k] : -disc[k];
+        e->most[k] = FROM_MASK(member & EDGE_MASK(outer > e->most[k])) ? outer : e->most[k];
+        if (k < 4) STORE_LANES(disc[k], edges + (long)k * pitch);
+    }
+    e->members += TO_LONG(member ? (INT)1 : (INT)0);
+}
+
+/* Notes it: EXTENTS + 1 numbers for each work-item. */
+INLINE void note_discs(const Extent e, __global double *part) {
+    __global double *note = part + (EXTENTS + 1) * get_global_id(0);
+    for (int k = 0; k < EXTENTS; k++) note[k] = largest_lane(TO_REAL(e.most[k]));
+    note[EXTENTS] = sum_of_lanes(e.members);
+}
+
+/* The spheres that are seen through one side of the cube, as discs. part: see note_discs(). */
+__kernel void cube_discs(const int n, const int pitch, const double unit, const double4 a, const double4 b,
+                         const double4 c, const int side, __global const double *restrict seen,
+                         __global const double *restrict radius, __global const char *restrict flags,
+                         __global edge_t *restrict edges, __global float *restrict near,
+                         __global double *restrict part) {
     const int axis = side / 2, right = (axis + 1) % 3, up = (axis + 2) % 3;
-    EDGE extent[EXTENTS];
-    LONG members = 0;
-    for (int k = 0; k < EXTENTS; k++)
-        extent[k] = -INFINITY;
+    const double4 cube[3] = {a, b, c};
+    Extent extent = no_discs();
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
         const REAL exact_r = column(radius, n, i) * unit;
-        const OnCube at = on_cube(seen, pitch, i, exact_r, a, b, c);
-        const EDGE size[3] = {fabs(at.e[0]), fabs(at.e[1]), fabs(at.e[2])};
-        const MASK member = is_on_side(at, size, reach_of(at, size), axis, side % 2) & ((flag & VISIBLE) != 0);
-        members += TO_LONG(member ? (INT)1 : (INT)0);
+        const OnCube at = on_cube(place_of(seen, pitch, i), exact_r, cube);
+        const MASK member = is_on_side(at, reach_of(at), side) & ((flag & VISIBLE) != 0);
         if (!ANY(member)) {
             STORE_LANES((FLOAT)INFINITY, near + i);
             continue;
         }
         const REAL exact_d = side % 2 ? -at.c[axis] : at.c[axis];
-        const EDGE d = TO_EDGE(exact_d), gap = TO_EDGE((exact_d - exact_r) * (exact_d + exact_r));
-        const MASK clear = is_clear(d, gap);
-        const EDGE over = 1 / (FROM_MASK(clear) ? gap : (EDGE)1), forward = d * over, around = at.r * over;
-        const Slopes x = slopes(at.e[right], gap, forward, around, clear), y = slopes(at.e[up], gap, forward, around, clear);
-        const EDGE edge[4] = {x.low, x.high, y.low, y.high};
+        const Circles circle = circles(TO_EDGE(exact_d), at.r, TO_EDGE((exact_d - exact_r) * (exact_d + exact_r)));
+        const Slopes x = slopes(at.e[right], circle), y = slopes(at.e[up], circle);
         const FLOAT depth = nearest(at.distance, at.r, LOAD_LANES(seen + 3L * pitch + i));
-        for (int k = 0; k < 4; k++) {
-            const EDGE outer = k % 2 ? edge[k] : -edge[k];
-            STORE_LANES(edge[k], edges + (long)k * pitch + i);
-            extent[k] = FROM_MASK(member & EDGE_MASK(outer > extent[k])) ? outer : extent[k];
-        }
-        const EDGE span = at.distance + at.r, far = span * span * (edge_t)(1 + 0x1p-10), nearer = -TO_EDGE(TO_REAL(depth));
-        extent[4] = FROM_MASK(member & EDGE_MASK(nearer > extent[4])) ? nearer : extent[4];
-        extent[5] = FROM_MASK(member & EDGE_MASK(far > extent[5])) ? far : extent[5];
+        const EDGE span = at.distance + at.r, far = span * span * (edge_t)(1 + 0x1p-10);
+        const EDGE disc[EXTENTS] = {x.low, x.high, y.low, y.high, TO_EDGE(depth), far};
+        store_discs(disc, member, &extent, edges + i, pitch);
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
     }
-    for (int k = 0; k < EXTENTS; k++)
-        part[(EXTENTS + 1) * get_global_id(0) + k] = largest_lane(EDGE_TO_REAL(extent[k]));
-    part[(EXTENTS + 1) * get_global_id(0) + EXTENTS] = sum_of_lanes(members);
+    note_discs(extent, part);
 }
-
-#if EDGE_BYTES == 8
-/* The same for all spheres, as a parallel light sees them: c is the axis that leads there. */
-__kernel void discs_along(
-    const int n,
-    const int pitch,
-    const double unit,
-    const double4 a,
-    const double4 b,
-    const double4 c,
-    __global const double *restrict seen,
-    __global const double *restrict radius,
-    __global char *restrict flags,
-    __global double *restrict edges,
-    __global float *restrict near,
-    __global double *restrict part
-) {
-    REAL extent[EXTENTS];
-    LONG members = 0;
-    for (int k = 0; k < EXTENTS; k++)
-        extent[k] = -INFINITY;
-    FOR_EACH_PACKET(i, n) {
-        const INT flag = load_flags(flags + i);
-        const MASK member = (flag & VISIBLE) != 0;
-        const REAL x = LOAD_LANES(seen + i), y = LOAD_LANES(seen + pitch + i), z = LOAD_LANES(seen + 2L * pitch + i),
-                   r = column(radius, n, i) * unit, u = (x * a.x + y * a.y) + z * a.z, v = (x * b.x + y * b.y) + z * b.z,
-                   s = (x * c.x + y * c.y) + z * c.z;
-        const REAL edge[4] = {u - r, u + r, v - r, v + r};
-        const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
-        const REAL far = r - s + 0x1p-10, nearer = -TO_REAL(depth);
-        for (int k = 0; k < 4; k++) {
-            const REAL outer = k % 2 ? edge[k] : -edge[k];
-            STORE_LANES(edge[k], edges + (long)k * pitch + i);
-            extent[k] = (TO_REAL_MASK(member) & (outer > extent[k])) ? outer : extent[k];
-        }
-        extent[4] = (TO_REAL_MASK(member) & (nearer > extent[4])) ? nearer : extent[4];
-        extent[5] = (TO_REAL_MASK(member) & (far > extent[5])) ? far : extent[5];
-        members += TO_LONG(member ? (INT)1 : (INT)0);
-        STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
-        store_flags(flag & VISIBLE, flags + i);
-    }
-    for (int k = 0; k < EXTENTS; k++)
-        part[(EXTENTS + 1) * get_global_id(0) + k] = largest_lane(extent[k]);
-    part[(EXTENTS + 1) * get_global_id(0) + EXTENTS] = sum_of_lanes(members);
-}
-#endif
 
 /* The widths and heights of every stride-th sphere's disc, nan where there is none. */
-__kernel void sizes(
-    const int n,
-    const int pitch,
-    const int stride,
-    __global const edge_t *restrict edges,
-    __global const float *restrict near,
-    __global edge_t *restrict size
-) {
+__kernel void sizes(const int n, const int pitch, const int stride, __global const edge_t *restrict edges,
+                    __global const float *restrict near, __global edge_t *restrict size) {
     FOR_EACH_SPHERE(k, (n - 1) / stride + 1) {
         const int i = k * stride, there = near[i] < INFINITY;
         size[2 * k] = there ? edges[pitch + i] - edges[i] : (edge_t)NAN;
@@ -285,21 +213,11 @@ INLINE Run cells_of(const EDGE low, const EDGE high, const edge4 axis, const edg
 }
 
 /* The cells of a window that discs cover. x_axis, y_axis: see cells_of(); furthest: a depth beyond which nothing
- * matters. For each work-item, four numbers: how many spheres are entered, how many cells of level 0 they cover, the last
- * one of them, and how many of them are in no grid of this light before. */
-__kernel void place(
-    const int n,
-    const int pitch,
-    const edge4 x_axis,
-    const edge4 y_axis,
-    const edge_t slack,
-    const float furthest,
-    __global const edge_t *restrict edges,
-    __global char *restrict flags,
-    __global short *restrict covers,
-    __global float *restrict near,
-    __global long *restrict part
-) {
+ * matters. For each work-item, four numbers: how many spheres are entered, how many cells of level 0 they cover, the
+ * last one of them, and how many of them are in no grid of this light before. */
+__kernel void place(const int n, const int pitch, const edge4 x_axis, const edge4 y_axis, const edge_t slack,
+                    const float furthest, __global const edge_t *restrict edges, __global char *restrict flags,
+                    __global short *restrict covers, __global float *restrict near, __global long *restrict part) {
     LONG members = 0, entries = 0, more = 0;
     INT last = -1;
     FOR_EACH_PACKET(i, n) {
@@ -310,12 +228,10 @@ __kernel void place(
             continue;
         }
         const Run row = cells_of(LOAD_LANES(edges + i), LOAD_LANES(edges + pitch + i), x_axis, slack);
-        const Run rows = cells_of(LOAD_LANES(edges + 2L * pitch + i), LOAD_LANES(edges + 3L * pitch + i), y_axis, slack);
+        const Run rows = cells_of(LOAD_LANES(edges + 2L * pitch + i), LOAD_LANES(edges + 3L * pitch + i), y_axis,
+                                  slack);
         within &= row.any & rows.any;
-        store_short(row.begin, covers + i);
-        store_short(rows.begin, covers + pitch + i);
-        store_short(row.more, covers + 2L * pitch + i);
-        store_short(rows.more, covers + 3L * pitch + i);
+        store_covers(row, rows, covers + i, pitch);
         STORE_LANES(within ? depth : (FLOAT)INFINITY, near + i);
         const INT flag = load_flags(flags + i);
         store_flags(within ? flag | ENTERED : flag, flags + i);

@@ -1,15 +1,11 @@
 /* bounce.cl: where mirrors and glass send a ray on. cltrace/reference/bounce.py has the same functions.
  *
  * Directions are never normalised on the way: their length stays that of the first one, but for rounding. n is the
- * outward unit normal; side is 1 where the ray came from outside and -1 where it came from inside. spread: of an ellipsoid
- * by how much its map may make an error larger, of a sphere 1.
+ * outward unit normal; side is 1 where the ray came from outside and -1 where it came from inside. spread: of an
+ * ellipsoid by how much its map may make an error larger, of a sphere 1.
  */
 #ifdef WITH_BOUNCES
-#if REAL_BYTES == 8
-#define LIFT 0x1p-48
-#else
-#define LIFT 0x1p-19f
-#endif
+#define LIFT ((real)(REAL_BYTES == 8 ? 0x1p-48f : 0x1p-19f))
 
 /* The direction, turned off the surface where rounding left it not surely on its side: there n.d is less than LIFT |d|,
  * and all that is off in it, here and in the decision about the own surface, is below that. */
@@ -28,7 +24,6 @@ static Real3 mirrored(const Real3 d, const Real3 n, const REAL side, const REAL 
     return lift(out, n, side, spread);
 }
 
-#ifdef WITH_GLASS
 typedef struct {
     Real3 d;
     REAL_MASK total; /* whether all of it is reflected instead, and d is of no use */
@@ -51,5 +46,4 @@ static Refraction refracted(const Real3 d, const Real3 n, const REAL side, const
     out.d.z = same ? d.z : out.d.z;
     return out;
 }
-#endif
 #endif

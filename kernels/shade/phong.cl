@@ -24,8 +24,8 @@ static FLOAT log_1_plus(const FLOAT z) {
 }
 
 static FLOAT exp_negative(const FLOAT y) {
-    const FLOAT x = y < -87.0f ? (FLOAT)-87.0f : y;                             /* below, the result is 0 at any rate */
-    const FLOAT k = FMA(x, (FLOAT)1.44269504f, (FLOAT)12582912.0f) - 12582912.0f; /* x / log(2), rounded */
+    const FLOAT x = y < -87.0f ? (FLOAT)-87.0f : y; /* below, the result is 0 at any rate */
+    const FLOAT k = FMA(x, (FLOAT)1.44269504f, (FLOAT)12582912.0f) - 12582912.0f;    /* x / log(2), rounded */
     const FLOAT f = FMA(k, (FLOAT)-1.42860677e-6f, FMA(k, (FLOAT)-0.693145752f, x)); /* log(2) in two parts */
     FLOAT g = 0.00139411084f;
     g = FMA(g, f, (FLOAT)0.0083751264f);

@@ -1,16 +1,16 @@
 /* texture.cl: where a point is on a texture, u to the right and v downwards, both 1 at the texture's far edge; and the
  * colour there. */
 #ifdef WITH_UV
-/* atan(r) / (2 pi r) for |r| <= tan(pi / 8), by powers of r^2: a Chebyshev interpolant of (atan(r) - r) / r^3 on that range,
- * behind the 1 of the series. Without rounding of what is computed from them, its relative error is 2^-53 in double and
- * 2^-24 in float. */
+/* atan(r) / (2 pi r) for |r| <= tan(pi / 8), by powers of r^2: a Chebyshev interpolant of (atan(r) - r) / r^3 on that
+ * range, behind the 1 of the series. Without rounding of what is computed from them, its relative error is 2^-53 in
+ * double and 2^-24 in float. */
 #if REAL_BYTES == 8
 #define TAN_PI_8 0.41421356237309503
 #define TURNS 12
-__constant double turn_parts[TURNS] = {
-    0.15915494309189535,    -0.053051647697298442, 0.031830988618371941, -0.022736420440031799,
-    0.017683882413208576,   -0.014468624007851604, 0.012242489779883597, -0.010606899401433589,
-    0.0093235335684088427,  -0.0080937446363857617, 0.0062439123434348629, -0.0030520963781140546};
+__constant double turn_parts[TURNS] = {0.15915494309189535,    -0.053051647697298442, 0.031830988618371941,
+                                       -0.022736420440031799,  0.017683882413208576,  -0.014468624007851604,
+                                       0.012242489779883597,   -0.010606899401433589, 0.0093235335684088427,
+                                       -0.0080937446363857617, 0.0062439123434348629, -0.0030520963781140546};
 #else
 #define TAN_PI_8 0.41421357f
 #define TURNS 6
@@ -18,13 +18,13 @@ __constant float turn_parts[TURNS] = {0.15915494f,    -0.0530516468f, 0.03183025
                                       -0.0227017906f, 0.0170991793f,  -0.0102685625f};
 #endif
 
-/* The angle of the vector (x, y) from the x axis in turns, -1/2 .. 1/2: what atan2(y, x) / (2 pi) is, by operations that
- * are rounded the same everywhere. Of multiples of an eighth turn it is exactly that; of (0, 0) it is 0.
+/* The angle of the vector (x, y) from the x axis in turns, -1/2 .. 1/2: what atan2(y, x) / (2 pi) is, by operations
+ * that are rounded the same everywhere. Of multiples of an eighth turn it is exactly that; of (0, 0) it is 0.
  *
- * It is off by less than 2^-51, or in float 2^-21. With u = 2^-53: the quotient r is off by 3 u r, which is as much of the
- * angle at most; the sum of the series by 2 u for its last steps and what is said above, as its later terms are small; the
- * product by u. That is less than 8 u of an angle of 1/16 turn at most. Each of the three sums that follow adds u/2 of a
- * number up to 1/2. So all of it is below 2 u; in float likewise. */
+ * It is off by less than 2^-51, or in float 2^-21. With u = 2^-53: the quotient r is off by 3 u r, which is as much of
+ * the angle at most; the sum of the series by 2 u for its last steps and what is said above, as its later terms are
+ * small; the product by u. That is less than 8 u of an angle of 1/16 turn at most. Each of the three sums that follow
+ * adds u/2 of a number up to 1/2. So all of it is below 2 u; in float likewise. */
 static REAL turns_of(const REAL y, const REAL x) {
     const REAL h = fabs(y), w = fabs(x);
     const REAL_MASK steep = h > w;
@@ -40,21 +40,6 @@ static REAL turns_of(const REAL y, const REAL x) {
     const REAL angle = x < 0 ? (REAL)0.5f - quadrant : quadrant;
     return y < 0 ? -angle : angle;
 }
-
-/* Where points of spheres are on a texture: by their longitude about the y axis, 1/2 where z is largest, and by the angle
- * from the y axis, which near the poles keeps its digits as the arc cosine would not. It is the unit normal's before any
- * transform that counts: an ellipsoid's in its own axes, and a sphere's in the world. */
-static void map_spheres(const Frame frame, Intersection *at) {
-    Real3 q = turned_to_world(frame, at->normal);
-#ifdef WITH_ELLIPSOIDS
-    const REAL_MASK here = at->start.stretched;
-    PUT_WHERE(here, q.x, at->q.x);
-    PUT_WHERE(here, q.y, at->q.y);
-    PUT_WHERE(here, q.z, at->q.z);
-#endif
-    at->u = (REAL)0.5f + turns_of(q.x, q.z);
-    at->v = 2 * turns_of(sqrt(q.x * q.x + q.z * q.z), q.y);
-}
 #endif
 
 #ifdef WITH_TEXTURES
@@ -64,10 +49,10 @@ typedef struct {
     SHADE share;
 } Between;
 
-/* c: u or v; size: how many texels the side has. As textures repeat, the whole part of c does not matter. What is behind it
- * is exact, but for negative numbers near 0, where it is rounded by 2^-54 or, in float, 2^-25. However large c is, `first`
- * is within 0 .. size - 1, as what is less than 1, times size, is rounded to less than size. From 2^53, or 2^24, on, numbers
- * have nothing behind their whole part: they are at the first texel, as is what is no number. */
+/* c: u or v; size: how many texels the side has. As textures repeat, the whole part of c does not matter. What is
+ * behind it is exact, but for negative numbers near 0, where it is rounded by 2^-54 or, in float, 2^-25. However large
+ * c is, `first` is within 0 .. size - 1, as what is less than 1, times size, is rounded to less than size. From 2^53,
+ * or 2^24, on, numbers have nothing behind their whole part: they are at the first texel, as is what is no number. */
 static Between between(const REAL c, const INT size) {
     const REAL rest = c - floor(c), x = (rest < 1 ? rest : (REAL)0) * TO_REAL(size);
     Between at = {TO_INT(x), 0, 0};
@@ -77,7 +62,8 @@ static Between between(const REAL c, const INT size) {
     return at;
 }
 
-/* What is in memory from a texel on: red, green and blue, in 8 or 16 bits each from the lowest, and then something else. */
+/* What is in memory from a texel on: red, green and blue, in 8 or 16 bits each from the lowest, and then something
+ * else. */
 typedef LANES(ulong) Texel;
 
 static Texel texels_at(const Scene scene, const INT place) {
@@ -88,9 +74,9 @@ static Texel texels_at(const Scene scene, const INT place) {
     return LOAD_LANES(bytes);
 }
 
-/* Red, green or blue between four texels: the upper two, then the lower two. full: the number of a full colour, whose bits
- * are all set; shift: what is below the wanted number. These numbers are exact, and so are their differences: at a texel
- * the colour is the texel's own, and nowhere is it beyond those of all four. */
+/* Red, green or blue between four texels: the upper two, then the lower two. full: the number of a full colour, whose
+ * bits are all set; shift: what is below the wanted number. These numbers are exact, and so are their differences: at a
+ * texel the colour is the texel's own, and nowhere is it beyond those of all four. */
 static SHADE blended(const Texel four[4], const Texel shift, const Texel full, const SHADE across, const SHADE down) {
     const SHADE a = TO_SHADE(four[0] >> shift & full), b = TO_SHADE(four[1] >> shift & full);
     const SHADE c = TO_SHADE(four[2] >> shift & full), d = TO_SHADE(four[3] >> shift & full);
@@ -111,9 +97,7 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
         full[lane] = texture.w;
     }
     const INT columns = LOAD_LANES(width), first = LOAD_LANES(begin), most = LOAD_LANES(full);
-#ifdef WITH_MARKS
-    at->texel = -1;
-#endif
+    if (HAS(WITH_MARKS)) at->texel = -1;
     if (!ANY(most > 0)) return;
     const Between u = between(at->u, columns), v = between(at->v, LOAD_LANES(height));
     const INT size = most > 255 ? (INT)6 : (INT)3, top = v.first * columns, bottom = v.second * columns;
@@ -124,9 +108,7 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
     const Shade3 color = {blended(four, 0, limit, u.share, v.share), blended(four, green, limit, u.share, v.share),
                           blended(four, 2 * green, limit, u.share, v.share)};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
-#ifdef WITH_MARKS
-    at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
-#endif
+    if (HAS(WITH_MARKS)) at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
     PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);
     PUT_WHERE(here, at->ambient.y, at->ambient.y * color.y);
     PUT_WHERE(here, at->ambient.z, at->ambient.z * color.z);
@@ -134,4 +116,6 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
     PUT_WHERE(here, at->diffuse.y, at->diffuse.y * color.y);
     PUT_WHERE(here, at->diffuse.z, at->diffuse.z * color.z);
 }
+#else
+#define paint(scene, id, at)
 #endif

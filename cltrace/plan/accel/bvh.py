@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, concurrently
+from cltrace.base.arrays import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, dtype_of
-from cltrace.plan.exact import Array
+from cltrace.plan.rounding import Array
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -35,7 +35,7 @@ Ints = NDArray[np.int32]
 WIDTH = 8
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
 # They are the same in all precisions.
-NODE, BLOCK, PATCH = (dtype_of(name, "accurate") for name in ("Node", "Block", "Patch"))
+NODE_TYPE, BLOCK_TYPE, PATCH_TYPE = (dtype_of(name, "accurate") for name in ("Node", "Block", "Patch"))
 
 # A set of one of these sizes is a row of an array, and all of them are halved together. The sizes are those of nodes
 # with nothing missing below them.
@@ -49,7 +49,7 @@ SMALL = 2 * WIDTH
 CHUNK = 2**15
 # Bins of a histogram along an axis.
 BINS = 4096
-# What add_patch() of kernels/find/tree.cl is off by, for edges of lengths that add up to 1.
+# What triangle_add_leaf() of the kernel is off by, for edges of lengths that add up to 1.
 SLACK = CONSTANTS["EDGE_ROUNDINGS"] * 2.0**-24
 
 
@@ -68,7 +68,7 @@ class Balls(NamedTuple):
     member: Ints | None = None
 
 
-class Triangles(NamedTuple):
+class Faces(NamedTuple):
     """vertex: (v, 3) float64, of a size about 1; face: (m, 3), indices of three vertices each.
 
     first: the index of the first triangle as a primitive; those of the others follow. exact: (v, 3), the vertices
@@ -107,7 +107,7 @@ class _Leaves(NamedTuple):
     counts: list[int]
 
 
-def build_tree(balls: Balls, triangles: Triangles | None = None) -> Tree:
+def build_tree(balls: Balls, triangles: Faces | None = None) -> Tree:
     """The tree over surfaces and triangles."""
     both = triangles is not None and len(triangles.face) > 0 and len(balls.center) > 0
     trees = WIDTH // 2 if both else WIDTH
@@ -137,10 +137,10 @@ def _blocks_of(balls: Balls, trees: int) -> _Leaves:
     return _Leaves(*_blocks(balls, index), counts)
 
 
-def _patches_of(triangles: Triangles | None, trees: int) -> _Leaves:
+def _patches_of(triangles: Faces | None, trees: int) -> _Leaves:
     """The patches of all triangles with three corners, in so many trees at most."""
     if triangles is None:
-        return _Leaves(np.empty(0, PATCH), np.empty((3, 2, 0), np.float32), [])
+        return _Leaves(np.empty(0, PATCH_TYPE), np.empty((3, 2, 0), np.float32), [])
     columns = np.ascontiguousarray(triangles.vertex.T)
     n = len(triangles.face)
     boxes, keys, flat = np.empty((3, 2, n), np.float32), np.empty((4, n), np.float32), np.zeros(n, bool)
@@ -325,7 +325,7 @@ def _best_halves(keys: Floats, low: Floats, scale: Floats, width: int) -> Ints:
 def _blocks(balls: Balls, index: Ints) -> tuple[NDArray[np.void], Floats]:
     """The blocks, and their boxes: (3, 2, k), low and high sides. index: (8 k,), the spheres in them, -1 for none."""
     blocks = len(index) // WIDTH
-    block, boxes = np.empty(blocks, BLOCK), np.empty((3, 2, blocks), np.float32)
+    block, boxes = np.empty(blocks, BLOCK_TYPE), np.empty((3, 2, blocks), np.float32)
     coordinate = np.ascontiguousarray(balls.center).ravel()
 
     def fill(rows: slice) -> None:
@@ -349,7 +349,7 @@ def _blocks(balls: Balls, index: Ints) -> tuple[NDArray[np.void], Floats]:
 
 
 def _patches(
-    columns: Array, triangles: Triangles, boxes: Floats, index: Ints, member: Ints | None
+    columns: Array, triangles: Faces, boxes: Floats, index: Ints, member: Ints | None
 ) -> tuple[NDArray[np.void], Floats]:
     """The patches, and their boxes: (3, 2, k).
 
@@ -357,7 +357,7 @@ def _patches(
     are in the patches, -1 for none; member: (n,), which triangles they are, None: all.
     """
     patches = len(index) // WIDTH
-    patch, around = np.empty(patches, PATCH), np.empty((3, 2, patches), np.float32)
+    patch, around = np.empty(patches, PATCH_TYPE), np.empty((3, 2, patches), np.float32)
     corners = np.ascontiguousarray(triangles.face.T)
 
     def fill(rows: slice) -> None:
@@ -401,7 +401,7 @@ def _nodes(boxes: Floats, first: int) -> NDArray[np.void]:
     counts = [boxes.shape[2]]
     while len(counts) < 2 or counts[-1] > 1:
         counts.append(max(1, -(-counts[-1] // WIDTH)))
-    node, end = np.zeros(sum(counts[1:]), NODE), sum(counts[1:])
+    node, end = np.zeros(sum(counts[1:]), NODE_TYPE), sum(counts[1:])
     for level, (below, count) in enumerate(pairwise(counts)):
         part, sides = node[end - count : end], np.empty((3, 2, count * WIDTH), np.float32)
         sides[:, 0], sides[:, 1] = np.inf, -np.inf

@@ -16,7 +16,7 @@ docs/speed.md.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -25,9 +25,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, concurrently
+from cltrace.base.arrays import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.exact import Array, rounded_up
+from cltrace.plan.rounding import Array, rounded_up
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
@@ -587,11 +587,18 @@ def outlines_of(at: NDArray[np.intp], corner: NDArray[Any], loose: NDArray[Any] 
     return Outlines(at, corner.astype(np.float32), rounded_up(off))
 
 
-def joined_outlines(parts: list[tuple[int, Outlines | None]]) -> tuple[Outlines, ...]:
-    """The outlines of parts of the members, those with equally many corners together. parts: with each one's first
-    member's place."""
+def put_together(
+    parts: Sequence[tuple[tuple[NDArray[Any], ...], Outlines | None]],
+) -> tuple[Ints, NDArray[np.int16], NDArray[np.float32], tuple[Outlines, ...]]:
+    """member, covers, near and outlines of a CellGrid, of which parts have the first three, and an outline or none.
+
+    Outlines with equally many corners are one.
+    """
     found: dict[int, list[tuple[Any, ...]]] = {}
-    for first, part in parts:
-        if part:
-            found.setdefault(part.corner.shape[1], []).append((part.at + first, part.corner, part.loose))
-    return tuple(Outlines(*joined(some)) for some in found.values())
+    first = 0
+    for (member, *_), outline in parts:
+        if outline:
+            found.setdefault(outline.corner.shape[1], []).append((outline.at + first, outline.corner, outline.loose))
+        first += len(member)
+    member, covers, near = joined([part for part, _ in parts])
+    return member, covers, near, tuple(Outlines(*joined(some)) for some in found.values())

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.numbers.inverses import inverses, whole_inverse
+from cltrace.numbers.pairs import two_sum
 from cltrace.plan.abi import dtype_of
-from cltrace.plan.exact import Array, two_sum
-from cltrace.scene import inverses, whole_inverse
+from cltrace.plan.rounding import Array
 
 # Singular values are right to far less than this.
 LOOSE = 2.0**-40

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.blocks import blockwise, empty, joined
+from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.exact import Array
 from cltrace.plan.order import order_of_rows
-from cltrace.plan.shapes.sphere import U
+from cltrace.plan.rounding import Array, U
 from cltrace.scene import PlacedMesh
 
 Ints = NDArray[np.int32]
@@ -102,63 +101,14 @@ class Triangles:
         return np.concatenate([out.reshape(m, 3), np.zeros((m, 1), np.int32)], axis=1)
 
 
-@dataclass(frozen=True)
-class Facets:
-    """m triangles as seen from a point or along a direction.
-
-    packed: (3 m, 4) float32, abi's `facet` or `light_facet`; side: (m,), the sign of D, or of N.l: 1 or -1 where the
-    corners are seen one way round or the other, 0 where no ray from there can meet the triangle.
-    """
-
-    packed: Floats
-    side: NDArray[np.int8]
-
-    @property
-    def met(self) -> NDArray[np.bool_]:
-        """(m,): which of them a ray from there can meet."""
-        return np.not_equal(self.side, 0)
+# (m,): the sign of D, or of N.l: 1 or -1 where a triangle's corners are seen one way round or the other, 0 where no ray
+# from there can meet it.
+Sides = NDArray[np.int8]
 
 
-def from_eye(vertex: Array, triangles: Triangles, eye: Array, plane: tuple[float, float], out: Floats) -> Facets:
-    """As seen from the eye.
-
-    vertex: (v, 3), from there in camera space, in the float buffers' unit; eye: (3,), in the world; plane: the largest
-    |x| and |y| of a ray (x, y, -1); out: (3 m, 4) float32, what to fill.
-    """
-    x, y = plane
-    return _facets(
-        vertex,
-        triangles,
-        lambda n: FLOAT * ((x * np.abs(n[0]) + y * np.abs(n[1])) + np.abs(n[2])),
-        1 + x + y,
-        1.0,
-        lambda i: _exact_side(triangles, i, eye),
-        out,
-    )
-
-
-def from_light(vertex: Array, triangles: Triangles, light: Array, out: Floats) -> Facets:
-    """As seen from a light at a point; the kernel's directions lead to it. vertex, light, out: as in from_eye()."""
-    return _facets(
-        vertex,
-        triangles,
-        lambda n: FLOAT * np.sqrt((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]),
-        1.0,
-        -1.0,
-        lambda i: _exact_side(triangles, i, light),
-        out,
-    )
-
-
-def _facets(
-    vertex: Array,
-    triangles: Triangles,
-    rounding: Callable[[Columns], Array],
-    reach: float,
-    turn: float,
-    exact: Callable[[int], int],
-    out: Floats,
-) -> Facets:
+def from_point(
+    vertex: Array, triangles: Triangles, point: Array, out: Floats, plane: tuple[float, float] | None = None
+) -> Sides:
     """The planes of the edges, A' x B', B' x C' and C' x A', times the sign of D = A'.N, each divided by its bound.
 
     Beside each edge is one number of the triangle's own plane N / D: a ray along d meets it at 1/t = N.d / D.
@@ -169,6 +119,7 @@ def _facets(
     that makes of A, and TURNED |A| |N|. rounding: what float32 makes of the planes (3 arrays); reach: how much the
     former may count, 1-norm of the directions; turn: 1 or -1, a factor; exact: the sign of D of one triangle.
     """
+    reach, turn = 1 + sum(plane or ()), 1.0 if plane else -1.0
     m = len(triangles.face)
     packed, sides = out.reshape(m, 3, 4), np.zeros(m, np.int8)
     columns = np.ascontiguousarray(vertex.T)
@@ -187,11 +138,11 @@ def _facets(
         D_off = sizes[0] * (N_off + TURNED * total)
         side = np.sign(D)
         unsure = np.flatnonzero(~(np.abs(D) > D_off))
-        side[unsure] = [exact(rows.start + i) for i in unsure.tolist()]
+        side[unsure] = exact_sides(triangles, rows.start + unsure, point)
         sides[rows] = side
         side *= turn
         for i, n in enumerate(planes):
-            bound = rounding(n) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST
+            bound = FLOAT * _rounding(n, plane) + TURNED * reach * (sizes[i] * sizes[(i + 1) % 3]) + LEAST
             factor = side / bound
             for k in range(3):
                 packed[rows, i, k] = n[k] * factor
@@ -206,7 +157,7 @@ def _facets(
                 packed[rows, k, 3] = N[k] * factor
 
     blockwise(m, fill)
-    return Facets(out, sides)
+    return sides
 
 
 def along_light(
@@ -216,11 +167,11 @@ def along_light(
     towards: Array,
     out: Floats,
     plane: tuple[float, float] = (FAR, FAR),
-) -> Facets:
+) -> Sides:
     """As seen along a parallel light: lines in the plane across it, and how deep below the light the triangle is there.
 
     vertex: (v, 3), from the eye in camera space, in the float buffers' unit; axes: (3, 3), the two across and the one
-    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: as in from_eye();
+    towards the light, in camera space; towards: (3,), the direction to it in the world, exactly; out: of from_point();
     plane: the largest |u| and |v|. Along an orthographic camera's view, it is the same as along light against that.
 
     A line is a (u, v) -> (b - a) x (p - a) for a point p of the plane. The axes are orthogonal and unit to 2^-48, and a
@@ -267,7 +218,14 @@ def along_light(
             packed[rows, 0, 3], packed[rows, 1, 3], packed[rows, 2, 3] = a, b, depth
 
     blockwise(m, fill)
-    return Facets(out, sides)
+    return sides
+
+
+def _rounding(n: Columns, plane: tuple[float, float] | None) -> Array:
+    """What float32 makes of a plane n times a direction, in units of FLOAT. plane: of from_point()."""
+    if plane is None:
+        return np.asarray(np.sqrt((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]))
+    return (plane[0] * np.abs(n[0]) + plane[1] * np.abs(n[1])) + np.abs(n[2])
 
 
 def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
@@ -293,13 +251,6 @@ def _volume(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> int:
     return (value > 0) - (value < 0)
 
 
-def _exact_side(triangles: Triangles, i: int, point: Array) -> int:
-    """The sign of D = A'.(B' x C') of triangle i as seen from a point of the world."""
-    at = [Fraction(x) for x in point.tolist()]
-    a, b, c = ([x - o for x, o in zip(corner, at, strict=True)] for corner in _corners(triangles, i))
-    return _volume(a, b, c)
-
-
 def _exact_turn(triangles: Triangles, i: int, towards: Array) -> int:
     """The sign of l.((B - A) x (C - A)) of triangle i, l being the direction to a parallel light."""
     a, b, c = _corners(triangles, i)
@@ -307,6 +258,8 @@ def _exact_turn(triangles: Triangles, i: int, towards: Array) -> int:
     return _volume([Fraction(x) for x in towards.tolist()], e, f)
 
 
-def exact_sides(triangles: Triangles, which: NDArray[np.int32], point: Array) -> list[int]:
-    """The signs of D of some triangles, (k,), as seen from a point of the world."""
-    return [_exact_side(triangles, i, point) for i in which.tolist()]
+def exact_sides(triangles: Triangles, which: NDArray[np.integer[Any]], point: Array) -> list[int]:
+    """The signs of D = A'.(B' x C') of some triangles, (k,), as seen from a point of the world."""
+    at = [Fraction(x) for x in point.tolist()]
+    corners = (_corners(triangles, i) for i in which.tolist())
+    return [_volume(*([x - o for x, o in zip(corner, at, strict=True)] for corner in three)) for three in corners]

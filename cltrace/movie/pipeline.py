@@ -1,0 +1,110 @@
+"""How frames are drawn, wherever that is: handed out and taken in again in order, a few at a time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.movie.fingerprint import Fingerprints
+from cltrace.movie.frames import Frame
+from cltrace.picture.image import Image
+from cltrace.plan.request import Crop
+from cltrace.scene import Scene
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+Task_contra = TypeVar("Task_contra", contravariant=True)
+Result_co = TypeVar("Result_co", covariant=True)
+
+
+class Workers(Protocol[Task_contra, Result_co]):
+    """What does tasks: a device, all devices of this machine, or a cluster. One thread calls it."""
+
+    def room(self) -> int:
+        """How many tasks may be on their way, or wait for one before them; 1 at least."""
+
+    def take(self, task: Task_contra) -> Callable[[], Result_co]:
+        """Has a task done. What it returns waits for the result, and raises what went wrong."""
+
+    def close(self) -> None:
+        """Ends what is on its way, whose results nobody wants any more."""
+
+
+def in_order(tasks: Iterable[Task], workers: Workers[Task, Result]) -> Generator[tuple[Task, Result], None, None]:
+    """Each task with its result, in order. The workers are closed at the end, also if that is an error or Ctrl-C.
+
+    Tasks are taken by the thread that asks for results, and no more of them than the workers have room for. Where
+    there is an error instead of a task, those before it are done first.
+    """
+    iterator, more = iter(tasks), True
+    fault: Exception | None = None
+    waiting: deque[tuple[Task, Callable[[], Result]]] = deque()
+
+    def first() -> tuple[Task, Result]:
+        task, result = waiting.popleft()
+        return task, result()
+
+    with closing(workers):
+        while more or waiting:
+            while more and len(waiting) < workers.room():
+                task = None
+                try:
+                    task = next(iterator, None)
+                except Exception as error:
+                    fault = error
+                more = task is not None
+                if task is not None:
+                    waiting.append((task, workers.take(task)))
+            if waiting:
+                yield first()
+        if fault:
+            raise fault
+
+
+class Shown(NamedTuple):
+    """What of Images is shown. look: tells it from other ways, for fingerprints; of: makes the pixels of an Image."""
+
+    look: object
+    of: Callable[[Image, Scene], NDArray[np.uint8]]
+
+
+COLORS = Shown("", lambda image, scene: np.asarray(image))
+
+
+class FrameRenderer(ABC):
+    """Draws the frames of movies.
+
+    options: the Renderer's, with the precision; names: of the devices; place: those, for messages. how: the precision
+    and the place.
+    """
+
+    def __init__(self, options: Mapping[str, Any], names: str, place: str) -> None:
+        precision = options["precision"]
+        # In single, the device decides some bits.
+        self._bits = {**options, "device": names if precision == "single" else ""}
+        self.how = f"{precision} precision, on {place}"
+        self.crop: Crop | None = options.get("crop")
+
+    @abstractmethod
+    def workers(self) -> Workers[Frame, Image]:
+        """What draws the frames of one movie."""
+
+    def images(self, frames: Iterable[Frame]) -> Generator[tuple[Frame, Image], None, None]:
+        """Each frame with its Image, in order."""
+        yield from in_order(frames, self.workers())
+
+    def pictures(self, frames: Iterable[Frame], shown: Shown) -> Generator[tuple[Frame, NDArray[np.uint8]], None, None]:
+        """Each frame with what of its Image is shown, in order."""
+        with closing(self.images(frames)) as drawn:
+            for frame, image in drawn:
+                yield frame, shown.of(image, frame.scene)
+
+    def marks(self, shown: Shown) -> Fingerprints:
+        """Fingerprints of the pictures."""
+        return Fingerprints({**self._bits, "look": shown.look})

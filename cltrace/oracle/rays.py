@@ -1,0 +1,203 @@
+"""Rays as the oracle has them: in pairs of doubles that know their errors, and in whole numbers.
+
+All coordinates are whole multiples of powers of two. A point of a sphere is C + r n / |n|, which brings square roots:
+so exact numbers are p + q sqrt(s) with whole p, q and s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.numbers.fine import Fine, FineVector, fine_vector
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.surds import Surds
+from cltrace.numbers.vectors import minus
+from cltrace.numbers.whole import Whole, grid_of, over_power, whole
+
+Ids = NDArray[np.int64]
+SurdVector = tuple[Surds, Surds, Surds]
+
+
+def columns(v: Whole) -> SurdVector:
+    return Surds(v[:, 0]), Surds(v[:, 1]), Surds(v[:, 2])
+
+
+def ones(count: int) -> Whole:
+    return np.full(count, 1, object)
+
+
+class ExactRays(NamedTuple):
+    """n rays in whole numbers. scale: (n,), > 0; start: times 2^grid and scale; way: times numbers > 0.
+
+    unit: (n,), what t is to be multiplied with, if it comes from these numbers.
+    """
+
+    grid: int
+    scale: Whole
+    start: SurdVector
+    way: SurdVector
+    unit: Whole
+
+    def at(self, rows: Ids) -> ExactRays:
+        start, way = (tuple(x[rows] for x in v) for v in (self.start, self.way))
+        return ExactRays(self.grid, self.scale[rows], start, way, self.unit[rows])  # type: ignore[arg-type]
+
+    @property
+    def s(self) -> Whole | None:
+        """(n,), of their square roots; None if all is rational."""
+        return next((x.s for x in (*self.start, *self.way) if x.s is not None), None)
+
+
+class Rough(NamedTuple):
+    """n rays from anchor + step along way, in the world. anchor: (n, 3), exactly."""
+
+    anchor: Floats
+    step: FineVector
+    way: FineVector
+
+    def at(self, rows: Ids) -> Rough:
+        step, way = (tuple(x[rows] for x in v) for v in (self.step, self.way))
+        return Rough(self.anchor[rows], step, way)  # type: ignore[arg-type]
+
+    @property
+    def reach(self) -> Floats:
+        """(n,): a bound of |step|_1, of which the rounded step is off by 2^-49 at most."""
+        return bound_of(self.step)
+
+    @property
+    def length(self) -> Floats:
+        """(n,): a bound of |way|_1, of which the rounded way is off by 2^-50 at most."""
+        return bound_of(self.way)
+
+
+def bound_of(v: FineVector) -> Floats:
+    """What rounded(v) is off by is 2^-53 of it, and twice the error: less than 2^-50 of this."""
+    return np.asarray(sum(np.abs(x.h) + 2.0**52 * x.error for x in v))
+
+
+def rounded(v: FineVector) -> Floats:
+    return np.stack([x.h for x in v], axis=1)
+
+
+@dataclass(frozen=True)
+class Points:
+    """n points where rays start. rough: the anchor and the step of Rough, None if only whole numbers know them.
+
+    exact(rows, grid): scale (n,), > 0, and the points times 2^grid and that; grid: what this takes at least, see
+    grid_of(); own: (n,), rows of the surfaces of that kind on which the points are, -1 for none.
+    """
+
+    rough: tuple[Floats, FineVector] | None
+    grid: int
+    exact: Callable[[Ids, int], tuple[Whole, SurdVector]]
+    own: Ids
+    kind: type | None = None
+
+
+@dataclass(frozen=True)
+class Rays:
+    """n rays, which count for t_min < t < t_max. rough: None if whole numbers decide all; the rest as of Points."""
+
+    rough: Rough | None
+    grid: int
+    exact: Callable[[Ids, int], ExactRays]
+    own: Ids
+    kind: type | None = None
+    t_min: float = 0.0
+    t_max: float = np.inf
+
+    def __len__(self) -> int:
+        return len(self.own)
+
+    def at(self, rows: Ids) -> Rays:
+        rough = self.rough.at(rows) if self.rough else None
+        return replace(self, rough=rough, own=self.own[rows], exact=lambda some, grid: self.exact(rows[some], grid))
+
+    def left(self, kind: type) -> Ids:
+        """(n,): rows of the surfaces of that kind that the rays leave, -1 for none."""
+        return self.own if kind is self.kind else np.full(len(self), -1)
+
+
+def at_point(place: ArrayLike, count: int) -> Points:
+    """Points of the world for so many rays, (n, 3), or one for all, (3,): the eye."""
+    anchor = np.broadcast_to(np.asarray(place, float), (count, 3))
+
+    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
+        return ones(len(rows)), columns(whole(anchor[rows], grid))
+
+    return Points((anchor, fine_vector(np.zeros((count, 3)))), grid_of(place), exact, np.full(count, -1))
+
+
+def turned(v: Floats, basis: ArrayLike) -> FineVector:
+    """B^T v: vectors (n, 3) of camera space along the world's axes; basis: (3, 3), B, the camera's axes."""
+    axes, parts = np.asarray(basis, float), fine_vector(v)
+
+    def along_axis(column: Floats) -> Fine:
+        terms = [Fine.of(np.array(e)) * x for e, x in zip(column, parts, strict=True) if e]
+        return sum(terms[1:], terms[0])
+
+    return along_axis(axes[:, 0]), along_axis(axes[:, 1]), along_axis(axes[:, 2])
+
+
+def along(start: Points, direction: Floats, basis: ArrayLike) -> Rays:
+    """Rays along B^T d: direction (n, 3), d, in camera space; basis: (3, 3), B, the camera's axes in the world."""
+    axes = np.asarray(basis, float)
+    fine, axes_grid = grid_of(direction), grid_of(axes)
+
+    def exact(rows: Ids, grid: int) -> ExactRays:
+        scale, place = start.exact(rows, grid)
+        d = whole(direction[rows], fine)
+        w = (d[:, None, :] * whole(axes.T, axes_grid)).sum(axis=2)
+        # The way is times 2^(fine + axes_grid), and the lengths are times 2^grid and scale.
+        return ExactRays(grid, scale, place, columns(w), _units(scale, fine + axes_grid - grid))
+
+    rough = Rough(*start.rough, turned(direction, axes)) if start.rough else None
+    return Rays(rough, start.grid, exact, start.own, start.kind)
+
+
+def along_numbers(start: Points, directions: Sequence[Sequence[float | Fraction]]) -> Rays:
+    """Rays along these directions of the world, which may be fractions, in whole numbers only."""
+    parts = [over_power(d) for d in directions]
+
+    def exact(rows: Ids, grid: int) -> ExactRays:
+        scale, place = start.exact(rows, grid)
+        w = np.array([parts[i][0] for i in rows.tolist()], object).reshape(-1, 3)
+        power = np.array([parts[i][1] - grid for i in rows.tolist()], object)
+        return ExactRays(grid, scale, place, columns(w), _units(scale, power))
+
+    return Rays(None, start.grid, exact, start.own, start.kind)
+
+
+def _units(scale: Whole, power: int | Whole) -> Whole:
+    """2^power / scale."""
+    powers = np.broadcast_to(np.asarray(power, object), scale.shape)
+    return np.array([Fraction(2) ** k / x for k, x in zip(powers, scale, strict=True)], object)
+
+
+def to_light(start: Points, light: ArrayLike, parallel: bool) -> Rays:
+    """Shadow rays. light: (3,), the light's position, or the direction in which parallel light travels.
+
+    From a light at a point they lead to the start, where t is 1.
+    """
+    place, count = np.asarray(light, float), len(start.own)
+    grid_of_light = grid_of(place)
+    if parallel:
+        return along(start, np.broadcast_to(-place, (count, 3)), np.eye(3))
+
+    def exact(rows: Ids, grid: int) -> ExactRays:
+        scale, end = start.exact(rows, grid)
+        x, y, z = (Surds(n * scale) for n in whole(place, grid))
+        return ExactRays(grid, scale, (x, y, z), minus(end, (x, y, z)), ones(len(rows)))
+
+    rough = None
+    if start.rough:
+        anchor, step = start.rough
+        x, y, z = (a + b for a, b in zip(minus(fine_vector(anchor), fine_vector(place[None])), step, strict=True))
+        rough = Rough(np.broadcast_to(place, (count, 3)), fine_vector(np.zeros((count, 3))), (x, y, z))
+    return Rays(rough, max(start.grid, grid_of_light), exact, start.own, start.kind, t_max=1.0)

@@ -1,0 +1,135 @@
+"""The triangles of all meshes: a row of SHAPES."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cltrace.base.arrays import blockwise, empty
+from cltrace.plan.accel.cells import Ints
+from cltrace.plan.accel.polygons import Polygons, Sight
+from cltrace.plan.attributes import Attributes
+from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.materials import may_bounce
+from cltrace.plan.order import MANY
+from cltrace.plan.paths import Paths
+from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array, rotated
+from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
+from cltrace.plan.shapes.triangle import Floats, Sides, Triangles, along_light, from_point
+from cltrace.scene import AnyCamera, Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes(Shape):
+    """The m triangles of all meshes, and what their corners have for shading: a Shape."""
+
+    triangles: Triangles
+    attributes: Attributes
+
+    words: ClassVar[str] = "triangles"
+
+    @classmethod
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Meshes] | None, order_of: OrderOf) -> Meshes:
+        sided = bool(scene.meshes) and may_bounce(scene, request)
+        # What knows the triangles' fronts does for a scene that needs none, too.
+        if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:
+            return before[1]
+        triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in request.keep, sided)
+        textured = bool(scene.textures) or "uv" in request.outputs
+        attributes, m = Attributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)
+        counts, tree = {"triangle": m}, {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
+        return cls(triangles.number, triangles.surface, counts, tree, m > 0, triangles, attributes)
+
+    def material(self, scene: Scene) -> Ints:
+        return self.triangles.material
+
+    def values(self, first: int) -> dict[str, Any]:
+        return {"first": first, "triangles": len(self.triangles.face)}
+
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+        vertex = self.triangles.vertex
+        if exponent is not None and paths:
+            vertex = np.ldexp(vertex - paths.middle, exponent)
+        wide = empty((len(vertex), 4), real)
+
+        def fill(some: slice) -> None:
+            wide[some, :3], wide[some, 3] = vertex[some], 0
+
+        blockwise(len(vertex), fill)
+        arrays = {"vertex": wide, "face": self.triangles.face, "number_of": self.triangles.number}
+        return arrays | self.attributes.arrays()
+
+    def in_view(self, camera: AnyCamera, first: int) -> MeshesInView:
+        return MeshesInView(self.triangles, camera, first)
+
+
+@dataclass
+class MeshesInView(InView):
+    """Triangles as a camera sees them: InView.
+
+    first: the index of the first one as a surface; arrays: of Sights.
+    """
+
+    triangles: Triangles
+    camera: AnyCamera
+    first: int
+    arrays: Arrays = field(default_factory=dict)
+
+    @cached_property
+    def near(self) -> Array:
+        """(v, 3): from the eye to the corners, along the camera's axes, in scene units."""
+        return self.seen_from(np.array(self.camera.position))
+
+    def lengths(self) -> Sequence[Array]:
+        return (self.near,)
+
+    def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
+        self.near *= 2.0**k
+        eye_row, *rows = self.rows(len(lights))
+        eye = self.from_eye(k, eye_row)
+        seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
+        if request.antialias is None:
+            self.arrays |= {"neighbour": self.triangles.face[:0], "face_side": np.zeros(0, np.int8)}
+        else:
+            sides = np.concatenate([polygons.side for polygons in (eye, *seen)])
+            self.arrays |= {"neighbour": self.triangles.neighbours, "face_side": sides}
+        return Sights(self.arrays, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
+
+    def rows(self, lights: int) -> Iterable[Any]:
+        """Where facets go that are seen from the eye, and from each light."""
+        facets = np.empty((1 + lights, 3 * len(self.triangles.face), 4), np.float32)
+        self.arrays |= {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
+        return facets
+
+    def from_eye(self, k: int, out: Floats) -> Polygons:
+        """What the eye sees. out: (3 m, 4), abi's `facet`."""
+        camera, (wide, high) = self.camera, self.camera.image_plane()
+        if not camera.parallel:
+            side = from_point(self.near, self.triangles, np.array(camera.position), out, (wide, high))
+        else:
+            plane, back = (math.ldexp(wide, k), math.ldexp(high, k)), np.array(camera.basis()[2])
+            side = along_light(self.near, self.triangles, np.eye(3), back, out, plane)
+        return self.polygons(self.near, side)
+
+    def from_point(self, light: AtPoint, k: int, out: Floats) -> Polygons:
+        """What a light sees. out: as of from_eye()."""
+        place = self.seen_from(light.place, 2.0**k)
+        return self.polygons(place, from_point(place, self.triangles, light.place, out))
+
+    def along(self, light: Parallel, k: int, out: Floats) -> Polygons:
+        """The same of a parallel light."""
+        return self.polygons(self.near, along_light(self.near, self.triangles, light.axes, light.towards, out))
+
+    def polygons(self, vertex: Array, side: Sides, sight: Sight | None = None) -> Polygons:
+        """See Polygons."""
+        return Polygons(vertex, self.triangles.face[:, :3], self.first, side, sight)
+
+    def seen_from(self, point: Array, unit: float = 1.0) -> Array:
+        """(v, 3): from a point of the world to the corners, along the camera's axes, in 1 / unit scene units."""
+        return rotated(np.array(self.camera.basis()), self.triangles.vertex, point, unit)

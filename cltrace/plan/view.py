@@ -1,0 +1,162 @@
+"""A View: a world as one camera sees it, in camera space, and the lists of what its rays can meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan.abi import dtype_of, real_dtype
+from cltrace.plan.accel.cells import CellGrid, build
+from cltrace.plan.accel.silhouettes import Window
+from cltrace.plan.lights import are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
+from cltrace.plan.lists import Grids
+from cltrace.plan.paths import NO_PATHS
+from cltrace.plan.request import Region, Request
+from cltrace.plan.rounding import Array
+from cltrace.plan.shapes.shape import Arrays, InView, Shape
+from cltrace.plan.space import exponent, in_camera_space
+from cltrace.plan.world import World, timed
+from cltrace.scene import AnyCamera
+
+
+@dataclass(frozen=True)
+class View:
+    """A world as one camera sees it.
+
+    region: (x, y, width, height), the part of the picture that is wanted, in pixels; exponent: the kernel's depths are
+    in units of 2^exponent scene units; arrays: the kernel's buffers by name, with the dtypes of abi.ARGUMENTS, none of
+    them empty; values: those of its other arguments that depend on no output; inside: whether the eye is inside of a
+    sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists".
+    """
+
+    camera: AnyCamera
+    region: Region
+    exponent: int
+    arrays: Arrays
+    values: dict[str, Any]
+    inside: bool
+    skipped: dict[str, int]
+    seconds: dict[str, float]
+
+    @classmethod
+    def of(cls, world: World, camera: AnyCamera, request: Request, methods: Methods | None = None) -> View:
+        """Moves the world into camera space, in more than double precision, and lists which surfaces a ray can meet.
+
+        request: the one that the world was made for; methods: for what takes longest, None for numpy's. Raises
+        ValueError if its crop is not within the picture.
+        """
+        methods = methods or Methods(
+            lambda shape, *how: shape.in_view(*how), lambda grids: build(list(grids), request.precision).arrays()
+        )
+        shapes = [methods.in_view(shape, camera, first) for first, shape in world.placed]
+        lengths = [part for shape in shapes for part in shape.lengths()]
+        k = exponent_of(world, camera, lengths)
+        base = cls.without_lists(world, camera, request, k)
+        lights = lamps_of(world.lights, base.arrays["light"], np.array(camera.basis()))
+        sights = [shape.see(k, lights, request) for shape in shapes]
+        arrays = {name: array for sight in sights for name, array in sight.arrays.items()}
+        seconds: dict[str, float] = {}
+        with timed(seconds, "lists"):
+            grids = Grids(world, sights, lights, request)
+            arrays |= methods.build(grids.made(Window.of(camera, request, k)))
+            arrays["light_buffer"] = grids.light_buffer
+        return replace(
+            base,
+            arrays=base.arrays | _not_empty(arrays),
+            inside=any(bool(sight.inside.any()) for sight in sights),
+            skipped=base.skipped | grids.skipped,
+            seconds=seconds,
+        )
+
+    def recolored(self, world: World, request: Request) -> View:
+        """The same view of a world that differs_in_materials() from the one that was seen."""
+        brightest = world.materials.brightest * world.bounces.growth(self.camera.max_bounces)
+        lights = self.arrays["light"].copy()
+        dim_highlights(lights[: len(world.lights)], world.lights, request.precision, brightest)
+        arrays = _shades(world) | world.textures.arrays() | {"light": lights}
+        return replace(self, arrays=self.arrays | _not_empty(arrays))
+
+    @classmethod
+    def without_lists(cls, world: World, camera: AnyCamera, request: Request, k: int) -> View:
+        """All of a view but how surfaces are seen from the eye and the lights, and the lists of them.
+
+        k: lengths in scene units, times 2^k, are in the float buffers' unit. Raises ValueError as of() does.
+        """
+        real, basis = real_dtype(request.precision), np.array(camera.basis())
+        # float32 has little room for squares. So lengths in float32 are multiplied by a power of two that makes the
+        # largest coordinate about 1. Times another power of two, a scene is then the same numbers there. Double has
+        # room for the fourth power of every float32 number, and keeps scene units.
+        exponent, unit = (k, 0) if real.itemsize == 4 else (None, k)
+        place = np.array([(*vector, 0.0) for vector in (camera.position, *camera.basis())], real)
+        lamp = np.zeros((len(world.lights), 4), real)
+        if world.paths:
+            lamp[:, :3] = lamp_places(world.lights, world.paths.middle, exponent)
+        else:
+            lamp[:, :3] = lamp_places(world.lights, np.zeros(3), None)
+        arrays = {
+            "id_of": world.id,
+            "light": packed_lights(world, camera, request, k),
+            "unstoppable": np.zeros(0, np.int32),  # not known before it is worth while: see run/unstoppable.py
+            "camera": place[:0] if exponent is not None else place,
+            "lamp": lamp,
+            **{name: np.zeros(0, dtype_of(name.title(), request.precision)) for name in ("node", "block", "patch")},
+            **(world.paths.arrays() if world.paths else {}),
+        }
+        arrays |= _shades(world) | world.textures.arrays()
+        values = {
+            "lights": len(world.lights),
+            "materials": len(world.materials.packed),
+            "unit": math.ldexp(1.0, unit),
+            "proved": 0,
+            "bounces": camera.max_bounces,
+            "ahead": (*(-basis[2]).tolist(), 0.0),
+            **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),
+        }
+        for first, shape in world.placed:
+            arrays |= shape.packed(real, exponent, basis, world.paths)
+            values |= shape.values(first)
+        region, depths = request.region_of(camera.resolution), 0 if exponent is None else -k
+        return cls(camera, region, depths, _not_empty(arrays), values, False, dict(world.skipped), {})
+
+
+def exponent_of(world: World, camera: AnyCamera, lengths: Sequence[Array], least: float = 0.0) -> int:
+    """The k for which 2^k times the largest length of a view is in [1/2, 1).
+
+    lengths: coordinates and radii of surfaces, in camera space; least: the largest one of those that are not there.
+    """
+    points = in_camera_space(camera, world.lights["position"])[are_at_points(kinds(world.lights))]
+    plane = max(camera.image_plane()) if camera.parallel else 0.0
+    return exponent([*lengths, points], max(plane, least))
+
+
+def packed_lights(world: World, camera: AnyCamera, request: Request, k: int) -> NDArray[np.void]:
+    """The world's lights as pack_lights() makes them. k: see View.without_lists()."""
+    place = in_camera_space(camera, world.lights["position"]) * (2.0**k if request.precision == "single" else 1)
+    brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
+    return pack_lights(world.lights, place, np.array(camera.basis()), request.precision, brightest)
+
+
+def _shades(world: World) -> Arrays:
+    """The buffers of materials."""
+    return {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
+
+
+def _not_empty(arrays: Arrays) -> Arrays:
+    """These arrays, those that are empty with one element: no buffer is empty."""
+    return {name: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for name, a in arrays.items()}
+
+
+class Methods(NamedTuple):
+    """How View.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
+
+    in_view: what Shape.in_view() makes; build: makes the lists of grids, see Lists. Each grid is made when it is asked
+    for.
+    """
+
+    in_view: Callable[[Shape, AnyCamera, int], InView]
+    build: Callable[[Iterator[CellGrid]], Arrays]

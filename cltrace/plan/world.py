@@ -1,0 +1,169 @@
+"""A World: what no camera changes of a scene, as arrays in the order in which they are packed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.base.arrays import joined
+from cltrace.plan.accel.cells import Ints, Mask
+from cltrace.plan.bounces import NO_BOUNCES, Bounces
+from cltrace.plan.dropping import brightest
+from cltrace.plan.lights import useful_lights
+from cltrace.plan.materials import Materials
+from cltrace.plan.order import spatial_order
+from cltrace.plan.paths import Paths
+from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array
+from cltrace.plan.shapes.shape import OrderOf, Shape, share
+from cltrace.plan.shapes.table import SHAPES
+from cltrace.plan.textures import NO_TEXTURES, Textures
+from cltrace.scene import AMBIENT, Scene, Vector
+
+S = TypeVar("S")
+
+
+@dataclass(frozen=True)
+class World:
+    """What no camera changes: n surfaces, their materials and the lights, for one precision.
+
+    shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
+    triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
+    surfaces have; lights: (m,) of the scene's records, those that can add to a colour, in the order of LIGHT_KINDS;
+    bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where no ray does; background:
+    linear (r, g, b); peak: (3,), brightest() where a ray may become two or pixels are antialiased, else 0; skipped:
+    what the scene does not need, in words, and how often; seconds: what took how long: "tree".
+    """
+
+    shapes: tuple[Shape, ...]
+    id: Ints
+    material_of: Ints
+    materials: Materials
+    textures: Textures
+    lights: NDArray[np.void]
+    bounces: Bounces
+    paths: Paths | None
+    background: Vector
+    peak: Array
+    skipped: dict[str, int]
+    seconds: dict[str, float]
+
+    def of_shape(self, kind: type[S]) -> S:
+        """Its surfaces of one of SHAPES, for who packs that one alone."""
+        return next(shape for shape in self.shapes if isinstance(shape, kind))
+
+    @property
+    def placed(self) -> Iterator[tuple[int, Shape]]:
+        """The index of each shape's first surface, and the shape."""
+        return zip(accumulate((len(shape.number) for shape in self.shapes), initial=0), self.shapes, strict=False)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many surfaces there are of each kind, by name."""
+        return {name: count for shape in self.shapes for name, count in shape.counts.items()}
+
+    @property
+    def opaque(self) -> Mask:
+        """(n,): which surfaces let no ray through."""
+        bounce = self.materials.bounce
+        return np.asarray(bounce[self.material_of, 1] == 0) if len(bounce) else np.ones(len(self.id), bool)
+
+    @classmethod
+    def of(
+        cls, scene: Scene, request: Request, before: Before | None = None, order_of: OrderOf = spatial_order
+    ) -> World:
+        """The world of a scene. Many surfaces are sorted by place, so that neighbours are near each other in memory.
+
+        before: a world of another scene with as many meshes, for the same request; it says what is kept, which besides
+        is the spheres' order, if it is still good. order_of: what finds the order that spatial_order() does.
+        """
+        old = before.world.shapes if before else (None,) * len(SHAPES)
+        known = [(before.scene, shape) if before and shape else None for shape in old]
+        shapes = tuple(row.of(scene, request, one, order_of) for row, one in zip(SHAPES, known, strict=True))
+        # The number and the place of each surface are those that they were.
+        same = before.world if before and all(a is b for a, b in zip(shapes, old, strict=True)) else None
+        materials, of = _materials(scene, request, shapes, before)
+        lights = useful_lights(scene.lights, materials.reflect(of), "lights" in request.keep)
+        useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
+        bounces, textures, peak = NO_BOUNCES, NO_TEXTURES, np.zeros(3)
+        if request.needs_colors:
+            bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
+            textures = Textures.of(scene.textures, materials.texture, of)
+        if bounces.splits or request.antialias:
+            peak = brightest(materials, of, lights, scene.background)
+        paths, seconds = None, dict[str, float]()
+        if same and same.bounces.any == bounces.any:
+            paths = same.paths
+        elif len(of) and (bounces.any or any(shape.leave for shape in shapes)):
+            with timed(seconds, "tree"):
+                names = {name for shape in shapes for name in shape.tree}
+                parts = {name: joined([shape.tree[name] for shape in shapes if name in shape.tree]) for name in names}
+                paths = Paths.of(**parts if bounces.any else parts | {"member": None})
+        return cls(
+            shapes=shapes,
+            id=same.id if same else joined([shape.number for shape in shapes]),
+            material_of=of,
+            materials=materials,
+            textures=textures,
+            lights=lights,
+            bounces=bounces,
+            paths=paths,
+            background=scene.background,
+            peak=peak,
+            skipped={"lights that add nothing": useless} if useless else {},
+            seconds=seconds,
+        )
+
+    def differs_in_materials(self, other: World) -> bool:
+        """Whether all that a View shows of one is what it shows of the other, but for colours and coefficients."""
+        return (
+            all(one is another for one, another in zip(self.shapes, other.shapes, strict=True))
+            and self.id is other.id
+            and self.paths is other.paths
+            and self.lights.tobytes() == other.lights.tobytes()
+            and (self.bounces.any, self.bounces.glass) == (other.bounces.any, other.bounces.glass)
+            and (not self.bounces.any or np.array_equal(self.opaque, other.opaque))
+        )
+
+
+class Before(NamedTuple):
+    """A scene and its world, of which the world of another scene keeps what both have in common.
+
+    The one rule: a part of a world is kept where all that it is made from is the same objects for both, be it arrays of
+    the scenes or other parts of the worlds. The arrays of scenes are read-only, so that the same object has the same
+    numbers. Equal arrays that are two objects are not looked for.
+    """
+
+    scene: Scene
+    world: World
+
+
+def _materials(
+    scene: Scene, request: Request, shapes: tuple[Shape, ...], before: Before | None
+) -> tuple[Materials, Ints]:
+    """The materials, and the index of that of each surface.
+
+    Where most spheres have a material of their own, those are in the spheres' order, too. before: see World.of().
+    """
+    if before and share(before.scene, scene, "columns.shade", "columns.material", "columns.rest"):
+        world = before.world
+        if all(one.row is another.row for one, another in zip(shapes, world.shapes, strict=True)):
+            return world.materials, world.material_of
+    of = joined([shape.material(scene) for shape in shapes])
+    if scene.columns.materials_count > len(of) // 2 and not scene.meshes:
+        return Materials.of(scene, request, of), np.arange(len(of), dtype=np.int32)
+    return Materials.of(scene, request, None), of
+
+
+@contextmanager
+def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[name] = time.perf_counter() - start

@@ -1,0 +1,1 @@
+"""How programs of cltrace begin and end."""

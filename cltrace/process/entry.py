@@ -1,0 +1,64 @@
+"""How a program of cltrace begins and ends: without a traceback, whenever a signal comes.
+
+This imports nothing of cltrace, so that it is there before numpy and the OpenCL driver, which take their time.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+# Those of the signals that end a program which a user, a terminal or a batch system sends; Windows lacks some.
+ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if hasattr(signal, name)]
+
+
+def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
+    """Runs main() of this module as a program, and leaves with the exit status that it returns.
+
+    first: is called before the module is imported, in the environment in which that is done.
+
+    Before and after main() there is nothing to be cleaned up, and a signal ends the program at once. At its end the
+    program does not wait for Python and the OpenCL drivers to be taken apart, where a signal could still do harm.
+    """
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _leave)
+    try:
+        # Threads that numpy starts for products of large matrices wait for work by spinning: there are none.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        first()
+        status = _program(module).main()
+    except SystemExit as end:  # argparse, after --help and --version
+        status = end.code
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    os._exit(status or 0)
+
+
+def _program(module: str) -> Any:
+    """The module of a program, or the end of this one where it or a library that it needs cannot be loaded."""
+    try:
+        return imported(module)
+    except (ImportError, MemoryError) as error:  # as of little memory
+        words = str(error).strip().splitlines() or ["not enough memory"]
+        os.write(2, f"{module.partition('.')[0]}: cannot be loaded: {words[-1]}\n".encode())
+        os._exit(2)
+
+
+def imported(module: str) -> Any:
+    """A module, imported in less of a processor's time."""
+    # What modules hold lives until the end: to look through it for garbage, again and again, finds nothing.
+    gc.disable()
+    found = importlib.import_module(module)
+    gc.freeze()
+    gc.enable()
+    return found
+
+
+def _leave(number: int, _: object) -> NoReturn:
+    os._exit(128 + number)

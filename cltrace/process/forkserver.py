@@ -1,0 +1,32 @@
+"""Where the workers of a local cluster come from: forks of one process, which imports what they need while this one is
+still busy with other things. It opens no device, so that each fork can open its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from multiprocessing import forkserver
+
+# How multiprocessing starts them. Only Linux's libraries are all made for forks.
+METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+# The environment variable that tells that process what to import.
+MODULE = "CLTRACE_FORKS_IMPORT"
+
+
+def prepare(module: str) -> None:
+    """Starts that process, where there is to be one and it is not there yet. module: what it imports."""
+    # Python's helper processes would look for modules in the current folder first, and take a user's re.py for its own.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
+    if METHOD != "forkserver" or threading.current_thread() is not threading.main_thread():
+        return
+    os.environ[MODULE] = module
+    multiprocessing.set_forkserver_preload(["cltrace.process.preload"])
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # it inherits that, as Ctrl-C is left to this process
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,363 @@
+"""The front door: a scene goes through plan and run, and comes out as an Image."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.base.errors import DeviceError
+from cltrace.base.progress import bar
+from cltrace.picture.composition import Composition
+from cltrace.picture.image import Image, Output
+from cltrace.plan.abi import Precision
+from cltrace.plan.plan import Plan
+from cltrace.plan.request import Antialias, Crop, Keep, Region, Request
+from cltrace.plan.view import View
+from cltrace.plan.world import Before, World
+from cltrace.run.devices import Device, check_process, choose
+from cltrace.run.executor import WIDTHS, Executor, Frame
+from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
+from cltrace.scene import AnyCamera, Scene, colors_given, share_all_but_camera, with_spheres
+
+# How many samples antialias=True takes.
+SAMPLES = 16
+
+
+def means_of(antialias: Antialias, samples: int | None) -> dict[str, Any]:
+    """What Request wants for these arguments of Renderer. Raises ValueError for those that are not allowed."""
+    if isinstance(antialias, (bool, np.bool_)):
+        if samples is not None and not antialias:
+            raise ValueError(f"samples: goes with antialias=True, got {samples!r} without it")
+        return {"samples": (SAMPLES if samples is None else samples) if antialias else None}
+    if samples is not None:
+        raise ValueError(f"samples: goes with antialias=True, got antialias={antialias!r}")
+    if antialias == "proved":
+        return {"antialias": 1.0}
+    if not isinstance(antialias, (int, float, np.integer, np.floating)) or not 0 < antialias <= 255:
+        raise ValueError(f'antialias: must be True, False, "proved" or levels of 255, above 0, got {antialias!r}')
+    return {"antialias": float(antialias)}
+
+
+def default_precision(device: Device) -> Precision:
+    """What a device renders in if nothing else is asked for: accurate if it has double precision, else single."""
+    return "accurate" if device.has_double else "single"
+
+
+class Renderer:
+    """A scene on a device: program and buffers are kept, so that each render() costs only the kernel and the readback.
+
+    scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
+    as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
+    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, error,
+    coverage, shadow_rays, work, rgba8 and alpha, which Image describes, and rgb8 brings rgba8 where the background has
+    alpha; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it;
+    truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a
+    packet, 1, 4, 8 or 16, None for what is best on the device; antialias: whether colours are means over pixels:
+    True for those of some rays, "proved" or levels of 255 for means that are off by 1 level or by as many, but for a
+    few pixels, with a proof, see Image; samples: with antialias=True, how many rays a pixel has at most, 1, 4, 16, 32,
+    64, 256 or 1024, None for 16; keep: what not to skip, for measuring, see Request.
+
+    It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
+    "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
+
+    Raises TypeError if scene is not a Scene or device is of another type, ValueError for any other argument that is not
+    allowed, DeviceError if there is no such device, if it lacks double precision that is asked for, if its driver fails
+    or has not enough memory, or in a forked process, and BuildError if the kernel does not build.
+    """
+
+    scene: Scene
+    plan: Plan
+    seconds: dict[str, float]
+    _world: World
+    _view: View
+    _made: dict[str, Any]  # the buffers that the view's arrays lack
+    _packer: Packer | None  # None where the view came from another device
+    _executor: Executor
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: str | Device | None = None,
+        precision: Precision | None = None,
+        outputs: tuple[Output, ...] = ("rgb8",),
+        crop: Crop | None = None,
+        truncate: bool = False,
+        width: int | None = None,
+        antialias: Antialias = False,
+        keep: tuple[Keep, ...] = (),
+        samples: int | None = None,
+    ) -> None:
+        check_process()
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
+        self.device = device if isinstance(device, Device) else choose(device)
+        self._asked = outputs
+        self._composition = Composition.of(outputs, scene, truncate)
+        means, chosen = means_of(antialias, samples), precision or default_precision(self.device)
+        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep, **means}
+        self.request = Request(chosen, self._composition.written, **how)
+        if self.precision != "single" and not self.device.has_double:
+            raise DeviceError(
+                f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
+                "use --precision single or another device"
+            )
+        self.width = self.device.width if width is None else width
+        if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
+            raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
+        start = time.perf_counter()
+        self._lock = threading.Lock()
+        wait = loading(scene, self.request, self.device)
+        order_of = order_on(self.device, len(scene.columns), self.precision)
+        self._world = World.of(scene, self.request, None, order_of)
+        wait()
+        self.scene = scene
+        self._see(start)
+
+    def look(self, camera: AnyCamera) -> Renderer:
+        """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
+
+        What no camera changes is kept, also on the device: the program, the order of the spheres and their materials.
+        What depends on the eye is made again: coordinates, which are rounded from there, and the lists; of many spheres
+        not those of lights at points. Raises TypeError if camera is not a Camera, ValueError if the crop is not within
+        its picture, and DeviceError and BuildError as Renderer does.
+        """
+        return self.following(self.scene.seen_by(camera))
+
+    def following(self, scene: Scene) -> Renderer:
+        """Another Renderer of another scene, with the same outputs, precision and crop. This one stays as it is.
+
+        What both scenes have is kept, also on the device: the program, arrays that are the same objects, and the order
+        of the spheres while it is good. Another thread may render with this one meanwhile. Raises TypeError if scene is
+        not a Scene, and else what Renderer raises.
+        """
+        check_process()
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene: must be a cltrace.Scene, got {scene!r}")
+        start = time.perf_counter()
+        # Others are written where, say, only one of the two backgrounds is transparent.
+        written = Composition.of(self._asked, scene, self.request.truncate).written
+        return self._now()._derived(scene, replace(self.request, outputs=written), self.device, start)
+
+    def cropped(self, crop: Crop | None) -> Renderer:
+        """Another part of the same picture, as another Renderer; the world and the program are kept.
+
+        Raises ValueError if the crop is not within the picture, and else what Renderer raises.
+        """
+        check_process()
+        start = time.perf_counter()
+        now = self._now()
+        return now._derived(now.scene, replace(self.request, crop=crop), self.device, start)
+
+    def rows(self, first: int, end: int) -> Renderer:
+        """Rows of the picture that this one draws, before `end`, as another Renderer that makes nothing anew.
+
+        Unlike cropped(), which makes lists for less, it costs nothing. Raises ValueError for rows that are not there.
+        """
+        x, y, width, height = self.region
+        if not y <= first < end <= y + height:
+            raise ValueError(f"rows: must be within {y}..{y + height} and not empty, got {first}, {end}")
+        other = self._now()
+        # Its view stays the one of this request, by which _derived() knows that it is of more than these rows.
+        other.request = replace(self.request, crop=(x, first, x + width, end))
+        other._executor = other._executor.of((x, first, width, end - first))
+        return other
+
+    def on(self, device: Device) -> Renderer:
+        """The same picture on another device, as another Renderer; the world is shared, and the view if numpy made it.
+
+        Raises what Renderer raises.
+        """
+        check_process()
+        start = time.perf_counter()
+        now = self._now()
+        return now._derived(now.scene, self.request, device, start)
+
+    def update(
+        self,
+        centers: ArrayLike | None = None,
+        radii: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        *,
+        values: ArrayLike | None = None,
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
+        ka: ArrayLike | None = None,
+        kd: ArrayLike | None = None,
+        ks: ArrayLike | None = None,
+        exponent: ArrayLike | None = None,
+        reflectance: ArrayLike | None = None,
+        transmittance: ArrayLike | None = None,
+        index: ArrayLike | None = None,
+    ) -> Renderer:
+        """Gives the scene's spheres other places, sizes or materials, and returns this Renderer.
+
+        The arguments are those of Scene.from_spheres; what is None stays as it is, and so do camera, lights and meshes.
+        cmap and clim go with values; those of earlier values are not remembered.
+        Where ka was not given at first, it follows kd. If `centers` are another number of spheres, all that is an array
+        of as many as there were must be given, too. Radii of ellipsoids are those before their linear map.
+
+        Only what the changes touch is made again: for materials alone no list, as long as light goes the same ways,
+        and the order of the spheres in memory is kept while it is good. Renderers that look() has made stay as they
+        are. Pictures are those of a new Renderer of the new `scene`, to the bit. An image of an earlier render() can
+        still be handed to render().
+
+        Raises ValueError as Scene.from_spheres does, and DeviceError and BuildError as Renderer does. Nothing is
+        changed then.
+        """
+        check_process()
+        n = len(self.scene.columns if centers is None else np.atleast_1d(centers))
+        shown = colors_given(n, colors, values, cmap, clim=clim)
+        places = {"centers": centers, "radii": radii, "colors": shown, "ka": ka, "kd": kd, "ks": ks}
+        others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
+        given = {name: value for name, value in (places | others).items() if value is not None}
+        with self._lock:
+            start = time.perf_counter()
+            other = self._derived(with_spheres(self.scene, given), self.request, self.device, start)
+            other._executor.take_over(self._executor)
+            self.__dict__.update(other.__dict__ | {"_lock": self._lock})
+        return self
+
+    def _now(self) -> Renderer:
+        """A copy, which stays as this one is now while other threads draw with this one, or update it."""
+        with self._lock:
+            return copy(self)
+
+    def _derived(self, scene: Scene, request: Request, device: Device, start: float) -> Renderer:
+        """Another Renderer, of another scene, crop or device: what holds for it, too, is shared by identity.
+
+        The world: if all but the camera is the same object, and else, for the same outputs, what World.of() finds in
+        it. The view: see
+        _view_of(), for the same request, which differs from that of the plan after rows(); on another device only if
+        numpy made all of it. The packer: for the same request and device, while it fits. Buffers of arrays that are the
+        same objects, and what is known of triangles of the same world: on the same device. start: time.perf_counter()
+        when the work began.
+        """
+        other = copy(self)
+        other.scene, other.request = scene, request
+        other._composition = Composition.of(self._asked, scene, request.truncate)
+        if device is not self.device:
+            other.device, other.width = device, device.width
+        if not share_all_but_camera(self.scene, scene):
+            old, n = self.scene, len(scene.columns)
+            alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
+            before = Before(old, self._world) if alike and request.outputs == self.request.outputs else None
+            other._world = World.of(scene, request, before, order_on(device, n, self.precision))
+        other._see(start, self)
+        return other
+
+    def _see(self, start: float, before: Renderer | None = None) -> None:
+        """Makes view, plan and executor. before, start: what this one is derived from, and when, see _derived()."""
+        near = before if before and before.device is self.device else None
+        known = before if before and before.plan.request == self.request and (near or not before._made) else None
+        if known and (view := known._view_of(self._world, self.scene.camera)):
+            self._view, self._made, self._packer = view, known._made, known._packer if near else None
+        else:
+            packer = known._packer if known and near else None
+            if packer is None or not packer.fits(self._world):
+                packer = packer_of(self._world, self.request, self.device, near._packer if near else None)
+            self._packer = packer
+            self._view, self._made = packer.view(self._world, self.scene.camera)
+        self.plan = Plan.of(self._world, self._view, self.request)
+        packed = time.perf_counter() - start
+        self._executor = Executor(self.plan, self.device, self.width, near._executor if near else None, self._made)
+        if near and near._world is self._world:
+            self._executor.know(near._executor)
+        seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
+        self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
+
+    def _view_of(self, world: World, camera: AnyCamera) -> View | None:
+        """This one's view if it is that of a world and a camera, but for materials; else None."""
+        if camera != self.scene.camera:
+            return None
+        if world is self._world:
+            return replace(self._view, seconds={})
+        if world.differs_in_materials(self._world):
+            return replace(self._view.recolored(world, self.plan.request), seconds={})
+        return None
+
+    @property
+    def precision(self) -> Precision:
+        """The precision that is used: accurate, single or double."""
+        return self.request.precision
+
+    @property
+    def region(self) -> Region:
+        """The part of the picture that is rendered: (x, y, width, height) in pixels of the whole picture."""
+        return self._executor.region
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """What this scene did not need, in words, and how often."""
+        return self.plan.skipped
+
+    @property
+    def place(self) -> str:
+        """Where it is rendered, for messages and statistics."""
+        return self.device.name
+
+    def __repr__(self) -> str:
+        size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.columns)} spheres"
+        if self.scene.meshes:
+            counts += f", {len(self.scene.meshes)} meshes"
+        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.place}>"
+
+    def __copy__(self) -> Renderer:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__, _lock=threading.Lock())
+        return other
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        raise TypeError(
+            "a Renderer cannot be pickled, since its device's buffers stay with their process: pickle its scene, and "
+            "make a Renderer of that where it arrives"
+        )
+
+    def render(self, out: Image | None = None, progress: bool | None = None) -> Image:
+        """One frame, as an Image whose arrays have the region's height and width.
+
+        out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones;
+        progress: whether tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed. Raises
+        MissingPackageError if it is wanted and tqdm is missing, ValueError if `out` is no such image, TooManyRaysError
+        if mirrors and glass make more than 2^20 rays of a pixel, and DeviceError if the driver fails or in a forked
+        process. What `out` holds after an error is undefined.
+        """
+        with bar(self.region[3], "row", progress) as shown:
+            return self.draw(shown.update, out)
+
+    def draw(self, drawn: Callable[[int], object], out: Image | None = None) -> Image:
+        """As render(), but calls drawn(n) after every n rows; what that raises ends it."""
+        check_process()
+        with self._lock, (executor := self._executor).driver_errors():
+            if out is not None and (
+                not isinstance(out, Image) or getattr(out.frame, "owner", None) is not executor.room
+            ):
+                raise ValueError("out: must be an image that this Renderer has rendered")
+            frame = executor.frame() if out is None else out.frame
+            start = time.perf_counter()
+            executor.draw(frame, drawn)
+            done = time.perf_counter()
+            arrays = executor.read(frame)
+            end = time.perf_counter()
+        return self._image(arrays, {"kernel": done - start, "readback": end - done}, frame)
+
+    def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
+        """An Image of what the kernel has written."""
+        found = self._composition.composed(arrays)
+        return Image(**found, seconds=self.seconds | seconds, frame=frame, transfer=self.scene.transfer)
+
+    def work(self) -> dict[str, int]:
+        """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
+
+        The keys are the texts of abi.COUNTERS. Raises TooManyRaysError as render() does, and DeviceError and BuildError
+        as Renderer does.
+        """
+        check_process()
+        with self._lock, self._executor.driver_errors():
+            return self._executor.work()

@@ -1,0 +1,109 @@
+"""What makes Views: numpy, or a device where surfaces are many."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+from cltrace.plan.abi import Precision
+from cltrace.plan.order import spatial_order
+from cltrace.plan.request import Request
+from cltrace.plan.shapes.shape import OrderOf
+from cltrace.plan.view import View
+from cltrace.plan.world import World
+from cltrace.run.devices import Device
+from cltrace.scene import AnyCamera, Scene
+
+if TYPE_CHECKING:
+    from cltrace.run.pack.toolbox import Toolbox
+
+# From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
+# 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080).
+MANY = 2**15
+
+
+class Packer(Protocol):
+    """Makes Views of a world by any camera, all with the same bits. Several threads may use it: one after the other."""
+
+    @property
+    def tools(self) -> Toolbox | None:
+        """Those of the device, None if nothing is made there."""
+
+    def fits(self, world: World) -> bool:
+        """Whether a world has the same surfaces in the same places; their materials may be others."""
+
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+        """The view of a camera, with the bits of View.of(), and buffers, by the names of abi.ARGUMENTS, that it lacks.
+
+        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        """
+
+
+class NumpyPacker:
+    """A Packer that makes nothing on a device: the judge of the others."""
+
+    tools = None
+
+    def __init__(self, request: Request) -> None:
+        self._request = request
+
+    def fits(self, world: World) -> bool:
+        """No: of a world nothing is kept, so that another packer, which may be a device's, costs nothing."""
+        return False
+
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+        """See Packer."""
+        return View.of(world, camera, self._request), {}
+
+
+def order_on(device: Device, n: int, precision: Precision) -> OrderOf:
+    """What finds the order in memory of n spheres: the device if they are many, else numpy.
+
+    Raises what packer_of() does.
+    """
+    if n <= MANY:
+        return spatial_order
+    from cltrace.run.pack.sphere_order import Order
+
+    return Order.on(device, precision) or spatial_order
+
+
+def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None]:
+    """Begins to load the program of packer_of() for a scene's meshes, and returns what waits until it is there.
+
+    A processor has nothing else to do for about a third of the time in which a world is made. What fails here fails
+    again where the program is needed.
+    """
+    if not scene.triangles > MANY or len(scene.columns) > MANY or request.antialias is not None:
+        return lambda: None
+    thread = threading.Thread(target=_load, args=(device, request.precision), daemon=True)
+    thread.start()
+    return thread.join
+
+
+def _load(device: Device, precision: Precision) -> None:
+    from cltrace.run.pack.meshes import load
+
+    load(device, precision)
+
+
+def packer_of(world: World, request: Request, device: Device, before: Packer | None = None) -> Packer:
+    """numpy's for few surfaces, meshes that are antialiased, and a device that has other bits; else one on the device.
+
+    before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
+    Executor does.
+    """
+    faces = world.counts["triangle"]
+    if len(world.id) <= MANY or (faces and request.antialias is not None):
+        return NumpyPacker(request)
+    tools = before.tools if before else None
+    # Small scenes start faster without these.
+    if not faces:
+        from cltrace.run.pack.spheres import SpherePacker
+
+        if packer := SpherePacker.of(world, request, device, tools):
+            return packer
+    from cltrace.run.pack.meshes import MeshPacker
+
+    return MeshPacker.of(world, request, device, tools) or NumpyPacker(request)

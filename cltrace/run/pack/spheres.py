@@ -1,0 +1,433 @@
+"""A View whose arrays of spheres are made on the device, with the same bits as those of View.of().
+
+What takes a pass over all spheres is a kernel of kernels/pack. What follows from few numbers, such as the window of a
+light's grid, is decided by the functions of cltrace.plan that View.of() uses, too.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.plan import abi
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel.cells import SLACK, CellGrid
+from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, front_of, is_deep
+from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
+from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
+from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
+from cltrace.plan.culling import larger, shells
+from cltrace.plan.lights import AtPoint, Parallel, are_at_points, kinds, lamps_of
+from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array, rotated
+from cltrace.plan.shapes.sphere import Spheres
+from cltrace.plan.space import Space
+from cltrace.plan.view import View, exponent_of
+from cltrace.plan.world import World
+from cltrace.run.devices import Device, driver_errors
+from cltrace.run.pack.list_buffers import ListBuffers
+from cltrace.run.pack.lists import Covers, Listed, ListWriter
+from cltrace.run.pack.toolbox import PACKET, Arguments, EdgeType, Toolbox, is_exact
+from cltrace.run.program import Announcement
+from cltrace.scene import AnyCamera
+
+# What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so
+# that cameras have the lists of lights in common.
+OTHERS = {"lists", "hidden", "unstopped"}
+# Of a grid whose members only the device knows.
+NOBODY: dict[str, Any] = {
+    "member": np.zeros(0, np.int32),
+    "covers": np.zeros((4, 0), np.int16),
+    "near": np.zeros(0, np.float32),
+}
+
+
+@dataclass(frozen=True)
+class _Lamps:
+    """What lights at points see, which cameras that agree in `key` have in common.
+
+    filters, sides: light_filter of one of them, and light_side; light_buffer: (m, 4), its array; grids: of all lights
+    in turn, along the world's axes; listed, lists: where their lists are; idle: how many spheres are in none, per
+    light, summed.
+    """
+
+    key: tuple[Any, ...]
+    filters: Any
+    sides: Any
+    light_buffer: NDArray[np.int32]
+    grids: list[CellGrid]
+    listed: list[Listed]
+    lists: ListBuffers | None
+    idle: int
+
+
+class SpherePacker:
+    """A world's spheres on a device, for Views of any camera.
+
+    spheres: of a world; request: the one that it was made for; lamps: of the latest View of lights at points alone.
+    Several threads may use it: one after the other.
+    """
+
+    def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
+        self.request, self.tools = request, Toolbox(device, request.precision, before)
+        self.spheres = spheres = world.of_shape(Spheres)
+        self.center, self.radius = self.tools.share(spheres.center), self.tools.share(spheres.radius)
+        self.some_again = bool(spheres.again.any())
+        self.again = self.tools.share(spheres.again) if self.some_again else self.tools.room(1, np.bool_)
+        self.shells, self.least = shells(spheres.radius), float(spheres.radius.min())
+        self.lamps: _Lamps | None = None
+        self._device, self._lock = device, threading.Lock()
+
+    @classmethod
+    def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> SpherePacker | None:
+        """None unless there are only spheres, and more than a few, on a device that computes as numpy does.
+
+        Raises BuildError and DeviceError as Executor does.
+        """
+        served = (
+            CONSTANTS["FEW"] < world.counts["sphere"] == len(world.id)
+            and not world.counts["ellipsoid"]
+            and OTHERS.isdisjoint(request.keep)
+            and is_exact(device)
+        )
+        with driver_errors(device):
+            return cls(world, request, device, before) if served else None
+
+    def fits(self, world: World) -> bool:
+        """Whether a world has the same spheres in the same places; their materials may be others."""
+        return world.of_shape(Spheres) is self.spheres
+
+    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+        """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
+
+        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        """
+        with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
+            found = _SeenSpheres(self, world, camera).view()
+        return found or (View.of(world, camera, self.request), {})
+
+
+class _SeenSpheres:
+    """The spheres of a SpherePacker as one camera sees them.
+
+    seen: four columns of `pitch` doubles, see kernels/pack/space.cl; any_along: whether any light is a parallel one.
+    """
+
+    def __init__(self, packer: SpherePacker, world: World, camera: AnyCamera) -> None:
+        self.packer, self.world, self.camera = packer, world, camera
+        self.tools, self.spheres = packer.tools, packer.spheres
+        self.n = len(self.spheres.radius)
+        self.pitch = -(-self.n // PACKET) * PACKET
+        self.basis = np.array(camera.basis())
+        self.slack = SLACK if packer.request.precision == "single" else FINE_SLACK
+        self.real = np.dtype("f4" if packer.request.precision == "single" else "f8")
+        self.made: dict[str, Any] = {}
+        self.lamps: _Lamps | None = None
+        self.grids: list[CellGrid] = []
+        self.any_along = not are_at_points(kinds(world.lights)).all()
+        self.unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
+        self.seen = self.tools.room(4 * self.pitch if self.any_along else 1, np.float64)
+        self.flags = self.tools.room(self.pitch, np.int8, again=True)
+        self.covers = Covers(self.tools, self.n, self.pitch)
+
+    def view(self) -> tuple[View, dict[str, Any]] | None:
+        """See SpherePacker.view(); None if pixels are so tiny that the kernels' float32 is too coarse."""
+        world, packer = self.world, self.packer
+        seen = self._see_from_eye()
+        if seen is None:
+            return None
+        inside, there = seen
+        view = View.without_lists(world, self.camera, packer.request, self.k)
+        self.lights = lamps_of(world.lights, view.arrays["light"], self.basis)
+        skipped, start = dict(view.skipped), time.perf_counter()
+        skipped["spheres inside others, or the same"] = self.n - there
+        light_buffer, writer = self._lists(skipped)
+        lists, grid = writer.done()
+        if self.lamps:
+            filters, listed = self.made["light_filter"], writer.listed[1:]
+            packer.lamps = replace(self.lamps, filters=filters, listed=listed, lists=writer.lists)
+        arrays, made = view.arrays | {"grid": grid, "light_buffer": light_buffer}, self.made | lists
+        # What other shapes, or lights, would have.
+        lacking = [a for a in abi.ARGUMENTS if a.kind == "buffer" and a.name not in arrays.keys() | made.keys()]
+        arrays |= {a.name: np.zeros(1, abi.dtype_of(a.type, packer.request.precision)) for a in lacking}
+        seconds = {"lists": time.perf_counter() - start}
+        return replace(view, arrays=arrays, inside=inside, skipped=skipped, seconds=seconds), made
+
+    def _few(self, rows: Any) -> Space:
+        """Some of the spheres as numpy sees them, in scene units."""
+        return Space.of(self.camera, self.spheres.center[rows], self.spheres.radius[rows])
+
+    @property
+    def _axes(self) -> Arguments:
+        """The camera's, as kernels are given them."""
+        return dict(zip(("right", "up", "back"), self.basis, strict=True))
+
+    @property
+    def _eye(self) -> Arguments:
+        """What kernels are given that see spheres from the eye."""
+        spheres = {"center": self.packer.center, "radius": self.packer.radius, "near": self.covers.near}
+        made = {name: self.made.get(name, self.unsure) for name in ("power", "world", "eye_filter")}
+        return {"unit": self.unit, "eye": self.camera.position, "along": self.camera.parallel} | spheres | made
+
+    def _unsure_rows(self) -> NDArray[np.int32]:
+        """The rows that kernels are unsure of."""
+        count = int(self.tools.read(self.unsure, 1, np.int32)[0])
+        return np.sort(self.tools.read(self.unsure, count, np.int32, 1))
+
+    def _see_from_eye(self) -> tuple[bool, int] | None:
+        """Makes what depends on the eye alone, and k and the window.
+
+        Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen; None as view().
+        """
+        tools, packer = self.tools, self.packer
+        room, columns = partial(tools.room, again=True), {"center_radius": 4, "power": 2}
+        made = {name: room(wide * self.pitch, self.real) for name, wide in columns.items()}
+        made["eye_filter"] = room(4 * self.pitch, np.float32)
+        if self.real.itemsize == 8:
+            made["world"] = room(4 * self.pitch, self.real)
+        self.made |= made
+        parallel = self.camera.parallel
+        # Some spheres nearly always tell which one is the k of all.
+        most, k = self._largest_of_some(), None
+        while k != (k := exponent_of(self.world, self.camera, (), most)):
+            self.k, self.unit = k, 2.0**k
+            self.window = Window.of(self.camera, packer.request, k)
+            if min(self.window.step) <= (FINE if parallel else TINY):
+                return None
+            part = self._see_all()
+            most = float(part[:, 0].max())
+        inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
+        if len(rows):
+            space = self._few(rows)
+            index, hi, lo = (tools.upload(values) for values in (rows, space.power, space.power_rest))
+            tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._axes)
+            inside |= not parallel and bool((space.power <= 0).any())
+        return inside, int(part[:, 2].sum())
+
+    def _largest_of_some(self) -> float:
+        """About the largest coordinate or radius of some spheres in camera space, in scene units."""
+        center = self.spheres.center[sampled(self.n)] - np.array(self.camera.position)
+        radius = self.spheres.radius[self.packer.shells]
+        return max(float(np.abs(center @ self.basis.T).max()), float(radius.max()))
+
+    def _see_all(self) -> NDArray[np.float64]:
+        """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
+        tools, covers, shell = self.tools, self.covers, self._shell()
+        tools.clear(self.unsure, 1)
+        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": SHIFT, "keep_seen": self.any_along}
+        arguments |= {"shell": tools.upload(shell), "shells": len(shell)}
+        arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
+        for name, axis in zip("xy", self.window.axes, strict=True):
+            arguments[f"{name}_axis"] = (axis.scale, axis.begin, axis.end, 0)
+            arguments[f"{name}_range"] = (axis.first, axis.stop)
+        written = {"center_radius": self.made["center_radius"], "seen": self.seen, "flags": self.flags}
+        written |= {"covers": covers.cells, "unsure": self.unsure}
+        part = tools.noted("see_from_eye", 6, np.float64, n=self.n, **arguments, **self._eye, **self._axes, **written)
+        covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
+        covers.last = int(part[:, 5].max())
+        return part
+
+    def _shell(self) -> Array:
+        """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
+        rows = self.packer.shells
+        few = self._few(rows).times_two_to(self.k)
+        seen = few.seen_along_view() if self.camera.parallel else few.seen_from_eye()
+        outside = (seen.power > 0) & self.world.opaque[rows]
+        for place in self.world.lights["position"][are_at_points(kinds(self.world.lights))]:
+            outside &= few.seen_from(place * self.unit)[1] > 0
+        inner = 2 * few.radius - larger(few.radius, self.slack)
+        which = np.flatnonzero(outside & (inner > self.packer.least * self.unit))
+        self.shells = which.tolist()
+        return np.concatenate([few.place[which], inner[which, None]], axis=1)
+
+    def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], ListWriter]:
+        """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
+        tools, lights, lamps = self.tools, self.world.lights, self.packer.lamps
+        m, key = len(lights), (self.k, self.shells, lights.tobytes())
+        known = lamps if lamps and lamps.key == key else None
+        lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
+        writer = ListWriter(tools, self.packer.request.precision, lists)
+        grid = picture_grid(self.window.size, **NOBODY)
+        writer.add(grid, self.covers, self._behind(grid))
+        skipped["spheres out of the picture"] = self.n - self.covers.members
+
+        what = "spheres that shadow nothing seen, per light"
+        if not m:
+            skipped[what] = 0
+            return np.zeros((1, 4), np.int32), writer
+        self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
+        if known:
+            self.lamps = known
+            self._see_again(known, writer)
+            skipped[what] = known.idle
+            return known.light_buffer, writer
+        self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
+        if not self.any_along:
+            self.seen = tools.room(4 * self.pitch, np.float64)
+        light_buffer, idle = np.zeros((m, 4), np.int32), 0
+        # Parallel lights come first, as `seen` is what the eye sees until then.
+        for number, light in enumerate(self.lights):
+            first = len(writer.records)
+            idle += self.n - light.look(self, number, writer)
+            light_buffer[number] = first, len(writer.records) - first, -1, 0
+            if number == m - 1:
+                tools.finish()
+                del self.covers, self.flags  # What is packed has room in their place.
+            if light.at_point:
+                self._pack_light(number)
+        skipped[what] = idle
+        if not self.any_along:
+            made = {"filters": None, "sides": self.made["light_side"], "light_buffer": light_buffer}
+            self.lamps = _Lamps(key, **made, grids=self.grids, listed=[], lists=None, idle=idle)
+        return light_buffer, writer
+
+    def _behind(self, grid: CellGrid) -> Any:
+        """CellGrid.behind of the tiles, a buffer, or None."""
+        covers, tools, (columns, rows) = self.covers, self.tools, grid.cells
+        if self.camera.parallel or not is_deep(self.packer.request, self.n, covers.members, covers.entries):
+            return None
+        behind = tools.room(columns * rows, np.float32)
+        tools.clear(behind, columns * rows, value=np.float32(np.inf))
+        count = (self.n - 1) // STRIDE + 1
+        sample = tools.room(3 * count, np.float32)
+        tools.run("sample_covers", **covers.arguments, stride=STRIDE, sample=sample)
+        near, *more = tools.read(sample, 3 * count, np.float32).reshape(count, 3).T
+        front = front_of(near, np.array(more), columns * rows)
+        arguments: Arguments = {name: self.made[name] for name in ("center_radius", "power")}
+        for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
+            arguments[f"{name}_axis"] = (axis.scale, (size - 1) / 2)
+        arguments |= {"unit": self.unit, "cells": grid.cells, "shift": SHIFT, "square": SQUARE, "most": MOST}
+        tools.run("cover_tiles", **covers.arguments, **arguments, front=front, behind=behind)
+        return behind
+
+    def _see_again(self, lamps: _Lamps, writer: ListWriter) -> None:
+        """Adds what lights see, of which a camera changes directions alone."""
+        del self.covers, self.flags
+        for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
+            writer.add_again(replace(grid, axes=rotated(self.basis, grid.axes)), listed)
+        for number, place in enumerate(self.world.lights["position"]):
+            spheres = {"n": self.n, "center": self.packer.center, "before": lamps.filters} | self._lamp(place)
+            self.tools.run("turn_light", **spheres, **self._axes, **self._rows_of(number, "light_filter"))
+        self.made["light_side"] = lamps.sides
+
+    def _see_from_light(self, place: Array) -> None:
+        """Makes `seen` what a light at a point of the world sees."""
+        tools, spheres = self.tools, {"center": self.packer.center, "radius": self.packer.radius}
+        tools.clear(self.unsure, 1)
+        tools.run("see_from_light", **self._seen, **self._lamp(place), **spheres, unsure=self.unsure)
+        rows = self._unsure_rows()
+        if len(rows):
+            seen, _ = self._few(rows).times_two_to(self.k).seen_from(place * self.unit)
+            mended = {"index": tools.upload(rows), "value": tools.upload(seen.power), "column": self.seen}
+            tools.run("mend", count=len(rows), first=3 * self.pitch, **mended)
+
+    def _lamp(self, place: Array) -> Arguments:
+        """What kernels are given of where in the world a light is."""
+        return {"unit": self.unit, "lamp": place * self.unit}
+
+    @property
+    def _seen(self) -> Arguments:
+        """What kernels are given of `seen`."""
+        return {"n": self.n, "pitch": self.pitch, "seen": self.seen}
+
+    def _rows_of(self, number: int, *names: str) -> Arguments:
+        """What kernels are given that write a light's rows of these buffers."""
+        return {"first": number * self.n} | {name: self.made[name] for name in names}
+
+    def along(self, light: Parallel, number: int, writer: ListWriter) -> int:
+        """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
+        axes = light.axes
+        spheres = self._seen | {"unit": self.unit, "radius": self.packer.radius, "a": axes[0], "b": axes[1]}
+        self.tools.run("pack_along", **spheres, **self._rows_of(number, "light_filter", "light_side"))
+        discs = _Discs.of(self, "discs_along", np.float64, spheres | {"c": axes[2], "flags": self.flags})
+        window = window_of([discs.extent], self.slack, False)
+        return self._add(axes, discs, window, self.slack, False, writer) if window else 0
+
+    def from_point(self, light: AtPoint, number: int, writer: ListWriter) -> int:
+        """Packs spheres as a light at a point sees them, and adds its grids, at most six.
+
+        Returns how many spheres are in any of them.
+        """
+        self._see_from_light(light.place)
+        some = self._few(sampled(self.n)).times_two_to(self.k).seen_from(light.place * self.unit)[0].center
+        cube = cube_of([some])
+        spheres = self._seen | {"unit": self.unit, "radius": self.packer.radius, "flags": self.flags}
+        spheres |= dict(zip("abc", cube, strict=True))
+        sides = self.tools.noted("cube_sides", 1, np.int32, **spheres)
+        seen_on = int(np.bitwise_or.reduce(sides, axis=None))
+        entered = 0
+        for side, (axis, sign) in enumerate(SIDES):
+            if not seen_on >> side & 1:
+                continue
+            discs_of = partial(_Discs.of, self, "cube_discs", arguments=spheres | {"side": side})
+            discs = discs_of(np.float32)
+            window = window_of([discs.extent], SLACK, True)
+            if window is not None and not window.coarse and self.slack < SLACK:
+                del discs  # There is room for one of them.
+                discs = discs_of(np.float64)
+                window = window_of([discs.extent], self.slack, True)
+                window = window and window._replace(coarse=False)
+            if window is not None:
+                slack = SLACK if window.coarse else self.slack
+                entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, writer)
+        return entered
+
+    def _pack_light(self, light: int) -> None:
+        """Packs what `seen` is."""
+        self.tools.run("pack_light", **self._seen, **self._axes, **self._rows_of(light, "light_filter", "light_side"))
+
+    def _add(
+        self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, writer: ListWriter
+    ) -> int:
+        """Adds the grid of a window. Returns how many spheres are in no grid of the light before."""
+        cells = window.cells(discs.sizes(), discs.count, False)
+        sides: Arguments = dict(zip(("x_axis", "y_axis"), window.sides(cells), strict=True))
+        spheres = {"flags": self.flags, "slack": slack, "furthest": window.furthest} | sides
+        self.covers.place(discs.edge, **spheres, edges=discs.edges)
+        del discs.edges  # Lists have room in their place.
+        grid = CellGrid(
+            axes, window.middle, window.half, cells, **NOBODY, perspective=perspective, coarse=window.coarse
+        )
+        self.grids.append(grid)
+        writer.add(replace(grid, axes=rotated(self.basis, axes)) if perspective else grid, self.covers)
+        return self.covers.more
+
+
+class _Discs:
+    """The spheres that are seen through a side of the cube around a light, as discs.
+
+    edge: the type of their edges; edges: four columns of `pitch`; count: how many there are; extent: of all of them.
+    """
+
+    def __init__(self, spheres: _SeenSpheres, edge: EdgeType, edges: Any, count: int, extent: Extent) -> None:
+        self._spheres, self.edge, self.edges, self.count, self.extent = spheres, edge, edges, count, extent
+
+    @classmethod
+    def of(cls, spheres: _SeenSpheres, kernel: str, edge: EdgeType, arguments: Arguments) -> _Discs:
+        """arguments: of the kernel, but for what it writes. The depths go to those of spheres.covers."""
+        edges = spheres.tools.room(4 * spheres.pitch, edge)
+        written = {"edges": edges, "near": spheres.covers.near}
+        part = spheres.tools.noted(kernel, 7, np.float64, edge=edge, **arguments, **written)
+        left, right, low, high, nearest, furthest, _ = part.max(axis=0).tolist()
+        extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
+        return cls(spheres, edge, edges, int(part[:, 6].sum()), extent)
+
+    def sizes(self) -> NDArray[Any]:
+        """The width and the height of those whose indices SAMPLE divides, or of all of them if there is none."""
+        spheres = self._spheres
+        for sample in (SAMPLE, 1):
+            count = 2 * ((spheres.n - 1) // sample + 1)
+            sizes = spheres.tools.room(count, self.edge)
+            discs = {"n": spheres.n, "pitch": spheres.pitch, "edges": self.edges, "near": spheres.covers.near}
+            spheres.tools.run("sizes", edge=self.edge, **discs, stride=sample, size=sizes)
+            found = spheres.tools.read(sizes, count, self.edge)
+            found = found[~np.isnan(found)]
+            if len(found):
+                break
+        return found

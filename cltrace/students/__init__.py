@@ -1,0 +1,1 @@
+"""What is right or wrong with a picture: check, comparison, which lights reach what."""

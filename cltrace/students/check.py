@@ -1,0 +1,155 @@
+"""The self-check: an image against the reference tracer, pixel by pixel."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.base.progress import bar
+from cltrace.picture.image import Image
+from cltrace.reference import byte_of, world_of
+from cltrace.reference.trace import primary_ray, trace
+from cltrace.scene import Scene
+from cltrace.scene.colors import encoded
+
+# Of a sample: at most this share may differ in its bytes at all, and this share by more than one level. A surface's
+# number may never differ but in precision single, where float32 decides.
+CONTRACT = {"accurate": (1e-4, 0.0, 0.0), "double": (1e-4, 0.0, 0.0), "single": (1.0, 1e-3, 1e-3)}
+DEFAULT_PIXELS = 20_000
+# The reference tries every sphere for every ray, at some microseconds each. Where the default sample would take more
+# tests than this, beyond 200 spheres, it shrinks, and the report says so. Most triangles it rules out many at once.
+DEFAULT_TESTS = 4_000_000
+TRIANGLES = 64  # take as long as a sphere
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the comparison found.
+
+    pixels: how many were compared, of how many; wrong_ids, differing, off_by_more: numbers of pixels; largest, rms:
+    error of the bytes of a channel, in levels; where: the pixels (x, y) that break the contract, the worst first;
+    spheres, triangles: how many the scene has; seconds: what the reference took; shrunk: whether there are so many that
+    it is fewer pixels than usual; ok: whether all is within the contract of that precision.
+    """
+
+    precision: str
+    pixels: int
+    of: int
+    wrong_ids: int
+    differing: int
+    off_by_more: int
+    largest: int
+    rms: float
+    where: list[tuple[int, int]]
+    spheres: int
+    triangles: int
+    seconds: float
+    shrunk: bool
+
+    @property
+    def ok(self) -> bool:
+        # One pixel may always differ by one level: of a small sample it would be more than the share.
+        share, share_more, share_ids = CONTRACT[self.precision]
+        return (
+            self.differing <= max(1, share * self.pixels)
+            and self.off_by_more <= share_more * self.pixels
+            and self.wrong_ids <= share_ids * self.pixels
+        )
+
+    def __str__(self) -> str:
+        verdict = "ok" if self.ok else "FAILED"
+        lines = [
+            f"check {verdict}: {self.pixels} of {self.of} pixels against the reference, precision {self.precision}: "
+            f"{self.wrong_ids} other ids, {self.differing} other bytes, {self.off_by_more} off by more than a level; "
+            f"error at most {self.largest} levels, RMS {self.rms:.2g}"
+        ]
+        if self.shrunk:
+            counts = {"spheres": self.spheres, "triangles": self.triangles}
+            surfaces = " and ".join(f"{count:,} {name}" for name, count in counts.items() if count)
+            pace = f"{1e3 * self.seconds / self.pixels:,.1f} ms a pixel for {surfaces}"
+            pixels = "pixel was" if self.pixels == 1 else "pixels were"
+            lines.append(
+                f"only {self.pixels} {pixels} compared, as the reference takes {pace}; --check=N compares more"
+            )
+        if self.where:
+            lines.append("at pixels " + ", ".join(f"({x}, {y})" for x, y in self.where))
+        return "\n".join(lines)
+
+
+def sample(index: NDArray[np.int32], pixels: int) -> NDArray[np.intp]:
+    """`pixels` flat positions of an id image, or all: those with a neighbour of another id first, then at random.
+
+    Always the same ones for the same picture.
+    """
+    if pixels >= index.size:
+        return np.arange(index.size)
+    edge = np.zeros(index.shape, bool)
+    for a, b in (((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+                 ((slice(None), slice(1, None)), (slice(None), slice(None, -1)))):  # fmt: skip
+        differs = index[a] != index[b]
+        edge[a] |= differs
+        edge[b] |= differs
+    order = np.random.default_rng(0).permutation(index.size)
+    order = order[np.argsort(~edge.ravel()[order], kind="stable")]
+    # A quarter of the sample at least is taken at random, so that surfaces and shadows get their share.
+    edges = min(int(edge.sum()), pixels - pixels // 4)
+    rest = np.flatnonzero(~edge.ravel()[order])
+    return np.sort(np.concatenate([order[:edges], order[rest[: pixels - edges]]]))
+
+
+def check(
+    scene: Scene,
+    image: Image,
+    precision: str,
+    pixels: int | None = None,
+    origin: tuple[int, int] = (0, 0),
+    truncate: bool = False,
+    progress: bool | None = None,
+) -> Report:
+    """Compares `pixels` pixels of an image with the reference. None: 20,000, but fewer of scenes with many surfaces.
+
+    image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: whether
+    tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed.
+    """
+    if not {"rgb8", "id"} <= set(image.outputs):
+        raise ValueError("check: the image must have rgb8 and id")
+    affordable = max(1, DEFAULT_TESTS // max(1, len(scene.columns) + scene.triangles // TRIANGLES))
+    shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
+    if pixels is None:
+        pixels = min(DEFAULT_PIXELS, affordable)
+    start = time.perf_counter()
+    world = world_of(scene)
+    width = image.id.shape[1]
+    chosen = sample(image.id, pixels)
+    levels = np.empty((len(chosen), 3), np.int64)
+    wrong = np.empty(len(chosen), bool)
+    with bar(len(chosen), "pixel", progress) as shown:
+        for i, flat in enumerate(chosen.tolist()):
+            y, x = divmod(flat, width)
+            color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
+            levels[i] = [byte_of(c, truncate) for c in encoded(color, scene.transfer)]
+            wrong[i] = (at.index if at else -1) != image.id[y, x]
+            shown.update()
+    seconds = time.perf_counter() - start
+    levels -= image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
+    error = np.abs(levels).max(axis=1)
+    bad = np.flatnonzero(wrong | (error > 1))
+    worst = bad[np.argsort(-error[bad], kind="stable")][:10]
+    return Report(
+        precision=precision,
+        pixels=len(chosen),
+        of=image.id.size,
+        wrong_ids=int(wrong.sum()),
+        differing=int((error > 0).sum()),
+        off_by_more=int((error > 1).sum()),
+        largest=int(error.max(initial=0)),
+        rms=float(np.sqrt(np.mean(levels.astype(np.float64) ** 2))) if len(chosen) else 0.0,
+        where=[(origin[0] + int(chosen[i]) % width, origin[1] + int(chosen[i]) // width) for i in worst],
+        spheres=len(scene.columns),
+        triangles=scene.triangles,
+        seconds=seconds,
+        shrunk=shrunk,
+    )

@@ -1,0 +1,167 @@
+"""Compares a picture with the right one."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image as Picture
+from PIL import UnidentifiedImageError
+
+from cltrace.base.errors import UsageError, printable
+from cltrace.explanation.pixel import explain
+from cltrace.formats.files import UnreadableError, check_regular
+from cltrace.picture.image import Image
+from cltrace.plan.abi import Precision
+from cltrace.renderers.all_devices import render
+from cltrace.run.devices import Device
+from cltrace.scene import Camera, Scene
+from cltrace.students.comparison import Bytes, Cause, Comparison
+from cltrace.students.search import Search
+from cltrace.students.tracer import to_bytes
+from cltrace.students.whole import whole
+
+# Files that hold every pixel as it was written. JPEG does not.
+FORMATS = ("PNG", "BMP", "PPM", "TGA")
+
+
+def compare(
+    scene: Scene,
+    picture: Image | Bytes | str | os.PathLike[str],
+    *,
+    tolerance: int = 1,
+    device: str | Device | None = None,
+    precision: Precision | None = None,
+    truncate: bool = False,
+) -> Comparison:
+    """Compares a picture of a scene with the right one, and says which mistakes explain the difference.
+
+    picture: an Image with rgb8; an array of uint8, (h, w, 3), (h, w, 4) with alpha, which is ignored, or (h, w) grey;
+    or the name of a PNG, BMP, PPM or TGA file; row 0 is the top; one that is larger or smaller than the scene's by a
+    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may
+    differ; device, precision: what renders the right picture, and truncate: whether that rounds bytes down, as of
+    `render`.
+
+    Raises ValueError, which names the argument, where one is not allowed or the picture has other proportions than
+    the scene's, TypeError where the scene or the picture is something else altogether, UsageError where the file is no
+    such picture, and what `render` raises.
+    """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
+    if scene.transfer != "linear":
+        raise ValueError("scene: must have the transfer 'linear', as scene files have, got 'srgb'")
+    if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
+        raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
+    mine = pixels_of(picture, scene.camera.resolution)
+    asked, size = scene.camera.resolution, (mine.shape[1], mine.shape[0])
+    scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
+    right = render(scene, device, precision, truncate=truncate).rgb8
+    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
+    result = _judged(scene, result, truncate)
+    if result.same or result.worst is None:
+        return result
+    why = explain(scene, *result.worst, truncate=truncate)
+    return replace(result, line=why.line, ask=_question(scene, *result.worst, truncate))
+
+
+def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
+    """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise."""
+    mine, right = result.mine.astype(np.int64), result.right.astype(np.int64)
+    wrong = result.error > result.tolerance
+    if not result.error.any():
+        return result
+    found = whole(mine, right, result.tolerance, to_bytes(np.array(scene.background)))
+    count = max(int(wrong.sum()), 1)
+    parts = {name: float(cover.sum()) / count for name, cover in found.covers.items()}
+    left = 1 - sum(parts.values())
+    if found.over or (found.covers and not found.made and left == 0):
+        return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
+    search = Search(scene, mine, right, result.tolerance, truncate, found)
+    verdict = search.verdict()
+    together, shares = search.explains(verdict)
+    for name, share in shares.items():
+        parts[name] = parts.get(name, 0.0) + left * share
+    causes = [Cause(name, share, verdict.rivals.get(name, ())) for name, share in parts.items() if share > 0]
+    likely = verdict.likely
+    return replace(
+        result,
+        causes=tuple(sorted(causes, key=lambda cause: -cause.explains)),
+        explained=1 - left + left * together,
+        likely=Cause(likely.names[-1], search.fit.explained(likely)) if likely else None,
+    )
+
+
+def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:
+    """The command that explains a pixel; of a scene that is not just as its file has it, the call."""
+    camera, source = scene.camera, scene.source
+    options = [f"--explain {x},{y}"] + ["--truncate"] * truncate
+    if (
+        source is None
+        or not isinstance(camera, Camera)
+        or replace(source.view, resolution=camera.resolution, square_pixels=camera.square_pixels) != camera
+    ):
+        return f"cltrace.explain(scene, {x}, {y}{', truncate=True' if truncate else ''})"
+    if camera.square_pixels:
+        options.insert(0, "--square-pixels")
+    if camera.resolution != source.view.resolution:
+        options.insert(0, "--size {}x{}".format(*camera.resolution))
+    return " ".join(["cltrace", shlex.quote(printable(source.path)), *options])
+
+
+def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:
+    """(h, w, 3) uint8: the pixels of an Image, an array or a file of this width and height; see compare()."""
+    if isinstance(picture, (str, os.PathLike)):
+        return _read(os.fspath(picture), size)
+    if not isinstance(picture, (Image, np.ndarray)):
+        raise TypeError(f"picture: must be a cltrace.Image, an array of uint8 or the name of a file, got {picture!r}")
+    pixels = picture.as_rgb8() if isinstance(picture, Image) else picture
+    if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] in (3, 4))):
+        shape = f"got {pixels.shape} of {pixels.dtype}"
+        raise ValueError(f"picture: must have shape (h, w, 3), (h, w, 4) or (h, w) and be of uint8, {shape}")
+    for fault in _size_faults(pixels.shape[1::-1], size):
+        raise ValueError(f"picture: {fault}")
+    return np.array(np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3])
+
+
+def _size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
+    """What is wrong with a picture's width and height, in words for behind its name. A multiple or a part is not."""
+    (width, height), (w, h) = found, size
+    if width * h != height * w or not width:
+        advice = "are width and height exchanged?" if (height, width) == (w, h) else "--size compares at another size"
+        yield f"has {width}x{height} pixels, but the scene's picture has {w}x{h}; {advice}"
+
+
+def _read(path: str, size: tuple[int, int]) -> Bytes:
+    """The pixels of a file, as they are stored. Raises UsageError, which begins with its name."""
+    try:
+        check_regular(path)
+        with warnings.catch_warnings(), Path(path).open("rb") as file:
+            warnings.simplefilter("ignore")  # of many pixels, which are counted here
+            with Picture.open(file, formats=FORMATS) as image:
+                for fault in _size_faults(image.size, size):
+                    raise UnreadableError(fault)
+                return _bytes_of(image)
+    except UnreadableError as error:
+        raise UsageError(f"{printable(path)}: {error}") from None
+    except UnidentifiedImageError:
+        raise UsageError(f"{printable(path)}: is no {', '.join(FORMATS[:-1])} or {FORMATS[-1]} picture") from None
+    except MemoryError:
+        raise
+    except Exception as error:  # decoders raise whatever their code does
+        words = error.strerror if isinstance(error, OSError) else None
+        raise UsageError(f"{printable(path)}: {f'cannot be read: {words}' if words else 'is damaged'}") from None
+
+
+def _bytes_of(image: Picture.Image) -> Bytes:
+    image.load()
+    image.info.pop("transparency", None)
+    if image.mode.startswith("I"):  # 16 bits of grey
+        grey = (np.asarray(image).astype(np.float64) / 257 + 0.5).astype(np.uint8)
+        return np.repeat(grey[..., None], 3, axis=2)
+    return np.array(image.convert("RGB"))

@@ -1,0 +1,163 @@
+"""What comparing a picture with the right one has found."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.picture.image import Image
+from cltrace.students.mistakes import BY_NAME, ENOUGH
+
+Bytes = NDArray[np.uint8]
+_GAP = 4  # columns between pictures that stand side by side
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A mistake that explains a part of the wrong pixels.
+
+    name: one of those of `cltrace.students.mistakes`; explains: the share of the wrong pixels, 0..1, that all causes
+    together explain and that are not explained without this one; rivals: names of others that explain the same pixels
+    as well, so that it may be one of these.
+    """
+
+    name: str
+    explains: float
+    rivals: tuple[str, ...] = ()
+
+    @property
+    def what(self) -> str:
+        """What is wrong, in words."""
+        return BY_NAME[self.name].what
+
+    @property
+    def change(self) -> str:
+        """What to change in the code."""
+        return BY_NAME[self.name].change
+
+    @property
+    def either(self) -> str:
+        """Its name, and those of its rivals."""
+        return " or ".join((f"either {self.name}" if self.rivals else self.name, *self.rivals))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A picture beside the right one. str() is what the command prints.
+
+    mine, right: (h, w, 3) uint8; tolerance: by how many levels a channel may differ; same: whether no pixel differs by
+    more, and nothing else is wrong; differing: the share of those that do, 0..1; causes: the mistakes that explain
+    them, the one that explains most first; explained: the share of the differing pixels that these explain together,
+    0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves or
+    spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
+    one's; line: what `Explanation.line` says of the worst pixel; ask: the command or the call that explains all of it.
+    These two are "" where the pictures are the same.
+    """
+
+    mine: Bytes
+    right: Bytes
+    tolerance: int
+    causes: tuple[Cause, ...] = ()
+    explained: float = 0.0
+    likely: Cause | None = None
+    asked: tuple[int, int] | None = None
+    line: str = ""
+    ask: str = ""
+
+    @property
+    def error(self) -> NDArray[np.uint8]:
+        """(h, w): by how many levels each pixel differs, in the channel that differs most."""
+        return np.asarray(np.abs(self.mine.astype(np.int16) - self.right).max(axis=2), np.uint8)
+
+    @property
+    def same(self) -> bool:
+        return not self.causes and not self.asked and not (self.error > self.tolerance).any()
+
+    @property
+    def differing(self) -> float:
+        return float((self.error > self.tolerance).mean())
+
+    @property
+    def worst(self) -> tuple[int, int] | None:
+        """Column and row of the pixel that differs most, of several the first one; None if none differs at all."""
+        error = self.error
+        if not error.any():
+            return None
+        y, x = divmod(int(error.argmax()), error.shape[1])
+        return x, y
+
+    def to_json(self) -> str:
+        """One object: same, differing, and causes, each with name, explains and or, the names of its rivals; likely."""
+        causes: list[dict[str, Any]] = [
+            {"name": cause.name, "explains": cause.explains, "or": list(cause.rivals)} for cause in self.causes
+        ]
+        told = {"same": self.same, "differing": self.differing, "causes": causes}
+        return json.dumps({**told, "likely": self.likely.name if self.likely else None})
+
+    def side_by_side(self) -> Bytes:
+        """(h, 3 w + 8, 3): the own picture, the right one, and the difference, in which every level counts fourfold."""
+        difference = np.minimum(np.abs(self.mine.astype(np.int16) - self.right) * 4, 255).astype(np.uint8)
+        gap = np.full((len(self.mine), _GAP, 3), 128, np.uint8)
+        return np.concatenate([self.mine, gap, self.right, gap, difference], axis=1)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes side_by_side() as a PNG. Raises what Image.save() raises."""
+        Image(rgb8=self.side_by_side()).save(path)
+
+    def _repr_png_(self) -> bytes:
+        return Image(rgb8=self.side_by_side())._repr_png_()
+
+    def __str__(self) -> str:
+        levels = "1 level" if self.tolerance == 1 else f"{self.tolerance} levels"
+        if self.same:
+            most = int(self.error.max(initial=0))
+            lines = ["the pictures are equal" if not most else f"the same: no pixel differs by more than {levels}"]
+        else:
+            share = _percent(self.differing)
+            lines = [f"{share} of the pixels differ by more than {levels}, by up to {int(self.error.max())}"]
+        if self.asked:
+            sizes = "{}x{} instead of {}x{}".format(*self.mine.shape[1::-1], *self.asked)
+            lines.insert(0, f"the picture has another size, {sizes} pixels: it is compared at its own")
+        lines += [line for cause in self.causes for line in self._words(cause)]
+        if not self.same:
+            lines += self._rest()
+            lines += self._where() if self.worst else []
+        return "\n".join(lines)
+
+    def _words(self, cause: Cause) -> list[str]:
+        many = "differing pixels" if self.same else "these"
+        lines = [f"{cause.either} explains {_percent(cause.explains)} of {many}: {cause.what}", f"  {cause.change}"]
+        for name in cause.rivals:
+            lines += [f"  or {name}: {BY_NAME[name].what}", f"  {BY_NAME[name].change}"]
+        return lines
+
+    def _rest(self) -> list[str]:
+        if not self.causes and (self.error > self.tolerance).sum() < ENOUGH:
+            return ["unknown: these are too few to tell a mistake by"]
+        likely = []
+        if self.likely:
+            most = f"it looks most like {self.likely.either}, which fits {_percent(self.likely.explains)} of these"
+            likely = [f"{most}: {self.likely.what}", f"  {self.likely.change}"]
+        if not self.causes:
+            return ["unknown: none of the usual mistakes explains the difference", *likely]
+        if self.explained >= 0.995:
+            return []
+        together = " together" if len(self.causes) > 1 else ""
+        rest = f"unknown: {_percent(1 - self.explained)}{' that they do not explain' + together if together else ''}"
+        return [rest, *likely]
+
+    def _where(self) -> list[str]:
+        assert self.worst
+        x, y = self.worst
+        mine, right = (" ".join(map(str, picture[y, x].tolist())) for picture in (self.mine, self.right))
+        return [f"the worst pixel is {x},{y}: {mine}, right is {right}", f"  {self.line}", f"  why: {self.ask}"]
+
+
+def _percent(share: float) -> str:
+    percent = 100 * share
+    return "all" if share == 1 else f"{percent:.2g} %" if percent < 10 else f"{min(percent, 99.9):.1f} %"

@@ -1,0 +1,429 @@
+"""Every surface of a scene in arrays of doubles, and which of them rays meet: by the textbook's equations.
+
+Surfaces are numbered here by part: each sphere is one, and after all spheres each triangle is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.scene import Scene
+from cltrace.students.rules import Rules
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+# Points are off their surfaces by rounding. A ray meets nothing nearer than this share of the scene's size.
+ROUNDING = 2.0**-34
+_FEW = 24  # parts that are all tried
+_FAN = 4  # nodes below one, and parts in a leaf
+_BLOCK = 2048  # rays at once
+_KEPT = 256  # answers
+_NOTHING = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """(n,) of (n, 3) each."""
+    return (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]) + a[:, 2] * b[:, 2]
+
+
+def unit(a: Floats) -> Floats:
+    """(n, 3) of length 1; 0 stays 0."""
+    length = np.sqrt(dot(a, a))
+    return np.asarray(a / np.where(length > 0, length, 1.0)[:, None])
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """(n, 3) of (n, 3) each, far faster than numpy's own for few."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def turned(maps: Floats, a: Floats) -> Floats:
+    """(n, 3): maps (n, 3, 3) times vectors (n, 3)."""
+    return np.asarray(np.einsum("nij,nj->ni", maps, a))
+
+
+@dataclass(frozen=True)
+class Rays:
+    """n rays. origins, directions: (n, 3), the latter unit vectors; parts: (n,) what each starts on, -1 for nothing;
+    lengths: (n,) of the directions as they should not be, 1 otherwise.
+    """
+
+    origins: Floats
+    directions: Floats
+    parts: Ints
+    lengths: Floats
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def at(self, rows: NDArray[Any]) -> Rays:
+        return Rays(self.origins[rows], self.directions[rows], self.parts[rows], self.lengths[rows])
+
+    def key(self) -> int:
+        return hash((self.origins.tobytes(), self.directions.tobytes(), self.parts.tobytes()))
+
+
+@dataclass(frozen=True)
+class Points:
+    """Where rays meet surfaces, n points.
+
+    places: (n, 3); outward: (n, 3) unit normals to the outside; inside: (n,) whether the ray came from there; uv:
+    (n, 2); materials: (n,) indices; parts: (n,).
+    """
+
+    places: Floats
+    outward: Floats
+    inside: NDArray[np.bool_]
+    uv: Floats
+    materials: Ints
+    parts: Ints
+
+
+class Shapes:
+    """The surfaces of a scene, with what the rules say of transforms and normals."""
+
+    def __init__(self, scene: Scene, rules: Rules) -> None:
+        self.rules = rules
+        self._spheres(scene)
+        self._triangles(scene)
+        self.materials = np.concatenate([scene.spheres["material"].astype(np.intp), self.mesh_materials[self.mesh_of]])
+        numbers = np.array([m.number for m in scene.meshes], np.intp)[self.mesh_of]
+        self.numbers = np.concatenate([scene.sphere_numbers, numbers])
+        self.order = np.argsort(self.numbers, kind="stable")
+        self.rank = np.argsort(self.order)
+        low, high = self._bounds()
+        self.size = max(float(np.abs([low, high]).max(initial=0)), *map(abs, scene.camera.position), 1e-300)
+        self.tree = Tree(low, high) if len(low) > _FEW else None
+        self.clear = scene.materials["transmittance"][self.materials] > 0
+        self._answers: OrderedDict[int, tuple[Ints, Ints, Floats]] = OrderedDict()
+        self._seen: OrderedDict[tuple[int, float], tuple[Ints, Points | None]] = OrderedDict()
+
+    def _spheres(self, scene: Scene) -> None:
+        self.centers, self.radii = scene.spheres["center"].copy(), scene.spheres["radius"].copy()
+        self.to_object = np.concatenate([scene.to_object, np.eye(3)[None]])
+        self.map_of = scene.spheres["to_object"].astype(np.intp)  # -1 is the last one
+        moved = self.rules.transforms not in ("file", "moved-first") or self.rules.normals == "none"
+        if moved and scene.source:
+            self._place(scene, self.rules.transforms)
+        self.to_world, self.has_maps = np.linalg.inv(self.to_object), bool((self.map_of >= 0).any())
+
+    def _place(self, scene: Scene, order: str) -> None:
+        """Places the spheres that have a transform once more, by its steps in another order."""
+        assert scene.source
+        maps = list(self.to_object[:-1])
+        for i, number in enumerate(scene.sphere_numbers.tolist()):
+            steps = scene.source.transforms.get(number)
+            if steps is None:
+                continue
+            right = product(steps)
+            own = np.linalg.inv(right) @ np.append(self.centers[i], 1.0)
+            if self.map_of[i] < 0:
+                self.radii[i] /= np.cbrt(abs(np.linalg.det(right[:3, :3])))
+            matrix = product(edited(steps, order))
+            shift = matrix[:3, 3]
+            self.centers[i] = own[:3] + shift if order == "placed-last" else (matrix @ own)[:3]
+            self.map_of[i] = len(maps)
+            maps.append(np.linalg.inv(matrix[:3, :3]))
+        self.to_object = np.array([*maps, np.eye(3)])
+
+    def _triangles(self, scene: Scene) -> None:
+        meshes = scene.meshes
+        self.mesh_of = np.repeat(np.arange(len(meshes)), [len(m.geometry.faces) for m in meshes])
+        self.mesh_materials = np.array([m.material for m in meshes], np.intp)
+        corners, own, normals, uv, front = ([np.zeros((0, *s))] for s in ((3, 3), (3, 3), (3, 3), (3, 2), ()))
+        linear = []
+        for mesh in meshes:
+            shape, matrix = mesh.geometry, self._placed(scene, mesh.number, mesh.to_world)
+            linear.append(matrix[:, :3])
+            corners.append((shape.vertices @ matrix[:, :3].T + matrix[:, 3])[shape.faces])
+            own.append(shape.vertices[shape.faces])
+            given = shape.normal_of[:, :1, None] >= 0
+            normals.append(np.where(given, np.concatenate([shape.normals, np.zeros((1, 3))])[shape.normal_of], 0.0))
+            given = shape.uv_of[:, :1, None] >= 0
+            uv.append(np.where(given, np.concatenate([shape.uv, np.zeros((1, 2))])[shape.uv_of], 0.0))
+            front.append(mesh.front.astype(np.float64))
+        self.corners, self.corner_normals, self.corner_uv = (np.concatenate(x) for x in (corners, normals, uv))
+        self.front, ends = np.concatenate(front), np.concatenate(own)
+        self.edges = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
+        self.flat = cross(*self.edges)
+        self.own_flat = cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
+        self.linear: Floats = np.array(linear, np.float64).reshape(-1, 3, 3)
+        self.inverse: Floats = np.asarray(np.linalg.inv(self.linear), np.float64)
+
+    def _placed(self, scene: Scene, number: int, matrix: Floats) -> Floats:
+        """The map of a mesh to the world, (3, 4)."""
+        order = self.rules.transforms
+        steps = scene.source.transforms.get(number) if scene.source else None
+        if order not in ("file", "moved-first") and steps is not None:
+            return product(edited(steps, order))[:3]
+        if order == "moved-first":
+            return np.concatenate([matrix[:, :3], matrix[:, :3] @ matrix[:, 3:]], axis=1)
+        return matrix
+
+    def _bounds(self) -> tuple[Floats, Floats]:
+        reach = self.radii[:, None] * np.sqrt(np.square(self.to_world).sum(axis=2))[self.map_of]
+        low = np.concatenate([self.centers - reach, self.corners.min(axis=1)])
+        return low, np.concatenate([self.centers + reach, self.corners.max(axis=1)])
+
+    def seen(self, rays: Rays, near: float) -> tuple[Ints, Points | None]:
+        """Which of the rays meet something further off than `near`, and the points there; kept as `crossings` are."""
+        key = rays.key(), near
+        if key not in self._seen:
+            t, parts = self.nearest(rays, near)
+            hit = np.flatnonzero(parts >= 0)
+            self._seen[key] = hit, self.points(rays.at(hit), t[hit], parts[hit]) if len(hit) else None
+            if len(self._seen) > _KEPT:
+                self._seen.popitem(last=False)
+        return self._seen[key]
+
+    # Which parts rays meet
+
+    def nearest(self, rays: Rays, least: float = 0.0) -> tuple[Floats, Ints]:
+        """How far each ray goes, (n,), inf where it meets nothing, and to which part, (n,), -1 for none.
+
+        least: what is not further off than this is not met.
+        """
+        r, k, far = self.crossings(rays)
+        beyond = far > least
+        r, k, far = r[beyond], k[beyond], far[beyond]
+        t, rank = np.full(len(rays), np.inf), np.full(len(rays), len(self.order), np.intp)
+        if self.rules.hits != "nearest":
+            return self._other(len(rays), r, k, far)
+        np.minimum.at(t, r, far)
+        # Of faces in one place, the lowest number is met.
+        first = far <= t[r] + ROUNDING * self.size
+        np.minimum.at(rank, r[first], self.rank[k[first]])
+        return t, np.append(self.order, -1)[rank]
+
+    def _other(self, count: int, r: Ints, k: Ints, far: Floats) -> tuple[Floats, Ints]:
+        """As nearest() answers, by a mistake: the last or first surface of the file, or the furthest one."""
+        number, rank = self.numbers[k], self.rank[k]
+        # Of a surface that is met more than once it is the nearest point.
+        by = {
+            "last": (-far, number), "last part": (-far, rank), "first": (-far, -number), "farthest": (rank, far),
+        }[self.rules.hits]  # fmt: skip
+        order = np.lexsort(by)
+        t, parts = np.full(count, np.inf), np.full(count, -1, np.intp)
+        t[r[order]], parts[r[order]] = far[order], k[order]
+        return t, parts
+
+    def stopped(self, rays: Rays, least: Floats, most: Floats, own: bool = True) -> NDArray[np.bool_]:
+        """(n,): whether anything is on a ray's way between two distances, (n,) each.
+
+        own: whether that may be the surface that it starts on.
+        """
+        r, k, t = self.crossings(rays)
+        found = np.zeros(len(rays), np.bool_)
+        stops = True if self.rules.clear_shadows else ~self.clear[k]
+        found[r[(t > least[r]) & (t < most[r]) & (own | (k != rays.parts[r])) & stops]] = True
+        return found
+
+    def crossings(self, rays: Rays) -> tuple[Ints, Ints, Floats]:
+        """Rays, parts that they cross, and how far off, all of which is more than rounding: of a sphere up to twice.
+
+        Most mistakes leave most rays as they are, so answers are kept.
+        """
+        key = rays.key()
+        if key not in self._answers:
+            blocks = [block for start in range(0, len(rays), _BLOCK) for block in self._crossed(rays, start)]
+            r, k, t = (np.concatenate(parts) for parts in zip(*blocks, strict=True)) if blocks else _NOTHING
+            self._answers[key] = r, k, t
+            if len(self._answers) > _KEPT:
+                self._answers.popitem(last=False)
+        self._answers.move_to_end(key)
+        return self._answers[key]
+
+    def _crossed(self, rays: Rays, start: int) -> Iterator[tuple[Ints, Ints, Floats]]:
+        block = rays.at(np.arange(start, min(start + _BLOCK, len(rays))))
+        if self.tree:
+            r, k = self.tree.near(block)
+        else:
+            r = np.repeat(np.arange(len(block)), len(self.materials))
+            k = np.tile(np.arange(len(self.materials)), len(block))
+        of_sphere = k < len(self.radii)
+        for i, j, t in (
+            *self._spheres_crossed(block, r[of_sphere], k[of_sphere]),
+            self._triangles_crossed(block, r[~of_sphere], k[~of_sphere]),
+        ):
+            met = (t > ROUNDING * self.size) & self._is_there(j)  # not where t is NaN
+            yield i[met] + start, j[met], t[met]
+
+    def _is_there(self, k: Ints) -> Any:
+        balls = k < len(self.radii)
+        return {"": True, "s": ~balls, "m": balls}[self.rules.missing]
+
+    def _spheres_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """The roots t of |K (o + t d - C)| = r of rays i and spheres k, NaN for none."""
+        o, d = rays.origins[i] - self.centers[k], rays.directions[i]
+        if self.has_maps:
+            maps = self.to_object[self.map_of[k]]
+            o, d = turned(maps, o), turned(maps, d)
+        # A ray is at t = 0 on the surface where it starts, so there c is 0 but for rounding.
+        a, b, c = dot(d, d), -dot(o, d), np.where(rays.parts[i] == k, 0.0, dot(o, o) - self.radii[k] ** 2)
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(b * b - a * c)
+        if self.rules.roots != "far":
+            yield i, k, (b - root) / a
+        if self.rules.roots != "near":
+            yield i, k, (b + root) / a
+
+    def _triangles_crossed(self, rays: Rays, i: Ints, k: Ints) -> tuple[Ints, Ints, Floats]:
+        """The t of rays i in triangles k; NaN for none. A ray does not meet the one that it starts on."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            t, b, c = self._crossing(rays.origins[i], rays.directions[i], k - len(self.radii))
+            hit = (b >= 0) & (c >= 0) & (b + c <= 1) & (rays.parts[i] != k)
+            if self.rules.culled:
+                hit &= self._is_seen(rays.directions[i], k - len(self.radii))
+        return i, k, np.where(hit, t, np.nan)
+
+    def _is_seen(self, d: Floats, row: Ints) -> NDArray[np.bool_]:
+        side = dot(d, self.flat[row]) * (self.front[row] if self.rules.culled in ("back", "front") else 1.0)
+        return np.asarray(side < 0 if self.rules.culled in ("back", "clockwise") else side > 0)
+
+    def _crossing(self, o: Floats, d: Floats, row: Ints) -> tuple[Floats, Floats, Floats]:
+        """Where rays cross the planes of triangles: t, and the weights of their second and third corners."""
+        e1, e2 = self.edges[0][row], self.edges[1][row]
+        p, s = cross(d, e2), o - self.corners[row, 0]
+        q = cross(s, e1)
+        scale = 1.0 / dot(e1, p)
+        return dot(e2, q) * scale, dot(s, p) * scale, dot(d, q) * scale
+
+    # What is there
+
+    def points(self, rays: Rays, t: Floats, parts: Ints) -> Points:
+        """What rays meet at t, all of which meet something."""
+        places = rays.origins + t[:, None] * rays.directions
+        n = len(rays)
+        outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
+        ball = parts < len(self.radii)
+        self._on_spheres(places, rays.directions, parts, np.flatnonzero(ball), outward, uv, inside)
+        self._on_triangles(rays, parts - len(self.radii), np.flatnonzero(~ball), outward, uv, inside)
+        return Points(places, outward, inside, uv, self.materials[parts], parts)
+
+    def _on_spheres(
+        self, places: Floats, d: Floats, k: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
+    ) -> None:
+        k = k[rows]
+        to_object, to_world = self.to_object[self.map_of[k]], self.to_world[self.map_of[k]]
+        long = turned(to_object, places[rows] - self.centers[k])
+        q = unit(long)
+        true = unit(turned(to_object.transpose(0, 2, 1), q))
+        wrong = {"right": true, "matrix": turned(to_world, q), "none": q, "inverse": turned(to_object, q)}
+        outward[rows] = unit(wrong["right" if self.rules.normals_of == "m" else self.rules.normals])
+        if self.rules.long_normals.endswith(("t", "r")):
+            outward[rows] = turned(to_object.transpose(0, 2, 1), q if "t" in self.rules.long_normals else long)
+        inside[rows] = dot(d[rows], outward[rows] if self.rules.sided_by_normal else true) > 0
+        uv[rows, 0] = 0.5 + np.arctan2(q[:, 0] + 0.0, q[:, 2]) / (2 * np.pi)
+        uv[rows, 1] = np.arctan2(np.hypot(q[:, 0], q[:, 2]), q[:, 1]) / np.pi
+
+    def _on_triangles(
+        self, rays: Rays, row: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
+    ) -> None:
+        """Normals interpolated in the object's space; outward is the side where the triangle's front is."""
+        row = row[rows]
+        o, d = rays.origins[rows], rays.directions[rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            _, b, c = self._crossing(o, d, row)
+        weights = np.stack([1 - b - c, b, c], axis=1)[:, :, None]
+        own = (weights * self.corner_normals[row]).sum(axis=1)
+        without = ~own.any(axis=1)
+        linear, inverse = self.linear[self.mesh_of[row]], self.inverse[self.mesh_of[row]]
+        maps: dict[str, Floats] = {"right": inverse.transpose(0, 2, 1), "matrix": linear, "inverse": inverse}
+        which, flat = "right" if self.rules.normals_of == "s" else self.rules.normals, self.rules.flat_normals
+        front = self.flat[row] * self.front[row][:, None]
+        m = np.where(without[:, None], self.own_flat[row] * self.front[row][:, None], own)
+        m = turned(maps[which], m) if which in maps else m
+        m = m if flat else np.where(without[:, None], front, m)
+        inside[rows] = dot(d, front) > 0
+        # The rule of the format: a shading normal is on the side that the ray came from.
+        seen = m if "m" in self.rules.long_normals else unit(m)
+        seen = np.where((dot(seen, d) > 0)[:, None], -seen, seen)
+        outward[rows] = np.where(inside[rows][:, None], -seen, seen)
+        uv[rows] = (weights * self.corner_uv[row]).sum(axis=1)
+
+
+def edited(steps: Floats, how: str) -> Floats:
+    """The steps of a transform (k, 3, 4) as a mistake has them: in reverse, without those of a kind, or turned.
+
+    how: "reversed"; "none", "no-scale", "no-rotation", "no-translation"; "turned back" with each rotation the other
+    way, "transposed" with each matrix, "radians" with the degrees of rotations taken for such, and "radians, positive"
+    with those between 0 and 360. All else leaves them.
+    """
+    if how == "reversed":
+        return steps[::-1]
+    if how == "none":
+        return steps[:0]
+    linear = steps[:, :, :3]
+    moves = (linear == np.eye(3)).all(axis=(1, 2))
+    scales = (linear * (1 - np.eye(3)) == 0).all(axis=(1, 2)) & ~moves
+    turns = ~moves & ~scales
+    kinds = {"no-scale": scales, "no-rotation": turns, "no-translation": moves}
+    if how in kinds:
+        return np.asarray(steps[~kinds[how]])
+    steps = steps.copy()
+    if how in ("turned back", "transposed"):
+        steps[turns, :, :3] = linear[turns].transpose(0, 2, 1)
+    if how == "transposed":
+        return np.concatenate([steps[moves], steps[~moves][::-1]])
+    if how.startswith("radians"):
+        for i in np.flatnonzero(turns):
+            x = int(np.diag(linear[i]).argmax())
+            y, z = (x + 1) % 3, (x + 2) % 3
+            angle = math.degrees(math.atan2(linear[i][z, y], linear[i][y, y]))
+            angle = angle % 360 if "positive" in how else angle
+            steps[i, [y, z], [y, z]] = math.cos(angle)
+            steps[i, [y, z], [z, y]] = -math.sin(angle), math.sin(angle)
+    return steps
+
+
+def product(steps: Floats) -> Floats:
+    """(4, 4): the product of affine maps (k, 3, 4), of which the last one acts first."""
+    matrix = np.eye(4)
+    for step in steps:
+        matrix = matrix @ np.concatenate([step, [[0.0, 0.0, 0.0, 1.0]]])
+    return matrix
+
+
+class Tree:
+    """Boxes around boxes around parts, in the order of a curve through space. low, high: (n, 3), the parts' bounds."""
+
+    def __init__(self, low: Floats, high: Floats) -> None:
+        middle = low + high
+        extent = np.maximum(middle.max(axis=0) - middle.min(axis=0), 1e-300)
+        cell = ((middle - middle.min(axis=0)) / extent * 1023).astype(np.uint64)
+        code = np.zeros(len(low), np.uint64)
+        for bit in range(10):
+            for axis in range(3):
+                code |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+        self.order = np.argsort(code, kind="stable")
+        slack = 1e-9 * np.maximum(np.abs(low), np.abs(high)).max(initial=0)
+        levels = [(low[self.order] - slack, high[self.order] + slack)]
+        while len(levels[-1][0]) > _FAN:
+            starts = np.arange(0, len(levels[-1][0]), _FAN)
+            levels.append((np.minimum.reduceat(levels[-1][0], starts), np.maximum.reduceat(levels[-1][1], starts)))
+        self.levels = levels[::-1]
+
+    def near(self, rays: Rays) -> tuple[Ints, Ints]:
+        """Pairs of rays and parts whose boxes they meet."""
+        reciprocal = 1 / np.where(np.abs(rays.directions) > 1e-200, rays.directions, 1e-200)
+        first = len(self.levels[0][0])
+        r, k = np.repeat(np.arange(len(rays)), first), np.tile(np.arange(first), len(rays))
+        for level, (low, high) in enumerate(self.levels):
+            if level:
+                r, k = np.repeat(r, _FAN), (k[:, None] * _FAN + np.arange(_FAN)).ravel()
+                r, k = r[k < len(low)], k[k < len(low)]
+            one, two = ((side[k] - rays.origins[r]) * reciprocal[r] for side in (low, high))
+            enters, leaves = np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
+            met = leaves >= np.maximum(enters, 0.0)
+            r, k = r[met], k[met]
+        return r, self.order[k]

@@ -1,0 +1,139 @@
+"""What is wrong with a picture as a whole: turned, moved, in other colours, cut off. It is seen without tracing a ray.
+
+Such mistakes hide all others. So they are found first, and the search goes on with a tracer that makes them, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.students.mistakes import BY_NAME, Changes
+from cltrace.students.rules import RIGHT, Rules
+from cltrace.students.tracer import to_bytes
+
+Levels = NDArray[np.int64]  # (h, w, 3), 0..255
+Bits = NDArray[np.bool_]
+Made = dict[str, Changes]
+
+_PROBES = 800  # pixels that are looked at
+_STEP = 8  # levels by which these differ from a neighbour: where all is alike, all placings fit
+_FAR = 8  # pixels, by which a picture may be shifted
+_HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a change has to make right
+_COLORS = ("gamma", "swapped-channels", "grey", "inverted")
+_PLACES: tuple[Made, ...] = tuple(
+    {name: BY_NAME[name].variants[0] for name in names}
+    for names in (("upside-down",), ("mirrored",), ("upside-down", "mirrored"), ("transposed",))
+)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What was found.
+
+    made: the mistakes that a tracer can make, with what each makes of the rules; covers: others, each with the pixels
+    that it explains, (h, w); over: whether nothing else is to be seen in the picture.
+    """
+
+    made: Made = field(default_factory=dict)
+    covers: dict[str, Bits] = field(default_factory=dict)
+    over: bool = False
+
+
+def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> Whole:
+    """Looks at a picture and the right one. background: (3,), whose pixels are no sign of anything."""
+    wrong = np.abs(mine - right).max(axis=2) > tolerance
+    if not wrong.any():
+        return Whole()
+    if not np.ptp(mine, axis=(0, 1)).any():
+        name = "only-background" if np.abs(mine[0, 0] - background).max() <= 1 else "one-colour"
+        return Whole(covers={name if mine.any() else "black": wrong}, over=True)
+    framed = dict(_framed(mine, wrong, background))
+    if framed:
+        return Whole(covers=framed)
+    made = _made(mine, right, tolerance)
+    if "shifted" in made:
+        x, y = made["shifted"]["sample"]
+        strips = np.ones(wrong.shape, np.bool_)
+        dx, dy = round(abs(x - 0.5)), round(abs(y - 0.5))
+        strips[dy : len(wrong) - dy, dx : wrong.shape[1] - dx] = False
+        return Whole(made, {"shifted": strips & wrong})
+    return Whole(made)
+
+
+def _made(mine: Levels, right: Levels, tolerance: int) -> Made:
+    """The placing and the colours that fit best, if they fit far better than what should be there."""
+    height, width = mine.shape[:2]
+    steps = np.zeros((height, width), np.bool_)
+    steps[:, 1:] |= np.abs(np.diff(mine, axis=1)).max(axis=2) >= _STEP
+    steps[1:] |= np.abs(np.diff(mine, axis=0)).max(axis=2) >= _STEP
+    where = np.flatnonzero(steps) if steps.sum() > 20 else np.arange(height * width)
+    y, x = np.divmod(np.random.default_rng(0).permutation(where)[:_PROBES], width)
+
+    def fits(made: Made) -> float:
+        rules = replace(RIGHT, **{key: value for changes in made.values() for key, value in changes.items()})
+        seen = _seen(right, x, y, rules)
+        if made.keys() <= {"shifted"}:
+            return float((np.abs(mine[y, x] - seen).max(axis=1) <= tolerance).mean())
+        # A level of the right picture stands for the colours that are nearest to it.
+        ends = [to_bytes(np.maximum(seen + off, 0) / 255, rules) for off in (-0.499, 0.499)]
+        low, high = np.minimum(*ends) - tolerance, np.maximum(*ends) + tolerance
+        off = (mine[y, x] < low) | (mine[y, x] > high)
+        return 1 - float(off.any(axis=1).mean())
+
+    before, best, made = fits({}), 0.0, {}
+    for tried in _tried(height == width):
+        fit = fits(tried)
+        if fit > best:
+            best, made = fit, tried
+    return made if best >= _HALF and 1 - best <= _HALF * (1 - before) else {}
+
+
+def _tried(square: bool) -> Iterator[Made]:
+    """From what is simple to what is not."""
+    places: list[Made] = [{}, *(_PLACES if square else _PLACES[:3])]
+    colors = [{name: way} for name in _COLORS for way in BY_NAME[name].variants]
+    yield from places[1:]
+    yield from colors
+    yield from ({**place, **color} for place in places[1:] for color in colors)
+    reach = range(-_FAR, _FAR + 1)
+    for dx, dy in sorted(((i, j) for i in reach for j in reach if i or j), key=lambda ij: abs(ij[0]) + abs(ij[1])):
+        yield {"shifted": {"sample": (0.5 + dx, 0.5 - dy)}}
+
+
+def _seen(right: Levels, x: NDArray[np.intp], y: NDArray[np.intp], rules: Rules) -> Levels:
+    """What pixels show of the right picture, (n, 3)."""
+    height, width = right.shape[:2]
+    x, y = (y, x) if rules.transposed else (x, y)
+    x = width - 1 - x if rules.mirrored else x
+    y = height - 1 - y if rules.upside_down else y
+    x, y = x + round(rules.sample[0] - 0.5), y - round(rules.sample[1] - 0.5)
+    return np.asarray(right[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)])
+
+
+def _framed(mine: Levels, wrong: Bits, background: Levels) -> Iterator[tuple[str, Bits]]:
+    """Rows or columns of one colour at the picture's sides, where they are nearly all that is wrong."""
+    height, width = wrong.shape
+    counts = [_even(rows, background) for rows in (mine, mine[::-1], mine.swapaxes(0, 1), mine.swapaxes(0, 1)[::-1])]
+    top, bottom, left, right = counts
+    frame = np.ones(wrong.shape, np.bool_)
+    frame[top : height - bottom, left : width - right] = False
+    sides = sum(count > 0 for count in counts)
+    if not wrong[frame].any() or wrong[~frame].mean() > 0.1 * wrong[frame].mean():
+        return
+    if sides == 1 and (top or bottom) and frame.mean() < 1:
+        yield "cut-off", frame & wrong
+    elif sides == 4:
+        yield "border", frame & wrong
+
+
+def _even(rows: Levels, background: Levels) -> int:
+    """How many rows there are, from the first one on, of its first pixel's colour, which is not the background's."""
+    color = rows[0, 0]
+    if np.abs(color - background).max() <= 1:
+        return 0
+    even = (rows == color).all(axis=(1, 2))
+    return len(even) if even.all() else int(np.argmin(even))

@@ -1,0 +1,52 @@
+/* start.cl: points of surfaces, where rays start. */
+
+/* Where a shadow ray starts: a point P of a sphere. P itself, rounded, is used by filters only. */
+typedef struct {
+    Sphere own;
+    Real3 p;             /* from the own sphere's centre to P */
+    REAL side;           /* 1, or -1 where the ray that found P came from inside */
+    REAL_MASK stretched; /* whether it is no sphere; then p is not r long */
+    REAL support;        /* n.p, with n the normal: how far the plane across n through P is from the centre */
+    INT index;           /* of the own surface, and as in Leaving: */
+    Real3 q;             /* of a sphere the normal */
+    Real3 anchor, step;  /* its centre or corner in the world, and from there to P */
+    REAL reach;
+    /* Where `real` is float: */
+    Real3 from_eye;     /* P itself, in camera space */
+    REAL_MASK near_eye; /* whether that is the shorter way */
+} Start;
+
+/* side: as in Start; point: P itself, in camera space. */
+static Start start_of(const Sphere own, const Real3 normal, const REAL side, const Real3 point) {
+    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, side};
+    P.stretched = 0;
+    P.support = own.r;
+    P.from_eye = point;
+    P.near_eye = REAL_BYTES == 4 ? DOT(point, point) < own.r * own.r : (REAL_MASK)0;
+    return P;
+}
+
+/* Where a ray from the eye meets its sphere at t. */
+static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const REAL t) {
+    const Real3 point = point_at(ray, t);
+    const REAL_MASK outside = HAS(WITH_PARALLEL_RAYS) ? normal.z >= 0 : own.c > 0;
+    return start_of(own, normal, HAS(WITH_INSIDE) ? (outside ? (REAL)1 : (REAL)-1) : (REAL)1, point);
+}
+
+/* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
+ * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */
+static Real3 towards(const Start P, const Real3 point) {
+    const Real3 C = P.own.center;
+    Real3 w = {(point.x - C.x) - P.p.x, (point.y - C.y) - P.p.y, (point.z - C.z) - P.p.z};
+    if (REAL_BYTES == 4) {
+        w.x = P.near_eye ? point.x - P.from_eye.x : w.x;
+        w.y = P.near_eye ? point.y - P.from_eye.y : w.y;
+        w.z = P.near_eye ? point.z - P.from_eye.z : w.z;
+    }
+    return w;
+}
+
+#if REAL_BYTES == 8
+/* From a ray's `center` to where it starts: dispatch.cl asks the shape that it leaves. */
+static Pair3 fine_start(const Spheres spheres, const Leaving ray);
+#endif

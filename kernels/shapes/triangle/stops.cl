@@ -1,0 +1,195 @@
+/* stops.cl: triangles between a point and a light. */
+#ifdef WITH_TRIANGLES
+/* Puts the world's coordinates of the lanes that start on triangles into their starts. */
+static __attribute__((noinline)) void place_starts(const Spheres spheres, Start *P) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, P->index));
+    const Place3 place = places_of(spheres, P->index, P->q);
+    PUT_WHERE(here, P->anchor.x, place.anchor.x);
+    PUT_WHERE(here, P->anchor.y, place.anchor.y);
+    PUT_WHERE(here, P->anchor.z, place.anchor.z);
+    PUT_WHERE(here, P->step.x, place.step.x);
+    PUT_WHERE(here, P->step.y, place.step.y);
+    PUT_WHERE(here, P->step.z, place.step.z);
+    PUT_WHERE(here, P->reach, place.reach);
+}
+
+#if REAL_BYTES == 8
+/* As stands_before(), in pairs. */
+static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
+                                                         const Start P, const INT number, const REAL_MASK wanted) {
+    const Real3 none = {0, 0, 0};
+    const Leaving point = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
+    const Pair3 step = fine_start(spheres, point);
+    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)}, along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
+    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
+    FinePath path = {P.anchor, step,   along, P.reach, size_of(to),
+                     0,        placed, none,  P.q,     P.index - (INT)FIRST_TRIANGLE(spheres)};
+    if (at_point) {
+        const Pair3 way = pairs_between(to, P.anchor);
+        path.anchor = to;
+        path.step = still;
+        path.w.x = plus(way.x, step.x);
+        path.w.y = plus(way.y, step.y);
+        path.w.z = plus(way.z, step.z);
+        path.reach = 0;
+        path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+        path.placed = 0;
+    }
+    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
+    if (!at_point) return fine.hit;
+    const Real3 a = corners_of(spheres, number, 0);
+    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)),
+                e2 = pairs_between(a, corners_of(spheres, number, 2));
+    const Pair3 near = pairs_between(a, P.anchor);
+    const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
+    const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
+    const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
+    const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) *
+                    ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    REAL beyond_it = sign_from(side.hi, 0x1p-97 * size * gh);
+    /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
+    const MASK unsure = TO_MASK(fine.hit & (beyond_it == 0) & placed);
+    if (ANY(unsure)) {
+        const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
+        beyond_it = TO_REAL_MASK(unsure) ? -whole : beyond_it;
+    }
+    return fine.hit & (fine.side * beyond_it > 0);
+}
+#endif
+
+/* A triangle and the way between a point P and a light, which is at a point, or in the direction `to`.
+ *
+ * Of a light at a point, the ray leads from there to P; it meets the triangle before P if P is beyond the triangle's
+ * plane, which is the sign of N.(P - A). What P - A is off by is below 2^-48 of the sum of the magnitudes that it is
+ * made from. */
+typedef struct {
+    Volumes v;
+    REAL least, most; /* of the volumes of the edges */
+    REAL side;        /* N.(P - A); of a parallel light D */
+    REAL side_error;  /* what that is off by, of a light at a point */
+} Passing;
+
+static __attribute__((always_inline)) Passing passing_of(const Real3 to, const int at_point, const Start P,
+                                                         const Triangle T) {
+    const Real3 none = {0, 0, 0};
+    Path path = {P.anchor, P.step, to, P.reach, size_of(to)};
+    if (at_point) {
+        const Real3 way = difference(P.anchor, to);
+        path.anchor = to;
+        path.step = none;
+        path.w.x = way.x + P.step.x;
+        path.w.y = way.y + P.step.y;
+        path.w.z = way.z + P.step.z;
+        path.reach = 0;
+        path.w1 = size_of(way) + P.reach;
+    }
+    Passing is;
+    is.v = volumes_of(path, T);
+    is.least = smaller_of(is.v.EA, smaller_of(is.v.EB, is.v.EC));
+    is.most = larger_of(is.v.EA, larger_of(is.v.EB, is.v.EC));
+    const Real3 near = difference(P.anchor, T.a);
+    const Real3 beyond = {near.x + P.step.x, near.y + P.step.y, near.z + P.step.z};
+    is.side = at_point ? DOT(T.N, beyond) : is.v.D;
+    is.side_error = (real)0x1p-46f * (size_of(near) + P.reach) * (T.g * T.h);
+    return is;
+}
+
+/* Whether a triangle stands between P and the light. inside: as in triangle_meet(). */
+static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const int at_point, const Start P,
+                               const int number, const REAL_MASK wanted, const REAL_MASK inside) {
+    const Real3 to = {lamp.x, lamp.y, lamp.z};
+    const REAL_MASK ends_there = at_point ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0,
+                    endless = at_point ? (REAL_MASK)0 : TO_REAL_MASK(ALL_LANES);
+    const Passing is = passing_of(to, at_point, P, triangle_at(spheres, number));
+    const Volumes v = is.v;
+    const REAL least = is.least, most = is.most, side = is.side;
+#if REAL_BYTES == 8
+    const REAL side_error = is.side_error;
+    const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
+    const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
+    /* Along a parallel light it is known that the volumes have one sign, and so that of N.w, not which. */
+    const REAL_MASK up = inside & (ends_there | (v.den > v.den_error)),
+                    down = inside & (ends_there | (v.den < -v.den_error));
+    const REAL_MASK passes = (front & (inside ? down & endless : least < -v.E_error)) |
+                             (back & (inside ? up & endless : most > v.E_error));
+    const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
+    const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
+                            (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
+    const REAL_MASK unsure = wanted & !(split | passes | ends | meets);
+    REAL_MASK stops = wanted & meets;
+    if (RARELY(ANY(TO_MASK(unsure)))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
+    return stops;
+#else
+    const REAL_MASK front = v.D > 0, back = v.D < 0;
+    const REAL_MASK up = inside & (ends_there | (v.den > 0)), down = inside & (ends_there | (v.den < 0));
+    return wanted & ((front & (up | (least > 0)) & (endless | (side > 0))) |
+                     (back & (down | (most < 0)) & (endless | (side < 0))));
+#endif
+}
+
+/* The same as triangle_shadow() where float32 cannot tell: for the lanes of `wanted`, of which those of `inside` are as
+ * in triangle_meet(). */
+static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const real4 lamp, const int at_point,
+                                                   const Start *from, const int number, const MASK wanted,
+                                                   const MASK inside) {
+    const Spheres spheres = *all;
+    Start start = *from;
+    place_starts(spheres, &start);
+    return TO_MASK(stands_before(spheres, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
+}
+
+/* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
+ * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
+static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK may,
+                            const MASK lit, Work *work) {
+    const int number = index - FIRST_TRIANGLE(scene.spheres);
+    may = may & (ray.own != index);
+    MASK unsure = may, inside = 0, stops = 0;
+    if (HAS(WITH_FILTER) && !ray.touches) {
+        __global const float4 *facet = scene.light_facet + 3 * ((long)ray.number * scene.triangles + number);
+        const FLOAT x = ray.at_point ? ray.w32.x : ray.u, y = ray.at_point ? ray.w32.y : ray.v;
+        const FLOAT z = ray.at_point ? ray.w32.z : (FLOAT)1;
+        const Sides sides = sides_of(x, y, z, ray.at_point ? sqrt(ray.a) : (FLOAT)1, facet);
+        unsure = may & sides.open;
+        COUNT(FILTERED, may & !unsure);
+        if (!ANY(unsure)) return 0;
+        const Bounds plane = plane_at(x, y, z, facet);
+        /* P's own depth is off by a rounding of it, and by less than 2^-40; that of the plane by 2^-27, see
+         * along_light(). */
+        const FLOAT off = FMA(magnitude(ray.depth), (FLOAT)0x1p-22f, (FLOAT)0x1p-26f);
+        const MASK beyond = ray.at_point ? plane.low > 1 : plane.high < ray.depth - off;
+        const MASK before = ray.at_point ? plane.high < 1 : plane.low > ray.depth + off;
+        inside = unsure & sides.inside;
+        stops = inside & beyond;
+        unsure = unsure & !stops & !before;
+    }
+    if (!RARELY(ANY(unsure))) return stops;
+    COUNT(DECIDED, unsure);
+    /* Copied here, lest compilers keep it in memory all the time. */
+    const Spheres spheres = scene.spheres;
+    const Start copy = start;
+    return stops | decide_stops(&spheres, scene.lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
+}
+#endif
+
+#ifdef WITH_UNSTOPPABLE
+/* The number of `unstoppable` that has the bit of each lane's triangle; 0 of other surfaces. */
+static INT bits_of_triangles(const Scene scene, const int light, const INT own) {
+    __global const int *bits = scene.unstoppable + (long)light * ((scene.triangles + 31) / 32);
+    INT left = IS_TRIANGLE(scene.spheres, own) ? (own - FIRST_TRIANGLE(scene.spheres)) >> 5 : (INT)-1, found = 0;
+    for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
+        PUT_WHERE(left == one, found, (INT)bits[one]);
+        left = left == one ? (INT)-1 : left;
+    }
+    return found;
+}
+
+/* In which lanes the own surface is not known to be a triangle on which no shadow of a light can fall. */
+static MASK may_be_shaded(const Scene scene, const int light, const INT own) {
+    return ((bits_of_triangles(scene, light, own) >> ((own - FIRST_TRIANGLE(scene.spheres)) & 31)) & 1) - 1;
+}
+#define IS_PROVED(scene, light) ((light) < (scene).proved)
+#else
+#define may_be_shaded(scene, light, own) ALL_LANES
+#define IS_PROVED(scene, light) 0
+#endif

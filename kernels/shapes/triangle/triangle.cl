@@ -1,0 +1,707 @@
+/* triangle.cl: the triangle, decided in `real`; and rays that leave one.
+ *
+ * A mesh is its corners in the world, exactly the doubles of the buffer `vertex`. A ray starts at a point O and leads
+ * along w. With A' = A - O for the corners A, B and C, the ray meets the triangle if the three volumes
+ *
+ *     E_AB = w.(A' x B'),   E_BC = w.(B' x C'),   E_CA = w.(C' x A')
+ *
+ * all have the sign of D = A'.N, with N = (B - A) x (C - A); and it does so at t = D / (N.w). No sign of t is asked
+ * for: the three add up to N.w. With D = 0 the ray starts in the triangle's plane and never meets it.
+ *
+ * A volume of 0 means that the ray meets the line through an edge. Then it has the sign of the first number of A' x B',
+ * in the world, that is not 0. That is its sign for the direction w + (e, e^2, e^3) with a small e: one and the same
+ * ray for all edges, so exactly one of the triangles around an edge or a corner is met. cltrace/reference has the same.
+ */
+#ifdef WITH_TRIANGLES
+
+/* One triangle in all lanes, or each lane's own one. Lengths of the world. */
+typedef struct {
+    Real3 a, e1, e2; /* the corner A, from there to B and to C */
+    Real3 N;         /* e1 x e2 */
+    REAL g, h;       /* |e1| and |e2|, as sums of the coordinates' magnitudes */
+} Triangle;
+
+static Triangle triangle_at(const Spheres spheres, const int number) {
+    const int4 face = spheres.face[number];
+    const real4 a = spheres.vertex[face.x], b = spheres.vertex[face.y], c = spheres.vertex[face.z];
+    const real4 e = b - a, f = c - a;
+    const Triangle T = {{a.x, a.y, a.z},
+                        {e.x, e.y, e.z},
+                        {f.x, f.y, f.z},
+                        {e.y * f.z - e.z * f.y, e.z * f.x - e.x * f.z, e.x * f.y - e.y * f.x},
+                        (fabs(e.x) + fabs(e.y)) + fabs(e.z),
+                        (fabs(f.x) + fabs(f.y)) + fabs(f.z)};
+    return T;
+}
+
+/* The corner `corner`, 0 to 2, of each lane's triangle. Lanes with a negative number get any one. */
+static Real3 corners_of(const Spheres spheres, const INT number, const INT corner) {
+    int each[W], which[W];
+    real x[W], y[W], z[W];
+    STORE_LANES(number, each);
+    STORE_LANES(corner, which);
+    for (int lane = 0; lane < W; lane++) {
+        const int4 face = spheres.face[max(each[lane], 0)];
+        const real4 v = spheres.vertex[which[lane] == 0 ? face.x : which[lane] == 1 ? face.y : face.z];
+        x[lane] = v.x;
+        y[lane] = v.y;
+        z[lane] = v.z;
+    }
+    const Real3 v = {LOAD_LANES(x), LOAD_LANES(y), LOAD_LANES(z)};
+    return v;
+}
+
+static Real3 difference(const Real3 a, const Real3 b) {
+    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return d;
+}
+
+static Real3 cross_of(const Real3 a, const Real3 b) {
+    const Real3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+/* The three corners of each lane's triangle, or their normals. fourth: the fourth number of the row that names them. */
+typedef struct {
+    Real3 a, b, c;
+    INT fourth;
+} Corners;
+
+static void put_row(const REAL_MASK here, Real3 *v, const real4 row) {
+    PUT_WHERE(here, v->x, (REAL)row.x);
+    PUT_WHERE(here, v->y, (REAL)row.y);
+    PUT_WHERE(here, v->z, (REAL)row.z);
+}
+
+/* The same of lanes on many triangles. */
+static __attribute__((always_inline)) Corners each_corners_at(__global const real4 *array, __global const int4 *face,
+                                                              const INT index) {
+    int each[W];
+    __global const real4 *a[W], *b[W], *c[W];
+    __global const int4 *row[W];
+    STORE_LANES(index, each);
+#pragma unroll
+    for (int lane = 0; lane < W; lane++) {
+        row[lane] = face + max(each[lane], 0);
+        a[lane] = array + row[lane]->x;
+        b[lane] = array + row[lane]->y;
+        c[lane] = array + row[lane]->z;
+    }
+    const Corners own = {{(REAL)EACH_LANE(a, ->x), (REAL)EACH_LANE(a, ->y), (REAL)EACH_LANE(a, ->z)},
+                         {(REAL)EACH_LANE(b, ->x), (REAL)EACH_LANE(b, ->y), (REAL)EACH_LANE(b, ->z)},
+                         {(REAL)EACH_LANE(c, ->x), (REAL)EACH_LANE(c, ->y), (REAL)EACH_LANE(c, ->z)},
+                         (INT)EACH_LANE(row, ->w)};
+    return own;
+}
+
+/* Each lane's three rows of an array, of which `index` says which: those that `face` names there. Lanes with a negative
+ * index get any. Neighbours are mostly on few triangles, and the numbers of one at a time are read faster than each
+ * lane's own. With up to four triangles, frames of a million, where most packets have more, took 1.04 to 1.1 of the
+ * time. */
+#define FEW_TRIANGLES 2
+static __attribute__((always_inline)) Corners corners_at(__global const real4 *array, __global const int4 *face,
+                                                         const INT index) {
+    int one = LARGEST(index);
+    const int4 rows = face[max(one, 0)];
+    const real4 a = array[rows.x], b = array[rows.y], c = array[rows.z];
+    Corners own = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, rows.w};
+    INT left = index == one ? (INT)-1 : index;
+    for (int k = 1; ANY(left >= 0); k++) {
+        if (k == FEW_TRIANGLES) return each_corners_at(array, face, index);
+        one = LARGEST(left);
+        const MASK here = left == one;
+        const REAL_MASK put = TO_REAL_MASK(here);
+        const int4 more = face[one];
+        put_row(put, &own.a, array[more.x]);
+        put_row(put, &own.b, array[more.y]);
+        put_row(put, &own.c, array[more.z]);
+        PUT_WHERE(here, own.fourth, (INT)more.w);
+        left = here ? (INT)-1 : left;
+    }
+    return own;
+}
+
+/* The fourth number of each lane's row; any where the index is negative. */
+static __attribute__((always_inline)) INT fourths_of(__global const int4 *rows, const INT index) {
+    int one = LARGEST(index);
+    INT fourth = rows[max(one, 0)].w, left = index == one ? (INT)-1 : index;
+    while (ANY(left >= 0)) {
+        one = LARGEST(left);
+        PUT_WHERE(left == one, fourth, (INT)rows[one].w);
+        left = left == one ? (INT)-1 : left;
+    }
+    return fourth;
+}
+
+static Triangle triangle_of(const Corners corners) {
+    const Real3 e1 = difference(corners.b, corners.a), e2 = difference(corners.c, corners.a);
+    const Triangle T = {corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
+    return T;
+}
+
+/* N of each lane's triangle. */
+static __attribute__((noinline)) Real3 plane_normals(__global const real4 *vertex, __global const int4 *face,
+                                                     const INT number) {
+    return triangle_of(corners_at(vertex, face, number)).N;
+}
+
+static __attribute__((always_inline)) Triangle triangles_of(const Spheres spheres, const INT number) {
+    return triangle_of(corners_at(spheres.vertex, spheres.face, number));
+}
+
+/* The filter. A facet is the three planes of a triangle's edges as seen from a fixed point: A' x B' and so on, times
+ * the sign of D, in the axes of the camera, each divided by a bound of what its volume is off by in float. So what is
+ * above 1 is surely positive and what is below -1 surely negative.
+ *
+ * From the eye, d = (x, y, -1): numbers and d are rounded once, and three roundings follow, so with e = 2^-24 a volume
+ * is off by less than 5.01 e (X |n.x| + Y |n.y| + |n.z|), X and Y being the largest |x| and |y| of the picture; from a
+ * light, with any w, by less than 5.01 e |n| |w|, and sqrt(w.w) is right to 4 e. [FACET_ROUNDINGS = 6] See
+ * plan/shapes/triangle.py. */
+typedef struct {
+    MASK open, inside; /* whether all three volumes may be positive, and whether they surely are */
+} Sides;
+
+#if REAL_BYTES == 4
+/* The sign of a plane for directions that it holds: that of its first number that is not 0. */
+static int first_sign(const float4 n) {
+    const float first = n.x != 0 ? n.x : n.y != 0 ? n.y : n.z;
+    return first > 0;
+}
+#endif
+
+/* bound: what the planes' bound is to be multiplied by. */
+static Sides sides_of(const FLOAT x, const FLOAT y, const FLOAT z, const FLOAT bound, __global const float4 *facet) {
+    const float4 ab = facet[0], bc = facet[1], ca = facet[2];
+    const FLOAT one = FMA(x, (FLOAT)ab.x, FMA(y, (FLOAT)ab.y, z * ab.z));
+    const FLOAT two = FMA(x, (FLOAT)bc.x, FMA(y, (FLOAT)bc.y, z * bc.z));
+    const FLOAT three = FMA(x, (FLOAT)ca.x, FMA(y, (FLOAT)ca.y, z * ca.z));
+    const FLOAT low = one < two ? one : two, least = low < three ? low : three;
+    Sides sides;
+#if REAL_BYTES == 8
+    sides.open = least >= -bound;
+    sides.inside = least > bound;
+#else
+    sides.open = least > 0;
+    if (RARELY(ANY(least == 0)))
+        sides.open = ((one > 0) | ((one == 0) & -first_sign(ab))) & ((two > 0) | ((two == 0) & -first_sign(bc))) &
+                     ((three > 0) | ((three == 0) & -first_sign(ca)));
+    sides.inside = sides.open;
+#endif
+    return sides;
+}
+
+/* 1/t for a ray that meets the triangle's plane at t, of rays that surely meet the triangle, or the plane's depth along
+ * a parallel light. The numbers beside the edges are that plane. They and the direction are rounded once, three
+ * roundings follow, and the plane itself is off by no more than one: together less than 6.1 of the 8 roundings here. */
+static Bounds plane_at(const FLOAT x, const FLOAT y, const FLOAT z, __global const float4 *facet) {
+    const float a = facet[0].w, b = facet[1].w, c = facet[2].w;
+    const FLOAT at = FMA(x, (FLOAT)a, FMA(y, (FLOAT)b, z * c));
+    const FLOAT size = FMA(magnitude(x), (FLOAT)fabs(a), FMA(magnitude(y), (FLOAT)fabs(b), magnitude(z) * fabs(c)));
+    const Bounds bounds = {FMA(size, (FLOAT)-0x1p-21f, at), FMA(size, (FLOAT)0x1p-21f, at)};
+    return bounds;
+}
+
+/* Where a ray starts, and where it leads, for the decisions about triangles. Lengths of the world.
+ *
+ * O = anchor + step. The anchor is exact: the eye, a light, a sphere's centre or a triangle's corner. */
+typedef struct {
+    Real3 anchor, step, w;
+    REAL reach; /* no less than |step|, but for rounding; what the step is off by is below 2^-49 of it */
+    REAL w1;    /* no less than |w.x| + |w.y| + |w.z|; what w is off by is below 2^-49 of it */
+} Path;
+
+static Path path_of(const Leaving ray) {
+    const Path path = {ray.center, ray.p, ray.w, ray.reach, ray.w1};
+    return path;
+}
+
+/* What is known of rays and triangles in double: the numbers above, and what they are off by.
+ *
+ * With u = 2^-53. Each coordinate of A' is off by u of itself for each of two subtractions and by what the step is off
+ * by, together below 2^-48 s, s = |A'| + reach. e1 and e2 are off by u of themselves. So R = A' x w is off by less than
+ * 2^-46 s w1 in each coordinate, and E_AB = -e1.R, which is w.(A' x e1), by less than g (2^-46 s w1 + 4 u s w1): below
+ * 2^-45 g s w1; likewise E_CA with h. N is off by 5 u g h in each coordinate, D by h g (5 u + 2^-48 + 3 u) s < 2^-46 g
+ * h s and N.w by less than 2^-47 g h w1. E_BC is what is left of N.w, and all of N.w is below g s w1 + h s w1 + |E_BC|,
+ * so 2^-44 (g + h) s w1 has room for the sum of their errors; where N.w itself is off by more than that, since the
+ * triangle is large beside s, its own bound counts. */
+typedef struct {
+    REAL D, den;     /* A'.N and N.w */
+    REAL EA, EB, EC; /* opposite A, B, C: of the edges BC, CA, AB */
+    REAL E_error, D_error, den_error;
+} Volumes;
+
+static __attribute__((always_inline)) Volumes volumes_of(const Path path, const Triangle T) {
+    const Real3 A = {(T.a.x - path.anchor.x) - path.step.x, (T.a.y - path.anchor.y) - path.step.y,
+                     (T.a.z - path.anchor.z) - path.step.z};
+    const Real3 R = cross_of(A, path.w);
+    const REAL s = size_of(A) + path.reach, gh = T.g * T.h;
+    Volumes v;
+    v.D = DOT(A, T.N);
+    v.den = DOT(T.N, path.w);
+    v.EB = DOT(T.e2, R);
+    v.EC = -DOT(T.e1, R);
+    v.EA = (v.den - v.EB) - v.EC;
+#if REAL_BYTES == 8
+    v.D_error = 0x1p-45 * s * gh;
+    v.den_error = 0x1p-46 * path.w1 * gh;
+    v.E_error = 0x1p-44 * s * path.w1 * (T.g + T.h) + v.den_error;
+#endif
+    return v;
+}
+
+/* How much each corner counts at a point of a triangle; together they are 1. */
+typedef struct {
+    REAL a, b, c;
+} Weights;
+
+static REAL smaller_of(const REAL a, const REAL b) {
+    return a < b ? a : b;
+}
+
+static REAL larger_of(const REAL a, const REAL b) {
+    return a > b ? a : b;
+}
+
+#if REAL_BYTES == 8
+/* The last word on rays and triangles, where doubles are unsure: in pairs, then in whole numbers. */
+
+static Pair3 pairs_between(const Real3 from, const Real3 to) {
+    const Pair3 v = {two_sum(to.x, -from.x), two_sum(to.y, -from.y), two_sum(to.z, -from.z)};
+    return v;
+}
+
+static Pair3 minus3(const Pair3 a, const Pair3 b) {
+    const Pair3 c = {minus(a.x, b.x), minus(a.y, b.y), minus(a.z, b.z)};
+    return c;
+}
+
+/* As Path, in pairs. The step is off by less than 2^-99 of the reach, and w by less than 2^-101 of w1. */
+typedef struct {
+    Real3 anchor;
+    Pair3 step, w;
+    REAL reach, w1;
+    /* For whole numbers: */
+    REAL_MASK whole;  /* whether it starts at the eye or on a triangle, along d of camera space */
+    REAL_MASK placed; /* whether it starts there, wherever it leads */
+    Real3 d, q;       /* q and own as in Leaving, but that own counts triangles */
+    INT own;
+} FinePath;
+
+/* u (next corner - corner) + v (the one after - corner), in pairs, of the point q of each lane's triangle. */
+static Pair3 fine_step(const Spheres spheres, const INT number, const Real3 q) {
+    const INT k = TO_INT(q.z), next = k == 2 ? (INT)0 : k + 1, last = k == 0 ? (INT)2 : k - 1;
+    const Real3 anchor = corners_of(spheres, number, k);
+    const Pair3 x = pairs_between(anchor, corners_of(spheres, number, next));
+    const Pair3 y = pairs_between(anchor, corners_of(spheres, number, last));
+    const Pair u = pair(q.x, 0), v = pair(q.y, 0);
+    const Pair3 step = {plus(times(u, x.x), times(v, y.x)), plus(times(u, x.y), times(v, y.y)),
+                        plus(times(u, x.z), times(v, y.z))};
+    return step;
+}
+
+/* Where a ray starts in whole numbers: anchor + u (next - anchor) + v (last - anchor); from the plane of an
+ * orthographic camera, anchor + u next + v last. */
+typedef struct {
+    real4 anchor, next, last;
+    double u, v;
+    Span places, weights;
+    int on_plane; /* whether it is that plane */
+} WholeStart;
+
+/* The start of a ray that leaves the point (u, v, k) of a triangle, or the eye where own < 0. */
+static WholeStart whole_start(const Spheres spheres, const int own, const double u, const double v, const int k) {
+    WholeStart start = {spheres.camera[0], spheres.camera[0], spheres.camera[0], 0, 0};
+    start.on_plane = HAS(WITH_PARALLEL_RAYS) && own < 0;
+    if (start.on_plane) {
+        start.next = spheres.camera[1];
+        start.last = spheres.camera[2];
+        start.u = u;
+        start.v = v;
+    }
+    if (own >= 0) {
+        const int4 face = spheres.face[own];
+        const int corner[3] = {face.x, face.y, face.z};
+        start.anchor = spheres.vertex[corner[k]];
+        start.next = spheres.vertex[corner[(k + 1) % 3]];
+        start.last = spheres.vertex[corner[(k + 2) % 3]];
+        start.u = u;
+        start.v = v;
+    }
+    start.places = span_of_both(span_of_xyz(start.anchor),
+                                span_of_both(span_of_xyz(start.next), span_of_xyz(start.last)));
+    start.weights = span_of_both(span_of(1), span_of_both(span_of(start.u), span_of(start.v)));
+    return start;
+}
+
+/* Coordinate i of p - start, in the unit of `places` times that of `weights`. */
+static __attribute__((noinline)) void whole_offset(Integer *out, const WholeStart start, const real4 p, const int i,
+                                                   const int n) {
+    const int unit = start.places.low, scale = start.weights.low;
+    const real4 ends[3] = {p, start.next, start.last};
+    const double factor[3] = {1, -start.u, -start.v};
+    Integer way, from, weight;
+    set_to(out, 0, 0, n);
+    for (int k = 0; k < 3; k++) {
+        if (factor[k] == 0) continue;
+        set_to(&way, coordinate(ends[k], i), unit, n);
+        set_to(&from, -coordinate(start.anchor, i), unit, n);
+        if (k > 0 && start.on_plane) set_to(&from, 0, 0, n);
+        add(&way, &from, n);
+        set_to(&weight, factor[k], scale, n);
+        add_product(out, &way, &weight, n);
+    }
+}
+
+/* The sign of w.(X' x Y'), of X' x Y' where that is 0; and, without a direction, of Z'.(X' x Y'). What would take more
+ * than DIGITS digits counts as 0: no coordinates of a size do. */
+static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeStart start, const real4 X, const real4 Y,
+                                                  const real4 Z, const int directed, const double dx, const double dy,
+                                                  const double dz) {
+    Span B = {INT_MAX, INT_MIN}, d = span_of_both(span_of(dx), span_of_both(span_of(dy), span_of(dz)));
+    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_xyz(spheres.camera[k + 1]));
+    start.places = span_of_both(start.places,
+                                span_of_both(span_of_xyz(X), span_of_both(span_of_xyz(Y), span_of_xyz(Z))));
+    const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
+    const int turned = B.high - B.low + d.high - d.low + 2;
+    const int n = (2 * bits + (directed ? turned : bits) + 8 + 31) / 32;
+    if (n > DIGITS) return 0;
+    Integer x[3], y[3], cross[3], volume, w, negative;
+    set_to(&volume, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        whole_offset(&x[i], start, X, i, n);
+        whole_offset(&y[i], start, Y, i, n);
+    }
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        set_to(&cross[i], 0, 0, n);
+        negative = x[k];
+        negate(&negative, n);
+        add_product(&cross[i], &x[j], &y[k], n);
+        add_product(&cross[i], &negative, &y[j], n);
+        if (directed) whole_turned(&w, spheres, dx, dy, dz, i, B.low, d.low, n);
+        else whole_offset(&w, start, Z, i, n);
+        add_product(&volume, &cross[i], &w, n);
+    }
+    const int sign = sign_of(&volume, n);
+    if (sign != 0 || !directed) return sign;
+    for (int i = 0; i < 3; i++)
+        if (sign_of(&cross[i], n) != 0) return sign_of(&cross[i], n);
+    return 0;
+}
+
+/* The signs of the volumes of each lane's triangle in whole numbers, for the lanes of `unsure`: E of the edge from
+ * corner `from` to corner `to`, or D where from = to. */
+static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
+                                                 const int from, const int to, const MASK unsure) {
+    int each[W], left[W], own[W], sign[W];
+    double u[W], v[W], k[W], x[W], y[W], z[W];
+    STORE_LANES(number, each);
+    STORE_LANES(unsure, left);
+    STORE_LANES(path.own, own);
+    STORE_LANES(path.q.x, u);
+    STORE_LANES(path.q.y, v);
+    STORE_LANES(path.q.z, k);
+    STORE_LANES(path.d.x, x);
+    STORE_LANES(path.d.y, y);
+    STORE_LANES(path.d.z, z);
+    for (int lane = 0; lane < W; lane++) {
+        sign[lane] = 0;
+        if (!left[lane]) continue;
+        const int4 face = spheres.face[each[lane]];
+        const real4 corner[3] = {spheres.vertex[face.x], spheres.vertex[face.y], spheres.vertex[face.z]};
+        const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
+        sign[lane] = from == to ? whole_volume(spheres, start, corner[0], corner[1], corner[2], 0, 0, 0, 0)
+                                : whole_volume(spheres, start, corner[from], corner[to], corner[from], 1, x[lane],
+                                               y[lane], z[lane]);
+    }
+    return LOAD_LANES(sign);
+}
+
+/* N and D of a triangle as seen from a start. */
+static __attribute__((noinline)) void whole_plane(Integer *N, Integer *D, const WholeStart start, const real4 *corner,
+                                                  const int n) {
+    Integer a[3], e1[3], e2[3], negative;
+    for (int i = 0; i < 3; i++) {
+        whole_offset(&a[i], start, corner[0], i, n);
+        whole_offset(&e1[i], start, corner[1], i, n);
+        whole_offset(&e2[i], start, corner[2], i, n);
+        negative = a[i];
+        negate(&negative, n);
+        add(&e1[i], &negative, n);
+        add(&e2[i], &negative, n);
+    }
+    set_to(D, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        negative = e1[k];
+        negate(&negative, n);
+        set_to(&N[i], 0, 0, n);
+        add_product(&N[i], &e1[j], &e2[k], n);
+        add_product(&N[i], &negative, &e2[j], n);
+        add_product(D, &a[i], &N[i], n);
+    }
+}
+
+/* The sign of w.Q, and of Q where that is 0, see plane_comes_first(). corner: the three of A, then those of B. */
+static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeStart start, const real4 *corner,
+                                                 const double dx, const double dy, const double dz) {
+    Span B = {INT_MAX, INT_MIN}, d = span_of_both(span_of(dx), span_of_both(span_of(dy), span_of(dz)));
+    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_xyz(spheres.camera[k + 1]));
+    for (int k = 0; k < 6; k++) start.places = span_of_both(start.places, span_of_xyz(corner[k]));
+    /* With places below 2^bits, edges are below 2^(bits + 1), N 2^(2 bits + 3), D 2^(3 bits + 5) and Q 2^(5 bits + 9).
+     */
+    const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
+    const int n = (5 * bits + 9 + B.high - B.low + d.high - d.low + 6 + 31) / 32;
+    if (n > DIGITS) return 0;
+    Integer N[2][3], D[2], Q[3], w, volume;
+    for (int k = 0; k < 2; k++) whole_plane(N[k], &D[k], start, corner + 3 * k, n);
+    const int sides = sign_of(&D[0], n) * sign_of(&D[1], n);
+    negate(&D[1], n);
+    set_to(&volume, 0, 0, n);
+    for (int i = 0; i < 3; i++) {
+        set_to(&Q[i], 0, 0, n);
+        add_product(&Q[i], &D[0], &N[1][i], n);
+        add_product(&Q[i], &D[1], &N[0][i], n);
+        whole_turned(&w, spheres, dx, dy, dz, i, B.low, d.low, n);
+        add_product(&volume, &Q[i], &w, n);
+    }
+    if (sign_of(&volume, n) != 0) return sides * sign_of(&volume, n);
+    for (int i = 0; i < 3; i++)
+        if (sign_of(&Q[i], n) != 0) return sides * sign_of(&Q[i], n);
+    return 0;
+}
+
+/* Whether two triangles are in one plane for a reason that needs no whole numbers: a plane across an axis, or one
+ * triangle twice. */
+static int share_a_plane(const real4 *a, const real4 *b) {
+    int level[3] = {1, 1, 1}, same = 0;
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < 3; i++) {
+            const double at = coordinate(a[0], i);
+            level[i] &= coordinate(a[k], i) == at && coordinate(b[k], i) == at;
+            same += a[k].x == b[i].x && a[k].y == b[i].y && a[k].z == b[i].z;
+        }
+    }
+    return level[0] || level[1] || level[2] || same == 3;
+}
+
+/* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
+static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const FinePath path, const INT A, const INT B,
+                                                  const MASK unsure) {
+    int one[W], two[W], left[W], own[W], sign[W];
+    double u[W], v[W], k[W], x[W], y[W], z[W];
+    STORE_LANES(A, one);
+    STORE_LANES(B, two);
+    STORE_LANES(unsure, left);
+    STORE_LANES(path.own, own);
+    STORE_LANES(path.q.x, u);
+    STORE_LANES(path.q.y, v);
+    STORE_LANES(path.q.z, k);
+    STORE_LANES(path.d.x, x);
+    STORE_LANES(path.d.y, y);
+    STORE_LANES(path.d.z, z);
+    int flat = -1; /* a lane whose triangles are in one plane, as those of other lanes then are */
+    for (int lane = 0; lane < W; lane++) {
+        sign[lane] = 0;
+        if (!left[lane] || (flat >= 0 && one[lane] == one[flat] && two[lane] == two[flat])) continue;
+        const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
+        const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
+                                 spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
+        if (share_a_plane(corner, corner + 3)) continue;
+        const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
+        sign[lane] = whole_order(spheres, start, corner, x[lane], y[lane], z[lane]);
+        if (sign[lane] == 0) flat = lane;
+    }
+    return LOAD_LANES(sign);
+}
+
+/* -1, 0 or 1 in each lane. */
+static REAL sign_from(const REAL value, const REAL error) {
+    return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
+}
+
+/* The sign of E of the edge between two corners, X and Y, as seen from O in X and Y. Both triangles at an edge compute
+ * it from the same end, so they never disagree.
+ *
+ * Bounds, u = 2^-53: X' is off by 2^-99 of s, Y - X by u^2, each coordinate of X' x (Y - X) by less than 2^-98 s e,
+ * with e the sum of the magnitudes of Y - X, and E by less than 2^-97 s e w1. */
+static __attribute__((noinline)) REAL edge_sign(const Spheres spheres, const FinePath path, const INT number,
+                                                const int from, const int to, const REAL_MASK wanted) {
+    const Real3 x = corners_of(spheres, number, (INT)from), y = corners_of(spheres, number, (INT)to);
+    const REAL_MASK flip = (y.x < x.x) | ((y.x == x.x) & ((y.y < x.y) | ((y.y == x.y) & (y.z < x.z))));
+    const Real3 X = {flip ? y.x : x.x, flip ? y.y : x.y, flip ? y.z : x.z};
+    const Real3 Y = {flip ? x.x : y.x, flip ? x.y : y.y, flip ? x.z : y.z};
+    const Pair3 P = minus3(pairs_between(path.anchor, X), path.step), e = pairs_between(X, Y), n = cross_pairs(P, e);
+    const Pair E = dot_pairs(path.w, n);
+    const REAL s = (fabs(P.x.hi) + fabs(P.y.hi)) + fabs(P.z.hi) + path.reach;
+    const REAL size = s * ((fabs(e.x.hi) + fabs(e.y.hi)) + fabs(e.z.hi)), n_error = 0x1p-98 * size;
+    const REAL E_error = 0x1p-97 * size * path.w1;
+    REAL sign = sign_from(E.hi, E_error);
+    const REAL_MASK tie = wanted & (sign == 0);
+    if (ANY(TO_MASK(tie))) {
+        const REAL along_x = sign_from(n.x.hi, n_error), along_y = sign_from(n.y.hi, n_error);
+        const REAL along_z = sign_from(n.z.hi, n_error);
+        REAL first = along_x != 0 ? along_x : along_y != 0 ? along_y : along_z;
+        const MASK unsure = TO_MASK(tie & path.whole);
+        if (ANY(unsure)) {
+            const REAL whole = TO_REAL(whole_signs(spheres, path, number, from, to, unsure));
+            first = TO_REAL_MASK(unsure) ? (flip ? -whole : whole) : first;
+        }
+        sign = tie ? first : sign;
+    }
+    return flip ? -sign : sign;
+}
+
+/* The plane of each lane's triangle as seen from O. With u = 2^-53, the N of pairs is off by less than 2^-99 gh, and D
+ * by less than 2^-97 s gh. */
+typedef struct {
+    Pair3 N;
+    Pair D;
+    REAL s, gh; /* |A'| + reach and |e1| |e2|, as sums of the coordinates' magnitudes */
+} FinePlane;
+
+static FinePlane fine_plane(const Spheres spheres, const FinePath path, const INT number) {
+    const Real3 a = corners_of(spheres, number, 0);
+    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)),
+                e2 = pairs_between(a, corners_of(spheres, number, 2));
+    const Pair3 A = minus3(pairs_between(path.anchor, a), path.step);
+    FinePlane plane;
+    plane.N = cross_pairs(e1, e2);
+    plane.D = dot_pairs(A, plane.N);
+    plane.s = (fabs(A.x.hi) + fabs(A.y.hi)) + fabs(A.z.hi) + path.reach;
+    plane.gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    return plane;
+}
+
+/* Which of two triangles that a ray meets at one t, as far as pairs can tell, comes first, for the lanes of `wanted`.
+ * At one t it is the one that the ray w + (e, e^2, e^3) meets first; in one plane, that of the lanes of `tie`.
+ *
+ * As t = D / (N.w), with the signs s of the D, A comes first where Q.w < 0 for Q = s_A s_B (D_A N_B - D_B N_A); and
+ * where Q.w is 0, the first number of Q that is not 0 decides. Whole numbers find out; of a ray from a sphere, there
+ * are none, and Q.w counts as 0. By the bounds above, and 2^-100 for each product, a number of Q is off by less than
+ * 2^-96 (s_A + s_B) gh_A gh_B.
+ */
+static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spheres, const FinePath path, const INT A,
+                                                             const INT B, const REAL_MASK tie, const REAL_MASK wanted) {
+    const FinePlane a = fine_plane(spheres, path, A), b = fine_plane(spheres, path, B);
+    const REAL sides = (a.D.hi < 0) ^ (b.D.hi < 0) ? (REAL)-1 : (REAL)1;
+    const REAL error = 0x1p-95 * (a.s + b.s) * (a.gh * b.gh);
+    const REAL x = sign_from(minus(times(a.D, b.N.x), times(b.D, a.N.x)).hi, error);
+    const REAL y = sign_from(minus(times(a.D, b.N.y), times(b.D, a.N.y)).hi, error);
+    const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
+    REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
+    const MASK exact = TO_MASK(wanted & path.whole);
+    if (ANY(exact)) {
+        const REAL whole = TO_REAL(whole_orders(spheres, path, A, B, exact));
+        first = TO_REAL_MASK(exact) ? whole : first;
+    }
+    return (first < 0) | ((first == 0) & tie);
+}
+
+/* Whether each lane's ray meets its triangle, and t in pairs with a bound of what it is off by. */
+typedef struct {
+    REAL_MASK hit;
+    Pair t;
+    REAL error;
+    REAL side; /* the sign of D */
+} FineTriangle;
+
+static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres spheres, const FinePath path,
+                                                            const INT number, const REAL_MASK wanted) {
+    const FinePlane plane = fine_plane(spheres, path, number);
+    const Pair D = plane.D, den = dot_pairs(plane.N, path.w);
+    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
+    FineTriangle fine;
+    fine.side = sign_from(D.hi, D_error);
+    const MASK unsure = TO_MASK(wanted & path.placed & (fine.side == 0));
+    if (ANY(unsure)) {
+        const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
+        fine.side = TO_REAL_MASK(unsure) ? whole : fine.side;
+    }
+    fine.hit = wanted & (fine.side != 0);
+    fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 0, 1, fine.hit) > 0);
+    if (ANY(TO_MASK(fine.hit)))
+        fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 1, 2, fine.hit) > 0);
+    if (ANY(TO_MASK(fine.hit)))
+        fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 2, 0, fine.hit) > 0);
+    fine.t = over(D, den);
+    fine.error = 2 * fabs(fine.t.hi) * (D_error / fabs(D.hi) + den_error / fabs(den.hi) + 0x1p-97);
+    return fine;
+}
+
+static FinePath fine_path(const Spheres spheres, const Leaving ray) {
+    const MASK here = IS_TRIANGLE(spheres, ray.own);
+    const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(spheres) : (INT)0);
+    const REAL_MASK whole = TO_REAL_MASK((ray.own < 0) | here);
+    const FinePath path = {ray.center,
+                           fine_start(spheres, ray),
+                           pairs_in_world(spheres, ray.d),
+                           ray.reach,
+                           ray.w1,
+                           whole,
+                           whole,
+                           ray.d,
+                           ray.q,
+                           own};
+    return path;
+}
+
+/* Lanes whose t is not right to 2^-24 of itself by double, and such in which it is unsure whether they meet at all. */
+static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres spheres, const Leaving ray,
+                                                              const INT number, const REAL_MASK wanted) {
+    return fine_triangle(spheres, fine_path(spheres, ray), number, wanted);
+}
+
+/* The same of rays from the eye. */
+static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const Real3 *d,
+                                                                    const Real3 *w, const INT number,
+                                                                    const REAL_MASK wanted) {
+    return fine_meeting_of(*spheres, from_eye(*spheres, *d, *w), number, wanted);
+}
+
+/* Puts the way from the corner to the point that rays leave into the lanes that leave triangles. */
+static void triangle_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
+    const Pair3 own = fine_step(spheres, TRIANGLE_OR_NONE(spheres, ray.own), ray.q);
+    *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(TO_REAL_MASK(IS_TRIANGLE(spheres, ray.own)), own, *step);
+}
+#endif
+
+/* Where a point q of each lane's triangle is: k = q.z is the corner that it is counted from, u = q.x counts the way
+ * from there to the next corner and v = q.y that to the one after. */
+typedef struct {
+    Real3 anchor, step; /* that corner, and from there to the point */
+    REAL reach;         /* no less than |step| */
+} Place3;
+
+static Real3 choose3(const REAL_MASK first, const REAL_MASK second, const Real3 a, const Real3 b, const Real3 c) {
+    const Real3 v = {first    ? a.x
+                     : second ? b.x
+                              : c.x,
+                     first    ? a.y
+                     : second ? b.y
+                              : c.y,
+                     first    ? a.z
+                     : second ? b.z
+                              : c.z};
+    return v;
+}
+
+static Place3 place_on(const Corners corners, const Real3 q) {
+    const REAL_MASK first = q.z == 0, second = q.z == 1;
+    Place3 place;
+    place.anchor = choose3(first, second, corners.a, corners.b, corners.c);
+    const Real3 x = difference(choose3(first, second, corners.b, corners.c, corners.a), place.anchor);
+    const Real3 y = difference(choose3(first, second, corners.c, corners.a, corners.b), place.anchor);
+    place.step.x = q.x * x.x + q.y * y.x;
+    place.step.y = q.x * x.y + q.y * y.y;
+    place.step.z = q.x * x.z + q.y * y.z;
+    place.reach = size_of(x) + size_of(y);
+    return place;
+}
+
+/* The same of the lanes whose surface is a triangle. */
+static __attribute__((always_inline)) Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
+    return place_on(corners_at(spheres.vertex, spheres.face, TRIANGLE_OR_NONE(spheres, index)), q);
+}
+
+#endif

@@ -1,0 +1,521 @@
+"""The command as its users meet it: a process, its output, its files and its exit status."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+import cltrace
+from cltrace import cli
+from cltrace.base.errors import UsageError
+from cltrace.plan.request import KEEPS
+from cltrace.run.program import Announcement
+
+FIRST = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
+
+
+def run(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "cltrace", *map(str, arguments)]
+    env = {k: v for k, v in os.environ.items() if k != "PYOPENCL_CTX"} | environment
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, timeout=120, check=False)
+
+
+def call(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[bytes]:
+    """What `run` does, in this process: much faster, where a process of its own makes no difference."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8") for _ in range(2))
+    with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = cli.main([*map(str, arguments)])
+    texts = []
+    for stream in (out, err):
+        stream.flush()
+        assert isinstance(stream.buffer, io.BytesIO)
+        texts.append(stream.buffer.getvalue())
+    return subprocess.CompletedProcess(arguments, status, *texts)
+
+
+def pixels(data: bytes | Path) -> np.ndarray:
+    with Picture.open(io.BytesIO(data) if isinstance(data, bytes) else data) as picture:
+        assert picture.format == "PNG"
+        assert picture.mode == "RGB"
+        return np.asarray(picture)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A small scene that renders fast."""
+    text = FIRST.read_text()
+    path = tmp_path / "small.xml"
+    path.write_text(text)
+    return path
+
+
+def test_scene_alone_does_the_right_thing(tmp_path: Path) -> None:
+    done = run(FIRST, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == b""
+    assert done.stderr.startswith(b"cltrace: wrote step3-shadows.png, 481x361, ")
+    assert [p.name for p in tmp_path.iterdir()] == ["step3-shadows.png"]
+    expected = cltrace.render(cltrace.load(FIRST)).rgb8
+    assert np.array_equal(pixels(tmp_path / "step3-shadows.png"), expected)
+
+
+def test_the_installed_command_is_the_same() -> None:
+    command = Path(sys.executable).parent / "cltrace"
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("cltrace ")
+
+
+def test_stdout_quiet_and_options(tmp_path: Path) -> None:
+    whole = pixels(call(FIRST, "-o", "-", "-q", cwd=tmp_path).stdout)
+    crop = pixels(call(FIRST, "-o", "-", "-q", "--crop", "100,200,140,230", cwd=tmp_path).stdout)
+    assert np.array_equal(crop, whole[200:230, 100:140])
+    assert pixels(call(FIRST, "-o", "-", "--size", "64x48", cwd=tmp_path).stdout).shape == (48, 64, 3)
+    square = pixels(call(FIRST, "-o", "-", "--square-pixels", cwd=tmp_path).stdout)
+    assert not np.array_equal(square, whole)
+    down = pixels(call(FIRST, "-o", "-", "--truncate", cwd=tmp_path).stdout)
+    assert set(np.unique(whole.astype(int) - down)) == {0, 1}
+    assert call(FIRST, "-q", "-o", "x.png", cwd=tmp_path).stderr == b""
+    assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
+
+
+@pytest.mark.parametrize("show", ["normal", pytest.param("direction", marks=pytest.mark.slow), "depth", "id", "uv"])
+def test_show(tmp_path: Path, show: str) -> None:
+    got = pixels(call(FIRST, "-o", "-", "--show", show, cwd=tmp_path).stdout)
+    image = cltrace.render(cltrace.load(FIRST), outputs=(show,))
+    assert np.array_equal(got, image.as_rgb8(show))
+    assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
+
+
+@pytest.mark.slow
+def test_all_that_is_kept_is_counted_too(tmp_path: Path) -> None:
+    """The picture is the same, and so is the number of spheres that are decided in full, or larger."""
+    keeps = [option for name in KEEPS for option in ("--keep", name)]
+    lean, full = (
+        json.loads(call(FIRST, "--stats=json", "--crop=200,150,321,210", *more, cwd=tmp_path).stdout)
+        for more in ((), keeps)
+    )
+    assert lean["rays"]["primary"] == full["rays"]["primary"] == 121 * 60
+    assert full["work"]["spheres that are decided in full for a ray"] > lean["work"][
+        "spheres that are decided in full for a ray"
+    ]  # fmt: skip
+    assert full["work"]["spheres that float32 rules out for a ray"] == 0
+    assert full["skipped"]["spheres out of the picture"] == 0
+    # What is not computed is not counted: no light is looked at for a picture of numbers.
+    ids = json.loads(call(FIRST, "--stats=json", "--show=id", cwd=tmp_path).stdout)
+    assert ids["rays"]["shadow"] == ids["work"]["highlights computed"] == 0
+
+
+def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
+    done = call(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
+    stats = json.loads(done.stdout)
+    assert done.stdout.count(b"\n") == 1
+    assert set(stats) == {
+        "device", "precision", "size", "spheres", "triangles", "features", "seconds", "rays", "work", "skipped"
+    }  # fmt: skip
+    assert stats["precision"] == "accurate"
+    assert stats["size"] == [481, 361]
+    assert set(stats["seconds"]) == {"read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total"}
+    assert all(value >= 0 for value in stats["seconds"].values())
+    assert stats["rays"]["primary"] == 481 * 361
+    assert 0 < stats["rays"]["shadow"] < 481 * 361
+    text = call(FIRST, "--stats", cwd=tmp_path)
+    assert text.stdout == b""
+    assert b"kernel" in text.stderr
+
+
+def test_check(tmp_path: Path) -> None:
+    done = call(FIRST, "--check=500", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert b"check ok: 500 of 173641 pixels" in done.stderr
+    small = call(FIRST, "--size", "20x15", "--check=all", cwd=tmp_path)
+    assert b"check ok: 300 of 300 pixels" in small.stderr
+    crop = call(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "normal", cwd=tmp_path)
+    assert crop.returncode == 0
+    assert b"check ok: 600 of 600 pixels" in crop.stderr
+
+
+def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of 300,000 spheres; the scene has 12."""
+    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * 12)
+    done = call(FIRST, "--check", cwd=tmp_path)
+    assert done.returncode == 0
+    first, second = done.stderr.decode().splitlines()[1:]
+    assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
+    told = (
+        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres; --check=N compares "
+    )
+    assert re.fullmatch(told + "more", second)
+    assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
+    assert b"only" not in call(FIRST, "--check", "--size=2x2", cwd=tmp_path).stderr
+    text = " ".join(cli.parser().format_help().split())
+    assert "compare N pixels with the reference (default 20000, or fewer)" in text
+
+
+def test_other_ways_to_write_options(tmp_path: Path) -> None:
+    small = json.loads(call(FIRST, "--stats=json", "--size", "80X60", "--keep", "lists,filter", cwd=tmp_path).stdout)
+    assert small["size"] == [80, 60]
+    assert small["work"]["spheres that float32 rules out for a ray"] == 0
+    same = cli.parser().parse_args(["x.xml", "--keep", "order,lists", "--keep=filter"])
+    assert same.keep == ["lists", "order", "filter"]
+
+
+def test_verbose_adds_the_traceback(tmp_path: Path) -> None:
+    brief, long = (call("nowhere.xml", *more, cwd=tmp_path).stderr.decode() for more in ((), ("-v",)))
+    assert long.startswith("Traceback ")
+    assert long.endswith(brief)
+
+
+def test_list_devices(tmp_path: Path) -> None:
+    done = call("--list-devices", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stdout.decode().splitlines() == [d.line() for d in cltrace.devices()]
+
+
+def test_no_driver_gives_advice(tmp_path: Path) -> None:
+    """The loader finds nothing in an empty folder, but for a wheel's driver beside it."""
+    script = (
+        "import cltrace.run.devices as d, cltrace.cli.command as c; d.devices = c.devices = list; "
+        "raise SystemExit(c.main())"
+    )
+    for arguments, stream in ((["--list-devices"], "stdout"), ([str(FIRST)], "stderr")):
+        done = subprocess.run(
+            [sys.executable, "-c", script, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 3
+        assert "no OpenCL device found" in getattr(done, stream)
+        assert "apt-get install pocl-opencl-icd" in getattr(done, stream)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "which scene? Say cltrace SCENE.xml; see cltrace --help"),
+        (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 268435456 pixels, got 0x5;"),
+        (["{scene}", "--size", "5"], "argument --size: must be WIDTHxHEIGHT, such as 640x480, got '5';"),
+        (["{scene}", "--crop", "1,2,3"], "argument --crop: must be X0,Y0,X1,Y1, such as 0,0,64,64, got '1,2,3';"),
+        (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
+        (["{scene}", "--crop", "0,0,482,9"], "crop: must be within 0,0,481,361 and not empty, got 0,0,482,9"),
+        (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
+        (["{scene}", "--repeat", "0"], "argument --repeat: must be a whole number >= 1, got '0';"),
+        (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
+        (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
+        (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
+        (["{scene}", "-o", "."], "-o: '.' is a folder"),
+        (["{scene}", "-o", "x.jpg"], "-o: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
+        (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
+        (["nowhere.xml"], "nowhere.xml: "),
+        (
+            ["{scene}", "--crop", "-1,0,10,10"],
+            "argument --crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got '-1,0,10,10';",
+        ),
+        (["{scene}", "--repeat", "-5"], "argument --repeat: must be a whole number >= 1, got '-5';"),
+        (
+            ["{scene}", "--keep", "lists,colour"],
+            f"argument --keep: must be of {', '.join(KEEPS)}, got 'colour';",
+        ),
+        (
+            ["{scene}", "-o", "/dev/stdout"],
+            "must end in .png, .exr, .npy or .npz, got '/dev/stdout'; -o - writes it to stdout",
+        ),
+        (["-"], "a scene is not read from stdin: say the name of its file"),
+        (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
+        (["--list-devices", "x.xml"], "--list-devices takes no scene, got 'x.xml'"),
+        (
+            ["--list-devices", "-d", "gpu"],
+            "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC ",
+        ),
+    ],
+)
+def test_bad_usage(tmp_path: Path, arguments: list[str], message: str) -> None:
+    done = call(*(a.replace("{scene}", str(FIRST)) for a in arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr.decode()
+    assert b"Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("spec", ["nosuchthing", "99:0", "99", ""])
+def test_bad_device(tmp_path: Path, spec: str) -> None:
+    done = call(FIRST, "-d", spec, cwd=tmp_path)
+    assert done.returncode == 3
+    lines = done.stderr.decode().splitlines()
+    assert lines[0] == f"cltrace: no device matches {spec!r}; choose one of:"
+    assert lines[1:] == [d.line() for d in cltrace.devices()]
+    assert not list(tmp_path.iterdir())
+
+
+def test_device_from_the_environment(tmp_path: Path) -> None:
+    done = run(FIRST, cwd=tmp_path, PYOPENCL_CTX="nosuchthing")
+    assert done.returncode == 3
+    assert b"no device matches 'nosuchthing' (from PYOPENCL_CTX)" in done.stderr
+    spec = cltrace.devices()[0].spec
+    assert run(FIRST, cwd=tmp_path, PYOPENCL_CTX=spec).returncode == 0
+    assert run(FIRST, "-d", "cpu", cwd=tmp_path, PYOPENCL_CTX="nosuchthing").returncode == 0
+
+
+def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.xml"
+    bad.write_text(FIRST.read_text().replace('radius="', 'radius="-'))
+    done = call("bad.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    lines = done.stderr.decode().splitlines()
+    assert lines == [
+        "bad.xml:36: sphere: radius must be > 0, got -1.2",
+        "bad.xml:45: sphere: radius must be > 0, got -0.5",
+        "bad.xml:54: sphere: radius must be > 0, got -1",
+        "bad.xml:63: sphere: radius must be > 0, got -0.4",
+        "bad.xml:72: sphere: radius must be > 0, got -0.55 (7 times, also in lines 81, 90, 99, …)",
+        "bad.xml:135: sphere: radius must be > 0, got -1000",
+    ]
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.xml"]
+
+
+@pytest.mark.parametrize("name", ["s.png/", "s.png//", "s.png/.", "s.png/./"])
+def test_names_of_folders_are_refused(tmp_path: Path, name: str) -> None:
+    done = call(FIRST, "-o", name, cwd=tmp_path)
+    assert (done.returncode, done.stderr.decode()) == (2, f"cltrace: -o: {name!r} is a folder\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("how", ["output_file", "-o", "link", "hard link", "scene is a link"])
+def test_a_scene_is_not_replaced_by_its_picture(tmp_path: Path, how: str) -> None:
+    """A scene may be called s.png and name s.png as its picture."""
+    text = FIRST.read_text().replace('output_file="step3-shadows.png"', 'output_file="s.png"')
+    scene = tmp_path / "s.png"
+    scene.write_text(text)
+    if how == "link":
+        (tmp_path / "other.png").symlink_to("s.png")
+    elif how == "hard link":
+        (tmp_path / "other.png").hardlink_to(scene)
+    elif how == "scene is a link":
+        (tmp_path / "scene.xml").symlink_to("s.png")
+    source = "scene.xml" if how == "scene is a link" else "s.png"
+    target = "other.png" if "link" in how and how != "scene is a link" else "s.png"
+    done = call(source, *([] if how == "output_file" else ["-o", target]), cwd=tmp_path)
+    origin = "output_file" if how == "output_file" else "-o"
+    expected = f"cltrace: {origin}: {target!r} is {source!r}, which the picture is made from and would replace\n"
+    assert (done.returncode, done.stderr.decode()) == (2, expected)
+    assert scene.read_text() == text
+
+
+TEXTURED = """<scene output_file="t.png"><background_color r="0" g="0" b="0"/><camera><position x="0" y="0" z="4"/>
+<lookat x="0" y="0" z="0"/><up x="0" y="1" z="0"/><horizontal_fov angle="45"/>
+<resolution horizontal="8" vertical="6"/><max_bounces n="1"/></camera>
+<lights><ambient_light><color r="1" g="1" b="1"/></ambient_light></lights><surfaces>
+<mesh name="maps/m.png"><material_textured><texture name="t.png"/><phong ka="1" kd="0" ks="0" exponent="1"/>
+<reflectance r="0"/><transmittance t="0"/><refraction iof="1"/></material_textured></mesh></surfaces></scene>
+"""
+ANSWER = "cltrace: {}: {!r} is {!r}, which the picture is made from and would replace\n"
+
+
+@pytest.fixture
+def textured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scene s.xml with a texture t.png and an OBJ file with the name of a picture, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.xml").write_text(TEXTURED)
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps/m.png").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    Picture.fromarray(np.full((1, 1, 3), 99, np.uint8)).save(tmp_path / "t.png")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("options", "origin", "target", "file"),
+    [
+        ([], "output_file", "t.png", "t.png"),
+        (["--watch"], "output_file", "t.png", "t.png"),
+        (["--size=4x3", "--transparent"], "output_file", "t.png", "t.png"),
+        (["-o", "a.png", "-o", "./maps/../t.png"], "-o", "./maps/../t.png", "t.png"),
+        (["-o", "maps/m.png"], "-o", "maps/m.png", "maps/m.png"),
+        (["-o", "link.png"], "-o", "link.png", "t.png"),
+        (["-o", "hard.png"], "-o", "hard.png", "maps/m.png"),
+        (["-o", "folder/m.png"], "-o", "folder/m.png", "maps/m.png"),
+        (["--show", "lit"], "output_file", "t.png", "t.png"),
+        (["--compare", "mine.png", "-o", "mine.png"], "-o", "mine.png", "mine.png"),
+        (["s.xml"], "output_file", "t.png", "t.png"),
+        (["other.xml", "-o", "{}.png"], "-o", "other.png", "t.png"),
+        (["--orbit", "3", "-o", "f%02d.png"], "output", "f02.png", "t.png"),
+        (["--orbit", "3", "-o", "f.gif"], "-o", "f.gif", "t.png"),
+    ],
+)
+def test_no_input_is_replaced_by_a_picture(
+    options: list[str], origin: str, target: str, file: str, textured: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By no name that a file has, in no kind of work."""
+    if "--watch" in options:
+        pytest.importorskip("watchfiles")
+    for name in ("link.png", "f02.png", "f.gif", "other.png"):
+        Path(name).symlink_to("t.png")
+    Path("hard.png").hardlink_to("maps/m.png")
+    Path("folder").symlink_to("maps")
+    Path("other.xml").write_text(TEXTURED)
+    Path("mine.png").write_bytes(Path("t.png").read_bytes())
+    names = [path for path in textured.rglob("*") if path.is_file()]
+    before = {path: path.read_bytes() for path in names}
+    assert cli.main(["s.xml", *options]) == 2
+    assert capsys.readouterr().err.endswith(ANSWER.format(origin, target, file))
+    assert {path: path.read_bytes() for path in names} == before
+
+
+def test_python_replaces_no_input_of_a_movie(textured: Path) -> None:
+    scene = cltrace.load("s.xml")
+    (textured / "g1.png").symlink_to("t.png")
+    with pytest.raises(UsageError, match=r"output: 'g1.png' is 't.png', which the picture is made from and would"):
+        cltrace.animate([scene, scene.camera], "g%d.png")
+    assert pixels(textured / "t.png").tolist() == [[[99, 99, 99]]]
+
+
+def test_names_that_look_like_options_or_folders(tmp_path: Path) -> None:
+    (tmp_path / "-x.xml").write_text(TEXTURED.replace('"t.png"/>', '"u.png"/>'))
+    (tmp_path / "s.xml").write_bytes(FIRST.read_bytes())
+    done = call("-o", "a.png", "--", "-x.xml", cwd=tmp_path)
+    assert (done.returncode, done.stderr.decode().split(" ")[0]) == (2, "-x.xml:5:")
+    for name in ("s.xml/", "s.xml/."):
+        done = call(name, "-o", "a.png", cwd=tmp_path)
+        assert (done.returncode, done.stderr.decode()) == (2, f"{name}: cannot be read: Not a directory\n")
+
+
+def test_links_to_themselves(tmp_path: Path) -> None:
+    """As the picture, as one of two links that lead to each other, as its folder, and as the scene."""
+    (tmp_path / "s.png").symlink_to("s.png")
+    (tmp_path / "a.png").symlink_to("b.png")
+    (tmp_path / "b.png").symlink_to("a.png")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "s.xml").symlink_to("s.xml")
+    before = sorted(tmp_path.iterdir())
+    for arguments, message in [
+        ((FIRST, "-o", "s.png"), "cltrace: -o: Too many levels of symbolic links: 's.png'\n"),
+        ((FIRST, "-o", "a.png"), "cltrace: -o: Too many levels of symbolic links: 'a.png'\n"),
+        ((FIRST, "-o", "loop/s.png"), "cltrace: -o: there is no folder 'loop'\n"),
+        (("s.xml",), "s.xml: cannot be read: Too many levels of symbolic links\n"),
+    ]:
+        done = call(*arguments, cwd=tmp_path)
+        assert (done.returncode, done.stderr.decode()) == (2, message)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_unwritable_folder(tmp_path: Path) -> None:
+    old = tmp_path / "folder.png"
+    old.mkdir()
+    done = call(FIRST, "-o", "/proc/x.png", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.decode().startswith("cltrace: cannot write /proc/x.png: ")
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".png", "locked/x.png"])
+def test_names_that_cannot_be_written(tmp_path: Path, name: str) -> None:
+    (tmp_path / "locked").mkdir(mode=0)
+    done = call(FIRST, "-o", name, cwd=tmp_path)
+    if done.returncode == 0:
+        assert os.getuid() == 0  # whom no folder is locked for
+        return
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_full_and_closed_streams(tmp_path: Path) -> None:
+    """Each is told, or harmless; what one stream lacks is never found in the other."""
+
+    def shell(redirection: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+        command = f"{sys.executable} -m cltrace {' '.join(arguments)} {redirection}"
+        return subprocess.run(["sh", "-c", command], cwd=tmp_path, capture_output=True, timeout=120, check=False)
+
+    warned = tmp_path / "warned.xml"
+    warned.write_text(FIRST.read_text().replace("<camera>", "<camera><hat/>"))
+    assert shell("> /dev/full", str(FIRST), "--stats=json").returncode == 2
+    assert shell("> /dev/full", "--list-devices").returncode == 2
+    closed = shell(">&-", str(FIRST), "-o -")
+    assert (closed.returncode, closed.stderr) == (2, b"cltrace: stdout is closed\n")
+    assert shell("2> /dev/full", str(FIRST)).returncode == 0
+    assert pixels(shell("2>&-", "warned.xml", "-o -").stdout).shape == (361, 481, 3)
+    json.loads(shell("2>&-", "warned.xml", "--stats=json").stdout)
+
+
+def test_sigterm_leaves_nothing_behind(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "4000x4000", "-o", "big.png"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as process:
+        while process.poll() is None and not list(tmp_path.glob(".big.png-*.part")):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 128 + signal.SIGTERM
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_link_is_written_through(tmp_path: Path) -> None:
+    (tmp_path / "link.png").symlink_to("real.png")
+    assert call(FIRST, "-o", "link.png", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "link.png").is_symlink()
+    assert pixels(tmp_path / "real.png").shape == (361, 481, 3)
+
+
+def test_unwritable_cache(tmp_path: Path) -> None:
+    """PoCL hides its devices, and pyopencl fails, without a cache folder: another one is found."""
+    (tmp_path / "file").write_text("in the way")
+    done = run(FIRST, "-o", "x.png", cwd=tmp_path, HOME=str(tmp_path / "file"), XDG_CACHE_HOME=str(tmp_path / "file"))
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_log_is_shown_on_a_terminal_only(tmp_path: Path) -> None:
+    """The library logs, and prints nothing; the command tells it where somebody is looking."""
+    script = """
+import logging, sys
+from cltrace.process.console import command
+def body():
+    logging.getLogger("cltrace").info("compiling the kernel ...")
+    logging.getLogger("other").info("nothing of ours")
+    return 0
+sys.exit(command("cltrace", body))
+"""
+    ours, theirs = os.openpty()
+    seen = subprocess.run([sys.executable, "-c", script], stderr=theirs, stdout=subprocess.PIPE, check=True)
+    os.close(theirs)
+    assert os.read(ours, 1000) == b"cltrace: compiling the kernel ...\r\n"
+    os.close(ours)
+    assert seen.stdout == b""
+    unseen = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert (unseen.stdout, unseen.stderr) == (b"", b"")
+
+
+def test_what_takes_long_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "cltrace")
+    with Announcement("short", after=60):
+        pass
+    with Announcement("long", after=0):
+        while not caplog.messages:
+            time.sleep(0.01)
+    assert caplog.messages == ["long"]
+
+
+def test_help_fits_one_screen(tmp_path: Path) -> None:
+    done = run("--help", cwd=tmp_path, COLUMNS="100")
+    assert done.returncode == 0
+    assert done.stdout.count(b"\n  cltrace scene.xml") == 3
+    assert len(done.stdout.splitlines()) <= 40
+    assert max(map(len, done.stdout.decode().splitlines())) <= 100
+    assert b"--help all shows all options." in done.stdout
+    assert b"--keep" not in done.stdout
+
+
+def test_help_all_has_every_option(tmp_path: Path) -> None:
+    whole = run("--help", "all", cwd=tmp_path)
+    assert whole.returncode == 0
+    options = [option for action in cli.parser()._actions for option in action.option_strings]
+    assert len(options) > 20
+    missing = [option for option in options if not re.search(rf"{option}\b", whole.stdout.decode())]
+    assert not missing
+    assert run("-h", FIRST, cwd=tmp_path).stdout == run(FIRST, "--help", cwd=tmp_path).stdout

@@ -1,0 +1,156 @@
+"""A signal ends a command with its status and without a traceback, whenever it comes."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from cltrace.run.program import aside
+
+SIGNALS = ["SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"]
+
+
+def run(script: str, cwd: Path) -> subprocess.CompletedProcess[bytes]:
+    env = os.environ | {"PYTHONPATH": str(cwd)}
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=cwd, env=env, capture_output=True, timeout=60, check=False
+    )
+
+
+def program(cwd: Path, module: str) -> subprocess.CompletedProcess[bytes]:
+    """What becomes of a program whose main() is in this module."""
+    (cwd / "a_program.py").write_text(module)
+    return run("from cltrace.process.entry import start; start('a_program')", cwd)
+
+
+@pytest.mark.parametrize("package", ["cltrace", "cltrace.bench"])
+def test_what_takes_its_time_is_imported_late(tmp_path: Path, package: str) -> None:
+    heavy = {"numpy", "lxml", "pyopencl", "PIL"}
+    done = run(f"import sys, {package}.__main__; print({heavy} & set(sys.modules))", tmp_path)
+    assert done.stdout == b"set()\n", done.stderr
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_during_the_imports(tmp_path: Path, name: str) -> None:
+    done = program(tmp_path, f"import os, signal\nos.kill(os.getpid(), signal.{name})\ndef main(): return 0\n")
+    assert (done.returncode, done.stderr) == (128 + getattr(signal, name), b"")
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_at_the_end(tmp_path: Path, name: str) -> None:
+    """The end of Python, where a traceback would tell of the signal, does not come."""
+    done = program(
+        tmp_path,
+        f"import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.{name})\ndef main(): return 7\n",
+    )
+    assert (done.returncode, done.stderr) == (7, b"")
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_while_an_object_is_deleted(tmp_path: Path, name: str) -> None:
+    """There Python drops what is raised, and prints a traceback, as of the sqlite files of pytools."""
+    done = program(
+        tmp_path,
+        f"""
+import os, signal, time
+from cltrace.process.console import command
+
+class File:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(0.1)
+
+def body():
+    File()
+    time.sleep(30)
+    return 0
+
+def main():
+    return command("test", body)
+""",
+    )
+    expected = b"test: interrupted\n" if name == "SIGINT" else b""
+    assert (done.returncode, done.stderr) == (128 + getattr(signal, name), expected)
+
+
+@pytest.mark.parametrize("error", ["ImportError('x.so: failed to map segment\\n')", "MemoryError()"])
+def test_what_cannot_be_loaded_is_told(tmp_path: Path, error: str) -> None:
+    """As where there is less memory than the libraries take."""
+    done = program(tmp_path, f"raise {error}")
+    words = "x.so: failed to map segment" if "map" in error else "not enough memory"
+    assert (done.returncode, done.stderr.decode()) == (2, f"a_program: cannot be loaded: {words}\n")
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_second_one_does_not_disturb_the_first(tmp_path: Path, name: str) -> None:
+    done = program(
+        tmp_path,
+        f"""
+import os, signal
+from cltrace.process.console import command
+
+def body():
+    try:
+        os.kill(os.getpid(), signal.{name})
+    finally:
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGINT)
+        print("cleaned up", flush=True)
+    return 0
+
+def main():
+    return command("test", body)
+""",
+    )
+    told = b"test: interrupted\n" if name == "SIGINT" else b""
+    assert (done.returncode, done.stdout, done.stderr) == (128 + getattr(signal, name), b"cleaned up\n", told)
+
+
+def test_the_handlers_of_a_caller_are_given_back() -> None:
+    from cltrace.process.console import command
+
+    before = [signal.getsignal(getattr(signal, name)) for name in SIGNALS]
+    assert command("test", lambda: 5) == 5
+    assert [signal.getsignal(getattr(signal, name)) for name in SIGNALS] == before
+
+
+def test_help_is_written_before_the_end(tmp_path: Path) -> None:
+    done = program(tmp_path, "def main():\n    print('help')\n    raise SystemExit(0)\n")
+    assert (done.returncode, done.stdout) == (0, b"help\n")
+
+
+def test_a_fault_of_the_program_keeps_its_traceback(tmp_path: Path) -> None:
+    done = program(tmp_path, "def main():\n    return 1 / 0\n")
+    assert done.returncode == 1
+    assert done.stderr.endswith(b"ZeroDivisionError: division by zero\n")
+
+
+def test_a_signal_is_heard_while_a_driver_compiles() -> None:
+    """It was heard when the driver came back, which took up to 14 seconds."""
+    ended = []
+
+    def compile_() -> None:
+        try:
+            hashlib.pbkdf2_hmac("sha256", b"", b"", 5_000_000)  # as busy, and as deaf
+        finally:
+            ended.append(True)
+
+    # A shell starts what is in the background with this signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Timer(0.1, os.kill, [os.getpid(), signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            aside(compile_)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not ended
+    assert aside(lambda: 3) == 3
+    with pytest.raises(ZeroDivisionError):
+        aside(lambda: 1 // 0)

@@ -1,0 +1,311 @@
+"""Tiles and frames on a cluster of two worker processes: the bytes of one process, also when workers die."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cltrace
+from cltrace import Camera, Scene, cli
+
+distributed = pytest.importorskip("distributed")
+cloudpickle = pytest.importorskip("cloudpickle")
+dask = pytest.importorskip("dask")
+
+from cltrace.distributed import FarmError, animate, render, render_farm  # noqa: E402
+
+# Processes are started, which takes seconds. Of what dask leaves open, nothing is ours.
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+FILE = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
+MESHES = Path(__file__).parents[2] / "scenes" / "step7-glass.xml"
+LIGHTS = [cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.point_light((3, 9, 6))]
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 2}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+@pytest.fixture
+def no_port() -> Iterator[None]:
+    """Dask's usual port is taken, as another cluster would have it."""
+    with socket.socket() as taken:
+        with suppress(OSError):  # Then it is taken already.
+            taken.bind(("", 8787))
+            taken.listen()
+        yield
+
+
+def test_a_cluster_without_workers_is_waited_for_aloud(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(render_farm, "SILENCE", 0.2)
+    monkeypatch.setattr(render_farm, "ALONE", 1.0)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+        pytest.raises(FarmError, match="has no workers"),
+    ):
+        render(small(), client)
+    assert [r.message for r in caplog.records if r.name == "cltrace"] == ["waiting for a worker of the cluster ..."]
+
+
+def small(width: int = 96, height: int = 72, path: Path = FILE) -> Scene:
+    scene = cltrace.load(path)
+    return scene.seen_by(replace(scene.camera, resolution=(width, height)))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def frames() -> list[Any]:
+    """Cameras, moved spheres, and another scene."""
+    rng = np.random.default_rng(0)
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=14, resolution=(60, 45))
+    scene = Scene.from_spheres(camera, LIGHTS, rng.uniform(-2, 2, (200, 3)), 0.2, rng.uniform(0, 1, (200, 3)))
+    moved = [{"centers": rng.uniform(-2, 2, (200, 3))} for _ in range(3)]
+    return [scene, *cltrace.orbit(scene, 5)[1:], *moved, small(), *cltrace.orbit(small(), 4)]
+
+
+def test_frames_are_those_of_one_process(client: Any, tmp_path: Path) -> None:
+    one, many = tmp_path / "one", tmp_path / "many"
+    one.mkdir()
+    many.mkdir()
+    cltrace.animate(frames(), one)
+    assert animate(frames(), client, many / "frame%04d.png") == [str(many / f"frame{k:04}.png") for k in range(13)]
+    assert contents(one) == contents(many)
+    inode = (many / "frame0003.png").stat().st_ino
+    (many / "frame0007.png").unlink()
+    animate(frames(), client, many, skip_existing=True)
+    assert (many / "frame0003.png").stat().st_ino == inode
+    assert contents(one) == contents(many)
+    cltrace.animate(frames()[:8], tmp_path / "one.apng", crop=(3, 4, 50, 41))
+    animate(frames()[:8], client, tmp_path / "many.apng", crop=(3, 4, 50, 41))
+    assert (tmp_path / "one.apng").read_bytes() == (tmp_path / "many.apng").read_bytes()
+
+
+@pytest.mark.parametrize(("path", "tiles"), [(FILE, None), (FILE, 1), (FILE, 5), (FILE, 500), (MESHES, 5)])
+def test_tiles_are_one_picture(
+    client: Any, tmp_path: Path, path: Path, tiles: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether a worker packs all of it once, or each tile."""
+    scene, outputs = small(path=path), ("rgb8", "color", "id")
+    image = render(scene, client, tiles=tiles, outputs=outputs, crop=(7, 3, 90, 69))
+    want = cltrace.render(scene, outputs=outputs, crop=(7, 3, 90, 69))
+    for name in outputs:
+        assert np.array_equal(getattr(image, name), getattr(want, name)), name
+    monkeypatch.setattr("cltrace.distributed.tiles.ONCE", 0)
+    cltrace.render(scene, outputs=outputs).save(tmp_path / "one.png")
+    render(scene, client, tmp_path / "many.png", tiles=tiles, outputs=outputs)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "many.png").read_bytes()
+
+
+def test_a_transparent_background(client: Any) -> None:
+    scene = small().in_front_of((0, 0, 0, 0.0))
+    image = render(scene, client, tiles=3)
+    assert np.array_equal(image.rgba8, cltrace.render(scene).rgba8)
+
+
+def test_workers_that_are_killed(client: Any, tmp_path: Path) -> None:
+    """Each of the two, in the middle of the frames: their tasks are done by others."""
+    pids = list(client.run(os.getpid).values())
+
+    def items() -> Iterator[Any]:
+        for k, camera in enumerate(cltrace.orbit(small(), 40)):
+            if k in (12, 25):
+                os.kill(pids[k // 20], signal.SIGKILL)
+            yield camera
+
+    names = animate(items(), client, tmp_path / "f%02d.png", scene=small())
+    assert len(names) == 40
+    for k, camera in enumerate(cltrace.orbit(small(), 40)):
+        cltrace.render(small().seen_by(camera)).save(tmp_path / "want.png")
+        assert np.array_equal(pixels(tmp_path / "want.png"), pixels(names[k])), k
+    client.wait_for_workers(2, timeout=60)
+
+
+def pixels(path: Path | str) -> np.ndarray:
+    from PIL import Image as Picture
+
+    with Picture.open(path) as picture:
+        return np.asarray(picture)
+
+
+def die(*_: object) -> None:
+    os._exit(7)
+
+
+def fail(*_: object) -> None:
+    raise render_farm.WorkerError("no room (on host, process 5)")
+
+
+def test_what_fails_again_and_again_is_named(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(render_farm, "draw", fail)
+    with pytest.raises(FarmError, match=r"^frame 0: no room \(on host, process 5\)$"):
+        animate(cltrace.orbit(small(), 3), client, tmp_path / "f%d.png", scene=small())
+    with pytest.raises(FarmError, match=r"^rows 0 to 15: no room"):
+        render(small(), client, tmp_path / "x.png", tiles=3)
+    monkeypatch.undo()
+    assert not list(tmp_path.iterdir())
+    assert np.array_equal(render(small(), client).rgb8, cltrace.render(small()).rgb8)
+
+
+def test_what_kills_its_workers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a cluster of its own, which may have no worker in the end."""
+    monkeypatch.setattr(render_farm, "draw", die)
+    monkeypatch.setattr(render_farm, "ALONE", 5.0)
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+        pytest.raises(FarmError, match=r"^rows 0 to 71: workers have died"),
+    ):
+        render(small(), client, tmp_path / "x.png", tiles=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_arguments(client: Any, tmp_path: Path) -> None:
+    for how, message in [
+        ({"tiles": 0}, "tiles: must be a whole number >= 1, got 0"),
+        ({"output": "x.gif"}, "output: must end in .png, got 'x.gif'"),
+        ({"crop": (0, 0, 97, 1)}, "crop: must be within 0,0,96,72"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            render(small(), client, **how)  # type: ignore[arg-type]
+
+
+def test_workers_without_a_driver(tmp_path: Path) -> None:
+    """One of two: the other one does it all. Both: an error, with their host."""
+    nanny = {"cls": distributed.Nanny, "options": {"nthreads": 1}}
+    lacking = {"cls": distributed.Nanny, "options": {"nthreads": 1, "env": {"PYOPENCL_CTX": "nosuchthing"}}}
+    scheduler = {"cls": distributed.Scheduler, "options": {"dashboard": False, "port": 0}}
+    for workers in ({"a": nanny, "b": lacking}, {"a": lacking}):
+        with (
+            distributed.SpecCluster(workers=workers, scheduler=scheduler) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            client.wait_for_workers(len(workers), timeout=60)
+            if "b" in workers:
+                assert np.array_equal(render(small(), client, tiles=6).rgb8, cltrace.render(small()).rgb8)
+            else:
+                with pytest.raises(FarmError, match="no worker has an OpenCL device"):
+                    render(small(), client)
+
+
+def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
+    """The error comes soon, and what is written is whole."""
+    address = tmp_path / "scheduler.json"
+    line = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    out = tmp_path / "out"
+    out.mkdir()
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*line, "--scheduler-file", str(address)], **quiet) as scheduler:  # type: ignore[call-overload]
+        line = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(address), "--no-dashboard"]
+        with subprocess.Popen([*line, "--nthreads", "1", "--death-timeout", "5"], **quiet) as worker:  # type: ignore[call-overload]
+            while not address.exists():
+                time.sleep(0.05)
+            guard = threading.Timer(90, scheduler.kill)
+            guard.start()
+            client = distributed.Client(scheduler_file=str(address), timeout=30)
+
+            def items() -> Iterator[Any]:
+                for k, camera in enumerate(cltrace.orbit(small(), 100)):
+                    if k == 20:
+                        scheduler.kill()
+                    yield camera
+
+            with pytest.raises(FarmError, match="the cluster has gone"):
+                animate(items(), client, out / "f%02d.png", scene=small())
+            guard.cancel()
+            client.close(timeout=1)
+            worker.kill()
+    assert 5 <= len(list(out.iterdir())) <= 20
+    for k, camera in enumerate(cltrace.orbit(small(), 100)[: len(list(out.iterdir()))]):
+        assert np.array_equal(pixels(out / f"f{k:02}.png"), cltrace.render(small().seen_by(camera)).rgb8)
+
+
+def test_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], no_port: None
+) -> None:
+    """In processes of its own: workers import the program anew, and nothing from the user's folder."""
+    script = tmp_path / "bin" / "cltrace"
+    script.parent.mkdir()
+    script.write_text("from cltrace.__main__ import main\n\nif __name__ == '__main__':\n    main()\n")
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "re.py").write_text("raise SystemExit('a file of the user')\n")
+    monkeypatch.chdir(work)
+    line = [sys.executable, str(script), str(FILE), "--size", "96x72", "--cluster", "local:2"]
+    for more in (
+        ["-o", "a.png", "--tiles", "5"],
+        ["--orbit", "3", "-o", "f%d.png"],
+        ["-o", "n.png", "--show", "normal"],
+    ):
+        done = subprocess.run([*line, *more], capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.startswith("cltrace: wrote ")
+        assert len(done.stderr.splitlines()) == 1
+    for output, more in (("b.png", []), ("m.png", ["--show", "normal"]), ("g%d.png", ["--orbit", "3"])):
+        assert cli.main([str(FILE), "--size", "96x72", "-q", "-o", output, *more]) == 0
+    for one, other in (("a", "b"), ("n", "m"), ("f0", "g0"), ("f1", "g1"), ("f2", "g2")):
+        assert (work / f"{one}.png").read_bytes() == (work / f"{other}.png").read_bytes()
+    for more, message in (
+        (["--cluster", "tcp://127.0.0.1:1"], "--cluster tcp://127.0.0.1:1: there is no scheduler: "),
+        (["--cluster", "nonsense"], "--cluster nonsense: there is no scheduler: "),
+    ):
+        assert cli.main([str(FILE), "-o", "x.png", *more]) == 3
+        assert message in capsys.readouterr().err
+    for more, message in (
+        (["--cluster", "local", "--check"], "--check does not go with --cluster"),
+        (["--cluster", "local", "--show", "depth"], "--show depth does not go with --cluster"),
+        (["--cluster", "local", "-o", "-"], "--cluster takes one -o, of a file"),
+        (["--tiles", "3"], "--tiles goes with --cluster"),
+    ):
+        assert cli.main([str(FILE), *more]) == 2
+        assert message in capsys.readouterr().err
+    for more in (["-o", "x.png"], ["--orbit", "3", "-o", "x%d.png"]):  # before it looks for the scheduler
+        assert cli.main(["nothing.xml", "--cluster", "nonsense", *more]) == 2
+        assert capsys.readouterr().err.startswith("nothing.xml: ")
+    assert not (work / "x.png").exists()
+
+
+def test_ctrl_c(tmp_path: Path) -> None:
+    """Which a terminal sends to the workers, too: what is written is whole, and no process is left."""
+    line = [sys.executable, "-m", "cltrace", str(FILE), "--cluster", "local:2", "--orbit", "999", "-o", "f%03d.png"]
+    with subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        while process.poll() is None and len(list(tmp_path.glob("f*.png"))) < 5:
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)
+        _, words = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert words == "cltrace: interrupted\n"
+    assert not list(tmp_path.glob(".*.part"))
+    assert all(pixels(path).shape == (361, 481, 3) for path in tmp_path.iterdir())
+    patience = time.monotonic() + 30
+    while time.monotonic() < patience:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    pytest.fail("processes are left")

@@ -1,0 +1,464 @@
+"""Scenes and the files that they name: meshes and textures, where they are looked for, and what is wrong with them."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import cltrace
+from cltrace.base.errors import Fault, SceneError, SceneWarning
+from cltrace.formats import obj, texture, xml_files, xml_reader
+from cltrace.formats.xml_reader import read
+from cltrace.numbers.inverses import inverses
+from cltrace.scene import Scene
+
+HEAD = """\
+<scene output_file="x.png">
+  <background_color r="0" g="0" b="0"/>
+  <camera><position x="0" y="0" z="5"/><lookat x="0" y="0" z="0"/><up x="0" y="1" z="0"/>
+    <horizontal_fov angle="45"/><resolution horizontal="4" vertical="3"/><max_bounces n="1"/></camera>
+  <lights/>
+  <surfaces>
+"""
+FIRST = HEAD.count("\n") + 1  # the line of the first surface, each of which is one
+FINISH = (
+    '<phong ka="0.25" kd="1" ks="0" exponent="1"/><reflectance r="0.5"/><transmittance t="0"/><refraction iof="0"/>'
+)
+RED = f'<material_solid><color r="1" g="0.5" b="0"/>{FINISH}</material_solid>'
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"
+TWO = TRIANGLE + "f 1/1 3/1 2/1\n"
+PIXELS = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+
+
+@pytest.fixture(autouse=True)
+def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sub").mkdir()
+    for name, text in (("a.obj", TRIANGLE), ("sub/b.obj", TWO)):
+        Path(name).write_text(text)
+    for name in ("wall.png", "sub/sky.png"):
+        Image.fromarray(PIXELS).save(name)
+
+
+def textured(name: str) -> str:
+    return f'<material_textured><texture name="{name}"/>{FINISH}</material_textured>'
+
+
+def mesh(name: str, material: str = RED, *steps: str) -> str:
+    transform = f"<transform>{''.join(steps)}</transform>" if steps else ""
+    return f'<mesh name="{name}">{material}{transform}</mesh>\n'
+
+
+def ball(material: str = RED, *steps: str) -> str:
+    transform = f"<transform>{''.join(steps)}</transform>" if steps else ""
+    return f'<sphere radius="2"><position x="1" y="2" z="3"/>{material}{transform}</sphere>\n'
+
+
+def read_surfaces(*surfaces: str, path: str = "scene.xml") -> tuple[Scene, list[str]]:
+    Path(path).write_text(HEAD + "".join(surfaces) + "</surfaces></scene>")
+    return read(path)
+
+
+def scene_of(*surfaces: str) -> Scene:
+    scene, warnings = read_surfaces(*surfaces)
+    assert warnings == []
+    return scene
+
+
+def faults_of(*surfaces: str) -> list[str]:
+    with pytest.raises(SceneError) as caught:
+        read_surfaces(*surfaces)
+    return str(caught.value).split("\n")
+
+
+def move(x: float, y: float, z: float) -> str:
+    return f'<translate x="{x!r}" y="{y!r}" z="{z!r}"/>'
+
+
+def scale(x: float, y: float, z: float) -> str:
+    return f'<scale x="{x!r}" y="{y!r}" z="{z!r}"/>'
+
+
+def turn(axis: str, degrees: float) -> str:
+    return f'<rotate{axis} theta="{degrees!r}"/>'
+
+
+# --- Valid scenes
+
+
+def test_everything_arrives() -> None:
+    scene = scene_of(
+        mesh("a.obj"), ball(), mesh("sub/b.obj", textured("sub/sky.png")), ball(textured("wall.png")), ball()
+    )
+    assert [len(m.geometry.faces) for m in scene.meshes] == [1, 2]
+    assert [m.number for m in scene.meshes] == [0, 2]
+    assert scene.sphere_numbers.tolist() == [1, 3, 4]
+    assert scene.spheres["material"].tolist() == [0, 1, 0]
+    assert [m.material for m in scene.meshes] == [0, 2]
+    assert scene.materials["texture"].tolist() == [-1, 1, 0]
+    assert scene.materials["color"].tolist() == [[1, 0.5, 0], [1, 1, 1], [1, 1, 1]]
+    assert scene.materials["reflectance"].tolist() == [0.5] * 3
+    assert all(np.array_equal(texture, PIXELS) for texture in scene.textures)
+    assert scene.meshes[0].geometry.uv.tolist() == [[0, 0]]
+    assert repr(scene) == "<cltrace.Scene 4x3: 3 spheres, 2 meshes of 3 triangles, 0 lights>"
+
+
+def test_a_scene_of_meshes_only_and_of_many() -> None:
+    scene = scene_of(*[mesh("a.obj") if i % 3 else ball() for i in range(3000)])
+    assert [m.number for m in scene.meshes] == [i for i in range(3000) if i % 3]
+    assert scene.sphere_numbers.tolist() == list(range(0, 3000, 3))
+    assert len(scene_of(mesh("a.obj")).spheres) == 0
+
+
+def test_a_file_that_is_named_twice_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By whatever name."""
+    Path("c.obj").symlink_to("a.obj")
+    count = {"obj": 0, "texture": 0}
+
+    def counted(kind: str, function: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            count[kind] += 1
+            return function(*arguments)
+
+        return call
+
+    monkeypatch.setattr(obj, "read_obj", counted("obj", obj.read_obj))
+    monkeypatch.setattr(texture, "read_texture", counted("texture", texture.read_texture))
+    names = ["a.obj", "a.obj", "./a.obj", "sub/a.obj", "c.obj"]
+    Path("sub/a.obj").write_text(TWO)
+    images = ["wall.png", "./wall.png", "wall.png", "sub/sky.png", ".//wall.png"]
+    scene = scene_of(*(mesh(name, textured(image)) for name, image in zip(names, images, strict=True)))
+    assert count == {"obj": 2, "texture": 2}
+    shapes = [m.geometry for m in scene.meshes]
+    assert [shapes[0] is other for other in shapes] == [True, True, True, False, True]
+    assert [len(scene.textures), len(scene.materials)] == [2, 2]
+    assert [m.material for m in scene.meshes] == [0, 0, 0, 1, 0]
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.meshes[0].geometry is again.meshes[4].geometry
+
+
+def test_names_are_those_of_the_scenes_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir("sub")
+    scene, _ = read_surfaces(mesh("a.obj", textured("wall.png")), path="../scene.xml")
+    assert len(scene.meshes[0].geometry.faces) == 1
+    assert len(read(tmp_path / "scene.xml")[0].textures) == 1
+
+
+def test_a_link_within_the_folder_is_followed() -> None:
+    Path("link").symlink_to("sub")
+    Path("sub/up.obj").symlink_to("../a.obj")
+    assert len(scene_of(mesh("link/b.obj"), mesh("sub/up.obj"), mesh("link/up.obj")).meshes) == 3
+
+
+def test_a_scene_in_a_linked_folder() -> None:
+    Path("link").symlink_to("sub")
+    scene, _ = read_surfaces(mesh("b.obj"), path="link/scene.xml")
+    assert len(scene.meshes) == 1
+
+
+PLACES = {
+    "nothing": ([], np.eye(3, 4)),
+    "moved": ([move(1, 2, 3)], [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3]]),
+    "scaled": ([scale(2, -3, 0.5)], np.diag([2, -3, 0.5, 0])[:3]),
+    "x by 90": ([turn("X", 90)], [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0]]),
+    "y by 90": ([turn("Y", 90)], [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0]]),
+    "z by 90": ([turn("Z", 90)], [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0]]),
+    "the last acts first": ([move(1, 0, 0), turn("Z", 90)], [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0]]),
+    "and the other way": ([turn("Z", 90), move(1, 0, 0)], [[0, -1, 0, 0], [1, 0, 0, 1], [0, 0, 1, 0]]),
+    "all": (
+        [move(1, 1, 1), scale(2, 2, 4), turn("X", 90), move(0, 1, 2)],
+        [[2, 0, 0, 1], [0, 0, -2, -3], [0, 4, 0, 5]],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_meshes_are_where_the_steps_put_them(name: str) -> None:
+    steps, place = PLACES[name]
+    found = scene_of(mesh("a.obj", RED, *steps)).meshes[0]
+    assert found.to_world.tolist() == np.asarray(place, float).tolist()
+    points = found.geometry.vertices @ found.to_world[:, :3].T + found.to_world[:, 3]
+    assert np.array_equal(found.vertices, points)
+    assert (found.vertices is found.geometry.vertices) == (not steps)
+
+
+# --- Spheres with textures
+
+WAYS = {
+    "nothing": ([], None),
+    "moved": ([move(5, 0, 0)], None),
+    "scaled": ([scale(3, 3, 3)], None),
+    "one that cancels": ([scale(2, 1, 1), scale(1, 2, 2)], None),
+    "a full turn": ([turn("X", 360)], None),
+    "a quarter": ([turn("Y", 90)], [[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+    "turned and scaled": ([turn("Z", 90), scale(2, 2, 2)], [[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0.5]]),
+    "mirrored": ([scale(-1, 1, 1)], [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    "turned inside out": ([scale(-2, -2, -2)], [[-0.5, 0, 0], [0, -0.5, 0], [0, 0, -0.5]]),
+    "an ellipsoid": ([scale(1, 2, 1)], [[1, 0, 0], [0, 0.5, 0], [0, 0, 1]]),
+}
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_spheres_with_textures_keep_how_they_are_turned(name: str) -> None:
+    steps, to_object = WAYS[name]
+    scene = scene_of(ball(textured("wall.png"), *steps), ball(RED, *steps))
+    turned, plain = scene.spheres
+    assert np.array_equal(turned["center"], plain["center"])
+    if to_object is None:
+        assert turned[["radius", "to_object"]].tolist() == plain[["radius", "to_object"]].tolist()
+        assert turned["to_object"] == -1
+        return
+    assert scene.to_object[turned["to_object"]].tolist() == to_object
+    assert turned["radius"] == 2
+    if name != "an ellipsoid":
+        assert plain["to_object"] == -1
+
+
+def test_what_turns_a_sphere_leaves_it_round() -> None:
+    """The points at the radius from the centre are on the surface by the map, too."""
+    steps = [turn("X", 33), scale(3, 3, 3), turn("Y", -71.5), scale(0.5, -0.5, 0.5), turn("Z", 120)]
+    scene = scene_of(ball(textured("wall.png"), *steps), ball(RED, *steps))
+    turned, plain = scene.spheres
+    points = np.random.default_rng(2).normal(size=(100, 3))
+    points *= (plain["radius"] / np.linalg.norm(points, axis=1))[:, None]
+    lengths = np.linalg.norm(points @ scene.to_object[0].T, axis=1)
+    np.testing.assert_allclose(lengths, turned["radius"], rtol=1e-14)
+    assert np.linalg.det(inverses(scene.to_object)[0]) == pytest.approx(-(1.5**3))
+
+
+# --- Faults
+
+
+def test_files_that_cannot_be_read() -> None:
+    Path("folder.obj").mkdir()
+    os.mkfifo("pipe.png")
+    Path("text.png").write_text("no image")
+    assert faults_of(
+        mesh("gone.obj"),
+        mesh("folder.obj", textured("pipe.png")),
+        ball(textured("gone.png")),
+        mesh("gone.obj", textured("text.png")),
+        mesh("a.obj/b.obj", textured("")),
+    ) == [
+        f"scene.xml:{FIRST}: mesh: name 'gone.obj' cannot be read: No such file or directory "
+        f"(2 times, also in line {FIRST + 3})",
+        f"scene.xml:{FIRST + 1}: material_textured texture: name 'pipe.png' is not a regular file",
+        f"scene.xml:{FIRST + 1}: mesh: name 'folder.obj' is a directory",
+        f"scene.xml:{FIRST + 2}: material_textured texture: name 'gone.png' cannot be read: No such file or directory",
+        f"scene.xml:{FIRST + 3}: material_textured texture: name 'text.png' is no PNG or JPEG file",
+        f"scene.xml:{FIRST + 4}: material_textured texture: name must not be empty",
+        f"scene.xml:{FIRST + 4}: mesh: name 'a.obj/b.obj' cannot be read: Not a directory",
+    ]
+
+
+@pytest.mark.parametrize("name", ["/etc/hostname", "../x.obj", "sub/../a.obj", "C:\\x.obj", "file:///etc/hostname"])
+def test_names_that_lead_elsewhere(name: str) -> None:
+    (fault,) = faults_of(mesh(name))
+    assert fault.startswith(f"scene.xml:{FIRST}: mesh: name must ")
+
+
+def test_a_link_out_of_the_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("away.obj", "away.png"):
+        Path(f"sub/{name}").symlink_to(f"../../{name}")
+    Path("sub/up").symlink_to("..")
+    Path("sub/root").symlink_to("/")
+    Path("sub/loop.obj").symlink_to("loop.obj")
+    Path("away.obj").write_text(TRIANGLE)
+    Image.fromarray(PIXELS).save("away.png")
+    monkeypatch.chdir("sub")
+    with pytest.raises(SceneError) as caught:
+        read_surfaces(
+            mesh("away.obj"),
+            ball(textured("away.png")),
+            mesh("up/a.obj"),
+            mesh("root/etc/hostname"),
+            mesh("up/sub/b.obj", textured("up/sub/sky.png")),
+            mesh("loop.obj"),
+        )
+    assert [f.message for f in caught.value.faults] == [
+        "mesh: name 'away.obj' must stay within the scene's folder",
+        "material_textured texture: name 'away.png' must stay within the scene's folder",
+        "mesh: name 'up/a.obj' must stay within the scene's folder",
+        "mesh: name 'root/etc/hostname' must stay within the scene's folder",
+        "mesh: name 'loop.obj' cannot be read: Too many levels of symbolic links",
+    ]
+
+
+def test_faults_of_a_mesh_are_told_with_its_own_lines(tmp_path: Path) -> None:
+    Path("a.obj").write_text("v 0 0 0\nv 0 x 0\nf 1 2 3\n")
+    Path("sub/b.obj").write_text("")
+    surfaces = [mesh("a.obj"), mesh("sub/b.obj"), mesh("./a.obj"), '<sphere radius="0"/>\n']
+    assert faults_of(*surfaces) == [
+        f"scene.xml:{FIRST + 3}: sphere: <material_solid> or <material_textured> is missing",
+        f"scene.xml:{FIRST + 3}: sphere: <position> is missing",
+        f"scene.xml:{FIRST + 3}: sphere: radius must be > 0, got 0",
+        "a.obj:2: vertex: y must be a number, got 'x'",
+        "a.obj:3: face: vertex 3 of 2",
+        "sub/b.obj: is empty",
+    ]
+    with pytest.raises(SceneError) as caught:
+        read(tmp_path / "scene.xml")
+    assert caught.value.faults[-1] == Fault(0, "is empty", str(tmp_path / "sub/b.obj"))
+    assert str(caught.value).endswith(f"{tmp_path}/sub/b.obj: is empty")
+
+
+def test_files_are_read_even_where_the_scene_ends_early() -> None:
+    Path("a.obj").write_text("v 0 0\nf 1 1 1\n")
+    Path("scene.xml").write_text(HEAD + mesh("a.obj") + mesh("gone.obj") + "<sphere")
+    with pytest.raises(SceneError) as caught:
+        read("scene.xml")
+    told = str(caught.value).split("\n")
+    assert told[0] == f"scene.xml:{FIRST + 1}: mesh: name 'gone.obj' cannot be read: No such file or directory"
+    assert told[-1] == "a.obj:1: vertex: must be 3, 4 or 6 numbers, got 2"
+
+
+def test_of_thousands_of_missing_files_most_are_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """60,000 took 11 seconds."""
+    looked = []
+
+    def within(_: str, name: str) -> str:
+        looked.append(name)
+        return name
+
+    monkeypatch.setattr(xml_files, "within", within)
+    Path("scene.xml").write_text(HEAD + "".join(mesh(f"{k}.obj") for k in range(1500)) + "</surfaces></scene>")
+    with pytest.raises(SceneError, match="and 1400 more"):
+        read("scene.xml")
+    assert len(looked) == xml_files.MAX_UNREADABLE + 1
+
+
+def scaled(x: float, y: float, z: float) -> str:
+    return f'<scale x="{x}" y="{y}" z="{z}"/>'
+
+
+@pytest.mark.parametrize(
+    ("surface", "size"),
+    [
+        (ball().replace('radius="2"', 'radius="1e30"'), "1e+30"),
+        (ball().replace('radius="2"', 'radius="1e-30"'), "1e-30"),
+        (ball().replace('radius="2"', 'radius="9e18"'), ""),
+        (ball(RED, scaled(1e22, 1e22, 1e22)), "2e+22"),
+        (ball(RED, scaled(1e22, 1, 1)), "1e+22"),
+        (ball(RED, scaled(1, 1e-22, 1)), "1e-22"),
+        (mesh("a.obj", RED, scaled(1e22, 1e22, 1e22)), "1e+22"),
+        (mesh("a.obj", RED, scaled(1e-22, 1e-22, 1e-22)), "1e-22"),
+        (mesh("a.obj", RED, scaled(1e-18, 1e-18, 1e-18)), ""),
+    ],
+)
+def test_sizes_that_are_none_for_colours(surface: str, size: str) -> None:
+    Path("scene.xml").write_text(HEAD + surface + "</surfaces></scene>")
+    _, warnings = read("scene.xml")
+    kind = "mesh" if "mesh" in surface else "sphere"
+    words = (
+        f"scene.xml:{FIRST}: {kind}: a radius or scale of {size} may spoil colours, which hold within 1.1e-19..9.2e+18"
+    )
+    assert warnings == ([words] if size else [])
+
+
+TRANSFORMS = {
+    "singular": ([scale(1, 0, 1)], "transform scale: must not be singular, got a factor of 0"),
+    "vanishing": ([scale(1e-30, 1, 1)] * 2, "mesh transform: a number of its matrix must be 0 or at least 1.4e-45"),
+    "endless": ([scale(1e30, 1, 1)] * 2, "mesh transform: a number of its matrix must not exceed 3.4e38"),
+    "infinite": ([scale(1e38, 1, 1)] * 20, "mesh transform: a number of its matrix must be a finite number, got inf"),
+    "too flat": (
+        [turn("Z", 45), scale(1, 1e-20, 1), turn("Z", 45)],
+        "mesh transform: must not distort so much that rounding spoils its inverse",
+    ),
+    "far away": (
+        [move(3e38, 0, 0), scale(3e38, 1, 1)],
+        "mesh: after the transform vertices[1][0]: must not exceed 3.4e38 in magnitude, got 6e+38",
+    ),
+    "far away, but back": (
+        [move(3e38, 0, 0)] * 2,
+        "mesh transform: a number of its matrix must not exceed 3.4e38 in magnitude, got 6e+38",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_transforms_that_are_faults(name: str) -> None:
+    steps, message = TRANSFORMS[name]
+    (fault,) = faults_of(mesh("a.obj", RED, *steps))
+    assert fault.startswith(f"scene.xml:{FIRST}: {message}")
+
+
+def test_a_scene_that_only_a_parser_can_like() -> None:
+    """As the course's test of parsers: a mesh that is not there, a texture without a name, the widest of angles."""
+    text = HEAD.replace('angle="45"', 'angle="90"').replace('r="0" g="0" b="0"', 'r="255" g="255" b="255"')
+    Path("scene.xml").write_text(text + mesh("cube.obj", textured("")) + "</surfaces></scene>")
+    with pytest.raises(SceneError) as caught:
+        read("scene.xml")
+    assert str(caught.value).split("\n") == [
+        "scene.xml:4: camera horizontal_fov: angle must be within (0, 90), got 90",
+        f"scene.xml:{FIRST}: material_textured texture: name must not be empty",
+        f"scene.xml:{FIRST}: mesh: name 'cube.obj' cannot be read: No such file or directory",
+    ]
+
+
+# --- Warnings
+
+
+def test_warnings_of_the_files_come_behind_those_of_the_scene() -> None:
+    Path("a.obj").write_text("what 1\n" + TRIANGLE + "f 1 2 3\nf 1 2 3\n")
+    Image.fromarray(np.zeros((8, 8, 4), np.uint8), "CMYK").save("ink.jpg")
+    unmapped = (
+        "a.obj:7: face: has no texture coordinates, but its material has a texture, which is that of u = v = 0 all "
+        "over (2 times, also in line 8)"
+    )
+    _, warnings = read_surfaces(mesh("a.obj"), mesh("a.obj", textured("ink.jpg")), ball(textured("ink.jpg"), "<x/>"))
+    ink = "material_textured texture: name 'ink.jpg' is CMYK, which is taken for RGB without a colour profile"
+    assert warnings == [
+        f"scene.xml:{FIRST + 1}: {ink} (2 times, also in line {FIRST + 2})",
+        f"scene.xml:{FIRST + 2}: sphere transform: unknown element <x> ignored",
+        "a.obj:1: unknown keyword 'what' ignored",
+        unmapped,
+    ]
+    assert read_surfaces(mesh("a.obj"))[1] == ["a.obj:1: unknown keyword 'what' ignored"]
+    with pytest.warns(SceneWarning) as told:
+        cltrace.load("scene.xml")
+    assert [str(w.message) for w in told] == ["a.obj:1: unknown keyword 'what' ignored"]
+
+
+def test_a_mesh_with_a_colour_of_bytes() -> None:
+    _, warnings = read_surfaces(mesh("a.obj", RED.replace('r="1"', 'r="200"').replace('"0.5"', '"100"')))
+    assert warnings == [
+        f"scene.xml:{FIRST}: material_solid color: 200, 100, 0 looks like bytes of 0..255, but 1 is full: divide by 255"
+    ]
+
+
+# --- Limits
+
+
+def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xml_reader, "MAX_MESHES", 2)
+    assert faults_of(*[mesh("a.obj")] * 3) == [f"scene.xml:{FIRST + 2}: surfaces: must be at most 2 meshes"]
+    monkeypatch.setattr(xml_reader, "MAX_TRIANGLES", 3)
+    assert len(scene_of(mesh("a.obj"), mesh("sub/b.obj")).meshes) == 2
+    (fault,) = faults_of(mesh("sub/b.obj"), mesh("sub/b.obj"))
+    assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 67108864 vertices of meshes"
+    monkeypatch.setattr(xml_reader, "MAX_VERTICES", 5)
+    (fault,) = faults_of(mesh("a.obj"), mesh("a.obj"))
+    assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 5 vertices of meshes"
+    monkeypatch.setattr(xml_files, "MAX_TEXELS", 15)
+    assert faults_of(ball(textured("wall.png")), ball(textured("sub/sky.png"))) == [
+        f"scene.xml:{FIRST + 1}: material_textured texture: name 'sub/sky.png' must not have more than 7 pixels with "
+        "the textures before it"
+    ]
+    monkeypatch.setattr(obj, "MAX_BYTES", 10)
+    assert faults_of(mesh("a.obj")) == [
+        f"scene.xml:{FIRST}: mesh: name 'a.obj' must not be larger than 10 bytes",
+    ]
+
+
+def test_lines_beyond_16_bits() -> None:
+    """The scene is read twice for them, the files once."""
+    filler = "\n" * 70_000
+    assert len(scene_of(filler, mesh("a.obj", textured("wall.png"))).meshes) == 1
+    (fault,) = faults_of(filler, mesh("gone.obj"))
+    assert fault.startswith(f"scene.xml:{FIRST + 70_000}: mesh: name 'gone.obj' cannot be read")

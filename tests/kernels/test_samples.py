@@ -1,0 +1,173 @@
+"""Smooth pictures by samples: exactly the rays of a lattice, in the same bits, and nothing small is missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_antialias import HOSTILE, MIRRORS, OUTPUTS
+
+import cltrace
+from cltrace.plan.request import LATTICES
+from cltrace.run.devices import Device
+
+ONE = 2**20
+# Only rays tell of meshes before themselves, shadows, ends of light and mirror images that lie between the corners of a
+# pixel.
+UNTOLD = {"triangles", "triangles, parallel", "shadow rims", "cones", "smooth, parallel", *MIRRORS}
+# One surface fills all of it.
+FILLED = {"small texels, parallel"}
+
+
+def larger(scene: cltrace.Scene, n: int) -> cltrace.Scene:
+    width, height = scene.camera.resolution
+    return scene.seen_by(replace(scene.camera, resolution=(width * n, height * n)))
+
+
+def truth(scene: cltrace.Scene, device: Device, n: int = 32) -> NDArray[np.float64]:
+    """(h, w, 3): means of min(colour, 1) over n x n rays through each pixel."""
+    width, height = scene.camera.resolution
+    color = np.minimum(cltrace.render(larger(scene, n), device, outputs=("color", "id")).color, 1)
+    return np.asarray(color.reshape(height, n, width, n, 3).mean(axis=(1, 3), dtype=np.float64))
+
+
+def rays(scene: cltrace.Scene, device: Device, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(h, w, n, 3) parts of colours, and (h, w, n) numbers of surfaces: what rays through each pixel's lattice find.
+
+    The places of the lattice are the middles of pixels of a larger picture.
+    """
+    width, height = scene.camera.resolution
+    image = cltrace.Renderer(larger(scene, n), device, outputs=("color", "id"), keep=("branches",)).render()
+    i = np.arange(n)
+    y = np.arange(height)[:, None, None] * n + LATTICES[n] * i % n
+    x = np.arange(width)[None, :, None] * n + i
+    parts = (np.minimum(image.color, np.float32(1)) * np.float32(ONE) + np.float32(0.5)).astype(np.int32)
+    return parts[y, x], image.id[y, x]
+
+
+def assert_sampled(scene: cltrace.Scene, device: Device, n: int, least: float = 12) -> None:
+    """Where rays of the lattice meet different surfaces, the colour is their mean to the bit.
+
+    Elsewhere it is their mean, or that of the corners. least: more levels than these two differ by.
+    """
+    image = cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias=True, samples=n, keep=("branches",)).render()
+    color, number = rays(scene, device, n)
+    edge = (number != number[..., :1]).any(axis=2)
+    mean = color.sum(axis=2).astype(np.float32) * np.float32(1 / (n * ONE))
+    assert edge.any()
+    np.testing.assert_array_equal(image.color[edge], mean[edge])
+    np.testing.assert_array_equal(image.coverage[edge], (number >= 0).mean(axis=2, dtype=np.float32)[edge])
+    assert 255 * np.abs(image.color - mean).max() < least
+    assert np.abs(image.rgb8 / 255 - image.color).max() <= 0.5001 / 255
+
+
+@pytest.mark.parametrize("name", ["crossing", "large and small"])
+def test_samples_are_exact_rays(any_device: Device, name: str) -> None:
+    assert_sampled(HOSTILE[name](), any_device, 16)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted({*HOSTILE, *MIRRORS} - FILLED))
+def test_samples_of_hostile_scenes_are_exact_rays(any_device: Device, name: str) -> None:
+    assert_sampled((HOSTILE | MIRRORS)[name](), any_device, 16, 255 if name in UNTOLD else 12)
+
+
+def test_all_lattices(any_device: Device) -> None:
+    for n in (4, 32, 64):
+        assert_sampled(HOSTILE["crossing"](), any_device, n)
+
+
+def test_lattices_are_even() -> None:
+    """Each row and each column has one place, and steps along a lattice do not stay near a line."""
+    for n, a in LATTICES.items():
+        assert sorted(a * i % n for i in range(n)) == list(range(n)) or n == 1
+        assert n < 16 or min(np.hypot(i, min(a * i % n, -a * i % n)) for i in range(1, n)) > 0.7 * np.sqrt(n)
+
+
+def test_bits_depend_on_nothing_else(any_device: Device) -> None:
+    scene = HOSTILE["crossing"]()
+    whole = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    for crop in ((3, 2, 17, 11), (0, 5, 7, 6)):
+        part = cltrace.render(scene, any_device, outputs=OUTPUTS, crop=crop, antialias=True)
+        x0, y0, x1, y1 = crop
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[y0:y1, x0:x1])
+    columns = scene.columns
+    turned = cltrace.Scene.from_spheres(
+        scene.camera,
+        [cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.parallel_light((1, -2, -1.5), (0.9, 0.8, 0.7))],
+        columns.center[::-1],
+        columns.radius[::-1],
+        background=(0.1, 0.1, 0.3),
+        colors=(0.8, 0.6, 0.4),
+        ks=0.3,
+    )
+    other = cltrace.render(turned, any_device, outputs=OUTPUTS, antialias=True)
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(getattr(other, name), getattr(whole, name))
+
+
+@pytest.mark.slow
+def test_bits_do_not_depend_on_width(any_device: Device) -> None:
+    scene = HOSTILE["crossing"]()
+    whole, *others = (
+        cltrace.Renderer(scene, any_device, outputs=OUTPUTS, width=width, antialias=True).render()
+        for width in (None, 1, 4, 8)
+    )
+    for other in others:
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(getattr(other, name), getattr(whole, name))
+
+
+def test_error_is_mostly_enough(any_device: Device) -> None:
+    """95 of 100 pixels are within it, and it is not much too large."""
+    for name in ("crossing", "large and small"):
+        scene = HOSTILE[name]()
+        image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+        off = 255 * np.abs(image.color - truth(scene, any_device)).max(axis=2)
+        assert (off <= image.error + 0.01).mean() >= 0.95
+        assert image.error[off > 0.5].mean() < 5 * off[off > 0.5].mean()
+
+
+@pytest.mark.parametrize("height", [2, 10, 40])
+def test_a_black_tube(any_device: Device, height: float) -> None:
+    """No pixel is off by more than 3 sigma of the lattice's own error, of two edges where the tube is thin."""
+    turn = np.linspace(0, 2 * np.pi, 33)[:32]
+    rim = np.column_stack([0.5 * np.cos(turn), 0.5 * np.sin(turn)])
+    vertices = np.concatenate([np.column_stack([rim, np.full(32, z)]) for z in (-8.0, 8.0)])
+    i, j = np.arange(32), (np.arange(32) + 1) % 32
+    faces = np.concatenate([np.column_stack([i, j, i + 32]), np.column_stack([j, j + 32, i + 32])])
+    tube = cltrace.Mesh(vertices, faces, material=cltrace.Material((0, 0, 0), ka=1, kd=0, ks=0))
+    camera = cltrace.Orthographic((40, 40, 40), (0, 0, 0), up=(0, 0, 1), height=height, resolution=(60, 60))
+    scene = cltrace.Scene.from_meshes(camera, [cltrace.ambient_light()], [tube], background="white")
+    image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    assert np.abs(image.color - truth(scene, any_device)).max() <= 3 * 0.0385 * np.sqrt(2)
+
+
+def test_alpha_and_srgb(any_device: Device) -> None:
+    scene = HOSTILE["crossing"]()
+    mean = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    clear = cltrace.render(
+        scene.in_front_of((0.1, 0.1, 0.3, 0)), any_device, outputs=(*OUTPUTS, "alpha"), antialias=True
+    )
+    np.testing.assert_array_equal(clear.alpha, mean.coverage)
+    curved = cltrace.render(replace(scene, transfer="srgb"), any_device, outputs=OUTPUTS, antialias=True)
+    np.testing.assert_array_equal(curved.color, mean.color)
+    bright = np.where(mean.color > 0.0031308, 1.055 * mean.color ** (1 / 2.4) - 0.055, 12.92 * mean.color)
+    assert np.abs(curved.rgb8 / 255 - bright).max() <= 0.501 / 255
+
+
+def test_what_is_not_allowed(any_device: Device) -> None:
+    scene = HOSTILE["crossing"]()
+    for antialias, samples, message in (
+        (True, 8, "samples: must be one of 1, 4, 16"),
+        (True, True, "samples: must be one of 1, 4, 16"),
+        (False, 16, "samples: goes with antialias=True"),
+        ("proved", 16, "samples: goes with antialias=True"),
+        ("sampled", None, 'antialias: must be True, False, "proved"'),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cltrace.render(scene, any_device, antialias=antialias, samples=samples)  # type: ignore[arg-type]

@@ -1,0 +1,71 @@
+"""The scenes: each one's header comment states answers, and they are what comes out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from answers import answers
+from conftest import SCENES, world
+from stress_cases import picture
+
+import cltrace
+from cltrace.reference import byte_of
+from cltrace.reference.trace import primary_ray, trace
+from cltrace.run.devices import Device
+
+
+def test_there_are_scenes_and_they_are_small() -> None:
+    assert len(SCENES) >= 12
+    assert all(path.stat().st_size < 500_000 for path in SCENES)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_scene_says_what_it_shows_and_names_its_picture(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert re.match(r"<\?xml[^>]*\?>\s*(<!DOCTYPE[^>]*>\s*)?<!--", text)
+    assert cltrace.load(path).output_file == f"{path.stem}.png"
+    assert answers(path)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_answers_of_the_reference(path: Path) -> None:
+    scene = cltrace.load(path)
+    for (x, y), rgb in answers(path):
+        color, _ = trace(world(scene), primary_ray(scene.camera, x, y))
+        assert tuple(byte_of(c) for c in color) == rgb, (x, y)
+
+
+# Each scene and precision is a program of its own, a second to compile, and several with meshes. An ordinary run draws
+# some in each precision.
+FIRST = {
+    "accurate": ("bounces", "first", "globe", "inside", "minimal", "step1-ambient", "step3-shadows"),
+    "double": ("first",),
+    "single": ("bounces", "first"),
+}
+DRAWN = [
+    pytest.param(
+        precision,
+        path,
+        id=f"{precision}-{path.stem}",
+        marks=()
+        if path.stem in FIRST[precision]
+        else pytest.mark.slow
+        if precision == "accurate"
+        else pytest.mark.stress,
+    )
+    for precision in ("accurate", "double", "single")
+    for path in SCENES
+]
+
+
+@pytest.mark.parametrize(("precision", "path"), DRAWN)
+def test_answers_of_the_kernel(device: Device, precision: str, path: Path) -> None:
+    """And no bit of what is drawn depends on what the kernel can do beyond what the scene needs."""
+    scene = cltrace.load(path)
+    image = cltrace.render(scene, device, precision)
+    assert np.array_equal(image.rgb8, picture(scene, device, precision).rgb8)
+    for (x, y), rgb in answers(path):
+        assert tuple(image.rgb8[y, x].tolist()) == rgb, (x, y)

@@ -1,0 +1,349 @@
+"""Files that are written whole or not at all, and the folder of the kernel caches."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+import pytest
+
+from cltrace.picture import files
+from cltrace.picture.files import whole_file
+from cltrace.run import caches
+
+
+@pytest.fixture(autouse=True)
+def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def write(name: str, data: bytes = b"new") -> None:
+    with whole_file(Path(name)) as file:
+        file.write(data)
+
+
+def names(folder: str = ".") -> list[str]:
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+# --- Whole files
+
+
+@pytest.mark.parametrize("name", ["s.png", "\U0001f600" * 61 + ".png", "\u00e4" * 125 + ".png", "x" * 255, ".png"])
+def test_every_valid_name_can_be_written(name: str) -> None:
+    write(name)
+    write(name, b"newer")
+    assert Path(name).read_bytes() == b"newer"
+    assert names() == [name]
+
+
+def test_a_name_that_is_not_text_can_be_written() -> None:
+    write(os.fsdecode(b"\xff" * 70))
+    assert names() == [os.fsdecode(b"\xff" * 70)]
+
+
+def test_what_fails_leaves_the_old_file() -> None:
+    Path("old").write_bytes(b"old")
+
+    def half() -> None:
+        with whole_file(Path("old")) as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        half()
+    assert Path("old").read_bytes() == b"old"
+    assert names() == ["old"]
+
+
+def test_a_new_file_has_the_rights_that_the_umask_leaves() -> None:
+    before = os.umask(0o027)
+    try:
+        write("new")
+    finally:
+        os.umask(before)
+    assert Path("new").stat().st_mode & 0o777 == 0o640
+
+
+def test_links_are_written_through() -> None:
+    Path("folder").mkdir()
+    Path("a").symlink_to("b")
+    Path("b").symlink_to("folder/c")
+    write("a")
+    assert Path("folder/c").read_bytes() == b"new"
+    assert Path("a").is_symlink()
+    assert Path("b").is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("links", "code"),
+    [
+        ({"s.png": "s.png"}, errno.ELOOP),
+        ({"s.png": "t.png", "t.png": "s.png"}, errno.ELOOP),
+        ({"s.png": "s.png/t.png"}, errno.ELOOP),
+        ({"s.png": "."}, errno.EISDIR),
+        ({"s.png": "none/t.png"}, errno.ENOENT),
+    ],
+)
+def test_links_that_lead_nowhere(links: dict[str, str], code: int) -> None:
+    for name, target in links.items():
+        Path(name).symlink_to(target)
+    with pytest.raises(OSError) as caught:
+        write("s.png")
+    assert caught.value.errno == code
+    assert {name: str(Path(name).readlink()) for name in names()} == links
+
+
+def test_a_pipe_is_written_into() -> None:
+    os.mkfifo("pipe.png")
+    Path("link.png").symlink_to("pipe.png")
+    for name in ("pipe.png", "link.png"):
+        got: list[bytes] = []
+        reader = threading.Thread(target=lambda got=got: got.append(Path("pipe.png").read_bytes()))
+        reader.start()
+        write(name, b"new" * 100_000)
+        reader.join(60)
+        assert got == [b"new" * 100_000]
+    assert Path("pipe.png").is_fifo()
+    assert names() == ["link.png", "pipe.png"]
+
+
+def test_a_device_is_written_into() -> None:
+    before = Path(os.devnull).stat()
+    Path("null.png").symlink_to(os.devnull)
+    write("null.png")
+    after = Path(os.devnull).stat()
+    assert (after.st_ino, after.st_mode, after.st_rdev) == (before.st_ino, before.st_mode, before.st_rdev)
+    Path("full.png").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device"):
+        write("full.png")
+
+
+WAITS = """
+import sys, time
+from pathlib import Path
+from cltrace.process.console import command
+from cltrace.picture.files import whole_file
+
+def body():
+    with whole_file(Path("s.png")) as file:
+        print("ready", flush=True)
+        time.sleep(60)
+    return 0
+
+sys.exit(command("test", body))
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"])
+def test_a_signal_leaves_nothing_behind(name: str) -> None:
+    number = getattr(signal, name)
+    with subprocess.Popen([sys.executable, "-c", WAITS], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        assert len(names()) == 1
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + number
+    assert said == (b"test: interrupted\n" if number == signal.SIGINT else b"")
+    assert names() == []
+
+
+def test_what_a_kill_has_left_is_removed_by_the_next_run() -> None:
+    """What another process still writes stays, and so does what only looks alike."""
+    Path(".s.png-0123456789abcde.part").touch()
+    with subprocess.Popen([sys.executable, "-c", WAITS], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        (part,) = [name for name in names() if len(name) == len(".s.png-0123456789abcdef.part")]
+        write("a.png")
+        assert part in names()
+        process.kill()
+    assert part in names()
+    files._remove_left.cache_clear()
+    write("b.png")
+    assert names() == [".s.png-0123456789abcde.part", "a.png", "b.png"]
+
+
+def test_a_part_that_is_removed_before_it_is_locked_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    removed = []
+
+    def lock(*_: object) -> None:
+        if not removed:
+            removed.extend(names())
+            Path(removed[0]).unlink()
+
+    monkeypatch.setattr(files, "_lock", lock)
+    write("s.png")
+    assert names() == ["s.png"]
+    assert len(removed) == 1
+
+
+def test_a_signal_that_is_ignored_stays_so() -> None:
+    """As with nohup, or in the background of a shell."""
+    script = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n" + WAITS.replace("60", "0.5")
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(60) == 0
+    assert names() == ["s.png"]
+
+
+# --- The folder of the caches
+
+
+def cache_home(monkeypatch: pytest.MonkeyPatch, home: str = "home/none") -> str | None:
+    """XDG_CACHE_HOME after ensure(), where HOME is this and the temporary folder is `tmp`."""
+    for name in ("home", "tmp"):
+        Path(name).mkdir(exist_ok=True)
+    Path("home/none").touch()  # No folder can be made in a file, not even by root.
+    monkeypatch.setenv("HOME", str(Path(home).absolute()))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(Path("tmp").absolute()))
+    caches.ensure()
+    found = os.environ.get("XDG_CACHE_HOME")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    return os.path.relpath(found) if found else None
+
+
+SPARE = f"tmp/cltrace-cache-{os.getuid()}"
+
+
+def test_the_usual_cache_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert cache_home(monkeypatch, "home") is None
+    assert Path("home/.cache").is_dir()
+    assert not names("tmp")
+
+
+def test_the_usual_cache_may_be_a_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("home").mkdir()
+    Path("scratch").mkdir()
+    Path("home/.cache").symlink_to("../scratch")
+    assert cache_home(monkeypatch, "home") is None
+
+
+def test_a_home_that_is_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert cache_home(monkeypatch) == SPARE
+    assert Path(SPARE).stat().st_mode & 0o777 == 0o700
+    assert cache_home(monkeypatch) == SPARE
+
+
+@pytest.mark.parametrize("cache", caches.CACHES)
+def test_a_cache_that_is_no_folder(monkeypatch: pytest.MonkeyPatch, cache: str) -> None:
+    Path("home/.cache").mkdir(parents=True)
+    Path("home/.cache", cache).touch()
+    assert cache_home(monkeypatch, "home") == SPARE
+
+
+def test_a_home_that_cannot_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", no_home)
+    assert cache_home(monkeypatch) == SPARE
+
+
+@pytest.mark.parametrize("taken_by", ["file", "link to nothing", "link to a folder", "link to itself", "open folder"])
+def test_a_spare_folder_that_others_have_planted(monkeypatch: pytest.MonkeyPatch, taken_by: str) -> None:
+    spare = Path(SPARE)
+    spare.parent.mkdir()
+    Path("theirs").mkdir()
+    if taken_by == "file":
+        spare.touch()
+    elif taken_by == "open folder":
+        spare.mkdir()
+        spare.chmod(0o777)
+    else:
+        spare.symlink_to(
+            {"link to nothing": "nothing", "link to a folder": "../theirs", "link to itself": spare.name}[taken_by]
+        )
+    assert cache_home(monkeypatch) == f"{SPARE}-1"
+    assert not names("theirs")
+
+
+def test_a_folder_of_another_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither the usual one nor a spare one of somebody else is used."""
+    Path("home/.cache").mkdir(parents=True)
+    Path(SPARE).mkdir(parents=True)
+    monkeypatch.setenv("PYOPENCL_NO_CACHE", "")
+    monkeypatch.delenv("PYOPENCL_NO_CACHE")
+    user = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: user + 1)
+    Path(f"tmp/cltrace-cache-{user + 1}").mkdir()
+    assert cache_home(monkeypatch, "home") is None
+    assert os.environ["PYOPENCL_NO_CACHE"] == "1"
+
+
+@pytest.mark.parametrize("full", [{"home/.cache/pocl"}, {"home/.cache/pocl", f"{SPARE}/pocl"}])
+def test_a_full_disk(monkeypatch: pytest.MonkeyPatch, full: set[str]) -> None:
+    """An empty file can be made there, but not the files of a kernel. Where temporary files go may be full, too."""
+
+    def fill(file: int, _: int, size: int) -> None:
+        if Path(f"/proc/self/fd/{file}").readlink().parent in {Path(folder).resolve() for folder in full}:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        assert size in (1, caches.ROOM)
+
+    monkeypatch.setattr(os, "posix_fallocate", fill)
+    Path("shared").mkdir()
+    monkeypatch.setattr(caches, "SHARED", str(Path("shared").resolve()))
+    monkeypatch.setattr(caches, "notes", [])
+    assert cache_home(monkeypatch, "home") == (SPARE if len(full) == 1 else SPARE.replace("tmp", "shared"))
+    assert caches.notes[0] == f"{Path('home/.cache').resolve()} cannot be used: No space left on device"
+    assert len(caches.notes) == len(full)
+    folder = Path("home/.cache/pocl").resolve()
+    with pytest.raises(OSError, match="No space left"):
+        caches.check_room(folder)
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, path.stat().st_size // 3)
+
+
+@pytest.mark.slow
+def test_damaged_caches_are_mended_once(tmp_path: Path) -> None:
+    """What a full disk or a crash has cut is told, and made again; it ended every later run with SIGABRT or SIGBUS."""
+    scene = Path(__file__).parents[2] / "scenes" / "minimal.xml"
+    cache = tmp_path / "cache"
+    environment = {k: v for k, v in os.environ.items() if k != "POCL_CACHE_DIR"} | {"XDG_CACHE_HOME": str(cache)}
+
+    def run(*arguments: str) -> tuple[int, str]:
+        command = [sys.executable, "-m", "cltrace", *arguments]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    draw = (str(scene), "-q", "--size=8x6", "-o", "s.png")
+    assert run(*draw) == (0, "")
+    libraries, programs, databases = ([*cache.rglob(name)] for name in ("render.so", "program.bc", "*.sqlite"))
+    if not libraries:
+        pytest.skip("no PoCL")
+    picture = Path("s.png").read_bytes()
+    for damage, paths in [(cut, libraries), (lambda path: path.write_bytes(b""), libraries), (cut, programs)]:
+        damage(paths[0])
+        told = f"cltrace: {paths[0]} was damaged, and is made again\n"
+        assert run(*draw) == (0, told)
+        assert run(*draw) == (0, "")
+        assert Path("s.png").read_bytes() == picture
+    cut(databases[0])
+    assert run(*draw) == (0, f"{databases[0]} was damaged, and is made again\n")
+    cut(programs[0])
+    status, report = run("--doctor", "-d", "cpu")
+    assert (status, f"           {programs[0]} was damaged, and is made again\n" in report) == (0, True)
+
+
+def test_no_folder_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_folder() -> str:
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found")
+
+    monkeypatch.setenv("PYOPENCL_NO_CACHE", "")
+    monkeypatch.delenv("PYOPENCL_NO_CACHE")
+    monkeypatch.setattr(tempfile, "gettempdir", no_folder)
+    monkeypatch.setattr(caches, "SHARED", "/dev/null")
+    assert cache_home(monkeypatch) is None
+    assert os.environ["PYOPENCL_NO_CACHE"] == "1"

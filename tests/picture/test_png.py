@@ -1,0 +1,95 @@
+"""PNG files: the pixels that another program reads are those that were written."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from cltrace.picture import png
+
+
+def written(pixels: png.Pixels, **options: dict[str, str]) -> bytes:
+    file = io.BytesIO()
+    png.write_png(file, pixels, **options)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 700, 3), (700, 1, 4), (31, 17), (600, 999, 3), (33, 65, 4)])
+def test_what_is_read_is_what_was_written(shape: tuple[int, ...]) -> None:
+    """Blocks of rows go over into each other, and a view that is no array of its own is written as it looks."""
+    pixels = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
+    smooth = np.broadcast_to(np.arange(shape[1], dtype=np.uint8).reshape(1, -1, *[1] * (len(shape) - 2)), shape)
+    for wanted in (pixels, smooth, pixels[::-1]):
+        with Picture.open(io.BytesIO(written(wanted))) as picture:
+            assert picture.format == "PNG"
+            assert picture.mode == {1: "L", 3: "RGB", 4: "RGBA"}[shape[2] if len(shape) == 3 else 1]
+            assert np.array_equal(np.asarray(picture), wanted)
+
+
+def test_sixteen_bits() -> None:
+    """Decoded here, as Pillow keeps but eight bits of colours: filters add the pixel on the left, or the row above."""
+    pixels = np.random.default_rng(2).integers(0, 65536, (9, 13, 3)).astype(np.uint16)
+    data = written(pixels)
+    at = data.index(b"IDAT")
+    rows = np.frombuffer(zlib.decompress(data[at + 4 : at + 4 + struct.unpack(">I", data[at - 4 : at])[0]]), np.uint8)
+    rows = rows.reshape(9, -1)
+    assert rows[:, 0].tolist() == [1] + 8 * [2]
+    differences = rows[:, 1:].reshape(9, 13, 6).copy()
+    differences[0] = np.cumsum(differences[0], axis=0, dtype=np.uint8)
+    found = np.cumsum(differences, axis=0, dtype=np.uint8).reshape(9, 13, 3, 2).view(">u2")[..., 0]
+    assert np.array_equal(found, pixels)
+    grey = written(pixels[..., 0])
+    with Picture.open(io.BytesIO(grey)) as picture:
+        assert np.array_equal(np.asarray(picture), pixels[..., 0])
+
+
+def test_rows_may_come_in_any_pieces() -> None:
+    """More than a chunk of compressed bytes, in pieces of one band and of many."""
+    pixels = np.random.default_rng(4).integers(0, 256, (900, 700, 3), np.uint8)
+    whole, cuts = written(pixels), [0, 16, 32, 256, 272, 896, 900]
+    file = io.BytesIO()
+    rows = png.Rows(file, pixels.shape, pixels.dtype)
+    for begin, end in pairwise(cuts):
+        rows.add(png.packed(pixels[begin:end]))
+    rows.close()
+    assert file.getvalue() == whole
+    assert whole.count(b"IDAT") > 1
+    bytes_ = zlib.decompress(png.stream_of(pixels))
+    assert whole[-20:-16] == struct.pack(">I", zlib.adler32(bytes_))  # before what ends the chunk, and the file
+    with Picture.open(file) as picture:
+        assert np.array_equal(np.asarray(picture), pixels)
+
+
+def test_text() -> None:
+    data = written(np.zeros((4, 5, 3), np.uint8), text={"other": "x", "cltrace": "abc"})
+    assert png.text_of(io.BytesIO(data), "cltrace") == "abc"
+    assert png.text_of(io.BytesIO(data), "nothing") is None
+    with Picture.open(io.BytesIO(data)) as picture:
+        picture.load()
+        assert picture.text == {"other": "x", "cltrace": "abc"}
+    for cut in range(len(data)):  # what is not whole says nothing
+        assert png.text_of(io.BytesIO(data[:cut]), "cltrace") is None
+        damaged = bytes([*data[:cut], data[cut] ^ 1, *data[cut + 1 :]])
+        assert png.text_of(io.BytesIO(damaged), "cltrace") is None
+
+
+@pytest.mark.parametrize(("fps", "delay"), [(25, 40.0), (30, 1000 / 30), (0.5, 2000.0), (29.97, 1000 / 29.97)])
+def test_animation(fps: float, delay: float) -> None:
+    frames = np.random.default_rng(3).integers(0, 256, (4, 6, 7, 3), np.uint8)
+    file = io.BytesIO()
+    movie = png.Animation(file, fps)
+    for i, frame in enumerate(frames):
+        movie.add(frame, png.stream_of(frame) if i % 2 else None)
+    movie.close()
+    with Picture.open(io.BytesIO(file.getvalue())) as picture:
+        assert (picture.n_frames, picture.info["loop"]) == (4, 0)
+        for i, frame in enumerate(frames):
+            picture.seek(i)
+            assert picture.info["duration"] == pytest.approx(delay, 1e-6)
+            assert np.array_equal(np.asarray(picture.convert("RGB")), frame)

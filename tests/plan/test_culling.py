@@ -1,0 +1,270 @@
+"""What is left out because it cannot matter is left out, and no picture tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from random_scenes import crowded, fuzzed_scene, random_scene
+from stress_cases import OUTPUTS, picture, renderer
+
+import cltrace
+from cltrace import Camera, Scene
+from cltrace.plan import culling, features
+from cltrace.plan.abi import COUNTERS
+from cltrace.plan.accel import cells, discs, light_buffer, polygons
+from cltrace.plan.shapes import mesh, sphere
+from cltrace.run import executor
+from cltrace.run.devices import Device, choose
+
+TRACED, UNSTOPPABLE = COUNTERS["SHADOW_RAYS"], COUNTERS["UNSTOPPABLE"]
+CAMERA = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
+LAMP = cltrace.point_light((3, 9, 6))
+SUN = cltrace.parallel_light((-0.3, -1, -0.2))
+
+
+def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precision: str) -> None:
+    """The picture has the same bits with and without each of these skips."""
+    want = picture(scene, device, precision)
+    for name in names:
+        image = picture(scene, device, precision, keep=(name,))
+        for output in ("rgb8", "color", "normal", "depth", "id"):
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (name, precision, output)
+
+
+@pytest.mark.parametrize("lights", [[LAMP], [SUN], [LAMP, SUN]], ids=["point", "parallel", "both"])
+@pytest.mark.parametrize("many", [0, 40], ids=["few", "many"])
+def test_spheres_inside_others_are_left_out(device: Device, lights: list[np.ndarray], many: int) -> None:
+    rng = np.random.default_rng(1)
+    inner = rng.uniform(-0.4, 0.4, (3 + many, 3)) + (0, 1, 0)
+    centers = np.concatenate([[(0, 1, 0), (2.5, 0.5, 0)], inner])
+    scene = Scene.from_spheres(CAMERA, lights, centers, [1.0, 0.5, *[0.2] * len(inner)])
+    for precision in ("accurate", "single", "double"):
+        drawn = renderer(scene, device, precision)
+        assert drawn.skipped["spheres inside others, or the same"] == len(inner)
+        compare(scene, device, ("hidden",), precision)
+
+
+def test_spheres_inside_one_that_holds_a_light_or_the_eye_stay(device: Device) -> None:
+    centers, radii = [(0, 0, 0), (0.3, 0, 0)], [2.0, 0.2]
+    for light, eye in ((cltrace.point_light((0, 1, 0)), (0, 2, 12)), (LAMP, (0, 0, 1))):
+        camera = Camera(eye, (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False)
+        assert renderer(Scene.from_spheres(camera, [light], centers, radii), device).skipped[
+            "spheres inside others, or the same"
+        ] == 0  # fmt: skip
+    # A sphere that touches from inside shows at that point.
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=25, resolution=(65, 49), square_pixels=False)
+    touching = Scene.from_spheres(camera, [LAMP], [(0, 0, 0), (0, 0, 1)], [2.0, 1.0])
+    assert renderer(touching, device).skipped["spheres inside others, or the same"] == 0
+    compare(touching, device, ("hidden",), "accurate")
+
+
+@pytest.mark.parametrize("many", [2, 3000], ids=["few", "many"])
+def test_of_equal_spheres_only_the_first_is_looked_at(device: Device, many: int) -> None:
+    """Of equal spheres the first one's id shows. A sphere that is an ulp smaller is not equal."""
+    centers = np.array([*[(-2, 0, 0)] * many, *[(2, 0, 0)] * many, (2, 0, 0)])
+    radii = np.array([*[1.0] * (2 * many), np.nextafter(1.0, 0)])
+    colors = np.eye(3)[np.arange(len(centers)) % 3]
+    order = np.random.default_rng(4).permutation(len(centers))
+    scene = Scene.from_spheres(CAMERA, [LAMP, SUN], centers[order], radii[order], colors[order])
+    for precision in ("accurate", "single", "double"):
+        drawn = renderer(scene, device, precision)
+        # The sphere that is an ulp smaller is inside another one, but by less than a rounding. Sorted by place, it may
+        # come between two equal ones, which are then both kept.
+        assert 2 * (many - 1) - drawn.skipped["spheres inside others, or the same"] in (0, 1)
+        ids = drawn.render().id
+        first = [
+            int(np.flatnonzero((centers[order] == c).all(axis=1) & (radii[order] == 1))[0]) for c in centers[[0, -1]]
+        ]
+        assert set(np.unique(ids).tolist()) == {-1, *first}
+        if many < 100:
+            compare(scene, device, ("hidden",), precision)
+
+
+@pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
+def test_shadow_rays_that_nothing_can_stop(device: Device, light: np.ndarray) -> None:
+    """A row of balls across the light stands in nobody's way; one that hangs over the first one does."""
+    row = [(x, 0.0, 0.0) for x in (-4.5, -1.5, 1.5, 4.5)]
+    free = Scene.from_spheres(CAMERA, [light], row, 0.4)
+    work = renderer(free, device).work()
+    assert work[TRACED] == 0
+    assert work[UNSTOPPABLE] > 0
+    towards = np.array([3, 9, 6]) - row[0] if light is LAMP else np.array([0.3, 1, 0.2])
+    over = tuple(np.array(row[0]) + 2 * towards / np.linalg.norm(towards))
+    shaded = Scene.from_spheres(CAMERA, [light], [*row, over], [0.4] * 4 + [0.3])
+    work = renderer(shaded, device).work()
+    assert 0 < work[TRACED] < work[UNSTOPPABLE]
+    for scene in (free, shaded):
+        compare(scene, device, ("unstopped", "receivers"), "accurate")
+
+
+@pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
+def test_spheres_that_shadow_nothing_seen_are_in_no_list_of_a_light(device: Device, light: np.ndarray) -> None:
+    """A cloud behind the camera, away from what it sees and from the way of the light to it."""
+    rng = np.random.default_rng(2)
+    seen = rng.uniform(-2, 2, (30, 3))
+    away = rng.uniform(-2, 2, (50, 3)) + (0, -10, 60)
+    scene = Scene.from_spheres(CAMERA, [light], np.concatenate([seen, away]), 0.3)
+    assert renderer(scene, device).skipped["spheres that shadow nothing seen, per light"] >= 50
+    compare(scene, device, ("receivers",), "accurate")
+
+
+def test_highlights_too_faint_for_a_byte(device: Device) -> None:
+    scene = Scene.from_spheres(CAMERA, [LAMP], [(0, 0, 0)], 2.0, ks=1, exponent=500)
+    work = renderer(scene, device).work()
+    assert work["highlights too faint for a pixel"] > work["highlights computed"] > 0
+    accurate, double = (picture(scene, device, p) for p in ("accurate", "double"))
+    assert np.abs(accurate.color - double.color).max() <= 1e-6
+    brighter = Scene.from_spheres(CAMERA, [cltrace.point_light((3, 9, 6), (1e6, 1e6, 1e6))], [(0, 0, 0)], 2.0, ks=1)
+    assert renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
+
+
+def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> None:
+    """5,000 spheres are sorted by place; every one is there twice."""
+    rng = np.random.default_rng(3)
+    centers, radii = rng.uniform(-2.5, 2.5, (2500, 3)), rng.uniform(0.05, 0.1, 2500)
+    again = rng.permutation(2500)
+    scene = Scene.from_spheres(
+        CAMERA, [LAMP, SUN], np.concatenate([centers, centers[again]]), np.concatenate([radii, radii[again]])
+    )
+    for precision in ("accurate", "single", "double"):
+        ids = picture(scene, device, precision).id
+        assert ids.max() < 2500
+        assert len(np.unique(ids)) > 500
+        compare(scene, device, ("order", "lists", "receivers"), precision)
+
+
+@pytest.mark.slow
+def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few spheres are treated as a million: fetched ahead, on other levels, with bounds made in blocks."""
+    # In the last one, each level of each list has as many rows as a power of two.
+    sizes = np.random.default_rng(6).choice(2.0 ** -np.arange(7), 60)
+    centers = np.random.default_rng(7).uniform(-3, 3, (60, 3))
+    camera = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 64))
+    layers = Scene.from_spheres(camera, [LAMP, SUN], centers, sizes)
+    for seed in range(7):
+        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed) if seed < 6 else layers
+        for precision in ("accurate", "single"):
+            want = picture(scene, device, precision)
+            with monkeypatch.context() as patch:
+                patch.setattr(features, "PLENTY", 1)
+                patch.setattr(features, "VIEWS", 1)
+                for module in (mesh, sphere):
+                    patch.setattr(module, "MANY", 1)
+                patch.setattr(cells, "SPARE", 1)
+                patch.setattr(light_buffer, "SAMPLE", 1)
+                for module in (cells, discs, polygons):
+                    patch.setattr(module, "BLOCK", 8)
+                drawn = renderer(scene, device, precision)
+                assert "WITH_PREFETCH" in drawn.plan.features
+                image = drawn.render()
+            for output in OUTPUTS:
+                assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
+
+
+@pytest.mark.slow
+def test_shadows_of_spheres_much_smaller_than_their_distance(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many spheres have a filter of their own for radii that float32 loses beside the light's distance."""
+    rng = np.random.default_rng(9)
+    ground, n = np.array([(0.0, -100.0, 0.0)]), 400
+    centers = np.concatenate([ground, rng.uniform((-0.05, 0.001, -0.05), (0.05, 0.02, 0.05), (n, 3))])
+    radii = np.append(100.0, 10 ** rng.uniform(-4, -2.5, n))
+    camera = Camera((0, 0.3, 0.1), (0, 0, 0), horizontal_fov=10, resolution=(96, 80))
+    for light in ((30, 40, 3), (-2, 9, 500)):
+        scene = Scene.from_spheres(camera, [cltrace.point_light(light)], centers, radii)
+        want = picture(scene, device, "accurate")
+        assert 100 < ((want.id == 0) & (want.color.max(axis=-1) == 0)).sum() < 4000  # shadows on the ground
+        with monkeypatch.context() as patch:
+            patch.setattr(features, "PLENTY", 1)
+            fetched = renderer(scene, device, "accurate", width=1)  # where each ray decides for itself
+            assert "WITH_PREFETCH" in fetched.plan.features
+            image = fetched.render()
+            work, kept = fetched.work(), renderer(scene, device, "accurate", keep=("filter",)).work()
+        what = "spheres that are decided in full for a ray"
+        assert work[what] < kept[what] / 2
+        for output in OUTPUTS:
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (light, output)
+
+
+@pytest.mark.slow
+def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole pictures and parts of them, of heights with and without a last block that is cut off, in several strips."""
+    rng = np.random.default_rng(8)
+    camera = Camera((0, 0, 12), (0, 0, 0), horizontal_fov=20, resolution=(71, 150))
+    scene = Scene.from_spheres(camera, [LAMP, SUN], rng.uniform(-3, 3, (80, 3)), 0.3, rng.uniform(0, 1, (80, 3)))
+    for crop in (None, (0, 0, 70, 144), (3, 5, 50, 22), (9, 131, 71, 150)):
+        want = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width).render()
+        with monkeypatch.context() as patch:
+            patch.setattr(features, "VIEWS", 1)
+            patch.setattr(executor, "FIRST_ROWS", 16)
+            drawn = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width)
+            assert "WITH_BLOCKS" in drawn.plan.features
+            image = drawn.render()
+        for output in ("rgb8", "id"):
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (crop, output)
+
+
+@pytest.mark.slow
+def test_a_sphere_that_stops_one_ray_is_asked_about_its_whole_packet(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fewer spheres are tried then, and the picture is the same: also on a ground too large for that."""
+    rng = np.random.default_rng(12)
+    n, lights = 600, [cltrace.point_light(p) for p in rng.uniform((-9, 4, -9), (9, 9, 9), (8, 3))]
+    centers = np.concatenate([[(0, -100, 0)], rng.uniform((-3, 0.5, -3), (3, 1.5, 3), (n, 3))])
+    camera = Camera((0, 5, 12), (0, 0, 0), horizontal_fov=15, resolution=(64, 48))
+    scene = Scene.from_spheres(camera, [*lights, SUN], centers, np.append(100, rng.uniform(0.05, 0.4, n)))
+    alone = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
+    want, tried = alone.render(), alone.work()["spheres that float32 rules out for a ray"]
+    monkeypatch.setattr(features, "VIEWS", 1)
+    together = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
+    assert "WITH_BLOCKS" in together.plan.features
+    image = together.render()
+    for output in OUTPUTS:
+        assert np.array_equal(getattr(image, output), getattr(want, output)), output
+    assert together.work()["spheres that float32 rules out for a ray"] < 0.99 * tried
+
+
+def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
+    """The eye is 1e12 inside of a sphere of 3.4e38 and looks outwards. By the rounded centre, it is on the sphere."""
+    camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7), square_pixels=False)
+    scene = Scene.from_spheres(camera, [], [(3.4e38, 0, 0)], [3.4e38])
+    for precision in ("accurate", "double"):
+        ids = picture(scene, device, precision).id
+        assert (ids == 0).all()
+
+
+# These change the plan's arrays only, so no program has to be compiled for them. What mirrors and glass need is in
+# tests/kernels/test_tree.py.
+PACKED = ("lists", "lights", "hidden", "receivers", "unstopped", "order")
+
+
+def scenes(seeds: range) -> None:
+    for seed in seeds:
+        scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
+        compare(scene, choose(), PACKED, "accurate")
+        # In single, a black light may be so far away that nothing else is left of float32's range beside it.
+        compare(scene, choose(), tuple(name for name in PACKED if name != "lights"), "single")
+        # In single, a shadow ray may meet a sphere of less than a thousandth of its distance where it is not, and where
+        # no list holds it.
+        compare(crowded(scene, seed), choose(), PACKED, "accurate")
+
+
+@pytest.mark.slow
+def test_no_scene_tells_what_was_left_out() -> None:
+    scenes(range(100))
+
+
+@pytest.mark.stress
+def test_none_of_two_thousand_scenes_tells() -> None:
+    scenes(range(100, 2_100))
+
+
+@pytest.mark.parametrize("n", [5, 8, 9, 1000, 3 * culling.SAMPLE + 1])
+def test_shells_are_the_largest(n: int) -> None:
+    """Of any sizes, in any order, and of equal ones."""
+    rng = np.random.default_rng(n)
+    kinds = rng.uniform(0.1, 1, n), np.full(n, 0.5), rng.integers(1, 4, n) / 4, np.append(np.full(n - 1, 0.5), 0.9)
+    for radius in (*kinds, np.sort(kinds[0]), np.sort(kinds[2])):
+        found = culling.shells(radius)
+        assert len(set(found.tolist())) == min(n, culling.SHELLS)
+        assert np.array_equal(np.sort(radius[found]), np.sort(radius)[-culling.SHELLS :])

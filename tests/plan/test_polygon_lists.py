@@ -1,0 +1,376 @@
+"""Triangles in the lists, without a device: what a ray can meet is offered to it, and little else.
+
+The lists are walked as in test_lists. Rational numbers say what is met wherever doubles are not sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_lists import cell_of, dot_float, walk
+
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel import cells
+from cltrace.plan.accel.cells import SLACK, CellGrid, build
+from cltrace.plan.accel.discs import Discs
+from cltrace.plan.accel.light_buffer import parallel_buffer, point_buffer
+from cltrace.plan.accel.polygons import Polygons
+from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Window
+from cltrace.plan.accel.tiles import picture_tiles
+
+pytestmark = pytest.mark.slow
+
+Floats = NDArray[np.float64]
+f32 = np.float32
+NO_SPHERES = Discs(np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+# --------------------------------------------------------------------------------------------------- what is required
+
+
+def _exactly(corner: Floats, d: Floats) -> Fraction | None:
+    """Where the ray along d from the origin meets a triangle (3, 3), in units of d; None if it does not."""
+    a, b, c, w = ([Fraction(x) for x in row.tolist()] for row in (*corner, d))
+
+    def cross(p: list[Fraction], q: list[Fraction]) -> list[Fraction]:
+        return [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+
+    def dot(p: list[Fraction], q: list[Fraction]) -> Fraction:
+        return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+    normals = [cross(a, b), cross(b, c), cross(c, a)]
+    normal = [x + y + z for x, y, z in zip(*normals, strict=True)]
+    plane = dot(a, normal)
+    if not plane:
+        return None
+    for n in normals:
+        side = next((x for x in (dot(w, n), *n) if x), Fraction(0))
+        if not side * plane > 0:
+            return None
+    return plane / dot(w, normal)
+
+
+def met(corners: Floats, d: Floats) -> Floats:
+    """(rays, triangles): where rays (rays, 3) from the origin meet triangles (m, 3, 3), in units of d; inf if not."""
+    a, b, c = corners.transpose(1, 0, 2)
+    size, normal = np.abs(corners).sum(axis=2).max(axis=1), np.cross(b - a, c - a)
+    plane, longest = (a * normal).sum(axis=1), np.abs(b - a).sum(axis=1) + np.abs(c - a).sum(axis=1)
+    flat = np.abs(plane) <= 2.0**-48 * size * longest**2
+    sides = np.stack([d @ np.cross(p, q - p).T for p, q in ((a, b), (b, c), (c, a))])
+    doubt = np.abs(d).sum(axis=1)[:, None] * (2.0**-48 * size * longest)
+    # Two sides of different signs are enough to know that a ray passes by, whatever the plane's sign is.
+    passes = (sides > doubt).any(axis=0) & (sides < -doubt).any(axis=0)
+    passes |= ~flat & (sides * np.sign(plane) < -doubt).any(axis=0)
+    unsure = ~passes & (flat | (np.abs(sides) <= doubt).any(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(passes | unsure, np.inf, plane / (d @ normal.T))
+    for i, j in np.argwhere(unsure):
+        at = _exactly(corners[j], d[i])
+        t[i, j] = np.inf if at is None else float(at)
+    return np.asarray(t)
+
+
+def lists_of(grids: list[CellGrid], slack: float) -> SimpleNamespace:
+    lists = build(grids, "single" if slack == SLACK else "accurate")
+    return SimpleNamespace(arrays={"grid": lists.grid, "start": lists.start, "entry": lists.entry})
+
+
+def polygons_of(triangles: Floats) -> Polygons:
+    """Triangles (m, 3, 3) with their vertices in another order, times a power of two that makes them about 1."""
+    order = np.random.default_rng(0).permutation(triangles.shape[0] * 3)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    face = place.reshape(-1, 3).astype(np.int32)
+    return Polygons(triangles.reshape(-1, 3)[order], face, 0, np.ones(len(face), np.int8))
+
+
+def window_of(tan: float, size: tuple[int, int], region: tuple[int, int, int, int] | None = None) -> Window:
+    width, height = size
+    return Window((tan / width, tan / width), size, region or (0, 0, width, height))  # type: ignore[arg-type]
+
+
+def rays(window: Window) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """Column, row and direction of each pixel's ray."""
+    left, top, width, height = window.region
+    rows, columns = np.mgrid[top : top + height, left : left + width].reshape(2, -1)
+    x = (2 * columns + 1 - window.size[0]) * window.step[0]
+    y = (window.size[1] - 1 - 2 * rows) * window.step[1]
+    return columns, rows, np.stack([x, y, np.full(len(x), -1.0)], axis=1)
+
+
+def check_pixels(triangles: Floats, window: Window) -> float:
+    """Whatever a pixel's ray meets is in its lists, not behind itself. Returns how many entries there are a hit."""
+    lists = lists_of(
+        [picture_tiles([NO_SPHERES, polygons_of(triangles)], np.ones(len(triangles), bool), window)], FINE_SLACK
+    )
+    columns, rows, d = rays(window)
+    t = met(triangles, d)
+    square = (t * t) * (d * d).sum(axis=1)[:, None]
+    offers = 0
+    tiles: dict[tuple[int, int], dict[int, float]] = {}
+    for column, row, far in zip(columns.tolist(), rows.tolist(), square, strict=True):
+        tile = column >> 2, row >> 2
+        if tile not in tiles:
+            tiles[tile] = {}
+            for entries in walk(lists, 0, *tile):  # type: ignore[arg-type]
+                near = entries[:, 1].view(f32)
+                assert (np.diff(near) >= 0).all()
+                assert len(set(entries[:, 0].tolist())) == len(entries)
+                tiles[tile] |= dict(zip(entries[:, 0].tolist(), near.tolist(), strict=True))
+        offered = tiles[tile]
+        offers += len(offered)
+        for index in np.flatnonzero(np.isfinite(far)).tolist():
+            assert index in offered, f"pixel {column}, {row} lacks {index}"
+            assert offered[index] <= far[index] * (1 + 2.0**-20), (column, row, index)
+    return offers / max(1, int(np.isfinite(t).sum()))
+
+
+def offered_to(lists: SimpleNamespace, w: Floats, p: Floats, axes: Floats | None) -> set[int]:
+    """The triangles in a light's lists for a shadow ray from p to the light; w: from p to a light at a point."""
+    w32, at_point = w.astype(f32), axes is None
+    a = dot_float(w32, w32)
+    at_light = bool(at_point and a < f32(2.0**-40))
+    start = -w * (2.0**80 if at_light else 1) if axes is None else p
+    depth = a if axes is None else -f32(start @ axes[2])
+    found: set[int] = set()
+    for g, grid in enumerate(lists.arrays["grid"]):
+        cell = cell_of(grid, w32, start, at_point, at_light)
+        for entries in walk(lists, g, *cell) if cell else ():  # type: ignore[arg-type]
+            near = entries[:, 1].view(f32)
+            assert (np.diff(near) >= 0).all()
+            found |= set(entries[near < depth, 0].tolist())
+    return found
+
+
+def on_triangles(triangles: Floats, count: int) -> tuple[Floats, NDArray[np.intp]]:
+    """Points of triangles, and which triangle each one is on."""
+    rng = np.random.default_rng(1)
+    which = rng.integers(0, len(triangles), count)
+    weight = rng.dirichlet((0.7, 0.7, 0.7), count)
+    return (triangles[which] * weight[:, :, None]).sum(axis=1), which
+
+
+def check_light(
+    triangles: Floats,
+    light: Floats | None,
+    axes: Floats | None,
+    slack: float = FINE_SLACK,
+    receivers: int | None = None,
+) -> float:
+    """Whatever is on the way from points of the triangles to a light is in its lists. light: (3,), or axes: (3, 3).
+
+    receivers: how many triangles, from the first one on, are seen and have such points; None for all. Returns how many
+    triangles are offered to a point, on average, for each one that is on its way.
+    """
+    every = np.ones(len(triangles), bool)
+    who = Shadows(every, np.arange(len(triangles)) < (receivers or len(triangles)), slack)
+    points, own = on_triangles(triangles[:receivers], 300)
+    if axes is None:
+        seen, p = triangles - light, points - light
+        lists = lists_of(point_buffer([NO_SPHERES, polygons_of(seen)], who), slack)
+        t = met(seen, p)
+        blocks, ways = t < 1, -p
+    else:
+        lists = lists_of(parallel_buffer(axes, [NO_SPHERES, polygons_of(triangles)], who), slack)
+        ways = np.broadcast_to(axes[2], points.shape)
+        t = np.stack([met(triangles - point, axes[2:])[0] for point in points])
+        blocks = np.isfinite(t)
+    offers = hits = 0
+    for p, w, row, mine in zip(points, ways, blocks, own.tolist(), strict=True):
+        blocking = set(np.flatnonzero(row).tolist()) - {mine}
+        offered = offered_to(lists, w, p, axes)
+        offers, hits = offers + len(offered), hits + len(blocking)
+        assert blocking <= offered, f"{p} lacks {blocking - offered}"
+    return offers / max(1, hits)
+
+
+# ------------------------------------------------------------------------------------------------------------- scenes
+
+
+def unit(rng: np.random.Generator, n: int) -> Floats:
+    v = rng.normal(size=(n, 3))
+    return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
+
+
+def soup(rng: np.random.Generator, n: int = 120) -> Floats:
+    middle = np.column_stack([rng.uniform(-0.4, 0.4, (n, 2)), rng.uniform(-1, -0.3, n)])
+    return np.asarray(middle[:, None] + rng.normal(size=(n, 3, 3)) * 2.0 ** rng.uniform(-10, -2, (n, 1, 1)))
+
+
+def around(rng: np.random.Generator, n: int = 120) -> Floats:
+    return np.asarray(rng.normal(size=(n, 3, 3)) * 0.3)
+
+
+def needles(rng: np.random.Generator, n: int = 120) -> Floats:
+    start, end = (np.column_stack([rng.uniform(-1, 1, (n, 2)), rng.uniform(-1, -0.1, n)]) for _ in range(2))
+    return np.stack([start, end, end + rng.normal(size=(n, 3)) * 2.0 ** rng.uniform(-30, -5, (n, 1))], axis=1)
+
+
+def box(size: float = 0.5, middle: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Floats:
+    found = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            quad = np.zeros((4, 3))
+            quad[:, axis] = sign
+            quad[:, (axis + 1) % 3] = (-1, 1, 1, -1)
+            quad[:, (axis + 2) % 3] = (-1, -1, 1, 1)
+            found += [quad[[0, 1, 2]], quad[[0, 2, 3]]]
+    return np.asarray(np.array(found) * size + middle)
+
+
+def room(rng: np.random.Generator) -> Floats:
+    return np.concatenate(
+        [box(0.9), *(box(s, tuple(m)) for s, m in zip(rng.uniform(0.01, 0.1, 9), unit(rng, 9) * 0.5, strict=True))]
+    )  # type: ignore[arg-type]
+
+
+def through_the_eye(rng: np.random.Generator, n: int = 12) -> Floats:
+    """In a plane with the origin, exactly or all but."""
+    first, second = (np.round(rng.uniform(-64, 64, (n, 3))) / 64 for _ in range(2))
+    weight = np.round(rng.uniform(-4, 4, (n, 3, 2)))
+    corner = (weight[:, :, :1] * first[:, None] + weight[:, :, 1:] * second[:, None]) / 16
+    corner[: n // 2] += unit(rng, n // 2)[:, None] * 2.0 ** -rng.uniform(20, 52, (n // 2, 1, 1))
+    return np.asarray(corner)
+
+
+def tiny(rng: np.random.Generator, n: int = 200) -> Floats:
+    middle = np.column_stack([rng.uniform(-0.6, 0.6, (n, 2)), np.full(n, -1.0)])
+    return np.asarray(middle[:, None] + rng.normal(size=(n, 3, 3)) * 2.0 ** rng.uniform(-30, -5, (n, 1, 1)))
+
+
+def huge(rng: np.random.Generator, n: int = 60) -> Floats:
+    return np.asarray(unit(rng, n)[:, None] * 2.0 ** rng.uniform(-30, -1, (n, 1, 1)) + rng.normal(size=(n, 3, 3)) * 0.5)
+
+
+def on_pixels(rng: np.random.Generator, n: int = 200) -> Floats:
+    """Corners on the rays of pixels of a 47x33 picture, or a hair off."""
+    *_, d = rays(window_of(0.6, (47, 33)))
+    near = rng.integers(0, len(d), n)
+    others = [np.clip(near + rng.integers(-3, 4, n) + 47 * rng.integers(-3, 4, n), 0, len(d) - 1) for _ in range(2)]
+    corner = np.stack([d[near], *(d[other] for other in others)], axis=1) * rng.uniform(0.2, 1, (n, 3, 1))
+    return np.asarray(corner * (1 + rng.choice([0, 1], (n, 3, 3)) * 2.0 ** -rng.integers(25, 53, (n, 3, 3))))
+
+
+def flat(rng: np.random.Generator, n: int = 6) -> Floats:
+    """Without area, or twice the same."""
+    corner = soup(rng, n)
+    corner[: n // 3, 2] = (corner[: n // 3, 0] + corner[: n // 3, 1]) / 2
+    corner[n // 3 : 2 * n // 3] = corner[n // 3 : 2 * n // 3, :1]
+    return corner
+
+
+SCENES = (soup, around, needles, room, through_the_eye, tiny, huge, on_pixels, flat)
+Make = Callable[[np.random.Generator], Floats]
+
+
+@pytest.mark.parametrize("make", SCENES)
+@pytest.mark.parametrize("price", [0.0, cells.PRICE, 1000.0], ids=["level 0", "few levels", "levels"])
+@pytest.mark.parametrize(
+    "window",
+    [
+        window_of(0.6, (47, 33)),
+        window_of(40.0, (47, 33)),
+        window_of(1e-5, (47, 33)),
+        window_of(0.6, (400, 300), (120, 200, 41, 30)),
+        window_of(0.6, (3, 2)),
+    ],
+    ids=["usual", "wide angle", "narrow angle", "crop", "one tile"],
+)
+def test_pixels_are_offered_all_that_they_meet(
+    make: Make, price: float, window: Window, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cells, "PRICE", price)
+    check_pixels(make(np.random.default_rng(6)), window)
+
+
+def axes_towards(direction: Floats) -> Floats:
+    towards = direction / np.linalg.norm(direction)
+    across = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(towards, across), towards])
+
+
+@pytest.mark.parametrize("make", SCENES)
+@pytest.mark.parametrize("slack", [SLACK, FINE_SLACK], ids=["single", "accurate"])
+@pytest.mark.parametrize("spare", [1, cells.SPARE], ids=["levels", "level 0"])
+@pytest.mark.parametrize(
+    "light",
+    [(0.0, 0.0, 0.0), (0.1, 0.05, -0.6), (3.0, 5, 2)],
+    ids=["lamp at the eye", "lamp among them", "lamp outside"],
+)
+def test_lamps_shadow_rays_are_offered_all_that_is_on_their_way(
+    make: Make, slack: float, spare: int, light: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cells, "SPARE", spare)
+    check_light(make(np.random.default_rng(4)), np.array(light), None, slack)
+
+
+@pytest.mark.parametrize("make", SCENES)
+@pytest.mark.parametrize("slack", [SLACK, FINE_SLACK], ids=["single", "accurate"])
+@pytest.mark.parametrize("direction", [(0.0, 1, 0), (-0.3, 1, 0.7)], ids=["sun above", "sun aslant"])
+def test_suns_shadow_rays_are_offered_all_that_is_on_their_way(
+    make: Make, slack: float, direction: tuple[float, float, float]
+) -> None:
+    check_light(make(np.random.default_rng(5)), None, axes_towards(np.array(direction)), slack)
+
+
+@pytest.mark.parametrize("towards", [(0.0, 0, 1), (0.1, -0.2, 1)], ids=["ahead", "aslant"])
+@pytest.mark.parametrize("at_point", [True, False], ids=["lamp", "sun"])
+def test_what_is_just_in_front_of_the_furthest_receiver(towards: tuple[float, float, float], at_point: bool) -> None:
+    """A wall that leads away from the light, and shingles a hair nearer to the light than it, of which none is seen."""
+    rng, axes = np.random.default_rng(7), axes_towards(np.array(towards))
+    wall = np.array([[-0.1, -0.1, -0.25], [0.1, -0.1, -0.25], [0, 0.25, -1]]) @ axes
+    middle = rng.dirichlet((1, 1, 1), 60) @ wall
+    shingles = middle[:, None] * (1 - 2.0**-12) + (wall - wall.mean(axis=0)) * rng.uniform(0.02, 0.2, (60, 1, 1))
+    triangles = np.concatenate([wall[None], shingles])
+    assert check_light(triangles, np.zeros(3) if at_point else None, None if at_point else axes, receivers=1) > 0
+
+
+@pytest.mark.parametrize("size", [2.0**-5, 2.0**-10, 2.0**-20, 2.0**-35])
+@pytest.mark.parametrize("light", [(0.0, 0.0, 0.0), (0.5, 0.6, 0.1)])
+@pytest.mark.parametrize("slack", [SLACK, FINE_SLACK], ids=["single", "accurate"])
+def test_few_receivers_make_a_small_window(size: float, light: tuple[float, float, float], slack: float) -> None:
+    """Small triangles that are seen, and large ones before and among them that are not."""
+    rng, middle = np.random.default_rng(10), np.array([0.1, 0.05, -0.7])
+    small = middle + size * rng.normal(size=(60, 1, 3)) + size / 8 * rng.normal(size=(60, 3, 3))
+    towards = rng.uniform(0, 1, (40, 1, 1)) ** 4 * (light - middle)
+    large = middle + towards + size * rng.normal(size=(40, 1, 3)) + rng.normal(size=(40, 3, 3)) / 4
+    offered = check_light(np.concatenate([small, large]), np.array(light), None, slack, receivers=60)
+    assert slack == SLACK or offered < 1.5
+
+
+# -------------------------------------------------------------------------------------------------------- little else
+
+
+def pairs(triangles: Floats, window: Window) -> tuple[int, int]:
+    """How many entries the tiles have, and how many pairs of a tile and a triangle that a ray of it meets."""
+    grid = picture_tiles([NO_SPHERES, polygons_of(triangles)], np.ones(len(triangles), bool), window)
+    columns, rows, d = rays(window)
+    ray, triangle = np.nonzero(np.isfinite(met(triangles, d)))
+    tile = (rows[ray] >> 2) * window.size[0] + (columns[ray] >> 2)
+    return len(build([grid], "accurate").entry) - CONSTANTS["AHEAD"], len(
+        set(zip(tile.tolist(), triangle.tolist(), strict=True))
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "most"), [(soup, 1.06), (around, 1.04), (needles, 6.73), (room, 1.03), (tiny, 1.5), (huge, 1.04)]
+)
+def test_tiles_have_few_entries_in_vain(make: Make, most: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All on the finest level; the bounds are what was measured and 3 % more."""
+    monkeypatch.setattr(cells, "PRICE", 0.0)
+    entries, met_in_tiles = pairs(make(np.random.default_rng(8)), window_of(0.6, (160, 120)))
+    assert entries <= most * met_in_tiles
+
+
+@pytest.mark.parametrize(("make", "lamp", "sun"), [(soup, 8.2, 3.48), (around, 2.65, 3.1), (room, 9.06, 2.89)])
+def test_little_else_is_offered_to_shadow_rays(make: Make, lamp: float, sun: float) -> None:
+    """For each triangle on a ray's way, so many are in its lists; the bounds are what was measured and 3 % more."""
+    triangles = make(np.random.default_rng(9))
+    assert check_light(triangles, np.array([0.1, 0.05, -0.6]), None) <= lamp
+    assert check_light(triangles, None, axes_towards(np.array([-0.3, 1, 0.7]))) <= sun

@@ -1,0 +1,372 @@
+"""trace_rays against the exact oracle, rational arithmetic, and what the kernel shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hostile.mesh_regimes import REGIMES, icosphere, scene_of
+from rational_meshes import doubles_mesh, grid_mesh
+
+import cltrace
+from cltrace import Camera, Mesh, Scene, oracle
+from cltrace.bench.regimes import rays as camera_rays
+from cltrace.numbers.inverses import inverses
+from cltrace.rays import Hits, trace_rays
+from cltrace.rays import trace as inside
+from cltrace.reference.ball import Ball
+from cltrace.reference.exact import Line, Root, rational, vector
+from cltrace.reference.face import Face
+from cltrace.run.devices import Device
+
+CAMERA = Camera((0, 0, 9), (0, 0, 0), resolution=(8, 8))
+
+
+def mixed(seed: int, offset: float = 0.0, scale: float = 1.0) -> Scene:
+    """Small whole numbers: spheres that touch, ellipsoids, and triangles that share corners, planes and places."""
+    rng = np.random.default_rng(seed)
+    centers, radii = rng.integers(-2, 3, (8, 3)), rng.integers(1, 3, 8) / 2
+    maps = np.array([np.eye(3)] * 5 + [np.diag([1, 2, 0.5]), rng.integers(-2, 3, (3, 3)) + 3 * np.eye(3)] * 2)[:8]
+    meshes = [grid_mesh(rng, 20), grid_mesh(rng, 6), doubles_mesh(rng, 0)]
+    meshes.append(Mesh.of(meshes[0], transform=rng.integers(-1, 2, (3, 3)) + 3 * np.eye(3)))
+    meshes.append(Mesh.of(meshes[0]))  # all of its triangles are there twice
+    moved = [
+        Mesh(mesh.placed.vertices * scale + offset, mesh.geometry.faces[rng.permutation(len(mesh.geometry.faces))])
+        for mesh in meshes
+    ]
+    return Scene.from_spheres(CAMERA, (), centers * scale + offset, radii * scale, transform=maps, meshes=moved)
+
+
+def aimed(scene: Scene, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rays through corners and edges, along faces, past spheres and at their middles, from everywhere."""
+    vertices = np.concatenate([mesh.vertices for mesh in scene.meshes])
+    a, b = vertices[rng.integers(len(vertices), size=(2, count))]
+    on = a + (b - a) * rng.choice([0, 0, 0.5, 0.25, 1 / 3, 1.5], (count, 1))
+    centers, radii = scene.spheres["center"], scene.spheres["radius"]
+    ball = rng.integers(len(centers), size=count)
+    axis = np.eye(3)[rng.integers(3, size=count)] * rng.choice([-1, 1], (count, 1))
+    limb = centers[ball] + radii[ball, None] * axis  # a point of each sphere, exactly
+    size = np.abs(vertices).max()
+    goals = np.stack([on, limb, centers[ball], on])
+    starts = np.stack([on[::-1], limb[::-1], centers[ball][::-1], rng.normal(size=(count, 3)) * 4 * size, a])
+    one = goals[rng.integers(len(goals), size=count), np.arange(count)]
+    two = starts[rng.integers(len(starts), size=count), np.arange(count)]
+    way = np.where(rng.random((count, 1)) < 0.3, np.roll(axis, 1, axis=1), one - two)
+    way[~way.any(axis=1)] = 1
+    return two, way
+
+
+def by_fractions(scene: Scene, o: np.ndarray, d: np.ndarray, t_min: float, t_max: float) -> tuple[int, int, float]:
+    """Every surface in rational arithmetic, one after the other."""
+    line = Line(vector(rational(o.tolist())), vector(rational(d.tolist())))
+    met: list[tuple[int, int, Root]] = []
+    for number, sphere in zip(scene.sphere_numbers.tolist(), scene.spheres, strict=True):
+        K = scene.to_object[sphere["to_object"]].tolist() if sphere["to_object"] >= 0 else None
+        rows = tuple(rational(row) for row in K) if K else None
+        ball = Ball(rational(sphere["center"].tolist()), Fraction(float(sphere["radius"])), rows)
+        root = ball.met_by(line).first(t_min, t_max)
+        if root is not None:
+            met.append((number, -1, root))
+    for mesh in scene.meshes:
+        for i, face in enumerate(mesh.geometry.faces):
+            across = Face(tuple(rational(p) for p in mesh.vertices[face].tolist())).met_by(line)
+            if across and across.root.is_between(t_min, t_max):
+                met.append((mesh.number, i, across.root))
+    met.sort(key=lambda hit: hit[:2])
+    best = met[0] if met else (-1, -1, None)
+    for hit in met[1:]:
+        if hit[2] < best[2]:
+            best = hit
+    return best[0], best[1], math.inf if best[2] is None else float(best[2])
+
+
+def same(hits: Hits, want: oracle.Answer) -> None:
+    assert hits.id.tolist() == want.id.tolist()
+    assert hits.primitive.tolist() == want.primitive.tolist()
+    assert hits.t.tolist() == want.t.tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hostile_rays(seed: int) -> None:
+    """Corners, edges, faces seen edge-on, spheres touched, starts on surfaces, equal depths: as the oracle says."""
+    scene, rng = mixed(seed), np.random.default_rng(seed + 50)
+    o, d = aimed(scene, rng, 300)
+    want = oracle.closest_hit(scene, o, d)
+    same(trace_rays(scene, o, d), want)
+    assert len(np.unique(want.id)) > 8
+
+
+def test_starts_that_are_on_surfaces_but_for_rounding() -> None:
+    """Of spheres, ellipsoids and triangles between any doubles: inside or outside, by less than an ulp."""
+    rng = np.random.default_rng(11)
+    centers, radii, maps = rng.normal(size=(6, 3)), rng.uniform(0.5, 2, 6), np.array([np.eye(3)] * 6)
+    maps[3:] = rng.normal(size=(3, 3, 3))
+    vertices = rng.normal(size=(20, 3)) * 2
+    scene = Scene.from_spheres(
+        CAMERA, (), centers, radii, transform=maps, meshes=Mesh(vertices, np.arange(60).reshape(20, 3) % 20)
+    )
+    n = rng.normal(size=(300, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    ball = rng.integers(6, size=300)
+    on_balls = centers[ball] + radii[ball, None] * np.einsum("nij,nj->ni", maps[ball], n)
+    weights = rng.dirichlet((1, 1, 1), 100)
+    on_faces = np.einsum("nk,nki->ni", weights, vertices[scene.meshes[0].geometry.faces[rng.integers(20, size=100)]])
+    o, d = np.vstack([on_balls, on_faces]), rng.normal(size=(400, 3))
+    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+
+
+@pytest.mark.parametrize(
+    ("offset", "scale"),
+    [(1e7, 1.0), (1e15, 1.0), (0.0, 2.0**-100), (0.0, 2.0**90)],
+    ids=["1e7", "1e15", "tiny", "huge"],
+)
+def test_places_and_sizes(offset: float, scale: float) -> None:
+    scene, rng = mixed(9, offset, scale), np.random.default_rng(3)
+    o, d = aimed(scene, rng, 200)
+    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e9, 1e15, 1e22, 1e60])
+def test_from_far_away(distance: float) -> None:
+    """At whole points of the scene, so that a good share of the rays still meets it where no double resolves it."""
+    scene, rng = mixed(2), np.random.default_rng(4)
+    axis = np.eye(3)[rng.integers(3, size=150)] * rng.choice([-1, 1], (150, 1))
+    way = np.where(rng.random((150, 1)) < 0.7, axis, rng.normal(size=(150, 3)))
+    o = rng.integers(-2, 3, (150, 3)) / rng.choice([1, 2, 3], (150, 1)) - way * 2.0 ** round(math.log2(distance))
+    want = oracle.closest_hit(scene, o, way)
+    same(trace_rays(scene, o, way), want)
+    assert (want.id >= 0).sum() > 20
+
+
+def test_numbers_at_the_ends_of_doubles() -> None:
+    """Directions and starts as small and as large as there are, also beside each other."""
+    scene, rng = mixed(5), np.random.default_rng(6)
+    o, d = aimed(scene, rng, 120)
+    d *= 2.0 ** rng.choice([-1060, -900, -300, 0, 300, 900], (120, 1))
+    d[rng.random((120, 3)) < 0.2] = 1e-320
+    o[rng.random((120, 3)) < 0.2] = 5e-324
+    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ranges(seed: int) -> None:
+    """Ends of the range on surfaces exactly, behind the start, and none at all."""
+    scene, rng = mixed(seed), np.random.default_rng(seed + 70)
+    o, d = aimed(scene, rng, 40)
+    low, high = rng.choice([-np.inf, -1.5, -1, 0, 0.5, 1], 40), rng.choice([np.inf, 1, 0.5, 2, 1e-9], 40)
+    hits = trace_rays(scene, o, d, t_min=low, t_max=high)
+    for i in range(40):
+        want = by_fractions(scene, o[i], d[i], low[i], high[i])
+        assert (hits.id[i], hits.primitive[i], hits.t[i]) == want
+
+
+@pytest.mark.parametrize("name", list(REGIMES))
+def test_hostile_meshes(name: str) -> None:
+    """The regimes' pictures, ray by ray."""
+    scene = scene_of(name, 1, (16, 16))
+    d = camera_rays(scene.camera) @ np.array(scene.camera.basis())
+    same(trace_rays(scene, scene.camera.position, d), oracle.closest_hit(scene, scene.camera.position, d))
+
+
+FEW = ("first", "transforms")  # of the others, each has a kernel to compile
+FILES = [
+    pytest.param(file, id=file.stem, marks=() if file.stem in FEW else pytest.mark.slow)
+    for file in sorted((Path(__file__).parents[2] / "scenes").glob("*.xml"))
+]
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_what_pictures_show(file: Path, any_device: Device) -> None:
+    """The rays of the eye: the kernel's surfaces, triangles, distances, normals and texture coordinates."""
+    scene = cltrace.load(file)
+    width, height = scene.camera.resolution
+    scene = scene.seen_by(replace(scene.camera, resolution=(max(1, width // 8), max(1, height // 8)), max_bounces=0))
+    image = cltrace.render(scene, any_device, outputs=("id", "primitive", "depth", "normal", "uv"))
+    # The camera's axes are not always exact, so that the world's directions are rounded.
+    d = camera_rays(scene.camera) @ np.array(scene.camera.basis())
+    hits = trace_rays(scene, scene.camera.position, d)
+    assert np.count_nonzero(hits.id != image.id.ravel()) <= 1e-4 * len(d)
+    some = (hits.id == image.id.ravel()) & (hits.primitive == image.primitive.ravel()) & (hits.id >= 0)
+    length = np.linalg.norm(d, axis=1)
+    np.testing.assert_allclose((hits.t * length)[some], image.depth.ravel()[some], rtol=1e-7)
+    np.testing.assert_allclose(hits.normal[some], image.normal.reshape(-1, 3)[some], atol=1e-6)
+    np.testing.assert_allclose(hits.uv[some], image.uv.reshape(-1, 2)[some], atol=1e-5)
+    where = scene.camera.position + d[some] * hits.t[some, None]
+    np.testing.assert_allclose(hits.point[some], where, rtol=1e-12, atol=1e-9)
+    nothing = hits.id < 0
+    assert np.isinf(hits.t[nothing]).all()
+    assert np.isnan(hits.point[nothing]).all()
+    assert not hits.normal[nothing].any()
+    assert not hits.uv[nothing].any()
+
+
+def test_points_are_on_the_surface_from_however_far() -> None:
+    """1e15 away, t alone would be off by a tenth; point is not made of that."""
+    scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0), (5, 0, 0)], 1, transform=[np.eye(3), np.diag([1, 0.5, 2])])
+    o = np.array([(1e15 / 3, 0.25, 0.5), (1e15 / 3, 0.0, 0.7)])
+    hits = trace_rays(scene, o, (-1, 0, 0))
+    x = math.sqrt(1 - 0.25**2 - 0.5**2)
+    assert hits.id.tolist() == [1, 1]
+    low = trace_rays(scene, o, (-1, 0, 0), t_min=o[:, 0] - 2)
+    np.testing.assert_allclose(low.point[0], (x, 0.25, 0.5), rtol=1e-15)
+    K = inverses(np.diag([1, 0.5, 2])[None])[0]
+    assert abs(np.linalg.norm(K @ (hits.point[0] - (5, 0, 0))) - 1) < 1e-15
+    np.testing.assert_allclose(low.normal[0], (x, 0.25, 0.5), rtol=1e-15)
+
+
+def test_normals_and_uv_of_triangles() -> None:
+    """By hand: in the middle of a triangle with a normal and a place of the texture at each corner."""
+    corners = np.array([(0, 0, 0), (3, 0, 0), (0, 3, 0)], float)
+    normals, uv = np.array([(0, 0, 1), (1, 0, 1), (0, 1, 1)], float), np.array([(0, 0), (3, 0), (0, 6)], float)
+    mesh = Mesh(corners, [(0, 1, 2)], normals, uv, transform=np.diag([1, 1, 2]))
+    scene = Scene.from_meshes(CAMERA, (), [mesh, Mesh(corners - (0, 0, 1), [(0, 1, 2)])])
+    hits = trace_rays(scene, [(1, 1, 5), (1, 1, -5), (4, 4, 5)], [(0, 0, -1), (0, 0, 1), (0, 0, -1)])
+    assert hits.t.tolist() == [5, 4, np.inf]
+    assert hits.id.tolist() == [0, 1, -1]
+    # Interpolated (1, 1, 3) / 3; the map doubles z, so the inverse transpose halves it.
+    n = np.array([1, 1, 1.5]) / np.linalg.norm([1, 1, 1.5])
+    np.testing.assert_allclose(hits.normal, [n, (0, 0, -1), (0, 0, 0)], atol=1e-15)
+    np.testing.assert_allclose(hits.uv, [(1, 2), (0, 0), (0, 0)], atol=1e-15)
+
+
+def test_a_closed_mesh_has_no_hole() -> None:
+    """From within: through corners, points of edges, and an ulp beside them, all of them doubles."""
+    vertices, faces = icosphere(3)
+    scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(8)
+    at = vertices[rng.integers(len(vertices), size=4000)]
+    edge = vertices[faces[rng.integers(len(faces), size=4000)]][:, :2].sum(axis=1) / 2
+    goals = np.concatenate([at, edge, np.nextafter(at, 2), np.nextafter(edge, -2)])
+    o = np.where(rng.random((len(goals), 1)) < 0.5, 0, rng.uniform(-0.5, 0.5, goals.shape))
+    hits = trace_rays(scene, o, goals - o)
+    assert (hits.id == 0).all()
+    np.testing.assert_allclose(hits.t, 1, atol=1e-14)
+    assert (oracle.triangles_met(o[:99], (goals - o)[:99], vertices, faces) == 1).all()
+    away = trace_rays(scene, 2 * goals, goals)
+    assert (away.id == -1).all()
+    assert (oracle.triangles_met(2 * goals[::99], -goals[::99], vertices, faces) % 2 == 0).all()
+
+
+def test_blocks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, rng = mixed(4), np.random.default_rng(9)
+    o, d = aimed(scene, rng, 200)
+    want = trace_rays(scene, o, d)
+    monkeypatch.setattr(inside, "BLOCK", 7)
+    again = trace_rays(scene, o, d)
+    for name in ("t", "id", "primitive", "point", "normal", "uv"):
+        np.testing.assert_array_equal(getattr(want, name), getattr(again, name))
+
+
+def test_many_surfaces_and_a_large_one() -> None:
+    """A ground sphere under a cloud and a terrain: what a tree of boxes finds is all that there is."""
+    rng = np.random.default_rng(10)
+    centers = np.vstack([[(0, -1e5, 0)], rng.uniform(-1, 1, (3000, 3)) + (0, 1, 0)])
+    vertices, faces = icosphere(3)
+    ball = Mesh(vertices * 0.5 + (0.2, 1, 0.1), faces)
+    scene = Scene.from_spheres(CAMERA, (), centers, np.append(1e5, rng.uniform(0.005, 0.05, 3000)), meshes=[ball])
+    eye = (0, 1.5, 6)
+    d = np.vstack([rng.normal(size=(150, 3)) * (0.2, 0.2, 0) + (0, -0.1, -1), rng.normal(size=(50, 3))])
+    same(trace_rays(scene, eye, d), oracle.closest_hit(scene, eye, d))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rays_at_the_corners_of_boxes(seed: int) -> None:
+    """One triangle, at whose corners the box around it is met at a point: no rounding of float32 may lose that."""
+    rng = np.random.default_rng(seed)
+    corners = np.round(rng.normal(size=(3, 3)) * 2.0**40) / 2.0**40
+    scene = Scene.from_meshes(CAMERA, (), Mesh(corners, [(0, 1, 2)]))
+    d = rng.integers(-3, 4, (300, 3)).astype(float)
+    d[~d.any(axis=1)] = 1
+    o = corners[rng.integers(3, size=300)] - d * rng.choice([0.5, 1, 2], (300, 1))
+    want = oracle.closest_hit(scene, o, d)
+    same(trace_rays(scene, o, d), want)
+    assert 0 < (want.id == 0).sum() < 300
+
+
+def test_nothing_to_meet() -> None:
+    hits = trace_rays(Scene.from_spheres(CAMERA, (), [], 1), np.zeros((2, 3)), (0, 0, 1))
+    assert hits.id.tolist() == [-1, -1]
+    assert repr(hits) == "<cltrace.Hits: 0 of 2 rays>"
+    none = trace_rays(mixed(0), np.empty((0, 3)), np.empty((0, 3)))
+    assert len(none) == len(none.point) == len(none.uv) == 0
+
+
+def test_shapes_of_arguments() -> None:
+    scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
+    assert trace_rays(scene, (0, 0, 3), (0, 0, -1)).t.tolist() == [2]
+    assert trace_rays(scene, [(0, 0, 3), (0, 0, 4)], (0, 0, -1)).t.tolist() == [2, 3]
+    assert trace_rays(scene, (0, 0, 3), [(0, 0, -2), (0, 0, 1)]).t.tolist() == [1, np.inf]
+    assert trace_rays(scene, (0, 0, 3), (0, 0, -1), t_min=[2, 1], t_max=[9, 2]).t.tolist() == [4, np.inf]
+
+
+@pytest.mark.parametrize(
+    ("origins", "directions", "more", "text"),
+    [
+        ((0, 0, 0), (0, 0, 0), {}, "directions: must not be 0"),
+        ((0, 0, 0), [(0, 0, 1), (0, 0, -0.0)], {}, "directions[1]: must not be 0"),
+        ([(0, 0, 0), (0, np.nan, 0)], (0, 0, 1), {}, "origins[1][1]: must be a finite number, got nan"),
+        ((0, 0, 0), (0, np.inf, 0), {}, "directions[1]: must be a finite number, got inf"),
+        ((0, 0), (0, 0, 1), {}, "origins: must have shape (n, 3) or (3,), got (2,)"),
+        (np.zeros((2, 3)), np.ones((3, 3)), {}, "origins: must have shape (3, 3) or (3,), got (2, 3)"),
+        ((0, 0, 0), (0, 0, 1), {"t_min": np.nan}, "t_min: must not be nan"),
+        ((0, 0, 0), np.ones((2, 3)), {"t_max": [1, 2, 3]}, "directions: must have shape (3, 3) or (3,), got (2, 3)"),
+        ((0, 0, 0), "up", {}, "directions: must be numbers, got 'up'"),
+    ],
+)
+def test_what_is_refused(origins: object, directions: object, more: dict[str, object], text: str) -> None:
+    scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
+    with pytest.raises(ValueError) as error:
+        trace_rays(scene, origins, directions, **more)
+    assert str(error.value) == text
+
+
+def test_a_scene_is_needed() -> None:
+    with pytest.raises(TypeError, match=r"^scene: must be a cltrace\.Scene, such as cltrace\.load\(\) gives, got 3$"):
+        trace_rays(3, (0, 0, 0), (0, 0, 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_the_oracle_of_scenes(seed: int) -> None:
+    """Every surface in rational arithmetic says the same; so do arrays of other shapes."""
+    scene, rng = mixed(seed), np.random.default_rng(seed + 90)
+    o, d = aimed(scene, rng, 60)
+    want = oracle.closest_hit(scene, o, d)
+    for i in range(60):
+        assert (want.id[i], want.primitive[i], want.t[i]) == by_fractions(scene, o[i], d[i], 0, math.inf)
+    same(trace_rays(scene, o[0], d), oracle.closest_hit(scene, o[0], d))
+    same(trace_rays(scene, o, d[0]), oracle.closest_hit(scene, o, d[0]))
+
+
+def test_the_oracle_counts_triangles() -> None:
+    """A square of two triangles: its diagonal is that of one of them, and its plane is met by no ray in it."""
+    corners, faces = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)]
+    rays = [(0, 0, -1), (0.5, 0.25, -1), (3, 0, -1), (0, 0, 1), (-1, -1, -1)]
+    assert oracle.triangles_met((0, 0, 1), rays, corners, faces).tolist() == [1, 1, 0, 0, 1]
+    assert oracle.triangles_met((-3, 0, 0), [(1, 0, 0)], corners, faces).tolist() == [0]
+    twice = oracle.triangles_met((0, 0, 1), rays, corners, [*faces, *faces])
+    assert twice.tolist() == [2, 2, 0, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("origins", "directions", "text"),
+    [
+        ((0, 0, 0), (0, 0, 0), "directions[0]: must not be 0"),
+        (np.zeros((2, 3)), np.ones((3, 3)), "directions: must be as many as origins, 2, or one, got 3"),
+        ((0, 0, np.nan), (0, 0, 1), "origins: must be finite"),
+        ((0, 0), (0, 0, 1), "origins: must have shape (3,), got (2,)"),
+        ((0, 0, 0), np.ones((2, 2)), "directions: must have shape (n, 3), got (2, 2)"),
+    ],
+)
+def test_what_the_oracle_refuses(origins: object, directions: object, text: str) -> None:
+    scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
+    for ask in (
+        lambda: oracle.closest_hit(scene, origins, directions),
+        lambda: oracle.triangles_met(origins, directions, [(0, 0, 0)], np.zeros((0, 3), int)),
+    ):
+        with pytest.raises(ValueError) as error:
+            ask()
+        assert str(error.value) == text

@@ -1,0 +1,1085 @@
+"""The reference against answers that can be derived by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hostile import bounced_regimes
+
+import cltrace
+from cltrace import Camera, Scene
+from cltrace.oracle import spheres as oracle
+from cltrace.oracle.search import Kinds
+from cltrace.oracle.spheres import Spheres
+from cltrace.reference import (
+    EYE,
+    Direction,
+    Intersection,
+    OnSphere,
+    Pixel,
+    Point,
+    Ray,
+    Round,
+    ShadowRay,
+    Sphere,
+    Start,
+    World,
+    byte_of,
+    mirrored,
+    refracted,
+    world_of,
+)
+from cltrace.reference.equation import FromSurface
+from cltrace.reference.exact import Surd
+from cltrace.reference.round import surely_blocks, surely_misses
+from cltrace.reference.trace import cast_shadow_ray, closest_hit, primary_ray, trace
+
+AHEAD = Ray(EYE, Direction(0, 0, -1))
+
+
+def scene_of(*spheres: tuple[float, float, float, float], lights: tuple = (), **options: object) -> Scene:
+    """Spheres (x, y, z, r) before a camera at the origin that looks along -z; the picture is one pixel."""
+    camera = Camera(resolution=(1, 1))
+    data = np.array(spheres, float).reshape(-1, 4)
+    return Scene.from_spheres(camera, lights, data[:, :3], data[:, 3], **options)  # type: ignore[arg-type]
+
+
+def hit(ray: Ray, *spheres: tuple[float, float, float, float]) -> Intersection | None:
+    return closest_hit(world_of(scene_of(*spheres)), ray)
+
+
+def test_points_and_directions_are_told_apart() -> None:
+    step = Point(1, 2, 3) - Point(0, 1, 1)
+    assert isinstance(step, Direction)
+    assert Point(0, 0, 0) + step == Point(1, 1, 2)
+    with pytest.raises(TypeError):
+        Point(0, 0, 0) + Point(0, 0, 0)  # type: ignore[operator]
+
+
+def test_head_on() -> None:
+    at = hit(AHEAD, (0, 0, -5, 2))
+    assert at is not None
+    assert (at.t, at.distance, at.inside, at.index) == (3, 3, False, 0)
+    assert at.point == Point(0, 0, -3)
+    assert at.normal == Direction(0, 0, 1)
+
+
+def test_distance_is_in_scene_units_whatever_the_direction_s_length() -> None:
+    at = hit(Ray(EYE, Direction(0, 0, -0.25)), (0, 0, -5, 2))
+    assert at is not None
+    assert (at.t, at.distance) == (12, 3)
+
+
+def test_a_ray_has_a_minimum_and_a_maximum_distance() -> None:
+    assert hit(Ray(EYE, Direction(0, 0, -1), t_max=3), (0, 0, -5, 2)) is None
+    assert hit(Ray(EYE, Direction(0, 0, -1), t_max=3.5), (0, 0, -5, 2)) is not None
+    assert hit(Ray(EYE, Direction(0, 0, -1), t_min=3, t_max=7), (0, 0, -5, 2)) is None
+
+
+BALL = (0, 0, -5, 2)
+
+
+def test_a_ray_may_start_anywhere() -> None:
+    far = hit(Ray(Point(1000, 0, -5), Direction(-1, 0, 0)), BALL)
+    assert far is not None
+    assert (far.t, far.distance, far.inside, far.normal) == (998, 998, False, Direction(1, 0, 0))
+    middle = hit(Ray(Point(0, 0, -5), Direction(0, 3, 4)), BALL)
+    assert middle is not None
+    assert (middle.t, middle.distance, middle.inside) == (0.4, 2, True)
+    assert tuple(middle.normal) == pytest.approx((0, -0.6, -0.8), abs=1e-15)
+    assert hit(Ray(Point(1000, 0, -5), Direction(1, 0, 0)), BALL) is None
+    assert hit(Ray(Point(1000, 0, -5), Direction(0, 0, 0)), BALL) is None
+
+
+def test_behind_t_min_the_far_end_is_hit_from_inside() -> None:
+    at = hit(Ray(EYE, Direction(0, 0, -1), t_min=4), BALL)
+    assert at is not None
+    assert (at.t, at.distance, at.inside, at.normal) == (7, 7, True, Direction(0, 0, 1))
+    assert at.point == Point(0, 0, -7)
+
+
+def test_tangent_ray_is_one_hit() -> None:
+    at = hit(AHEAD, (0, 1, -5, 1))
+    assert at is not None
+    assert at.t == 5
+    assert at.normal == Direction(0, -1, 0)
+    assert hit(AHEAD, (0, math.nextafter(1, 2), -5, 1)) is None
+
+
+def test_behind_is_no_hit() -> None:
+    assert hit(AHEAD, (0, 0, 5, 2)) is None
+
+
+def test_from_inside_the_far_wall_is_hit_and_its_normal_faces_the_ray() -> None:
+    at = hit(AHEAD, (0, 0, 0.5, 2))
+    assert at is not None
+    assert (at.t, at.inside) == (1.5, True)
+    assert at.normal == Direction(0, 0, 1)
+
+
+def test_from_the_surface_only_the_way_through_the_inside_hits() -> None:
+    inward = hit(AHEAD, (0, 0, -1, 1))
+    assert inward is not None
+    assert inward.t == 2
+    assert hit(AHEAD, (0, 0, 1, 1)) is None
+    assert hit(AHEAD, (0, 1, 0, 1)) is None
+
+
+def test_from_the_centre() -> None:
+    at = hit(Ray(EYE, Direction(0, 0, -1)), (0, 0, 0, 3))
+    assert at is not None
+    assert at.t == 3
+    assert at.normal == Direction(0, 0, 1)
+
+
+def test_of_equal_distances_the_lowest_index_wins() -> None:
+    at = hit(AHEAD, (0, 0, -9, 1), (0, 0, -5, 2), (0, 0, -5, 2), (0, 0, -4, 1))
+    assert at is not None
+    assert at.index == 1
+
+
+def test_head_on_phong() -> None:
+    """Light, eye and normal in line: n.l = r.v = 1, so every term has its full weight."""
+    scene = scene_of(
+        (0, 0, -5, 2),
+        lights=(cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.point_light((0, 0, 0), (0.5, 1, 1))),
+        colors=(0.2, 0.4, 0.6),
+        ka=0.5,
+        kd=0.25,
+        ks=0.125,
+    )
+    color, _ = trace(world_of(scene), AHEAD)
+    assert color == pytest.approx((0.05 + 0.5 * (0.05 + 0.125), 0.1 + 0.1 + 0.125, 0.15 + 0.15 + 0.125), abs=1e-15)
+
+
+def test_light_at_an_angle() -> None:
+    """A parallel light 60 degrees off the normal: n.l = 1/2 and r.v = 1/2."""
+    direction = (-math.sin(math.pi / 3), 0, -math.cos(math.pi / 3))
+    scene = scene_of((0, 0, -5, 2), lights=(cltrace.parallel_light(direction),), ka=0, kd=1, ks=1, exponent=2)
+    color, _ = trace(world_of(scene), AHEAD)
+    assert color == pytest.approx((0.75, 0.75, 0.75), abs=1e-15)
+
+
+def test_exponent_0_is_the_full_highlight_even_where_r_v_is_not_positive() -> None:
+    direction = (-math.sin(1.2), 0, -math.cos(1.2))
+    scene = scene_of((0, 0, -5, 2), lights=(cltrace.parallel_light(direction),), ka=0, kd=0, ks=0.5, exponent=0)
+    assert trace(world_of(scene), AHEAD)[0] == (0.5, 0.5, 0.5)
+
+
+@pytest.mark.parametrize("degrees", [0, 5, 19.9, 22.5, 24.9, 25.1, 90, 180])
+def test_spot_falls_off_linearly_in_the_angle(degrees: float) -> None:
+    """The light sits at the eye, the spot's axis turns away from the point."""
+    angle = math.radians(degrees)
+    light = cltrace.spot_light((0, 0, 0), (math.sin(angle), 0, -math.cos(angle)), 20, 25)
+    scene = scene_of((0, 0, -5, 2), lights=(light,), ka=0, kd=1, ks=0)
+    share = min(1.0, max(0.0, (25 - degrees) / 5))
+    assert trace(world_of(scene), AHEAD)[0] == pytest.approx((share,) * 3, abs=1e-14)
+
+
+def test_spot_with_a_hard_edge() -> None:
+    for axis, share in (((0, 0, -1), 1.0), ((1, 0, -1), 0.0)):
+        light = cltrace.spot_light((0, 0, 0), axis, 20, 20)
+        scene = scene_of((0, 0, -5, 2), lights=(light,), ka=0, kd=1, ks=0)
+        assert trace(world_of(scene), AHEAD)[0] == (share,) * 3
+
+
+@pytest.mark.parametrize(
+    ("name", "light", "others", "shadowed"),
+    [
+        ("nothing between", (0, 0, 5), [], False),
+        ("between", (0, 9, -3), [(0, 3, -3, 1)], True),
+        ("behind the light", (0, 2, -3), [(0, 5, -3, 1)], False),
+        ("light just before the occluder", (0, 2 - 2**-51, -3), [(0, 3, -3, 1)], False),
+        ("light on the occluder", (0, 2, -3), [(0, 3, -3, 1)], False),
+        ("light just inside the occluder", (0, 2 + 2**-51, -3), [(0, 3, -3, 1)], True),
+        ("light just behind the occluder", (0, 4 + 2**-50, -3), [(0, 3, -3, 1)], True),
+        ("light on the far side of the occluder", (0, 4, -3), [(0, 3, -3, 1)], True),
+        ("behind the point", (0, 0, -2.5), [(0, 0, -9, 1)], False),
+        ("point and light inside", (0, 0, 5), [(0, 0, 0, 100)], False),
+        ("point inside, light outside", (0, 0, 5), [(0, 0, -3, 1)], True),
+        ("point inside, light on the surface", (0, 0, -2), [(0, 0, -3, 1)], False),
+        ("shell one ulp outside", (0, 0, 5), [(0, 0, -5, math.nextafter(2, 3))], True),
+        ("shell one ulp inside", (0, 0, 5), [(0, 0, -5, math.nextafter(2, 1))], False),
+    ],
+)
+def test_shadows_of_a_point_light(
+    name: str, light: tuple[float, float, float], others: list[tuple[float, float, float, float]], shadowed: bool
+) -> None:
+    """The point is (0, 0, -3), on the front of the sphere 0, wherever it is seen from."""
+    world = world_of(scene_of((0, 0, -5, 2), *others, lights=(cltrace.point_light(light),)))
+    t = world.surfaces[0].intersect(AHEAD)
+    assert t == 3
+    at = world.surfaces[0].intersection_at(AHEAD, t)
+    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
+
+
+def test_shadows_of_a_parallel_light_reach_to_infinity() -> None:
+    for z, shadowed in ((1e9, True), (-1e9, False)):
+        world = world_of(scene_of((0, 0, -5, 2), (0, 0, z, 1), lights=(cltrace.parallel_light((0, 0, -1)),)))
+        at = world.surfaces[0].intersection_at(AHEAD, 3)
+        assert cast_shadow_ray(world, at, world.lights[0]) is shadowed
+
+
+def test_own_sphere_blocks_only_from_inside_and_only_lights_that_are_outside() -> None:
+    for z, lit in ((-1.0, True), (3.0, False), (2.0, True)):
+        scene = scene_of((0, 0, 0, 2), lights=(cltrace.point_light((0, 0, z)),), ka=0, kd=1, ks=0)
+        assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
+    outside = scene_of((0, 0, 0, 2), lights=(cltrace.parallel_light((0, 0, -1)),), ka=0, kd=1, ks=0)
+    assert trace(world_of(outside), AHEAD)[0] == (0, 0, 0)
+
+
+def test_light_behind_the_surface_adds_nothing() -> None:
+    scene = scene_of((0, 0, -5, 2), lights=(cltrace.point_light((0, 0, -9)),), ka=0, kd=1, ks=1)
+    assert trace(world_of(scene), AHEAD)[0] == (0, 0, 0)
+
+
+def test_background() -> None:
+    scene = scene_of((0, 0, 5, 2), background=(0.1, 0.2, 0.3))
+    assert trace(world_of(scene), AHEAD) == ((0.1, 0.2, 0.3), None)
+
+
+def test_rays_go_through_pixel_centres_and_the_picture_is_upright() -> None:
+    """45 degrees are half of the horizontal opening; the vertical angle is 45 H/W degrees, or the tangent H/W."""
+    camera = Camera(horizontal_fov=45, resolution=(4, 2), square_pixels=False)
+    first, last = primary_ray(camera, 0, 0).direction, primary_ray(camera, 3, 1).direction
+    assert (first.x, first.y, first.z) == pytest.approx((-0.75, 0.5 * math.tan(math.pi / 8), -1), abs=1e-15)
+    assert (last.x, last.y) == (-first.x, -first.y)
+    square = primary_ray(Camera(horizontal_fov=45, resolution=(4, 2)), 0, 0).direction
+    assert (square.x, square.y) == pytest.approx((-0.75, 0.25), abs=1e-15)
+
+
+def test_a_tall_picture_has_the_angle_vertically() -> None:
+    tall = primary_ray(Camera(horizontal_fov=45, resolution=(2, 4), square_pixels=False), 1, 3).direction
+    assert (tall.x, tall.y) == pytest.approx((0.5 * math.tan(math.pi / 8), -0.75), abs=1e-15)
+
+
+def test_the_middle_of_an_odd_picture_is_the_axis() -> None:
+    middle = primary_ray(Camera(horizontal_fov=60, resolution=(7, 13)), 3, 6).direction
+    assert (middle.x, middle.y, middle.z) == (0, 0, -1)
+
+
+def test_bytes() -> None:
+    assert [byte_of(c) for c in (-1, 0, 0.5, 1, 7, math.inf)] == [0, 0, 128, 255, 255, 255]
+    assert [byte_of(c, truncate=True) for c in (0.5, 254.9 / 255, 1)] == [127, 254, 255]
+
+
+# --------------------------------------------------------------------------------------------- held against the oracle
+
+
+def turned_scene(rng: np.random.Generator, scale: float = 1.0, lights: tuple = ()) -> Scene:
+    """Some spheres before a camera that looks anywhere."""
+    eye, view = rng.normal(size=3), rng.normal(size=3)
+    centers = eye + 5 * view / np.linalg.norm(view) + rng.normal(size=(6, 3))
+    camera = Camera(tuple(eye), tuple(eye + view), tuple(rng.normal(size=3)), 30, (24, 18))
+    return Scene.from_spheres(camera, lights, centers, scale * rng.uniform(0.2, 1.2, 6))
+
+
+def in_world(scene: Scene, v: Iterable[float]) -> tuple[Fraction, Fraction, Fraction]:
+    return oracle.to_world(scene.camera.basis(), tuple(v))
+
+
+def test_primary_rays_of_turned_cameras_are_those_of_the_oracle() -> None:
+    """The scene is not turned, the rays are: what is decided about are the numbers of the file."""
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        scene = turned_scene(rng)
+        world, eye = world_of(scene), scene.camera.position
+        rays = [primary_ray(scene.camera, *map(int, rng.integers(0, (24, 18)))) for _ in range(60)]
+        want = oracle.closest_from(
+            eye, [in_world(scene, r.direction) for r in rays], scene.spheres["center"], scene.spheres["radius"]
+        )
+        for ray, index, t in zip(rays, *want, strict=True):
+            at = closest_hit(world, ray)
+            assert (at.index if at else -1) == index
+            assert at is None or abs(at.t / t - 1) < 1e-13
+
+
+@pytest.mark.parametrize("exponent", [2, 7, 12, 16, 20, 30])
+def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: int) -> None:
+    """Distance / radius from 1e2 to 1e30: rays that pass 0.5 to 1.5 radii from the centre, found in exact numbers."""
+    rng = np.random.default_rng(exponent)
+    seen = []
+    for _ in range(40):
+        scene = turned_scene(rng, 10.0**-exponent)
+        world, i = world_of(scene), int(rng.integers(6))
+        ball = world.surfaces[i]
+        assert isinstance(ball, Round)
+        # No double triple is that well aimed. The ray starts near the sphere, then, in front of it.
+        n = rng.normal(size=3)
+        side = np.cross(n, rng.normal(size=3))
+        side /= np.linalg.norm(side)
+        start = OnSphere(ball, Direction(*(n / np.linalg.norm(n))))
+        d = Direction(*(-n / np.linalg.norm(n) + side * rng.uniform(0.9, 1.1) * rng.choice([1, 1e9])))
+        at = closest_hit(world, Ray(start, d))
+        index, t = oracle.closest_from(
+            oracle.OnSphere(scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, start.normal)),
+            [in_world(scene, d)],
+            scene.spheres["center"],
+            scene.spheres["radius"],
+        )
+        assert (at.index if at else -1) == index[0]
+        assert at is None or abs(at.t / t[0] - 1) < 2.0**-24
+        # From the eye, towards the centre as well as doubles can.
+        ray = Ray(EYE, Direction(*ball.center))
+        want = oracle.closest_from(
+            scene.camera.position, [in_world(scene, ray.direction)], scene.spheres["center"], scene.spheres["radius"]
+        )
+        at = closest_hit(world, ray)
+        assert (at.index if at else -1) == want[0][0]
+        seen.append(at is not None)
+    # Beyond 1e16, the nearest double triple mostly passes by.
+    assert any(seen) or exponent > 16
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_rays_from_a_sphere_are_those_of_the_oracle(turned: bool) -> None:
+    """Any sphere, outwards, inwards and along its surface, with and without a range."""
+    rng = np.random.default_rng(2)
+    for k in range(150):
+        scene = turned_scene(rng)
+        if not turned:
+            scene = scene_of(*np.column_stack([rng.uniform(-3, 3, (6, 3)), rng.uniform(0.3, 2, 6)]).tolist())
+        world, i = world_of(scene), int(rng.integers(6))
+        own = world.surfaces[i]
+        assert isinstance(own, Round)
+        n = Direction(*rng.normal(size=3))
+        start = OnSphere(own, n if k % 2 else n.normalized())
+        d = [Direction(*rng.normal(size=3)), n, -n, n.cross(Direction(1, 2, 3))][k % 4]
+        t_min, t_max = (0.0, math.inf) if k % 3 else (float(rng.uniform(0, 1)), float(rng.uniform(1, 4)))
+        at = closest_hit(world, Ray(start, d, t_min, t_max))
+        index, t = oracle.closest_from(
+            oracle.OnSphere(
+                scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, n if k % 2 else start.normal)
+            ),
+            [in_world(scene, d)],
+            scene.spheres["center"],
+            scene.spheres["radius"],
+            t_min,
+            t_max,
+        )
+        assert (at.index if at else -1) == index[0]
+        assert at is None or (at.t == t[0] if k % 2 or not k % 3 else abs(at.t / t[0] - 1) < 2.0**-24)
+
+
+def hostile_lights(rng: np.random.Generator, scene: Scene) -> Scene:
+    """The scene with lights near its spheres' surfaces, and with shells an ulp away from them."""
+    spheres = np.repeat(scene.spheres, 2)
+    spheres["radius"][1::2] = np.nextafter(spheres["radius"][1::2], rng.choice([0, 9]))
+    n = rng.normal(size=(3, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    lights = [cltrace.point_light(s["center"] + s["radius"] * v) for s, v in zip(spheres[:6:2], n, strict=True)]
+    lights += [cltrace.point_light(rng.normal(size=3) * 5), cltrace.parallel_light(rng.normal(size=3))]
+    return dataclasses.replace(Scene.from_spheres(scene.camera, lights, [(0, 0, 0)], 1), spheres=spheres)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_shadows_are_those_of_the_oracle(turned: bool) -> None:
+    """Wherever double is in doubt as well: shells an ulp apart, lights on spheres but for rounding."""
+    rng = np.random.default_rng(3)
+    found = {False: 0, True: 0}
+    for _ in range(12):
+        scene = turned_scene(rng)
+        if not turned:
+            scene = scene_of(
+                *np.column_stack([rng.uniform(-3, 3, (6, 3)) - (0, 0, 6), rng.uniform(0.3, 2, 6)]).tolist()
+            )
+        scene = hostile_lights(rng, scene)
+        world, spheres = world_of(scene), scene.spheres
+        for _ in range(12):
+            at = closest_hit(world, Ray(EYE, Direction(*rng.normal(size=2), -2.0)))
+            if at is None:
+                continue
+            own = spheres[at.index]
+            start = oracle.OnSphere(own["center"], float(own["radius"]), in_world(scene, at.start.normal))
+            for light, lamp in zip(scene.lights, world.lights, strict=True):
+                if lamp.parallel:
+                    blocked = oracle.blocked(
+                        start, light["direction"], "parallel", spheres["center"], spheres["radius"]
+                    )
+                    facing = at.normal.dot(lamp.direction_from(at.start)) > 0
+                else:
+                    blocked = oracle.blocked(start, light["position"], "point", spheres["center"], spheres["radius"])
+                    facing = at.normal.dot(lamp.direction_from(at.start)) > 1e-9
+                if facing:
+                    assert cast_shadow_ray(world, at, lamp) is blocked
+                    found[blocked] += 1
+    assert min(found.values()) > 10
+
+
+def test_equally_near_is_exactly_so() -> None:
+    """Mirror images in the plane of the ray are equally near, an ulp of a radius unties them, and so do 2^-80."""
+    ray = Ray(EYE, Direction(0, 0.03, -1))
+    pair = [(0.5, 0.25, -5, 1.7), (-0.5, 0.25, -5, 1.7)]
+    at = hit(ray, *pair)
+    assert at is not None
+    assert at.index == 0
+    bigger = math.nextafter(1.7, 2)
+    for i, spheres in enumerate(([(*pair[0][:3], bigger), pair[1]], [pair[0], (*pair[1][:3], bigger)])):
+        at = hit(ray, *spheres)
+        assert at is not None
+        assert at.index == i
+    # 5 - sqrt(1 - x^2) is 4 + 2^-81, which no double tells from 4, and nearer than 4 + 2^-79.
+    for offsets, nearest in (((2.0**-40, 0.0), 1), ((2.0**-39, 2.0**-40), 1), ((2.0**-40, 2.0**-39), 0)):
+        at = hit(AHEAD, *((x, 0, -5, 1) for x in offsets))
+        assert at is not None
+        assert (at.index, at.t) == (nearest, 4)
+
+
+@pytest.mark.parametrize("radius", [1e13, 1e14, 1e18])
+def test_a_shell_of_any_size_leaks_nothing(radius: float) -> None:
+    """Eye, light and ball within a huge shell, which is lit from inside wherever the ball is not between.
+
+    An answer by hand: the shell's wall is so far that its shadow is that of a cone, whose half angle has the sine 1/d.
+    """
+    light, ball = np.array([4, 0.3, 0.2]), np.array([2.0, 0, 0])
+    camera = Camera((0.5, 0.5, 3), (0.5, 0.5, 2), resolution=(16, 12), horizontal_fov=80)
+    scene = Scene.from_spheres(camera, [cltrace.point_light(tuple(light))], [ball, (0, 0, 0)], [1, radius])
+    world, shadowed = world_of(scene), 0
+    for direction in np.random.default_rng(5).normal(size=(300, 3)):
+        at = closest_hit(world, Ray(EYE, Direction(*direction)))
+        assert at is not None
+        if at.index == 0:
+            continue
+        # From the light to the wall: so long a way that it is the ray's direction but for 1e-12.
+        d, to_ball = np.array(direction) / np.linalg.norm(direction), ball - light
+        expected = d @ to_ball > 0 and np.linalg.norm(np.cross(d, to_ball)) < 1
+        assert cast_shadow_ray(world, at, world.lights[0]) is bool(expected)
+        shadowed += bool(expected)
+    assert shadowed > 5
+
+
+def test_a_light_that_touches_the_point_adds_nothing() -> None:
+    """The eye and the light are one point of a sphere: a ray along it may end where it starts (a ZeroDivisionError)."""
+    camera = Camera(
+        (4.040135160495624, 0, -64), (0, -1.5831314531216503, 0), (1, 4, 0), horizontal_fov=89.999, resolution=(9, 7)
+    )
+    light = cltrace.point_light(camera.position)
+    scene = Scene.from_spheres(camera, [light], [(0.04013516049562422, 0, -64)], [4], kd=1)
+    world = world_of(scene)
+    for i in range(63):
+        color, _ = trace(world, primary_ray(camera, i % 9, i // 9))
+        assert all(0 <= c < 2 for c in color)
+    # The same by hand: the hit is where the light is.
+    world = world_of(scene_of((0, 0, -5, 2), lights=(cltrace.point_light((0, 0, -3)),), ka=0, kd=1, ks=1))
+    assert trace(world, AHEAD)[0] == (0, 0, 0)
+
+
+def test_exact_numbers_are_told_apart_by_squaring() -> None:
+    root2 = Surd(Fraction(0), Fraction(1), Fraction(2))
+    assert (root2 * root2 - Surd(Fraction(2))).sign() == 0
+    for p, q in ((577, 408), (665857, 470832)):  # p / q is just above sqrt(2)
+        assert (Surd(Fraction(p, q)) - root2).sign() == 1
+        assert (root2 - Surd(Fraction(2 * q, p))).sign() == 1
+    with pytest.raises(ValueError, match="two different square roots"):
+        root2 + Surd(Fraction(0), Fraction(1), Fraction(3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bent", [False, True])
+def test_bounds_of_doubles_hold(bent: bool) -> None:
+    """What doubles are certain about is what exact arithmetic says, for starts and spheres of very different sizes.
+
+    With ellipsoids, too, up to a million times as long as wide.
+    """
+    rng = np.random.default_rng(7)
+    sure = {None: 0, False: 0, True: 0}
+    for _ in range(400):
+        size = 10.0 ** rng.uniform(-6, 6, 6)
+        scene = turned_scene(rng)
+        spheres, K, L = scene.spheres.copy(), np.zeros((0, 3, 3)), np.repeat(np.eye(3)[None], 6, axis=0)
+        spheres["radius"] = size
+        spheres["center"] *= rng.choice([1, 1e3, 1e-3])
+        if bent:
+            L = np.array([turned(rng, *10.0 ** rng.uniform(-6, 0, 3)) for _ in range(6)])
+            K, spheres["to_object"] = np.linalg.inv(L), np.arange(6)
+        scene = dataclasses.replace(scene, spheres=spheres, to_object=K)
+        own, other, *_ = rng.permutation(6)
+        n = unit(rng.normal(size=3))
+        # The light is close to where the line from the start would touch the other one.
+        point = spheres["center"][own] + size[own] * L[own] @ n
+        f = np.linalg.solve(L[other], spheres["center"][other] - point)
+        side = unit(np.cross(f, rng.normal(size=3))) * size[other] * (1 + rng.normal() * 10.0 ** rng.uniform(-17, 0))
+        light = point + L[other] @ (f + side) * rng.uniform(0.5, 3)
+        lit = dataclasses.replace(scene, lights=cltrace.point_light(tuple(light)))
+        world = world_of(lit)
+        first, second = world.surfaces[own], world.surfaces[other]
+        assert isinstance(first, Round)
+        assert isinstance(second, Round)
+        normal = Direction(*(n if bent else np.array(scene.camera.basis()) @ n).tolist()).normalized()
+        ray = ShadowRay(OnSphere(first, normal), False, world.lights[0])
+        said = surely_blocks(second, ray)
+        sure[said] += 1
+        if said is not None:
+            assert said is (second.ball.met_by(ray.line).first(0.0, 1.0) is not None)
+        along = Ray(OnSphere(first, normal), ray.rough_line.w)
+        if surely_misses(second, along):
+            assert second.equation(along).exact.first(0.0, math.inf) is None
+    assert min(sure.values()) > 20
+
+
+def test_exact_tangents_are_hits() -> None:
+    """Spheres beside the axis that touch it exactly, and an ulp smaller ones, with a second one far away."""
+    for r in (0.1, 0.3, 0.5, 0.7, 1.0, 2.0):
+        for z in (0.3, 0.77, 1.234, 3.1415, 10.00001, 0.123456):
+            world = world_of(scene_of((r, 0, -z, r), (0, 1e14, -1e14, 1)))
+            at = closest_hit(world, AHEAD)
+            assert at is not None
+            assert at.index == 0
+            assert at.t == pytest.approx(z, rel=1e-15)
+            assert tuple(at.normal) == pytest.approx((-1, 0, 0), abs=1e-14)
+            assert hit(AHEAD, (r, 0, -z, math.nextafter(r, 0))) is None
+
+
+def test_along_a_surface_on_which_the_eye_is() -> None:
+    """c is exactly 0 and b all but 0: its sign alone says whether the ray leads outwards or through the sphere."""
+    rng = np.random.default_rng(9)
+    hits = 0
+    for _ in range(100):
+        k = 1 + float(rng.integers(1, 1000)) * 2.0**-48
+        x = rng.uniform(-2, 2)
+        y = -x * 0.75
+        for _ in range(int(rng.integers(3))):
+            y = math.nextafter(y, rng.choice([-9, 9]))
+        ray = Ray(EYE, Direction(x, y, -float(rng.choice([1, 2.0**-30]))))
+        at = hit(ray, (3 * k, 4 * k, 0, 5 * k))
+        index, t = oracle.closest_from((0, 0, 0), [tuple(ray.direction)], [(3 * k, 4 * k, 0)], [5 * k])
+        assert (at.index if at else -1) == index[0]
+        assert at is None or at.t == pytest.approx(t[0], rel=1e-7)
+        hits += at is not None
+    assert 20 < hits < 80
+
+
+@pytest.mark.parametrize("distance", [1 + 1e-9, 1.01, 3.0, 1e4])
+def test_rays_that_all_but_touch(distance: float) -> None:
+    """Tangents but for the rounding of their directions: hit or miss is below what doubles resolve."""
+    rng, hits = np.random.default_rng(10), []
+    for _ in range(4):
+        center = rng.normal(size=3)
+        radius = float(np.linalg.norm(center)) / distance
+        ahead = center / np.linalg.norm(center)
+        side = np.cross(ahead, rng.normal(size=(50, 3)))
+        side /= np.linalg.norm(side, axis=1)[:, None]
+        rows = ahead * (math.sqrt((distance - 1) * (distance + 1)) / distance) + side / distance
+        index, _ = oracle.closest((0, 0, 0), rows, [center], [radius])
+        world = world_of(scene_of((*center, radius)))
+        assert [closest_hit(world, Ray(EYE, Direction(*row))) is not None for row in rows] == (index == 0).tolist()
+        hits += (index == 0).tolist()
+    assert 0.2 < np.mean(hits) < 0.8
+
+
+def test_the_ends_of_a_range_are_exact() -> None:
+    """A range that ends at the rounded t, or starts there, holds the unrounded one or does not, as the oracle says."""
+    rng = np.random.default_rng(12)
+    for _ in range(60):
+        scene = scene_of((*rng.uniform(-1, 1, 2), -5.0, 2.5))
+        world, d = world_of(scene), Direction(*rng.uniform(-0.2, 0.2, 2), -1.0)
+        sphere = scene.spheres[0]
+        near, far = (
+            oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t)[1][0] for t in (0, 5)
+        )
+        for t_min, t_max in ((0.0, near), (near, far), (near, math.inf), (far, math.inf)):
+            at = closest_hit(world, Ray(EYE, d, t_min, t_max))
+            want = oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t_min, t_max)
+            assert (at is not None) == (want[0][0] == 0)
+            assert at is None or at.t == pytest.approx(want[1][0], rel=1e-14)
+
+
+# ---------------------------------------------------------------------------------------------------- mirrors and glass
+
+UP = Direction(0, 1, 0)
+
+
+def test_a_mirror_turns_the_part_along_the_normal() -> None:
+    assert mirrored(Direction(3, -4, 12), UP, 1) == Direction(3, 4, 12)
+    assert mirrored(Direction(3, 4, 12), UP, -1) == Direction(3, -4, 12)
+    n = Direction(0.6, 0.0, 0.8)
+    assert tuple(mirrored(Direction(-1, 0, 0), n, 1)) == pytest.approx((2 * 0.36 - 1, 0, 2 * 0.48), abs=1e-15)
+
+
+@pytest.mark.parametrize("slope", [1e-12, 1e-14])
+def test_a_grazing_ray_keeps_its_angle(slope: float) -> None:
+    assert mirrored(Direction(1, -slope, 0), UP, 1) == Direction(1, slope, 0)
+    through = refracted(Direction(1, -slope, 0), UP, 1, 1.5)
+    assert through is not None
+    assert tuple(through) == pytest.approx((1 / 1.5, -math.sqrt(1 - 1 / 2.25), 0), abs=1e-15)
+
+
+@pytest.mark.parametrize("slope", [1e-16, 0.0, -1e-16])
+def test_a_ray_along_the_surface_leaves_on_its_side(slope: float) -> None:
+    assert mirrored(Direction(1, -slope, 0), UP, 1).y == pytest.approx(2.0**-47, rel=1e-15)
+    assert mirrored(Direction(1, slope, 0), UP, -1).y == pytest.approx(-(2.0**-47), rel=1e-15)
+
+
+def test_snell() -> None:
+    """The sine of the angle to the normal is divided by the index on the way in and multiplied on the way out."""
+    rng = np.random.default_rng(20)
+    for _ in range(200):
+        index, sine, length = rng.uniform(0.4, 3), rng.uniform(0, 1), 10.0 ** rng.uniform(-3, 3)
+        for side, eta in ((1, 1 / index), (-1, index)):
+            d = Direction(sine, -side * math.sqrt((1 - sine) * (1 + sine)), 0) * length
+            through = refracted(d, UP, side, index)
+            if sine * eta > 1 + 1e-14:
+                assert through is None
+            elif sine * eta < 1 - 1e-3:
+                assert through is not None
+                assert through.x / length == pytest.approx(sine * eta, abs=1e-15)
+                assert through.y / length == pytest.approx(-side * math.sqrt(1 - (sine * eta) ** 2), abs=1e-14)
+
+
+@pytest.mark.parametrize("index", [1.5, 2.3, 1 + 1e-9])
+def test_total_reflection_begins_at_the_critical_angle(index: float) -> None:
+    for off, total in ((1e-9, True), (-1e-9, False)):
+        angle = math.asin(1 / index) + off
+        d = Direction(math.sin(angle), math.cos(angle), 0)
+        assert (refracted(d, UP, -1, index) is None) is total
+        out = Direction(math.sin(angle), -math.cos(angle), 0)  # into a bubble of air, whose outside is the glass
+        assert (refracted(out, UP, 1, 1 / index) is None) is total
+
+
+def test_without_a_difference_of_index_a_ray_goes_straight_on() -> None:
+    for d in (Direction(0.1, -0.7, 0.3), Direction(1, -1e-300, 0), Direction(1, 0, 0)):
+        assert refracted(d, UP, 1, 1.0) is d
+    assert refracted(Direction(0, -3, 0), UP, 1, 1.5) == Direction(0, -3, 0)
+    assert refracted(Direction(0, 3, 0), UP, -1, 1.5) == Direction(0, 3, 0)
+
+
+def test_no_bounce_changes_the_length() -> None:
+    rng = np.random.default_rng(21)
+    d = Direction(0.3, -0.5, 0.7)
+    for k in range(100):
+        n = Direction(*rng.normal(size=3).tolist()).normalized()
+        side = -1 if n.dot(d) > 0 else 1
+        d = (refracted(d, n, side, 1.5) if k % 2 else None) or mirrored(d, n, side)
+    assert d.length() == pytest.approx(math.sqrt(0.83), rel=1e-13)
+
+
+def seen(*spheres: tuple[float, float, float, float], ray: Ray = AHEAD, bounces: int = 8, **options: object) -> float:
+    """The red that a ray sees of spheres under one ambient light, which show ka times their red."""
+    scene = scene_of(*spheres, lights=(cltrace.ambient_light((1, 1, 1)),), **options)
+    camera = dataclasses.replace(scene.camera, max_bounces=bounces)
+    return trace(world_of(scene.seen_by(camera)), ray)[0][0]
+
+
+def test_a_mirror_shows_what_is_behind_the_eye() -> None:
+    balls = [(0, 0, -5, 2), (0, 0, 9, 1)]
+    assert seen(*balls, ka=[0.5, 0.25], reflectance=[1, 0]) == 0.25
+    assert seen(*balls, ka=[0.5, 0.25], reflectance=[0.25, 0]) == 0.75 * 0.5 + 0.25 * 0.25
+    assert seen(*balls[:1], ka=0.5, reflectance=0.25, background=(0.75, 0, 0)) == 0.75 * 0.5 + 0.25 * 0.75
+
+
+def test_weights_above_1_leave_nothing_of_the_surface_s_own_colour() -> None:
+    """The mirrored ray sees the ball behind the eye, the other one the far wall from inside, after one bounce."""
+    balls = [(0, 0, -5, 2), (0, 0, 9, 1)]
+    color = seen(*balls, ka=[0.5, 0.125], reflectance=[0.75, 0], transmittance=[1.25, 0], bounces=0)
+    assert color == 0.75 * 0.125 + 1.25 * 0.5
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 5, 14])
+def test_what_is_met_after_the_last_bounce_counts_in_full(bounces: int) -> None:
+    """Within a mirror that doubles: its own share is none, but after the last bounce it is all."""
+    assert seen((0, 0, 0, 3), ka=0.5, reflectance=2, bounces=bounces) == 0.5 * 2.0 ** (bounces + 1)
+
+
+def test_a_hundred_bounces() -> None:
+    camera_off = Ray(Point(0.3, -0.2, 0.1), Direction(0.4, 0.5, -1))
+    assert seen((0, 0, 0, 3), ka=0.5, reflectance=1, bounces=100, ray=camera_off) == 0.5
+    assert seen((0, 0, 0, 3), ka=0.5, reflectance=2, bounces=100) == 2.0**21  # the most that a sum holds
+
+
+def test_sums_are_whole_multiples_and_opaque_scenes_have_none() -> None:
+    mirror = seen((0, 0, -5, 2), ka=0.1, reflectance=0.3)
+    assert mirror == round(0.7 * 0.1 * 2**60) / 2**60
+    assert seen((0, 0, -5, 2), ka=0.1) == 0.1
+
+
+def test_too_many_rays_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Pixel, "RAYS", 100)
+    assert seen((0, 0, 0, 3), reflectance=0.5, bounces=98) == pytest.approx(0.8, abs=1e-9)
+    with pytest.raises(ValueError, match="max_bounces"):
+        seen((0, 0, 0, 3), (0, 0, 0, 2.5), reflectance=0.5, transmittance=0.5, bounces=20)
+
+
+def test_a_ball_of_glass_turns_a_ray_by_twice_the_difference_of_its_angles() -> None:
+    """At height h the angles are asin(h) and asin(h / index); in and out turn the ray by the same."""
+    index = 1.5
+    for h in (0.0, 0.1, 0.5, 0.9, 0.999):
+        world = world_of(scene_of((0, -h, -5, 1), transmittance=1, index=index))
+        sphere, d = world.surfaces[0], AHEAD.direction
+        at = closest_hit(world, AHEAD)
+        assert at is not None
+        inside = refracted(d, at.outward, 1, index)
+        assert inside is not None
+        far = closest_hit(world, Ray(at.start, inside))
+        assert far is not None
+        assert far.inside
+        assert far.surface is sphere
+        out = refracted(inside, far.outward, -1, index)
+        assert out is not None
+        turned = 2 * (math.asin(h) - math.asin(h / index))
+        assert math.atan2(-out.y, -out.z) == pytest.approx(turned, abs=2e-14 / math.sqrt(1 - h * h))
+        assert closest_hit(world, Ray(far.start, out)) is None
+
+
+def test_total_reflection_is_one_ray_of_both_weights() -> None:
+    """A bubble, hit beyond its critical height: the mirrored ray, which leads away, has all the weight."""
+    h = 0.8
+    mirror = Direction(0, math.sin(2 * math.asin(h)), math.cos(2 * math.asin(h)))
+    other = tuple(np.array([0, 0, -5 + math.sqrt(1 - h * h)]) + 9 * np.array(tuple(mirror)))
+    options = {"ka": [0, 0.5], "reflectance": [0.25, 0], "transmittance": [0.5, 0], "index": [0.5, 1]}
+    # The eye's axis passes the bubble's centre at the height h.
+    assert seen((0, -h, -5, 1), (*other, 1), **options) == (0.25 + 0.5) * 0.5
+
+
+def test_glass_of_index_1_is_not_there() -> None:
+    rng = np.random.default_rng(22)
+    for _ in range(200):
+        ray = Ray(EYE, Direction(*rng.uniform(-0.5, 0.5, 2).tolist(), -1.0))
+        behind = [(0.2, 0.1, -9, 2), (-0.3, 0.4, -7, 1)]
+        assert seen((0, 0, -5, 1.5), *behind, ka=[0.5, 0.25, 0.75], transmittance=[1, 0, 0], ray=ray) == seen(
+            *behind, ka=[0.25, 0.75], ray=ray
+        )
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def hostile_spheres(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and radii of spheres, of which rays start on the first one."""
+    centers, radii = 3 * rng.normal(size=(4, 3)), rng.uniform(0.2, 2, 4)
+    if kind == "far from the origin":
+        return centers + 1e7, radii
+    if kind == "shells":
+        r = radii[0]
+        return np.repeat(centers[:1], 4, axis=0), np.array([r, math.nextafter(r, 0), math.nextafter(r, 9), r + 2**-40])
+    if kind == "touching":
+        away = radii[0] + radii * np.array([0, 1, -1, 1])
+        return away[:, None] * (np.array([0, 1, 1, 1])[:, None] * unit(rng.normal(size=3))), radii
+    if kind == "tiny beside a huge one":
+        huge, tiny = 10.0 ** rng.uniform(3, 7), 10.0 ** rng.uniform(-12, 0, 4)
+        return np.vstack([huge * unit(centers[0]), centers[1:] * tiny[1:, None]]), np.array([huge, *tiny[1:]])
+    return centers, radii
+
+
+def hostile_direction(rng: np.random.Generator, n: np.ndarray, to: np.ndarray, radius: float) -> np.ndarray:
+    """Anywhere, at a sphere's centre, all but touching it, all but along the own surface, all but inwards."""
+    little, distance = rng.normal(size=3) * 10.0 ** rng.uniform(-17, -1), float(np.linalg.norm(to))
+    if distance > radius:
+        sine = radius / distance
+        touching = to / distance * math.sqrt((1 - sine) * (1 + sine)) + unit(np.cross(to, rng.normal(size=3))) * sine
+    else:
+        touching = np.cross(to, rng.normal(size=3))
+    along = np.cross(n, rng.normal(size=3))
+    directions = [rng.normal(size=3), to, touching + little, along + little, little - n]
+    return np.asarray(directions[rng.integers(5)] * 10.0 ** rng.uniform(-3, 3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["random", "far from the origin", "shells", "touching", "tiny beside a huge one"])
+def test_doubles_are_sure_of_rays_from_a_sphere_only_where_they_are_right(kind: str) -> None:
+    rng = np.random.default_rng(23)
+    sure = {None: 0, -1: 0, 0: 0, 1: 0}
+    for k in range(250):
+        centers, radii = hostile_spheres(rng, kind)
+        camera = Camera(*(tuple(v) for v in rng.normal(size=(3, 3))), resolution=(1, 1)) if k % 3 else Camera()
+        world, basis = world_of(Scene.from_spheres(camera, (), centers, radii)), np.array(camera.basis())
+        n = unit(rng.normal(size=3))
+        if k % 2:  # towards another sphere, where they touch or nearly
+            n = unit(centers[1] - centers[0] + 10.0 ** rng.uniform(-12, 0) * radii[1] * n)
+        other = int(rng.integers(1, 4))
+        d = hostile_direction(rng, n, centers[other] - (centers[0] + radii[0] * n), radii[other])
+        own = world.surfaces[0]
+        assert isinstance(own, Round)
+        ray = Ray(OnSphere(own, Direction(*unit(basis @ n).tolist())), Direction(*(basis @ d).tolist()))
+        for surface in world.surfaces:
+            assert isinstance(surface, Round)
+            equation = surface.equation(ray)
+            assert isinstance(equation, FromSurface)
+            root = equation.exact.first(0.0, math.inf)
+            sure[equation.sure] += 1
+            assert equation.side() == (root.side if root else None)
+            if root:
+                assert abs(equation.t(root.side) / float(root.value()) - 1) < 2.0**-24
+    # Shells an ulp apart are never surely met from outside.
+    assert min(count for side, count in sure.items() if side != -1 or kind != "shells") > 10
+
+
+# --------------------------------------------------------------------------------------------------------- ellipsoids
+
+
+def ellipsoids(*spheres: tuple[float, float, float, float], transform: object, **options: object) -> World:
+    """Spheres with a transform, before the camera of scene_of()."""
+    return world_of(scene_of(*spheres, transform=np.array(transform, float), **options))
+
+
+def turned(rng: np.random.Generator, *lengths: float) -> np.ndarray:
+    """A linear map that makes a sphere an ellipsoid with these half axes, turned somehow."""
+    return np.asarray(
+        np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag(lengths) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    )
+
+
+def test_an_ellipsoid_along_the_axes() -> None:
+    """The ellipsoid x^2/4 + y^2 + (z + 5)^2/9 = 1 by hand."""
+    world = ellipsoids((0, 0, -5, 1), transform=np.diag([2, 1, 3]))
+    for start, d, t, normal in (
+        (EYE, (0, 0, -1), 2, (0, 0, 1)),
+        (Point(0, 0, -5), (0, 0, -1), 3, (0, 0, 1)),
+        (Point(9, 0, -5), (-2, 0, 0), 3.5, (1, 0, 0)),
+        (Point(1, 9, -5), (0, -1, 0), 9 - math.sqrt(0.75), (0.25, math.sqrt(0.75), 0)),
+        (Point(0, -9, -6.5), (0, 1, 0), 9 - math.sqrt(0.75), (0, -math.sqrt(0.75), -0.5 / 3)),
+    ):
+        at = closest_hit(world, Ray(start, Direction(*d)))
+        assert at is not None
+        assert at.t == pytest.approx(t, rel=1e-15)
+        assert tuple(at.normal) == pytest.approx(tuple(unit(np.array(normal))), abs=1e-15)
+        assert at.inside == (start == Point(0, 0, -5))
+    assert closest_hit(world, Ray(Point(2, 9, -5), Direction(0, -1, 0))) is not None
+    assert closest_hit(world, Ray(Point(math.nextafter(2, 3), 9, -5), Direction(0, -1, 0))) is None
+
+
+def test_the_mirror_of_an_ellipsoid_has_two_foci() -> None:
+    """From one focus of a prolate ellipsoid every ray is mirrored to the other one."""
+    rng = np.random.default_rng(30)
+    far, near = 5.0, 3.0  # half axes: the foci are 4 from the centre
+    for _ in range(50):
+        axis = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        eye, center = rng.normal(size=3), rng.normal(size=3)
+        center = eye - axis @ (4, 0, 0)
+        camera = Camera(tuple(eye), tuple(rng.normal(size=3)), tuple(rng.normal(size=3)))
+        world = world_of(Scene.from_spheres(camera, (), [center], [1], transform=axis @ np.diag([far, near, near])))
+        ray = Ray(EYE, Direction(*rng.normal(size=3).tolist()))
+        at = closest_hit(world, ray)
+        assert at is not None
+        assert at.inside
+        out = mirrored(ray.direction, at.outward, at.side, at.surface.spread)
+        focus = Point(*(np.array(camera.basis()) @ (center - axis @ (4, 0, 0) - eye)).tolist())
+        to = focus - at.point
+        assert out.normalized().cross(to).length() < 1e-13
+        assert out.dot(to) > 0
+        assert at.distance + to.length() == pytest.approx(2 * far, rel=1e-14)
+
+
+def test_where_a_sphere_and_an_ellipsoid_touch_the_lowest_index_wins() -> None:
+    shapes = [np.eye(3), np.diag([0.3, 0.7, 1]), np.diag([3, 5, 2])]
+    for i in range(3):
+        balls = [(0, 0, -5, 1), (0, 0, -5, 1), (0, 0, -6, 1)]
+        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
+        at = closest_hit(world, AHEAD)
+        assert at is not None
+        assert (at.t, at.index) == (4, 0)
+        # Half an ulp of the radius decides that there is no tie.
+        balls[0] = (0, 0, -5, math.nextafter(1, 0))
+        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
+        at = closest_hit(world, AHEAD)
+        assert at is not None
+        assert at.index == (1 if i == 0 else 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "light", "others", "shadowed"),
+    [
+        ("nothing between", (0, 0, 5), [], False),
+        ("between", (0, 9, -2), [(0, 3, -2, 1)], True),
+        ("a little beside", (0, 9, -2), [(2 + 2**-51, 3, -2, 1)], False),
+        ("touching", (0, 9, -2), [(2, 3, -2, 1)], True),
+        ("behind the light", (0, 2, -2), [(0, 9, -2, 1)], False),
+        ("light on the blocker", (0, 2, -2), [(0, 3, -2, 1)], False),
+        ("light just inside the blocker", (0, 2 + 2**-51, -2), [(0, 3, -2, 1)], True),
+        ("point and light inside", (0, 0, 5), [(0, 0, 0, 100)], False),
+        ("shell one ulp outside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 2))], True),
+        ("shell one ulp inside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 0))], False),
+    ],
+)
+def test_shadows_of_ellipsoids(
+    name: str, light: tuple[float, float, float], others: list[tuple[float, float, float, float]], shadowed: bool
+) -> None:
+    """All are stretched by 2, 1 and 4 along the axes. The point is (0, 0, -2), on the front of the first one."""
+    world = ellipsoids((0, 0, -6, 1), *others, transform=np.diag([2, 1, 4]), lights=(cltrace.point_light(light),))
+    at = world.surfaces[0].intersection_at(AHEAD, 2)
+    assert at.point == Point(0, 0, -2)
+    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
+    # The same seen from a sphere that touches the first ellipsoid there.
+    small = scene_of((0, 0, -2.5, 0.5), *others, lights=(cltrace.point_light(light),))
+    maps = np.diag([0.5, 1, 0.25])
+    spheres = small.spheres.copy()
+    spheres["to_object"][1:] = 0
+    world = world_of(dataclasses.replace(small, spheres=spheres, to_object=[maps]))
+    at = world.surfaces[0].intersection_at(AHEAD, 2)
+    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
+
+
+def test_an_ellipsoid_is_in_its_own_way_only_from_inside_and_for_lights_that_are_outside() -> None:
+    for z, lit in ((-1.0, True), (-2.75, True), (7.0, False), (6.0, True)):
+        scene = scene_of((0, 0, 0, 2), transform=np.diag([1, 2, 3]), lights=(cltrace.point_light((0, 0, z)),), ka=0)
+        assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
+
+
+def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
+    """A parallel light 60 degrees off the normal at a point where that is not the way to the centre."""
+    world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]))
+    at = closest_hit(world, AHEAD)
+    assert at is not None
+    n = unit(np.array([0.25, 0, math.sqrt(0.75) / 3]))
+    assert tuple(at.normal) == pytest.approx(tuple(n), abs=1e-15)
+    across = unit(np.cross(n, (0, 1, 0)))
+    towards = n / 2 + across * math.sqrt(0.75)
+    for light in (cltrace.parallel_light(tuple(-towards)), cltrace.point_light(tuple(tuple(at.point) + 3 * towards))):
+        world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]), lights=(light,), ka=0, kd=1, ks=0)
+        assert trace(world, AHEAD)[0] == pytest.approx((0.5, 0.5, 0.5), abs=1e-14)
+    for slope, lit in ((1e-9, True), (-1e-9, False)):
+        light = cltrace.point_light(tuple(tuple(at.point) + across + slope * n))
+        world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]), lights=(light,), ka=0, kd=1, ks=0)
+        assert (trace(world, AHEAD)[0][0] > 0) is lit
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["round", "long", "flat", "very long", "far from the origin", "shells"])
+def test_doubles_are_sure_of_ellipsoids_only_where_they_are_right(kind: str) -> None:
+    """Rays from ellipsoids, a sphere and the eye: anywhere, along the surface, all but touching another one."""
+    rng = np.random.default_rng(31)
+    lengths = {"long": (1, 1e-3, 1e-3), "flat": (1, 1, 1e-4), "very long": (1, 1e-4, 1e-7)}.get(kind, (1, 0.5, 0.3))
+    sure = {None: 0, -1: 0, 0: 0, 1: 0}
+    for k in range(120):
+        centers, radii = 3 * rng.normal(size=(4, 3)), rng.uniform(0.2, 2, 4)
+        if kind == "far from the origin":
+            centers += 1e7
+        shapes = np.array([turned(rng, *lengths) for _ in range(4)])
+        if kind == "shells":
+            centers[:], shapes[:] = centers[0], shapes[0]
+            radii[:] = [1, math.nextafter(1, 0), math.nextafter(1, 9), 1 + 2**-40]
+        position = centers[0] + 5 * rng.normal(size=3)
+        camera = Camera(tuple(position), tuple(centers[1] + (0, 0, 1)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        scene = Scene.from_spheres(camera, (), centers, radii, transform=shapes)
+        if kind == "round":
+            spheres = scene.spheres.copy()
+            spheres["to_object"][3] = -1
+            shapes[3] = np.eye(3)
+            scene = dataclasses.replace(scene, spheres=spheres)
+        world, basis, own, other = world_of(scene), np.array(camera.basis()), 3 * (k % 2), int(rng.integers(4))
+        q = unit(rng.normal(size=3))
+        is_sphere = type(world.surfaces[own]) is Sphere
+        start = OnSphere(world.surfaces[own], Direction(*unit(basis @ q if is_sphere else q).tolist()))
+        point = centers[own] + radii[own] * shapes[own] @ q
+        origin: Start | Point = EYE if k % 4 == 0 else start
+        point = position if k % 4 == 0 else point
+        # In the own axes of the other one all is as for spheres.
+        into, normal = np.linalg.inv(shapes[other]), np.linalg.inv(shapes[own]).T @ q
+        d = hostile_direction(rng, into @ unit(normal), into @ (centers[other] - point), radii[other])
+        ray = Ray(origin, Direction(*(basis @ (shapes[other] @ d)).tolist()))
+        for surface in world.surfaces:
+            assert isinstance(surface, Round)
+            equation = surface.equation(ray)
+            if not isinstance(equation, FromSurface):
+                assert type(surface) is Sphere
+                assert origin is EYE
+                continue
+            root = equation.exact.first(0.0, math.inf)
+            sure[equation.sure] += 1
+            assert equation.side() == (root.side if root else None)
+            if root:
+                assert abs(equation.t(root.side) / float(root.value()) - 1) < 2.0**-24
+                at = surface.intersection_at(ray, equation.t(root.side))
+                assert at.start.normal.length() == pytest.approx(1, abs=1e-14)
+                assert at.normal.length() == pytest.approx(1, abs=1e-14)
+    assert min(sure[None], sure[0], sure[-1] + sure[1]) > 5
+
+
+def test_any_range_of_a_ray_that_meets_an_ellipsoid() -> None:
+    """The exact equation of rays that begin later agrees with doubles about what they meet, and where."""
+    rng = np.random.default_rng(32)
+    for _ in range(100):
+        world = ellipsoids((0, 0, -5, 2), transform=turned(rng, 1, 0.5, 0.2))
+        d = Direction(*rng.uniform(-0.2, 0.2, 2).tolist(), -1.0)
+        at, later = (closest_hit(world, Ray(EYE, d, t_min)) for t_min in (0.0, 2.0**-60))
+        assert (at is None) == (later is None)
+        if at is None or later is None:
+            continue
+        assert at.t == pytest.approx(later.t, rel=1e-12)
+        assert tuple(at.normal) == pytest.approx(tuple(later.normal), abs=1e-12)
+        beyond = closest_hit(world, Ray(EYE, d, at.t + 1e-9 * at.t))
+        if beyond is not None:  # or the ray all but touches
+            assert beyond.inside
+            again = closest_hit(world, Ray(at.start, d))
+            assert again is not None
+            assert again.t == pytest.approx(beyond.t - at.t, rel=1e-8)
+            assert tuple(again.normal) == pytest.approx(tuple(beyond.normal), abs=1e-8)
+
+
+def judged(name: str, seed: int, count: int) -> int:
+    """How many rays of a regime the reference decides as the oracle does; an error where one is decided otherwise."""
+    scene = bounced_regimes.scene_of(name, seed)
+    rays, world = bounced_regimes.rays_of(scene, count, seed), world_of(scene)
+    spheres = Spheres.of(scene)
+    found = Kinds([spheres]).closest(rays.path(spheres))
+    index, t = found.item, found.t.h
+    for row in range(count):
+        start = OnSphere(world.surfaces[rays.own[row]], Direction(*rays.normal[row].tolist()))
+        at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
+        assert (at.index if at else -1) == index[row], (name, seed, row)
+        assert at is None or abs(at.t / t[row] - 1) < 2.0**-24, (name, seed, row)
+    return count
+
+
+@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+def test_bounced_rays_are_those_of_the_oracle(name: str) -> None:
+    assert sum(judged(name, seed, 60) for seed in range(4)) == 240
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+def test_bounced_rays_are_those_of_the_oracle_long(name: str) -> None:
+    assert sum(judged(name, seed, 500) for seed in range(40)) == 20_000
+
+
+def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
+    rng, found = np.random.default_rng(33), {False: 0, True: 0}
+    for seed in range(12):
+        scene = bounced_regimes.scene_of(
+            ["ellipsoids", "ellipsoids, an ulp apart", "needles and discs, 1 : 1000"][seed % 3], seed
+        )
+        shapes, rays = Spheres.of(scene), bounced_regimes.rays_of(scene, 12, seed)
+        L = np.array([np.eye(3) if K is None else np.linalg.inv(K) for K in shapes.to_object])
+        on = shapes.centers + shapes.radii[:, None] * np.einsum(
+            "nij,nj->ni", L, [unit(v) for v in rng.normal(size=(len(L), 3))]
+        )
+        lights = [cltrace.point_light(tuple(p)) for p in on[:3]] + [cltrace.parallel_light(tuple(rng.normal(size=3)))]
+        world = world_of(dataclasses.replace(scene, lights=np.concatenate(lights)))
+        for own, q in zip(rays.own.tolist(), rays.normal.tolist(), strict=True):
+            surface, K = world.surfaces[own], shapes.to_object[own]
+            assert isinstance(surface, Round)
+            n = in_world(scene, q) if K is None else q
+            start = oracle.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
+            for light, lamp in zip(np.concatenate(lights), world.lights, strict=True):
+                outward = surface.outward(Direction(*q)).dot(lamp.direction_from(OnSphere(surface, Direction(*q)))) > 0
+                ray = ShadowRay(OnSphere(surface, Direction(*q)), not outward, lamp)
+                where, kind = (light["direction"], "parallel") if lamp.parallel else (light["position"], "point")
+                blocked = oracle.blocked(start, where, kind, shapes.centers, shapes.radii, shapes.to_object)
+                assert any(s.blocks(ray) for s in world.surfaces) is blocked
+                found[blocked] += 1
+    assert min(found.values()) > 50
+
+
+def test_from_the_middle_of_a_needle_t_is_right() -> None:
+    """The length of K d is a billionth of what its terms are, which leaves 1e-7 of it to doubles."""
+    rng, unsure = np.random.default_rng(34), 0
+    for _ in range(50):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        scene = scene_of((0, 0, 0, 2))
+        spheres = scene.spheres.copy()
+        spheres["to_object"] = 0
+        world = world_of(dataclasses.replace(scene, spheres=spheres, to_object=[np.diag([1, 3e9, 2e9]) @ axes]))
+        surface, ray = world.surfaces[0], Ray(EYE, Direction(*axes[0].tolist()))
+        assert isinstance(surface, Round)
+        t = surface.intersect(ray)
+        equation = surface.equation(ray)
+        assert isinstance(equation, FromSurface)
+        assert t is not None
+        assert abs(t / float(equation.exact_value(1)) - 1) < 2.0**-24
+        unsure += equation.sure is None
+    assert unsure > 40

@@ -1,0 +1,529 @@
+"""The reference's triangles and textures, against rational arithmetic and answers that can be derived by hand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from rational_meshes import (
+    Vector,
+    corners_of,
+    doubles_mesh,
+    exactly,
+    grid_mesh,
+    in_world,
+    meets,
+    minus,
+    nearest,
+    triangle_point,
+)
+
+from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
+from cltrace.numbers import vectors
+from cltrace.reference import (
+    EYE,
+    Direction,
+    Intersection,
+    OnSphere,
+    OnTriangle,
+    Point,
+    Ray,
+    Round,
+    ShadowRay,
+    Start,
+    Texture,
+    World,
+    exact,
+    world_of,
+)
+from cltrace.reference import Mesh as ReferenceMesh
+from cltrace.reference.bounce import bounces
+from cltrace.reference.crossing import Crossing, shadow_way, way_of
+from cltrace.reference.trace import closest_hit, primary_ray, trace
+
+AXES = Camera((0, 0, 0), (0, 0, -1), resolution=(1, 1))
+
+
+def scene_of(*meshes: Mesh, camera: Camera = AXES, lights: tuple = ()) -> Scene:
+    return Scene.from_meshes(camera, lights, meshes)
+
+
+def starts_of(world: World, rng: np.random.Generator) -> OnTriangle:
+    """A point of some triangle of the first mesh: often on an edge or a corner."""
+    mesh = world.surfaces[0]
+    assert isinstance(mesh, ReferenceMesh)
+    u, v = rng.choice([0.0, 0.25, 0.5, float(rng.uniform(0, 0.5))], 2).tolist()
+    return OnTriangle(mesh.triangle(int(rng.integers(len(mesh.of.geometry.faces)))), int(rng.integers(3)), u, v)
+
+
+def place_of(scene: Scene, start: OnTriangle) -> Vector:
+    """The point in the world, exactly."""
+    corners = next(c for n, i, c in corners_of(scene) if (n, i) == (start.triangle.number, start.triangle.primitive))
+    return triangle_point(corners, start.corner, start.u, start.v)
+
+
+def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int, int] | None = None) -> bool:
+    """Whether a ray meets something, after it has been seen to meet the right thing at the right t."""
+    want, got = nearest(scene, origin, in_world(scene, ray.direction), own), closest_hit(world, ray)
+    if want is None or got is None:
+        assert (want, got) == (None, None)
+        return False
+    assert (got.index, got.primitive) == want[1:]
+    assert abs(Fraction(got.t) - want[0]) <= want[0] * Fraction(2) ** -24
+    return True
+
+
+WAYS = [Direction(*map(float, d)) for d in itertools.product((-2, -1, 0, 1, 2), repeat=3) if any(d)]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rays_among_whole_numbers(seed: int) -> None:
+    """At corners, at edges, along edges, in planes, from the eye and from triangles."""
+    rng = np.random.default_rng(seed)
+    eye = tuple(rng.integers(-3, 4, 3).astype(float) / rng.choice([1, 2]))
+    camera = Camera(eye, (eye[0], eye[1], eye[2] - 1), resolution=(1, 1))
+    scene = scene_of(grid_mesh(rng), grid_mesh(rng, 6), camera=camera)
+    world = world_of(scene)
+    for i in rng.choice(len(WAYS), 30, replace=False):
+        compare(scene, world, Ray(EYE, WAYS[i]), exactly(eye))
+        start = starts_of(world, rng)
+        own = start.triangle.number, start.triangle.primitive
+        compare(scene, world, Ray(start, WAYS[i]), place_of(scene, start), own)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e7])
+@pytest.mark.parametrize("seed", range(4))
+def test_rays_among_doubles(seed: int, offset: float) -> None:
+    """From the eye and from triangles, at points of edges and at corners but for rounding, before any camera."""
+    rng = np.random.default_rng(seed)
+    mesh = doubles_mesh(rng, offset)
+    vertices = mesh.geometry.vertices
+    eye = vertices[8] + rng.normal(size=3)
+    camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+    scene = scene_of(mesh, camera=camera)
+    world, basis = world_of(scene), np.array(camera.basis())
+    met = 0
+    for _ in range(40):
+        a, b = vertices[rng.integers(len(vertices), size=2)]
+        at = a + (b - a) * rng.choice([0, 0.5, rng.random()])
+        start = starts_of(world, rng)
+        own, place = (start.triangle.number, start.triangle.primitive), place_of(scene, start)
+        d = Direction(*(basis @ (at - eye)).tolist())
+        met += compare(scene, world, Ray(EYE, d), exactly(eye))
+        along = basis @ (at - np.array([float(x) for x in place]))
+        if along.any():
+            compare(scene, world, Ray(start, Direction(*along.tolist())), place, own)
+    assert met > 10
+
+
+def test_a_ray_may_start_anywhere_and_count_anywhere() -> None:
+    mesh = Mesh([(0, 0, -2), (2, 0, -2), (0, 2, -2)], [(0, 1, 2)])
+    world = world_of(scene_of(mesh))
+    at = closest_hit(world, Ray(Point(0.5, 0.5, 3), Direction(0, 0, -0.5)))
+    assert at is not None
+    assert (at.t, at.distance, at.index, at.primitive, at.inside) == (10, 5, 0, 0, False)
+    assert at.point == Point(0.5, 0.5, -2)
+    for t_min, t_max, hits in ((0.0, 10.0, False), (0.0, 10.5, True), (10.0, math.inf, False), (9.5, 11.0, True)):
+        ray = Ray(Point(0.5, 0.5, 3), Direction(0, 0, -0.5), t_min, t_max)
+        assert (closest_hit(world, ray) is not None) is hits
+    behind = Ray(Point(0.5, 0.5, -3), Direction(0, 0, -0.5), -5, 5)
+    at = closest_hit(world, behind)
+    assert at is not None
+    assert at.t == -2
+
+
+# --------------------------------------------------------------------------------------------- from spheres, and bounds
+
+PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rays_from_spheres(seed: int) -> None:
+    """Whose points are rational: triangles through them, and through what the ray aims at."""
+    rng = np.random.default_rng(seed)
+    mesh = grid_mesh(rng)
+    camera = Camera((0.5, 0.25, 8), (0.5, 0.25, 0), resolution=(1, 1))
+    center, radius = rng.integers(-2, 3, 3), float(rng.choice([5, 3, 7, 1]))
+    scene = Scene.from_spheres(camera, (), [center], [radius], meshes=[mesh])
+    world = world_of(scene)
+    sphere = world.surfaces[0]
+    assert isinstance(sphere, Round)
+    others = world_of(Scene.from_meshes(camera, (), [mesh]))
+    for n in PYTHAGORAS:
+        length = math.isqrt(sum(x * x for x in n))
+        place = exactly([Fraction(int(c)) + Fraction(int(radius) * x, length) for c, x in zip(center, n, strict=True)])
+        start = OnSphere(sphere, Direction(*n))
+        for i in rng.choice(len(WAYS), 6, replace=False):
+            want = nearest(scene_of(mesh, camera=camera), place, in_world(scene, WAYS[i]))
+            got = closest_hit(others, Ray(start, WAYS[i]))
+            assert (got.primitive if got else None) == (want[2] if want else None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", [0.0, 1e7])
+def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
+    """Of rays from the eye, from spheres, ellipsoids and triangles: and in most cases they are."""
+    rng = np.random.default_rng(int(offset) + 1)
+    sure = unsure = 0
+    for _ in range(3):
+        mesh = doubles_mesh(rng, offset)
+        vertices = mesh.geometry.vertices
+        eye = vertices[8] + rng.normal(size=3)
+        camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        maps = np.stack([np.eye(3), rng.normal(size=(3, 3))])
+        lights = (point_light(vertices[0] + rng.normal(size=3)), parallel_light(rng.normal(size=3)))
+        centers = vertices[:2] + 0.1
+        scene = Scene.from_spheres(camera, lights, centers, [0.5, 0.5], transform=maps, meshes=[mesh])
+        world = world_of(scene)
+        triangles = world.surfaces[2]
+        assert isinstance(triangles, ReferenceMesh)
+        basis = np.array(camera.basis())
+        for _ in range(20):
+            n = Direction(*rng.normal(size=3)).normalized()
+            corner, u, v = int(rng.integers(3)), *rng.uniform(0, 0.5, 2).tolist()
+            ball = world.surfaces[int(rng.integers(2))]
+            assert isinstance(ball, Round)
+            own = triangles.triangle(int(rng.integers(9)))
+            starts: list[Start] = [OnSphere(ball, n), OnTriangle(own, corner, u, v)]
+            for start in (EYE, *starts):
+                at = start.point if isinstance(start, Start) else start
+                a, b = vertices[rng.integers(9, size=2)]
+                d = basis @ (a + (b - a) * rng.choice([0, 0.5, rng.random()]) - eye) - np.array(tuple(at))
+                ray = Ray(start, Direction(*(d * 10.0 ** rng.uniform(-9, 9)).tolist()))
+                way = way_of(ray, triangles.frame, triangles.eye)
+                assert way is not None
+                for i in range(9):
+                    triangle, line = triangles.triangle(i), ray.line(triangles.frame)
+                    if isinstance(start, OnTriangle) and start.triangle is triangle:
+                        continue
+                    crossing, across = Crossing(triangle, way), triangle.face.met_by(line)
+                    across = across if across and across.root.is_between(0.0, math.inf) else None
+                    if crossing.side is None:
+                        unsure += 1
+                    else:
+                        assert crossing.side == (across.side if across else 0)
+                        sure += 1
+                    if across and crossing.t is not None:
+                        t = across.root.value()
+                        assert abs(Fraction(crossing.t) - t) <= t * Fraction(2) ** -24
+            for light in world.lights:
+                shadow = ShadowRay(starts[int(rng.integers(2))], False, light)
+                way = shadow_way(shadow)
+                assert way is not None
+                near = set(triangles.near(way))
+                for i in range(9):
+                    triangle = triangles.triangle(i)
+                    if shadow.start.surface is triangle:
+                        continue
+                    across = triangle.face.met_by(shadow.line_of_light)
+                    blocks = across is not None and across.root.is_between(0.0, shadow.t_max)
+                    assert triangle.blocks(shadow) is blocks
+                    assert triangle in near or not blocks
+    assert unsure > 100
+    assert sure > 2 * unsure
+
+
+def test_every_value_is_within_its_bound() -> None:
+    """Of what crossing.py derives bounds for; with a half of each bound to spare."""
+    rng = np.random.default_rng(7)
+    for k in range(24):
+        mesh = doubles_mesh(rng, [0.0, 1e7][k % 2])
+        eye = mesh.geometry.vertices[8] + rng.normal(size=3) * 10.0 ** rng.uniform(-9, 3)
+        camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
+        scene = Scene.from_spheres(camera, (), eye[None] + 0.1, 1.0, meshes=[mesh])
+        world = world_of(scene)
+        ball, triangles = world.surfaces
+        assert isinstance(ball, Round)
+        assert isinstance(triangles, ReferenceMesh)
+        on_ball = OnSphere(ball, Direction(*rng.normal(size=3)).normalized())
+        for start in (EYE, on_ball, starts_of(world_of(scene_of(mesh, camera=camera)), rng)):
+            ray = Ray(start, Direction(*rng.normal(size=3)))
+            way, line = way_of(ray, triangles.frame, triangles.eye), ray.line(triangles.frame)
+            assert way is not None
+            for i in range(9):
+                triangle, w = triangles.triangle(i), line.direction
+                crossing = Crossing(triangle, way)
+                A, B, C = (vectors.minus(exact.vector(corner), line.start) for corner in triangle.face.corners)
+                N = exact.vector(triangle.face.normal)
+                for got, want in (
+                    (crossing.D, vectors.dot(A, N)),
+                    (crossing.den, vectors.dot(N, w)),
+                    (crossing.ab, vectors.dot(vectors.cross(A, B), w)),
+                    (crossing.bc, vectors.dot(vectors.cross(B, C), w)),
+                    (crossing.ca, vectors.dot(vectors.cross(C, A), w)),
+                ):
+                    off, half = want - exact.Surd(Fraction(got.value)), exact.Surd(Fraction(got.error) / 2)
+                    assert (off - half).sign() <= 0 <= (off + half).sign()
+
+
+# -------------------------------------------------------------------------------------------------- what is at a point
+
+
+def seen(scene: Scene, u: int = 0, v: int = 0) -> Intersection:
+    at = closest_hit(world_of(scene), primary_ray(scene.camera, u, v))
+    assert at is not None
+    return at
+
+
+WALL = [(-1, -1, -2), (3, -1, -2), (-1, 3, -2)]  # before AXES, whose ray meets it at weights 1/2, 1/4, 1/4
+
+
+def test_at_a_point_of_a_triangle() -> None:
+    at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], uv=[(0, 0), (4, 0), (0, 8)])))
+    assert (at.t, at.distance, at.inside, at.uv) == (2, 2, False, (1, 2))
+    assert at.normal == at.outward == Direction(0, 0, 1)
+    start = at.start
+    assert isinstance(start, OnTriangle)
+    assert (start.corner, start.u, start.v) == (0, 0.25, 0.25)
+    assert start.point == at.point == Point(0, 0, -2)
+    assert [x.p for x in start.exact_point] == [0, 0, -2]
+    assert start.height(Point(5, 6, 1), at.outward) == 3
+
+
+@pytest.mark.parametrize("turn", range(3))
+def test_the_corner_of_the_largest_weight_is_the_anchor(turn: int) -> None:
+    corners = [(0, 1, 2), (1, 2, 0), (2, 0, 1)][turn]
+    start = seen(scene_of(Mesh([(-1, -1, -2), (3, -1, -2), (-1, 2.5, -2)], [corners]))).start
+    assert isinstance(start, OnTriangle)
+    assert start.place == Point(-1, -1, -2)
+    assert (start.corner, start.u, start.v) == (-turn % 3, 0.25, pytest.approx(2 / 7))
+
+
+def test_outside_is_where_the_normals_point_to() -> None:
+    away, towards = (0, 0, -3), (0.5, 0, 4)
+    for faces, normals, inside in (
+        ([(0, 1, 2)], None, False),
+        ([(0, 2, 1)], None, True),
+        ([(0, 1, 2)], [towards] * 3, False),
+        ([(0, 2, 1)], [towards] * 3, False),
+        ([(0, 1, 2)], [away] * 3, True),
+        ([(0, 1, 2)], [towards, away, away], True),
+        ([(0, 2, 1)], [(1, 0, 0)] * 3, True),
+    ):
+        at = seen(scene_of(Mesh(WALL, faces, normals=normals)))
+        assert at.inside is inside, (faces, normals)
+        assert at.side == (-1 if inside else 1)
+        assert at.normal.z >= 0
+        assert at.outward == (-at.normal if inside else at.normal)
+
+
+def test_normals_are_interpolated_and_turned_as_normals_are() -> None:
+    normals = [(0, 0, 1), (4, 0, 0), (0, 0, 1)]
+    at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], normals=normals)))
+    assert tuple(at.normal) == pytest.approx((0.8, 0, 0.6))
+    # Twice as wide, and the mirror image: normals are half as wide.
+    at = seen(scene_of(Mesh([(x / -2, y, z) for x, y, z in WALL], [(0, 1, 2)], normals=normals,
+                            transform=np.diag((-2, 1, 1)))))  # fmt: skip
+    assert tuple(at.normal) == pytest.approx(np.array([-1 / 2, 0, 0.75]) / math.hypot(0.5, 0.75))
+    assert not at.inside
+    # Those that add up to nothing say nothing.
+    at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], normals=[(0, 1, 0), (0, -1, 0), (0, -1, 0)])))
+    assert at.normal == Direction(0, 0, 1)
+
+
+def test_a_shading_normal_faces_the_ray() -> None:
+    """Also where that is the other side of the triangle than the ray's."""
+    at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], normals=[(3, 0, -0.1)] * 3)))
+    assert at.normal.z > 0
+    assert at.inside  # the sum of the normals points away
+
+
+CHECKS = np.array([[(255, 0, 0), (0, 255, 0)], [(0, 0, 255), (255, 255, 255)]], np.uint8)
+
+
+def test_a_texture_is_interpolated_and_repeats() -> None:
+    texture = Texture(CHECKS)
+    for i, j in itertools.product((-4, -2, 0, 2), repeat=2):
+        assert texture.lookup((i / 2, j / 2)).color == (1, 0, 0)
+        assert texture.lookup(((i + 1) / 2, j / 2)).color == (0, 1, 0)
+        assert texture.lookup((i / 2, (j + 1) / 2)).color == (0, 0, 1)
+    assert texture.lookup((0.25, 0)).color == texture.lookup((0.75, 0)).color == (0.5, 0.5, 0)
+    assert texture.lookup((0, 0.125)).color == (0.75, 0, 0.25)
+    assert texture.lookup((0.25, -0.25)).color == (0.5, 0.5, 0.5)
+    assert Texture(np.full((1, 1, 3), 32768, np.uint16)).lookup((0.3, -7)).color == (32768 / 65535,) * 3
+
+
+def test_a_textured_surface_has_the_product_of_both_colours() -> None:
+    material = Material((1, 0.5, 0.25), ka=1, texture=CHECKS)
+    mesh = Mesh(WALL, [(0, 1, 2)], uv=[(0.25, 0)] * 3, material=material)
+    color, at = trace(world_of(scene_of(mesh, lights=ambient_light((1, 1, 1)))), Ray(EYE, Direction(0, 0, -1)))
+    assert color == (0.5, 0.25, 0)
+    assert at is not None
+    assert at.uv == (0.25, 0)
+    bare = seen(scene_of(Mesh(WALL, [(0, 1, 2)], material=material)))
+    assert (bare.uv, bare.color) == ((0, 0), (1, 0, 0))
+
+
+def test_where_a_texture_is_on_a_sphere() -> None:
+    ball = world_of(Scene.from_spheres(AXES, (), [(0, 0, 0)], [1])).surfaces[0]
+    for origin, uv in (
+        (Point(0, 0, 3), (0.5, 0.5)),
+        (Point(3, 0, 0), (0.75, 0.5)),
+        (Point(-3, 0, 0), (0.25, 0.5)),
+        (Point(0, 3, 0), (None, 0)),
+        (Point(0, -3, 0), (None, 1)),
+    ):
+        ray = Ray(origin, EYE - origin)
+        t = ball.intersect(ray)
+        assert t is not None
+        for got, want in zip(ball.intersection_at(ray, t).uv, uv, strict=True):
+            assert want is None or got == pytest.approx(want, abs=1e-15)
+
+
+def test_a_needle_without_a_normal_in_doubles_has_one() -> None:
+    """Its edges' cross product vanishes by rounding."""
+    e = 2.0**-52
+    mesh = Mesh([(0, 0, -2), (1 + e, 1, -2), (1 + 2 * e, 1 + e, -2)], [(0, 1, 2)])
+    triangle = world_of(scene_of(mesh)).surfaces[0]
+    assert isinstance(triangle, ReferenceMesh)
+    needle = triangle.triangle(0)
+    assert Direction(0, 0, 0) == needle.N
+    assert needle.face.normal != (0, 0, 0)
+    assert abs(needle.normal((1, 0, 0)).z) == 1
+
+
+# ---------------------------------------------------------------------------------------------------- order and numbers
+
+
+def test_of_equal_distances_the_lowest_surface_and_then_triangle_is_met() -> None:
+    twice = Mesh(WALL, [(0, 2, 1), (0, 1, 2)])
+    at = seen(scene_of(Mesh([(0, 0, -1), (1, 0, -1), (0, 0, -1)], [(0, 1, 2)]), twice, twice))
+    assert (at.index, at.primitive) == (1, 0)
+    ball = Scene.from_spheres(AXES, (), [(0, 0, -3)], [1], meshes=[twice])
+    assert (seen(ball).index, seen(ball).primitive) == (0, -1)
+    first, *_ = ball.meshes
+    shapes = ball.spheres, ball.materials
+    behind = Scene(AXES, (), *shapes, meshes=[first.of(first.material, 0)])
+    assert (seen(behind).index, seen(behind).primitive) == (0, 0)
+    assert world_of(behind).surfaces[1].number == 1
+
+
+def test_a_fan_owns_each_ray_once() -> None:
+    """Around a corner, and along its spokes: whatever the order of the corners, and however they are listed."""
+    rim = [(4, 0), (3, 3), (0, 4), (-2, 2), (-4, 0), (-3, -3), (0, -4), (2, -2)]
+    vertices = [(0, 0, -4), *((2 * x, 2 * y, -4) for x, y in rim)]
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        faces = [rng.permutation([0, i + 1, (i + 1) % 8 + 1]) for i in range(8)]
+        mesh = world_of(scene_of(Mesh(vertices, faces))).surfaces[0]
+        assert isinstance(mesh, ReferenceMesh)
+        for x, y in itertools.product(range(-4, 5), repeat=2):
+            ray = Ray(EYE, Direction(x / 2, y / 2, -4))
+            owners = [i for i in range(8) if mesh.triangle(i).intersect(ray) is not None]
+            assert len(owners) == 1
+        ray = Ray(EYE, Direction(0, 0, -1))
+        assert sum(mesh.triangle(i).intersect(ray) is not None for i in range(8)) == 1
+
+
+# --------------------------------------------------------------------------------------------------------------- light
+
+FLOOR = [(-8, 0, -8), (8, 0, -8), (8, 0, 8), (-8, 0, 8)]
+QUAD = [(0, 1, 2), (0, 2, 3)]
+LAMP = point_light((0, 4, 0))
+ABOVE = Camera((0, 6, 0), (0, 0, 0), (0, 0, -1), resolution=(9, 9), horizontal_fov=45)
+
+
+def lit(scene: Scene) -> list[str]:
+    world, width = world_of(scene), scene.camera.resolution[0]
+    rows = []
+    for v in range(scene.camera.resolution[1]):
+        colors = [trace(world, primary_ray(scene.camera, u, v))[0] for u in range(width)]
+        rows.append("".join("#" if any(color) else "." for color in colors))
+    return rows
+
+
+def test_a_floor_does_not_shade_itself_and_a_lid_does() -> None:
+    """Of two triangles whose common edge, and corner, half of the rays meet; the lid is 2 x 2 half way up."""
+    assert lit(scene_of(Mesh(FLOOR, QUAD), camera=ABOVE, lights=LAMP)) == ["#" * 9] * 9
+    assert lit(scene_of(Mesh(FLOOR, QUAD), camera=ABOVE, lights=parallel_light((0, -1, 0)))) == ["#" * 9] * 9
+    assert lit(scene_of(Mesh(FLOOR, QUAD), camera=ABOVE, lights=parallel_light((0, 1, 0)))) == ["." * 9] * 9
+    lid = Mesh([(-1, 2, -1), (1, 2, -1), (1, 2, 1), (-1, 2, 1)], QUAD)
+    above = Camera((0, 1.5, 0), (0, 0, 0), (0, 0, -1), resolution=(9, 9), horizontal_fov=60)
+    for light in (point_light((0, 4, 0)), parallel_light((0, -1, 0))):
+        size = 2 if light["kind"] == point_light((0, 0, 0))["kind"] else 1
+        want = []
+        for v in range(9):
+            ray = [primary_ray(above, u, v).direction for u in range(9)]
+            want.append("".join("." if max(abs(d.x), abs(d.y)) * 1.5 < size else "#" for d in ray))
+        assert lit(scene_of(lid, Mesh(FLOOR, QUAD), camera=above, lights=light)) == want
+
+
+def test_what_is_behind_a_light_or_touches_the_point_does_not_stop_it() -> None:
+    lid, camera = [(-9, 5, -9), (9, 5, -9), (9, 5, 9), (-9, 5, 9)], replace(ABOVE, position=(0, 3, 0))
+    assert lit(scene_of(Mesh(FLOOR, QUAD), Mesh(lid, QUAD), camera=camera, lights=LAMP)) == ["#" * 9] * 9
+    # The light is in the lid's plane, and so in its own light.
+    level = [(x, 4, z) for x, _, z in lid]
+    assert lit(scene_of(Mesh(FLOOR, QUAD), Mesh(level, QUAD), camera=camera, lights=LAMP)) == ["#" * 9] * 9
+    # The floor twice, and once more the other way round.
+    again = [Mesh(FLOOR, QUAD), Mesh(FLOOR, QUAD), Mesh(FLOOR[::-1], QUAD)]
+    assert lit(scene_of(*again, camera=ABOVE, lights=LAMP)) == ["#" * 9] * 9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_shadows_among_whole_numbers(seed: int) -> None:
+    """At corners, along edges, in planes: from points of triangles and of spheres."""
+    rng = np.random.default_rng(seed)
+    mesh = grid_mesh(rng)
+    camera = Camera((0.5, 0.25, 8), (0.5, 0.25, 0), resolution=(1, 1))
+    center, radius = rng.integers(-2, 3, 3), 5.0
+    sites, ways = rng.integers(-3, 4, (4, 3)), rng.choice([-2, -1, 0, 1, 2], (4, 3))
+    ways[~ways.any(axis=1)] = (0, 0, 1)
+    lights = (*map(point_light, sites), *map(parallel_light, ways))
+    scene = Scene.from_spheres(camera, lights, [center], [radius], meshes=[mesh])
+    world = world_of(scene)
+    ball, triangles = world.surfaces
+    assert isinstance(ball, Round)
+    assert isinstance(triangles, ReferenceMesh)
+    blocked = 0
+    for k in range(12):
+        n = PYTHAGORAS[k % 8]
+        corner, u, v = int(rng.integers(3)), *rng.choice([0, 0.25, 0.5], 2).tolist()
+        leaf = OnTriangle(triangles.triangle(int(rng.integers(12))), corner, u, v)
+        length = math.isqrt(sum(x * x for x in n))
+        on_ball = exactly([Fraction(int(c)) + Fraction(5 * x, length) for c, x in zip(center, n, strict=True)])
+        for start, place in ((leaf, place_of(scene, leaf)), (OnSphere(ball, Direction(*n)), on_ball)):
+            own = start.triangle.primitive if isinstance(start, OnTriangle) else -1
+            for i, light in enumerate(world.lights):
+                ray = ShadowRay(start, False, light)
+                for _, j, corners in corners_of(scene):
+                    site = exactly(sites[i % 4].tolist())
+                    # From the light, of a light at a point.
+                    way = minus(place, site) if i < 4 else exactly((-ways[i % 4]).tolist())
+                    t = meets(site if i < 4 else place, way, corners)
+                    want = j != own and t is not None and (i >= 4 or t < 1)
+                    assert triangles.triangle(j).blocks(ray) is want
+                    blocked += want
+                assert triangles.blocks(ray) is any(triangles.triangle(j).blocks(ray) for j in range(12))
+    assert blocked > 10
+
+
+# ---------------------------------------------------------------------------------------------------- mirrors and glass
+
+
+def test_glass_walls_know_their_sides() -> None:
+    """A slab of glass shifts what is behind it; entered at a corner of its triangles, too."""
+    low, high = (-4, -4, -3), (4, 4, -2)
+    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    glass = Mesh(corners, faces, material=Material(transmittance=1, index=1.5))
+    world = world_of(scene_of(glass))
+    for d in (Direction(0, 0, -1), Direction(0.5, 0, -1), Direction(0.25, 0.25, -1)):
+        at = closest_hit(world, Ray(EYE, d))
+        assert at is not None
+        assert (at.point.z, at.inside) == (-2, False)
+        first = next(iter(bounces(Ray(EYE, d), at)))
+        inner, weight = first.direction, first.share
+        assert weight == 1
+        assert inner.normalized().x == pytest.approx(d.normalized().x / 1.5)
+        there = closest_hit(world, Ray(at.start, inner))
+        assert there is not None
+        assert (there.point.z, there.inside) == (pytest.approx(-3), True)
+        outer = next(iter(bounces(Ray(at.start, inner), there))).direction
+        assert tuple(outer.normalized()) == pytest.approx(tuple(d.normalized()))
+        assert closest_hit(world, Ray(there.start, outer)) is None

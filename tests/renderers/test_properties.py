@@ -1,0 +1,295 @@
+"""What must hold for any scene, tried by hypothesis. What it once found stays as a literal example."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from stress_cases import picture
+
+import cltrace
+from cltrace import Camera, Scene
+from cltrace.bench.regimes import REGIMES, camera_space, rays
+from cltrace.numbers.pairs import two_product, two_sum
+from cltrace.oracle.spheres import closest
+from cltrace.plan.rounding import dot_products, square_excess
+from cltrace.reference import world_of
+from cltrace.reference.trace import closest_hit as reference_hit
+from cltrace.reference.trace import primary_ray, trace
+from cltrace.run.devices import Device
+
+PLAIN = settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
+# float32's whole range, and 0, at all sizes alike.
+numbers = st.one_of(st.just(0.0), st.builds(math.copysign, st.floats(2.0**-149, 3.4e38), st.sampled_from([1.0, -1.0])))
+moderate = st.floats(-1e4, 1e4).map(lambda x: float(np.float32(x)))
+positive = st.floats(2.0**-149, 3.4e38)
+
+
+@st.composite
+def scenes(draw: st.DrawFn, coordinate: st.SearchStrategy[float], radius: st.SearchStrategy[float]) -> Scene:
+    """Up to 6 spheres and up to 2 lights of any kind, seen along -z in a picture of 9x7 pixels."""
+    vector = st.tuples(coordinate, coordinate, coordinate)
+    n = draw(st.integers(1, 6))
+    spheres = [draw(vector) for _ in range(n)], [draw(radius) for _ in range(n)]
+    lights = [cltrace.ambient_light((0.5, 0.5, 0.5))]
+    for _ in range(draw(st.integers(0, 2))):
+        direction = draw(vector.filter(any))
+        kind = draw(st.sampled_from(["parallel", "point", "spot"]))
+        if kind == "parallel":
+            lights.append(cltrace.parallel_light(direction))
+        elif kind == "point":
+            lights.append(cltrace.point_light(draw(vector)))
+        else:
+            lights.append(cltrace.spot_light(draw(vector), direction, 10, draw(st.sampled_from([10, 60, 180]))))
+    eye = draw(vector)
+    fov = draw(st.sampled_from([1e-3, 1.0, 30.0, 60.0, 89.9]))
+    # Far from 0, eye - 1 may be eye: look at a point as far below as the eye is out.
+    at = (eye[0], eye[1], eye[2] - max(1.0, abs(eye[2])))
+    try:
+        camera = Camera(eye, at, horizontal_fov=fov, resolution=(9, 7), square_pixels=False)
+    except ValueError:
+        camera = Camera(horizontal_fov=fov, resolution=(9, 7), square_pixels=False)
+    return Scene.from_spheres(
+        camera, lights, *spheres, ka=0.1, ks=0.25, exponent=draw(st.sampled_from([0, 0.5, 50, 1e6]))
+    )
+
+
+@PLAIN
+@given(scenes(numbers, positive))
+def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
+    for precision in ("accurate", "single", "double"):
+        image = picture(scene, None, precision)
+        assert not np.isnan(image.color).any()
+        assert not np.isnan(image.depth).any()
+        assert not np.isnan(image.normal).any()
+
+
+@PLAIN
+@given(scenes(moderate, st.floats(1e-3, 1e4)))
+def test_ids_and_order_are_those_of_the_oracle(scene: Scene) -> None:
+    image = picture(scene)
+    eye, centers, radii = camera_space(scene)
+    want, _ = closest(eye, rays(scene.camera), centers, radii)
+    # Only where the difference to the eye is a double is camera space what the oracle computes with.
+    exact = np.array(two_sum(centers, -eye)[1]) == 0
+    if exact.all():
+        assert np.array_equal(image.id.ravel(), want)
+
+
+@PLAIN
+@given(scenes(moderate, st.floats(1e-3, 1e4)))
+def test_the_reference_and_the_kernel_agree(scene: Scene) -> None:
+    world = world_of(scene)
+    for precision in ("accurate", "double"):
+        image = picture(scene, None, precision)
+        for i in range(0, 63, 2):
+            color, at = trace(world, primary_ray(scene.camera, i % 9, i // 9))
+            assert image.id.ravel()[i] == (at.index if at else -1)
+            levels = [cltrace.reference.byte_of(c) for c in color]
+            assert np.abs(image.rgb8.reshape(-1, 3)[i].astype(int) - levels).max() <= 1
+
+
+@PLAIN
+@given(scenes(moderate, st.floats(1e-3, 1e4)), st.integers(-60, 60))
+def test_a_power_of_two_changes_no_bit(scene: Scene, k: int) -> None:
+    camera = scene.camera
+    eye, at = (tuple(math.ldexp(x, k) for x in p) for p in (camera.position, camera.lookat))
+    spheres, lights = scene.spheres.copy(), scene.lights.copy()
+    for array, name in ((spheres, "center"), (spheres, "radius"), (lights, "position")):
+        array[name] = np.ldexp(array[name], k)
+    try:
+        small = replace(camera, position=eye, lookat=at)
+        scaled = Scene(small, lights, spheres, scene.materials, scene.background)
+    except ValueError:
+        return  # out of float32's range
+    for precision in ("accurate", "single", "double"):
+        one, two = (picture(s, None, precision) for s in (scene, scaled))
+        assert np.array_equal(one.id, two.id)
+        assert np.array_equal(one.color, two.color)
+        if precision != "single":
+            assert np.array_equal(np.ldexp(one.depth, k), two.depth)
+
+
+@PLAIN
+@given(scenes(moderate, st.floats(1e-3, 1e4)), st.permutations(range(6)))
+def test_the_order_of_spheres_changes_only_their_numbers(scene: Scene, numbers: list[int]) -> None:
+    order = [i for i in numbers if i < len(scene.spheres)]
+    other = Scene(scene.camera, scene.lights, scene.spheres[order], scene.materials, scene.background)
+    one, two = (picture(s) for s in (scene, other))
+    assert np.array_equal(one.depth, two.depth)
+    assert np.array_equal(one.id >= 0, two.id >= 0)
+    # Where another sphere is named, the two are equally near, and each picture names the first of its own.
+    named = np.where(two.id >= 0, np.array(order)[two.id], -1)
+    tied = one.id != named
+    assert (one.id[tied] < named[tied]).all()
+
+
+@PLAIN
+@given(st.lists(st.tuples(numbers, numbers, numbers, positive), min_size=1, max_size=8), st.tuples(moderate, moderate))
+@example([(0.0, 0.0, 1.0, 1.0)], (0.0, 0.0))
+@example([(3e38, 1e-40, 0.0, 3e38)], (1.0, 0.0))
+@example([(3e4, 4e4, 0.5, 5e4)], (1e-13, 0.0))
+@example([(0.0, 1.182595400475193e38, 2.7434398881631518e38, 2.9798931274642443e38)], (0.0, 0.0))
+def test_powers_are_rounded_once(spheres: list[tuple[float, float, float, float]], eye: tuple[float, float]) -> None:
+    """|C - O|^2 - r^2 against rational arithmetic, and exact in sign."""
+    data = np.array(spheres)
+    origin = np.array([*eye, 0.5])
+    hi, lo = two_sum(data[:, :3], -origin)
+    c, rest = square_excess(hi, lo, data[:, 3])
+    for row, got, more in zip(spheres, c.tolist(), rest.tolist(), strict=True):
+        exact = sum((Fraction(x) - Fraction(o)) ** 2 for x, o in zip(row[:3], origin.tolist(), strict=True))
+        exact -= Fraction(row[3]) ** 2
+        assert (got > 0) - (got < 0) == (exact > 0) - (exact < 0)
+        assert abs(Fraction(got) - exact) <= abs(exact) * Fraction(1, 2**52)
+        assert abs(Fraction(got) + Fraction(more) - exact) <= abs(exact) * Fraction(1, 2**99)
+
+
+def test_powers_that_cancel_need_no_rational_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many spheres through a point, or past it by an ulp, as it happens where all pass through the origin."""
+    monkeypatch.setattr(cltrace.plan.rounding, "Fraction", None)
+    rng = np.random.default_rng(0)
+    # In decimals, a vector is as long as the radius but for an ulp; the point adds a hi and a lo.
+    spheres = np.array([(3, 4, 0, 5), (1, 2, 2, 3), (2, 3, 6, 7), (4, 4, 7, 9)])[rng.integers(4, size=500)] * 0.1
+    point, r = rng.normal(size=3), spheres[:, 3]
+    hi, lo = two_sum(spheres[:, :3] + point, -point)
+    first, _ = square_excess(hi, lo, r)
+    # Moved along itself by what is left, it is as long as the radius but for 2^-105.
+    for low in (lo, lo - first[:, None] * hi / (2 * (hi * hi).sum(axis=1))[:, None]):
+        c, rest = square_excess(hi, low, r)
+        for i in range(500):
+            exact = sum((Fraction(x) + Fraction(y)) ** 2 for x, y in zip(hi[i].tolist(), low[i].tolist(), strict=True))
+            exact -= Fraction(float(r[i])) ** 2
+            assert c[i] == float(exact)
+            assert abs(Fraction(float(c[i])) + Fraction(float(rest[i])) - exact) <= abs(exact) * Fraction(1, 2**99)
+    whole = np.array([(3.0, 4.0, 0.0, 5.0), (1.0, 2.0, 2.0, 3.0), (2.0, 3.0, 6.0, 7.0)]) * 2.0**-30
+    c, rest = square_excess(whole[:, :3], 0 * whole[:, :3], whole[:, 3])
+    assert not c.any()
+    assert not rest.any()
+
+
+@PLAIN
+@given(numbers, numbers)
+def test_error_free_transformations(a: float, b: float) -> None:
+    s, e = two_sum(np.float64(a), np.float64(b))
+    assert Fraction(float(s)) + Fraction(float(e)) == Fraction(a) + Fraction(b)
+    p, e = two_product(np.float64(a), np.float64(b))
+    assert Fraction(float(p)) + Fraction(float(e)) == Fraction(a) * Fraction(b)
+
+
+@PLAIN
+@given(st.tuples(moderate, moderate, moderate), st.tuples(moderate, moderate, moderate))
+def test_camera_space_is_rounded_once(point: tuple[float, ...], eye: tuple[float, ...]) -> None:
+    try:
+        camera = Camera(eye, (1.0, 2.0, 3.5), (0.25, 1.0, -0.125))
+    except ValueError:
+        return
+    basis = np.array(camera.basis())
+    got, _ = dot_products(basis, *two_sum(np.array([point]), -np.array(eye)))
+    for axis, value in zip(basis.tolist(), got[0].tolist(), strict=True):
+        exact = sum(Fraction(a) * (Fraction(p) - Fraction(e)) for a, p, e in zip(axis, point, eye, strict=True))
+        assert value == float(exact)
+
+
+def test_reference_ids_are_those_of_the_oracle() -> None:
+    """The oracle checks the reference, which checks the kernel."""
+    for _, make in REGIMES:
+        scene = make(1, size=(24, 18))
+        world = world_of(scene)
+        eye, *spheres = camera_space(scene)
+        index, t = closest(eye, rays(scene.camera), *spheres)
+        for i in range(0, 432, 3):
+            at = reference_hit(world, primary_ray(scene.camera, i % 24, i // 24))
+            assert (at.index if at else -1) == index[i]
+            if at:
+                assert at.t == pytest.approx(t[i], rel=1e-8, abs=0)
+
+
+def test_the_number_of_threads_changes_no_bit() -> None:
+    """PoCL takes its number of threads from the environment, once for a process."""
+    script = (
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1]); from random_scenes import random_scene\n"
+        "from stress_cases import picture\n"
+        "for s in range(6):\n"
+        "    i = picture(random_scene(s))\n"
+        "    arrays = (i.rgb8, i.color, i.id, i.depth)\n"
+        "    print(hashlib.sha256(b''.join(a.tobytes() for a in arrays)).hexdigest())"
+    )
+    folder = str(Path(__file__).parents[1])
+    results = set()
+    for threads in ("1", "2", "7"):
+        env = os.environ | {"POCL_MAX_PTHREAD_COUNT": threads}
+        done = subprocess.run([sys.executable, "-c", script, folder], env=env, capture_output=True, check=True)
+        results.add(done.stdout)
+    assert len(results) == 1
+
+
+def test_no_epsilon_in_the_sources() -> None:
+    """Every number below 1e-3 in the kernel is a power of two with a derivation, or a polynomial's coefficient."""
+    text = re.sub(r"/\*.*?\*/", "", cltrace.run.program.source(), flags=re.DOTALL)
+    small = set(re.findall(r"(?<![\w.])\d+\.?\d*e-\d+f?", text))
+    assert small == {"1.42860677e-6f"}  # the second part of log(2)
+    powers = set(re.findall(r"0x1p-\d+f?", text))
+    assert powers == {
+        "0x1p-100",
+        "0x1p-100f",
+        "0x1p-101",
+        "0x1p-10f",
+        "0x1p-120f",
+        "0x1p-12f",
+        "0x1p-13f",
+        "0x1p-14f",
+        "0x1p-15f",
+        "0x1p-16",
+        "0x1p-18f",
+        "0x1p-19f",
+        "0x1p-20f",
+        "0x1p-21f",
+        "0x1p-22f",
+        "0x1p-23f",
+        "0x1p-25",
+        "0x1p-26",
+        "0x1p-26f",
+        "0x1p-27",
+        "0x1p-30f",
+        "0x1p-40f",
+        "0x1p-42",
+        "0x1p-44",
+        "0x1p-45",
+        "0x1p-46",
+        "0x1p-46f",
+        "0x1p-47",
+        "0x1p-48",
+        "0x1p-48f",
+        "0x1p-49",
+        "0x1p-49f",
+        "0x1p-50",
+        "0x1p-50f",
+        "0x1p-60f",
+        "0x1p-64f",
+        "0x1p-80f",
+        "0x1p-8f",
+        "0x1p-95",
+        "0x1p-97",
+        "0x1p-98",
+        "0x1p-99",
+    }
+    for builtin in ("dot", "cross", "length", "normalize", "distance", "mix", "native_\\w+", "half_\\w+", "pow"):
+        assert not re.search(rf"(?<![\w.>]){builtin}\(", text), builtin
+
+
+def test_devices_are_as_precise_as_assumed(device: Device) -> None:
+    """Denormal doubles and fused multiply-add, on which pairs of doubles rest."""
+    if device.has_double:
+        wanted = cl.device_fp_config.DENORM | cl.device_fp_config.FMA | cl.device_fp_config.ROUND_TO_NEAREST
+        assert device.cl.double_fp_config & wanted == wanted

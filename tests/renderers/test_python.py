@@ -1,0 +1,388 @@
+"""The Python interface: images, renderers, and what they refuse."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+import pickle
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+from random_scenes import random_scene
+
+import cltrace
+from cltrace import Image, Renderer
+from cltrace.picture.image import OUTPUTS
+from cltrace.plan import abi
+from cltrace.plan.request import COMPOSED
+from cltrace.run import devices, executor
+from cltrace.run.devices import Device
+
+
+def test_only_what_was_asked_for(any_device: Device) -> None:
+    image = cltrace.render(random_scene(1), any_device, outputs=("id", "depth"))
+    assert image.outputs == ("depth", "id")
+    assert not hasattr(image, "rgb8")
+    assert getattr(image, "color", None) is None
+    with pytest.raises(AttributeError) as caught:
+        image.rgb8  # noqa: B018
+    assert str(caught.value) == (
+        "the image has no rgb8, only depth, id; ask for it with outputs=('depth', 'id', 'rgb8')"
+    )
+    with pytest.raises(AttributeError) as caught:
+        image.colour  # type: ignore[attr-defined]  # noqa: B018
+    assert str(caught.value) == "an Image has no attribute 'colour'"
+    assert image.id.dtype == np.int32
+    assert image.depth.dtype == np.float64
+    every = cltrace.render(random_scene(1), any_device, outputs=("rgb8", "color", "normal", "direction"))
+    assert every.rgb8.dtype == np.uint8
+    assert {a.dtype for a in (every.color, every.normal, every.direction)} == {np.dtype("f4")}
+    assert {a.shape for a in (every.rgb8, every.color, every.normal, every.direction)} == {(33, 47, 3)}
+
+
+def test_render_into_an_earlier_image(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    first = renderer.render()
+    kept = first.rgb8.copy()
+    assert np.array_equal(renderer.render(first).rgb8, kept)
+    for other in (Renderer(random_scene(1), any_device), Renderer(random_scene(2), any_device, outputs=("depth",))):
+        with pytest.raises(ValueError, match=r"^out: must be an image that this Renderer has rendered$"):
+            other.render(first)
+    with pytest.raises(ValueError, match="out: "):
+        renderer.render(Image())
+
+
+def test_images_are_independent(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    first = renderer.render()
+    first.rgb8[:] = 0
+    assert renderer.render().rgb8.any()
+
+
+def test_images_and_scenes_travel(any_device: Device, tmp_path: Path) -> None:
+    image = cltrace.render(random_scene(1), any_device)
+    again = pickle.loads(pickle.dumps(image))
+    assert np.array_equal(again.rgb8, image.rgb8)
+    scene = pickle.loads(pickle.dumps(random_scene(1)))
+    with pytest.raises(ValueError, match="read-only"):
+        scene.spheres["radius"][0] = -1
+    assert np.array_equal(cltrace.render(scene, any_device).rgb8, image.rgb8)
+
+
+def test_a_renderer_does_not_travel(any_device: Device) -> None:
+    renderer = Renderer(random_scene(1), any_device)
+    for how in (pickle.dumps, copy.deepcopy):
+        with pytest.raises(TypeError, match=r"^a Renderer cannot be pickled, since .*: pickle its scene, and "):
+            how(renderer)
+    assert np.array_equal(copy.copy(renderer).render().rgb8, renderer.render().rgb8)
+
+
+def test_repr_of_a_renderer(any_device: Device) -> None:
+    scene = random_scene(1)
+    count = len(scene.spheres)
+    renderer = Renderer(scene, any_device, "single", crop=(1, 2, 9, 5))
+    assert repr(renderer) == f"<cltrace.Renderer 8x3: {count} spheres, single precision, on {any_device.name}>"
+
+
+def test_an_image_is_an_array_of_its_bytes() -> None:
+    pixels = np.arange(6, dtype=np.uint8).reshape(1, 2, 3)
+    image = Image(rgb8=pixels, depth=np.zeros((1, 2)))
+    assert np.asarray(image) is pixels
+    assert np.array_equal(np.array(image), pixels)
+    assert not np.shares_memory(np.array(image, copy=True), pixels)
+    assert np.asarray(image, float).tolist() == pixels.tolist()
+    assert np.asarray(image, float).dtype == float
+    assert np.array_equal(np.asarray(Picture.fromarray(np.asarray(image))), pixels)
+    with pytest.raises(ValueError, match=r"^copy: its bytes are uint8, and cannot become float64 without a copy$"):
+        image.__array__(float, copy=False)
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
+        np.asarray(Image(depth=np.zeros((1, 2))))
+
+
+def test_a_picture_of_depth_alone(tmp_path: Path) -> None:
+    image = Image(depth=np.array([[2.0, np.inf]]))
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
+        image.save(tmp_path / "s.png")
+    assert not list(tmp_path.iterdir())
+    image.save(tmp_path / "s.png", show="depth")
+    with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only work$"):
+        Image(work=np.zeros((1, 1, 8), np.int32)).save(tmp_path / "s.png")
+
+
+def test_threads_share_a_renderer(any_device: Device) -> None:
+    renderer = Renderer(random_scene(3), any_device, outputs=("rgb8", "id"))
+    want, got = renderer.render(), []
+    threads = [threading.Thread(target=lambda: got.append(renderer.render())) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(got) == 8
+    assert all(np.array_equal(image.rgb8, want.rgb8) and np.array_equal(image.id, want.id) for image in got)
+
+
+def _in_a_fork(queue: multiprocessing.Queue[str], attempts: list[Callable[[], object]]) -> None:
+    for attempt in attempts:
+        try:
+            attempt()
+            queue.put("rendered")
+        except cltrace.DeviceError as error:
+            queue.put(str(error))
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_fork_is_told(any_device: Device) -> None:
+    """Whatever would ask the driver for something: it would wait for threads that the fork has lost."""
+    scene = random_scene(1)
+    renderer = Renderer(scene, any_device)
+    image = renderer.render()
+    attempts: list[Callable[[], object]] = [
+        lambda: cltrace.render(scene),
+        renderer.render,
+        lambda: renderer.render(image),
+        renderer.work,
+        lambda: renderer.look(scene.camera),
+        lambda: Renderer(scene, any_device),
+        cltrace.devices,
+    ]
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_in_a_fork, args=(queue, attempts))
+    process.start()
+    for _ in attempts:
+        assert queue.get(timeout=60).startswith("OpenCL does not survive a fork")
+    process.join(60)
+
+
+def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
+    image = Image(
+        rgb8=np.full((1, 2, 3), 7, np.uint8),
+        normal=np.array([[[0, 0, 1], [0, 0, 0]]], np.float32),
+        depth=np.array([[2.0, np.inf]]),
+        id=np.array([[3, -1]], np.int32),
+        primitive=np.array([[0, -1]], np.int32),
+        uv=np.array([[[1.2, -0.4], [0, 0]]], np.float32),
+    )
+    assert image.as_rgb8("color").tolist() == [[[7, 7, 7], [7, 7, 7]]]
+    assert image.as_rgb8("normal").tolist() == [[[128, 128, 255], [0, 0, 0]]]
+    assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
+    assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
+    assert image.as_rgb8("id")[0, 0].min() >= 64
+    assert image.as_rgb8("primitive").min(axis=2).tolist() == [[image.as_rgb8("primitive")[0, 0].min(), 0]]
+    assert image.as_rgb8("primitive")[0, 0].min() >= 64
+    assert image.as_rgb8("uv").tolist() == [[[51, 153, 0], [0, 0, 0]]]
+    with pytest.raises(
+        ValueError,
+        match=r"^show: the image has no direction, only rgb8, normal, depth, id, primitive, uv; show='color'",
+    ):
+        image.as_rgb8("direction")
+    with pytest.raises(
+        ValueError, match="show: must be one of color, normal, direction, depth, id, primitive, uv, got 'heat'"
+    ):
+        image.as_rgb8("heat")
+    assert image._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    path.write_bytes(b"old")
+    with pytest.raises(ValueError, match="no depth"):
+        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path, "depth")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("path", "error", "message"),
+    [
+        ("x.jpg", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
+        ("depth", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'depth'"),
+        ("x.png/", ValueError, "path: 'x.png/' is the name of a folder"),
+        ("x.png/.", ValueError, "path: 'x.png/.' is the name of a folder"),
+        ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),
+        (7, TypeError, "path: must be a str or a Path, got 7"),
+    ],
+)
+def test_no_place_for_a_picture(
+    path: object, error: type[Exception], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error) as caught:
+        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path)  # type: ignore[arg-type]
+    assert str(caught.value) == message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_images_of_arrays() -> None:
+    """Nothing, or what is given; a copy is the same."""
+    assert repr(Image()) == "<cltrace.Image 0x0: >"
+    assert Image().seconds == {}
+    with pytest.raises(AttributeError, match=r"^the image has no id, only nothing; ask for it with outputs="):
+        Image().id  # noqa: B018
+    depth = np.ones((2, 3))
+    for image in (Image(depth=depth), copy.copy(Image(depth=depth)), copy.deepcopy(Image(depth=depth))):
+        assert repr(image) == "<cltrace.Image 3x2: depth>"
+        assert image.outputs == ("depth",)
+        assert np.array_equal(image.depth, depth)
+
+
+def test_outputs_are_those_of_the_plan() -> None:
+    assert (*abi.OUTPUTS, *COMPOSED) == OUTPUTS
+
+
+def test_what_is_no_path() -> None:
+    with pytest.raises(TypeError, match=r"^path: must be a str or a Path, got 7$"):
+        cltrace.load(7)  # type: ignore[arg-type]
+
+
+def test_version() -> None:
+    root = Path(__file__).parents[2]
+    assert f'\nversion = "{cltrace.__version__}"\n' in (root / "pyproject.toml").read_text("utf-8")
+
+
+SOURCE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in getattr(finder, "__module__", "")]
+import cltrace.run.program as program
+assert program.__file__.startswith(sys.argv[1]), program.__file__
+try:
+    print(program.source(("trace.cl",)), end="")
+except program.BuildError as error:
+    print(error)
+"""
+
+
+def test_a_script_beside_the_checkout(tmp_path: Path) -> None:
+    """Where a folder named cltrace is beside a script, as a clone is, it must not be taken for an empty package."""
+    (tmp_path / "cltrace").mkdir()
+    script = "import cltrace; print(cltrace.__version__)"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.stdout.strip(), done.stderr) == (cltrace.__version__, "")
+
+
+def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
+    """Installed, not editable: the checkout's cltrace comes first, and in it there is no cltrace.kernels."""
+    root = Path(__file__).parents[2]
+    shutil.copytree(root / "cltrace", tmp_path / "cltrace", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(root / "kernels", tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+
+    def printed() -> str:
+        command = [sys.executable, "-I", "-c", SOURCE, str(tmp_path)]
+        return subprocess.run(command, capture_output=True, check=True, text=True).stdout
+
+    assert printed() == '#line 1 "kernels/trace.cl"\n' + (root / "kernels" / "trace.cl").read_text("utf-8")
+    shutil.rmtree(tmp_path / "kernels")
+    assert printed() == "the kernel's files are missing: no package cltrace.kernels; install cltrace again\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"scene": "file.xml"}, TypeError, "scene: must be a cltrace.Scene"),
+        ({"device": 0}, TypeError, "device: must be a text"),
+        ({"precision": "half"}, ValueError, "precision: must be one of accurate, single, double, got 'half'"),
+        ({"outputs": ()}, ValueError, "outputs: must be some of "),
+        ({"outputs": ("heat",)}, ValueError, "outputs: must be some of "),
+        ({"outputs": "id"}, ValueError, "outputs: must be a tuple, such as ('id',), got 'id'"),
+        ({"outputs": [["id"]]}, ValueError, "outputs: must be some of "),
+        ({"outputs": None}, ValueError, "outputs: must be some of "),
+        (
+            {"antialias": 10**400},
+            ValueError,
+            'antialias: must be True, False, "proved" or levels of 255, above 0, got 1000',
+        ),
+        ({"truncate": "no"}, ValueError, "truncate: must be True or False, got 'no'"),
+        ({"crop": 5}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got 5"),
+        ({"crop": (True, 0, 2, 2)}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got (True, 0, 2, 2)"),
+        ({"crop": (0, 0, 1)}, ValueError, "crop: must be 4 whole numbers"),
+        ({"crop": (0, 0, 1.5, 2)}, ValueError, "crop: must be 4 whole numbers"),
+        ({"crop": (0, 0, 99, 2)}, ValueError, "crop: must be within 0,0,47,33 and not empty, got 0,0,99,2"),
+    ],
+)
+def test_refused_arguments(arguments: dict[str, object], error: type[Exception], message: str) -> None:
+    with pytest.raises(error) as caught:
+        cltrace.render(**{"scene": random_scene(1), **arguments})  # type: ignore[arg-type]
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("width", [16.0, True, 3, "16"])
+def test_refused_widths(width: object) -> None:
+    with pytest.raises(ValueError, match=r"^width: must be 1, 4, 8, 16 or None, got ") as caught:
+        Renderer(random_scene(1), width=width)  # type: ignore[arg-type]
+    assert str(caught.value).endswith(f"got {width!r}")
+
+
+def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = random_scene(1)
+    camera = cltrace.Camera(scene.camera.position, scene.camera.lookat, scene.camera.up, resolution=(5, 300))
+    tall = cltrace.Scene(camera, scene.lights, scene.spheres, scene.materials, scene.background)
+    whole = cltrace.render(tall, any_device).rgb8
+    monkeypatch.setattr(executor, "STRIP", 1)
+    assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
+    assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 20, 5000])
+def test_another_camera_keeps_what_no_camera_changes(device: Device, count: int) -> None:
+    """The picture is that of a Renderer made from scratch, to the bit; the eye of the last camera is in a sphere."""
+    rng = np.random.default_rng(1)
+    centers = rng.uniform(-2, 2, (count, 3))
+    scene = cltrace.Scene.from_spheres(
+        cltrace.Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 48), square_pixels=False),
+        [cltrace.ambient_light((1, 1, 1)), cltrace.point_light((3, 9, 6))],
+        centers,
+        rng.uniform(0.05, 0.1, count),
+        rng.uniform(0, 1, (count, 3)),
+        ka=0.1,
+    )
+    outputs = ("rgb8", "color", "normal", "depth", "id")
+    renderer = cltrace.Renderer(scene, device, outputs=outputs)
+    for eye, size in (((6, 1, 3), (64, 48)), ((0, 2, 12), (31, 47)), (centers[0], (64, 48))):
+        camera = cltrace.Camera(tuple(eye), (0.1, 0.2, 0.3), horizontal_fov=40, resolution=size)
+        moved = renderer.look(camera)
+        image, want = moved.render(), cltrace.render(replace(scene, camera=camera), device, outputs=outputs)
+        for output in outputs:
+            assert np.array_equal(getattr(image, output), getattr(want, output)), (eye, output)
+        for name in ("id_of", "material", "material_of"):
+            assert moved._executor.buffers[name] is renderer._executor.buffers[name]
+        renderer = moved
+    cropped = cltrace.Renderer(scene, device, crop=(40, 40, 64, 48))
+    with pytest.raises(ValueError, match="crop: must be within 0,0,50,40"):
+        cropped.look(replace(scene.camera, resolution=(50, 40)))
+
+
+@pytest.mark.parametrize("patience", [0.0, 1e9])
+def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
+    """A slow frame is cut into strips of 16 rows, a fast one into ever larger ones."""
+    scene = cltrace.Scene.from_spheres(
+        cltrace.Camera((0, 0, 9), (0, 0, 0), resolution=(50, 333)), [cltrace.point_light((5, 8, 9))], [(0, 0, 0)], [4.0]
+    )
+    monkeypatch.setattr(executor, "PATIENCE", 1e9)
+    monkeypatch.setattr(executor, "FIRST_ROWS", 1024)
+    want = cltrace.render(scene, device, outputs=("rgb8", "id"))
+    monkeypatch.setattr(executor, "PATIENCE", patience)
+    monkeypatch.setattr(executor, "FIRST_ROWS", 64)
+    renderer = Renderer(scene, device, outputs=("rgb8", "id"))
+    for _ in range(2):
+        image = renderer.render()
+        assert np.array_equal(image.rgb8, want.rgb8)
+        assert np.array_equal(image.id, want.id)
+    assert renderer._executor._rows == 16 if patience == 0 else renderer._executor._rows > 333
+    assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
+
+
+def test_no_gpu_says_what_there_is(monkeypatch: pytest.MonkeyPatch, any_device: Device) -> None:
+    monkeypatch.setattr(devices, "devices", lambda: [any_device])
+    with pytest.raises(cltrace.DeviceError) as caught:
+        cltrace.render(random_scene(1), "gpu")
+    assert str(caught.value) == f"no device matches 'gpu'; choose one of:\n{any_device.line()}"

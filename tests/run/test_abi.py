@@ -1,0 +1,158 @@
+"""What host and kernel agree on: offsets on each device, flags, constants, and that nothing drifts apart unseen."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+import cltrace
+from cltrace.picture.image import OUTPUTS
+from cltrace.plan import abi
+from cltrace.plan.plan import Plan
+from cltrace.plan.request import COMPOSED, Request
+from cltrace.run import program
+from cltrace.run.devices import Device
+
+ROOT = Path(__file__).parents[2]
+KERNELS = {name: (ROOT / "kernels" / name).read_text("utf-8") for name in program.SOURCES if name != "abi"}
+
+
+def plan_of(scene: cltrace.Scene, *outputs: str) -> Plan:
+    return Plan.of_scene(scene, Request(outputs=outputs or ("rgb8",)))
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_offsets(device: Device, precision: abi.Precision) -> None:
+    """Host and device lay out the shared structs alike: the device itself says where each field is."""
+    bodies, expected = [], []
+    for name in abi.STRUCTS:
+        dtype = abi.dtype_of(name, precision)
+        assert dtype.fields is not None
+        bodies.append(f"{{ {name} x;")
+        for field, (_, offset, *_) in dtype.fields.items():
+            bodies.append(f"out[{len(expected)}] = (int)((__private char *)&x.{field} - (__private char *)&x);")
+            expected.append((name, field, int(offset)))
+        bodies.append(f"out[{len(expected)}] = sizeof(x); }}")
+        expected.append((name, "its size", dtype.itemsize))
+    text = program.source(("packet.cl", "abi"))
+    source = f"{text}\n__kernel void offsets(__global int *out) {{\n" + "\n".join(bodies) + "\n}"
+    context = cl.Context([device.cl])
+    queue = cl.CommandQueue(context)
+    out = np.full(len(expected), -1, np.int32)
+    buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, out.nbytes)
+    options = ["-DW=1", "-DRUN=1", *abi.options(precision, frozenset())]
+    cl.Program(context, source).build(options).offsets(queue, (1,), None, buffer)
+    cl.enqueue_copy(queue, out, buffer)
+    assert [(name, field, at) for (name, field, _), at in zip(expected, out.tolist(), strict=True)] == expected
+
+
+def test_build_refuses_another_layout(any_device: Device) -> None:
+    """If the sizes differ, the compiler's message names the struct."""
+    plan = plan_of(cltrace.Scene.from_spheres(cltrace.Camera(), [], [(0, 0, -3)], 1.0))
+    options = [o if "Light_BYTES" not in o else "-DLight_BYTES=124" for o in plan.options()]
+    with pytest.raises(cltrace.BuildError, match="layout_of_Light_differs_from_numpy"):
+        program.build(any_device, ["-DW=1", "-DRUN=1", *options])
+
+
+def test_buffers_have_the_types_of_the_table() -> None:
+    camera = cltrace.Camera(resolution=(64, 48))
+    lights = [cltrace.point_light((1, 2, 3)), cltrace.parallel_light((0, -1, 0))]
+    scene = cltrace.Scene.from_spheres(camera, lights, np.random.default_rng(0).normal(size=(40, 3)), 0.2)
+    for precision in ("accurate", "single", "double"):
+        plan = Plan.of_scene(scene, Request(precision))
+        wanted = {a.name: abi.dtype_of(a.type, precision) for a in abi.ARGUMENTS if a.kind == "buffer"}
+        assert plan.arrays.keys() == wanted.keys()
+        for name, dtype in wanted.items():
+            array = plan.arrays[name]
+            assert array.dtype == dtype.base, name
+            assert array.shape[1:] == dtype.shape, name
+            assert array.flags.c_contiguous or name == "entry", name
+        known_at_launch = {"region", "row", "pitch", "margin"}
+        assert plan.values.keys() | known_at_launch == {a.name for a in abi.ARGUMENTS if a.kind == "value"}
+
+
+def test_an_image_has_a_place_for_each_output() -> None:
+    assert (*abi.OUTPUTS, *COMPOSED) == OUTPUTS
+
+
+def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
+    """A misspelt flag in an #ifdef would be off for ever; one in HAS() does not compile."""
+    code = "\n".join(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL) for text in [*KERNELS.values(), abi.header()])
+    conditions = re.findall(r"^#\s*(?:ifdef|ifndef|if|elif)\b(.*)$", code, re.MULTILINE)
+    used = {name for line in conditions for name in re.findall(r"\b[A-Za-z_]\w*", line)} - {"defined"}
+    used |= set(re.findall(r"\bHAS\(([A-Z_0-9]+)\)", code))
+    own = set(re.findall(r"^#\s*define\s+(\w+)", code, re.MULTILINE)) | {"__has_builtin", "__AVX__", "__AVX512DQ__"}
+    builtins = {name for name in used if name.startswith("__builtin")}
+    given = set(abi.FLAGS) | set(abi.VALUES)
+    assert used - own - builtins <= given
+    assert set(abi.FLAGS) <= used
+    assert all(re.search(rf"\b{name}\b", code) for name in abi.VALUES)
+
+
+def test_a_macro_has_one_file_only() -> None:
+    """All files are one text for the compiler, which warns where a second one takes a name, and then uses that one."""
+    homes: dict[str, set[str]] = {}
+    for file, text in KERNELS.items():
+        for name in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+)", text, re.MULTILINE):
+            homes.setdefault(name, set()).add(file)
+    assert {name: files for name, files in homes.items() if len(files) > 1} == {}
+
+
+def test_constants_and_counters_of_the_table_are_used() -> None:
+    host = "\n".join(path.read_text("utf-8") for path in (ROOT / "cltrace").rglob("*.py") if path.name != "abi.py")
+    kernel = "\n".join(KERNELS.values())
+    for name in abi.CONSTANTS:
+        assert f'CONSTANTS["{name}"]' in host, name
+    for name in abi.COUNTERS:
+        assert f"COUNT({name}, " in kernel, name
+
+
+def test_proofs_use_the_constants_of_the_code() -> None:
+    """Where a comment derives something from a constant, it says so as [NAME = value]."""
+    texts = [*KERNELS.values(), *(p.read_text("utf-8") for p in (ROOT / "cltrace").rglob("*.py"))]
+    cited = [pair for text in texts for pair in re.findall(r"\[([A-Z_]+) = (\d+)\]", text)]
+    for name, value in cited:
+        assert abi.CONSTANTS[name] == int(value), name
+    assert {"FILTER_ROUNDINGS", "DISC_ROUNDINGS", "TILE"} <= {name for name, _ in cited}
+    # The bits of a cell in a light's mask are read with & 31.
+    assert abi.CONSTANTS["FEW"] <= 32
+
+
+def test_a_program_for_each_combination_of_features_only() -> None:
+    """Numbers are arguments, so scenes with the same features share a program."""
+    camera = cltrace.Camera(resolution=(64, 48))
+    light = cltrace.point_light((1, 2, 3))
+    one = plan_of(cltrace.Scene.from_spheres(camera, [light], [(0, 0, -3), (1, 0, -4)], 1.0))
+    two = plan_of(cltrace.Scene.from_spheres(camera, [light] * 3, np.eye(3) * 9, 0.5))
+    assert one.options() == two.options()
+
+
+def test_features_are_only_those_that_the_scene_needs() -> None:
+    camera = cltrace.Camera()
+
+    def flags(*lights: np.ndarray, outputs: tuple[str, ...] = ("rgb8",), **material: float) -> set[str]:
+        scene = cltrace.Scene.from_spheres(camera, lights, [(0, 0, -3), (0, 0, -9)], 1.0, **material)
+        return {f.removeprefix("WITH_") for f in plan_of(scene, *outputs).features if "WITH" in f}
+
+    base = {"SPHERES", "FILTER", "INTERSECTION", "SHADING"}
+    assert flags() == base
+    assert flags(cltrace.ambient_light()) == base
+    assert flags(outputs=("id",)) == {"SPHERES", "FILTER"}
+    assert flags(outputs=("normal",)) == {"SPHERES", "FILTER", "INTERSECTION", "NORMAL"}
+    lit = base | {"NORMAL", "LIGHTS", "SHADOWS"}
+    assert flags(cltrace.point_light((0, 0, 0))) == lit | {"POINT", "SPECULAR"}
+    assert flags(cltrace.parallel_light((0, 0, -1)), ks=0) == lit | {"PARALLEL"}
+    assert flags(cltrace.spot_light((0, 0, 0), (0, 0, -1), 10, 20), ks=0) == lit | {"SPOT"}
+    assert flags(cltrace.point_light((0, 0, 0), color=(0, 0, 0))) == base
+    assert flags(cltrace.point_light((0, 0, 0)), kd=0, ks=0) == base
+
+
+def test_the_reference_s_algorithm_is_its_eight_functions() -> None:
+    """kernels/trace.cl has functions of these names, too."""
+    text = (ROOT / "cltrace" / "reference" / "trace.py").read_text("utf-8")
+    names = "primary_ray closest_hit intersection_at cast_shadow_ray illuminate shade follow trace"
+    assert re.findall(r"^def (\w+)", text, re.MULTILINE) == names.split()

@@ -1,0 +1,74 @@
+"""Arguments of kernels by name: names and types are the compiler's, and what does not fit is an error at the call."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from cltrace.plan import abi
+from cltrace.run.devices import Device
+from cltrace.run.kernel_arguments import BUFFER, argument, parameters_of
+from cltrace.run.pack.toolbox import Toolbox, program_of
+from cltrace.run.program import UNSTOPPABLE, kernel_folder, program, source
+
+
+@pytest.mark.parametrize("name", ["floats", "doubles", "unstoppable"])
+def test_parameters_are_those_that_the_compiler_sees(any_device: Device, name: str) -> None:
+    """Of both programs that pack, which together have all files, and of the one that finds triangles."""
+    programs = {"floats": program_of(False, False), "doubles": program_of(True, True), "unstoppable": (UNSTOPPABLE, {})}
+    files, macros = programs[name]
+    features = frozenset({"WITH_TRIANGLES"} if name == "unstoppable" else ())
+    options = [f"-D{macro}={value}" for macro, value in (macros | {"W": "1", "RUN": "1"}).items()]
+    made = program(any_device, [*options, "-cl-kernel-arg-info", *abi.options("double", features)], files)
+    found = parameters_of(source(files), macros)
+    assert found.keys() == {kernel.function_name for kernel in made.all_kernels()}
+    ask = cl.kernel_arg_info
+    for kernel in made.all_kernels():
+        parameters = found[kernel.function_name]
+        assert kernel.num_args == len(parameters)
+        for i, (parameter, type_) in enumerate(parameters.items()):
+            assert kernel.get_arg_info(i, ask.NAME) == parameter
+            declared = kernel.get_arg_info(i, ask.TYPE_NAME)
+            assert type_ == (BUFFER if declared.endswith("*") else declared)
+
+
+def test_each_kernel_s_file_is_in_a_program() -> None:
+    every = {name for of in (program_of(False, False), program_of(True, True)) for name in of[0] if "pack/" in name}
+    assert every == {f"pack/{path.name}" for path in (kernel_folder() / "pack").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"first": None}, "mend: missing or unknown: first"),
+        ({"frist": 0}, "mend: missing or unknown: frist"),
+        ({"count": 1.0}, "mend: count: 'float' object cannot be interpreted as an integer"),
+        ({"count": 2**31}, "mend: count: "),
+        ({"first": "a buffer"}, "mend: first: must be int, got a buffer"),
+        ({"value": 1.0}, "mend: value: must be a buffer, got 1.0"),
+        ({"first": (0, 0)}, "mend: first: "),
+    ],
+)
+def test_wrong_arguments_are_errors_at_the_call(device: Device, changes: dict[str, Any], message: str) -> None:
+    tools = Toolbox(device, "accurate")
+    index, value = tools.upload(np.array([2], np.int32)), tools.upload(np.array([7.0]))
+    column = tools.upload(np.zeros(4))
+    arguments = {"count": 1, "first": 0, "index": index, "value": value, "column": column}
+    changes = {name: index if new == "a buffer" else new for name, new in changes.items()}
+    wrong = {name: new for name, new in (arguments | changes).items() if new is not None}
+    with pytest.raises(TypeError, match=re.escape(message)):
+        tools.run("mend", **wrong)
+    tools.run("mend", **arguments)
+    assert tools.read(column, 4, np.float64).tolist() == [0, 0, 7, 0]
+
+
+def test_vectors_have_as_many_numbers_as_their_types() -> None:
+    assert argument("double4", (1, 2, 3)).tolist() == (1, 2, 3, 0)
+    assert argument("float2", np.array([0.1, 2])).tolist() == (np.float32(0.1), 2)
+    for type_, value in (("double4", (1, 2)), ("float2", (1, 2, 3)), ("int2", (1.5, 2)), ("Grid", 1)):
+        with pytest.raises(TypeError):
+            argument(type_, value)

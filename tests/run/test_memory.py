@@ -1,0 +1,115 @@
+"""How much memory a scene takes: bytes a sphere, no growth over frames, and what a device cannot hold."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import cltrace
+from cltrace import Camera, Renderer, Scene
+from cltrace.run.devices import Device
+from cltrace.run.pack import packers
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks Linux how much memory there is")
+
+# What follows measures in a process of its own, over the arrays that a user has.
+COMMON = """
+import ctypes, gc, sys
+import numpy as np
+import cltrace
+from cltrace import Camera, Renderer, Scene, ambient_light, point_light
+
+camera = Camera((0, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))
+
+def lamps(count):
+    return [ambient_light(), *(point_light((5 - 3 * i, 8, 9)) for i in range(count))]
+
+def balls(n):
+    rng = np.random.default_rng(1)
+    centers = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    for array in centers:
+        rng.random(dtype=np.float32, out=array)
+    return centers[0] * 4 - 2, np.full(n, n ** (-1 / 3), np.float32), centers[1]
+
+def status(name):
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name)) * 1024
+"""
+PEAK = """
+device, n = sys.argv[1], 3_000_000
+for lights in (1, 4):
+    Renderer(Scene.from_spheres(camera, lamps(lights), *balls(50_000)), device).render()  # builds programs
+    arrays = balls(n)
+    before = status("VmRSS")
+    open("/proc/self/clear_refs", "w").write("5")  # forgets the peak
+    renderer = Renderer(Scene.from_spheres(camera, lamps(lights), *arrays), device)
+    renderer.render()
+    print((status("VmHWM") - before) / n)
+    del renderer
+"""
+FLAT = """
+renderer = Renderer(Scene.from_spheres(camera, lamps(1), *balls(40_000)), sys.argv[1])
+centers, _, colors = balls(40_000)
+sizes = []
+for k in range(int(sys.argv[2])):
+    if k % 50 == 0:
+        sizes.append(status("VmRSS"))
+    t = k % 50  # the same scene, 50 frames later
+    renderer.look(Camera((t / 100, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))).render()
+    changed = {"centers": centers * (1 + t / 1000)} if k % 2 else {"colors": np.roll(colors, t, axis=0)}
+    renderer.update(**changed).render()
+sizes.append(status("VmRSS"))
+# It wavers by some 2 MB, up and down. So this is the most of five sizes over that of five, 1,000 frames earlier.
+print(max(sizes[-5:]) / max(sizes[1:6]))
+for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240)))):
+    assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()
+"""
+
+
+def measured(device: Device, script: str, *arguments: str) -> list[float]:
+    """In one arena of glibc's: of more, it gives each thread another one some day, and what it keeps there may grow."""
+    command = [sys.executable, "-c", COMMON + script, device.spec, *arguments]
+    environment = os.environ | {"MALLOC_ARENA_MAX": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    return [float(word) for word in done.stdout.split()]
+
+
+@pytest.mark.slow
+def test_bytes_a_sphere(device: Device) -> None:
+    """At the peak, over arrays of float32 with a colour for each sphere; then what further lights take."""
+    if device.kind != "cpu":
+        pytest.skip("the buffers are the device's")
+    measured(device, PEAK)  # Compiles what this scene's kernels lack, which takes memory of its own: 22 bytes a sphere.
+    one, four = measured(device, PEAK)
+    assert one <= 300
+    assert (four - one) / 3 <= 40
+
+
+@pytest.mark.slow
+def test_frames_leave_nothing_behind(device: Device) -> None:
+    """Of other cameras and of other spheres. The last ones have the bits of new Renderers."""
+    (growth,) = measured(device, FLAT, "1250")
+    assert growth <= 1.01
+
+
+@pytest.mark.parametrize("many", [2**15, 0])
+@pytest.mark.parametrize("most", [10_000, 200])
+def test_what_a_device_cannot_hold(device: Device, most: int, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a device that is said to have small buffers, one error with advice; nothing is left over from it."""
+    rng = np.random.default_rng(0)
+    arrays = rng.uniform(-1, 1, (600, 3)), 0.02, rng.uniform(0, 1, (600, 3))
+    scene = Scene.from_spheres(Camera(resolution=(16, 16)), [cltrace.point_light((3, 4, 5))], *arrays)
+    want = cltrace.render(scene, device).rgb8
+    monkeypatch.setattr(Device, "largest_buffer", most)
+    monkeypatch.setattr(packers, "MANY", many)
+    with pytest.raises(cltrace.DeviceError) as caught:
+        Renderer(scene, device)
+    assert str(caught.value).startswith(f"{device.name}: the scene's `")
+    assert f"GB, of {most / 1e9:.3g} GB that a buffer may have; draw fewer" in str(caught.value)
+    monkeypatch.undo()
+    assert np.array_equal(cltrace.render(scene, device).rgb8, want)

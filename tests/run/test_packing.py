@@ -1,0 +1,367 @@
+"""Packing on a device: every buffer has the bits that numpy gives it."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from device_views import LIGHTS, check_same_view, lists_of, read
+from numpy.typing import NDArray
+
+import cltrace
+from cltrace.plan.abi import Precision
+from cltrace.plan.accel import cells, discs
+from cltrace.plan.request import Request
+from cltrace.plan.view import View
+from cltrace.plan.world import World
+from cltrace.run.devices import Device
+from cltrace.run.pack import list_buffers, packers
+from cltrace.run.pack.spheres import SpherePacker
+from cltrace.run.pack.toolbox import Toolbox
+from cltrace.scene import AnyCamera
+
+Floats = NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("even_few_are_packed")
+
+
+def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCamera) -> int:
+    """Asserts that the device's views of a scene are numpy's: by its own camera, and by others after it.
+
+    Returns how many the device has made.
+    """
+    world = World.of(scene, request)
+    packer = SpherePacker.of(world, request, device)
+    assert packer is not None
+    # On the device, shadow rays may end on all spheres.
+    plain, count = replace(request, keep=(*request.keep, "receivers")), 0
+    for by in (scene.camera, *cameras):
+        view, made = packer.view(world, by)
+        check_same_view(view, made, packer.tools, View.of(world, by, plain if made else request))
+        count += bool(made)
+    return count
+
+
+def camera(**changes: object) -> cltrace.Camera:
+    arguments = {"position": (0.1, 0.2, 3.0), "lookat": (0, 0, 0), "horizontal_fov": 50.0, "resolution": (97, 61)}
+    return cltrace.Camera(**(arguments | changes))  # type: ignore[arg-type]
+
+
+def balls(n: int = 300, size: float = 0.1, seed: int = 1) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, (n, 3)), rng.uniform(0.1, 1, n) * size
+
+
+def scene(centers: Floats, radii: Floats | float, lights: object = LIGHTS, **changes: object) -> cltrace.Scene:
+    return cltrace.Scene.from_spheres(camera(**changes), lights, centers, radii)  # type: ignore[arg-type]
+
+
+def around(n: int) -> cltrace.Scene:
+    """Eye and lights are inside of spheres, of all or of some."""
+    centers, radii = balls(n, 4.0)
+    return scene(centers, radii)
+
+
+def far_away() -> cltrace.Scene:
+    """At 1e7 from the origin, a coordinate has eight bits after the point."""
+    centers, radii = balls()
+    shift = np.array([1e7, -1e7, 1e7])
+    lights = [cltrace.point_light(shift + (3, 4, 5))]
+    return scene(centers + shift, radii, lights, position=tuple(shift + (0, 0, 3)), lookat=tuple(shift))
+
+
+def touching() -> cltrace.Scene:
+    """The eye and a light are on spheres, exactly or but for a last digit: sums cancel to nothing."""
+    rng = np.random.default_rng(3)
+    step = rng.integers(-8, 9, (200, 3)) / 8
+    radii = np.maximum(np.sqrt((step**2).sum(axis=1)), 1 / 64)
+    eye, lamp = np.array([0.5, 0.25, 2.0]), np.array([3.0, 1.0, 0.1])
+    centers = np.concatenate([eye + step, lamp + step])
+    nearly = np.nextafter(radii, rng.choice([0.0, 9.0], 200))
+    return scene(centers, np.concatenate([radii, nearly]), [cltrace.point_light(lamp)], position=tuple(eye))
+
+
+def halfway() -> cltrace.Scene:
+    """From the eye, most coordinates are halfway between two doubles."""
+    step = np.random.default_rng(3).integers(-8, 9, (300, 3)) / 8
+    return scene(step, 0.05, position=(2.0**-54, -(2.0**-54), 3), lookat=(2.0**-54, -(2.0**-54), 0))
+
+
+def equal() -> cltrace.Scene:
+    centers, radii = balls(100)
+    return scene(np.tile(centers, (3, 1)), np.tile(radii, 3))
+
+
+def of_all_sizes() -> cltrace.Scene:
+    rng = np.random.default_rng(4)
+    return scene(rng.uniform(-1, 1, (400, 3)), 2.0 ** rng.uniform(-140, 3, 400))
+
+
+def in_shells() -> cltrace.Scene:
+    """Most spheres are inside of larger ones, which hide them."""
+    centers, radii = balls(300, 0.02)
+    return scene(np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6]))
+
+
+def behind() -> cltrace.Scene:
+    """Nothing is in the picture, and nothing is in any list."""
+    centers, radii = balls()
+    return scene(centers + (0, 0, 9), radii)
+
+
+def few_in_light() -> cltrace.Scene:
+    """What is seen is so small, as the light sees it, that its grid is made in double."""
+    centers, radii = balls(300, 0.1)
+    return scene(centers, radii, [cltrace.point_light((0, 900, 0.3))], horizontal_fov=0.3)
+
+
+def mirrors() -> cltrace.Scene:
+    centers, radii = balls()
+    return cltrace.Scene.from_spheres(camera(), LIGHTS, centers, radii, reflectance=0.5, transmittance=0.3, index=1.5)
+
+
+def crowded(**changes: object) -> cltrace.Scene:
+    """Thousands of spheres in few cells, and in depths that are equal."""
+    centers, radii = balls(3000, 0.3, 6)
+    centers[::2] = centers[1::2]
+    return scene(centers, radii, **changes)
+
+
+CASES: dict[str, Callable[[], cltrace.Scene]] = {
+    "scattered": lambda: scene(*balls()),
+    "one more than lists are made for": lambda: scene(*balls(17)),
+    "a whole packet": lambda: scene(*balls(64)),
+    "around the eye": lambda: around(300),
+    "far away": far_away,
+    "touching": touching,
+    "halfway": halfway,
+    "equal": equal,
+    "of all sizes": of_all_sizes,
+    "in shells": in_shells,
+    "behind the eye": behind,
+    "few in the light": few_in_light,
+    "mirrors": mirrors,
+    "crowded": crowded,
+    "one cell": lambda: crowded(resolution=(4, 3)),
+    "two cells": lambda: crowded(resolution=(5, 3)),
+    "no light": lambda: scene(*balls(), []),
+    "a view along an axis": lambda: scene(*balls(), position=(0, 0, 3), lookat=(0, 0, 0)),
+    "one unit of size": lambda: scene(balls()[0] * 1e30, balls()[1] * 1e30, position=(0, 0, 3e30)),
+}
+
+
+# Programs in single are others, and take as long to compile again.
+PRECISIONS = ["accurate", pytest.param("single", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("name", CASES)
+def test_bits(device: Device, precision: Precision, name: str) -> None:
+    both(CASES[name](), device, Request(precision))
+
+
+@pytest.mark.slow
+def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A GPU takes one sphere at a time, and has memory of its own. Here a CPU does that."""
+    monkeypatch.setattr(Device, "kind", "gpu")
+    for make in (crowded, touching, mirrors, few_in_light):
+        for precision in ("accurate", "single"):
+            both(make(), device, Request(precision))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_bits_of_other_cameras(device: Device, precision: Precision) -> None:
+    """They have what lights see in common, unless lengths have another unit, or the eye is within what hides others."""
+    lights = LIGHTS[:1] + LIGHTS[2:]
+    centers, radii = balls(300, 0.02)
+    centers, radii = np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6])
+    cameras = [camera(position=p) for p in ((0.1, 0.21, 3.0), (3, 2, -1), (0.2, 0.3, 0.1), (70, 0, 90), (0, 0, 3))]
+    for at in (LIGHTS, lights):
+        both(scene(centers, radii, at), device, Request(precision), *cameras)
+
+
+def test_what_lights_see_is_made_once(device: Device) -> None:
+    world = World.of(scene(*balls(), LIGHTS[2:]), Request())
+    packer = SpherePacker.of(world, Request(), device)
+    assert packer is not None
+    _, first = packer.view(world, camera())
+    _, other = packer.view(world, camera(position=(0.1, 0.21, 3.0)))
+    assert other["light_side"] is first["light_side"]
+    _, far = packer.view(world, camera(position=(70, 0, 90)))
+    assert far["light_side"] is not first["light_side"]
+
+
+def parallel(**changes: object) -> cltrace.Orthographic:
+    arguments = {"position": (0.1, 0.2, 3.0), "lookat": (0, 0, 0), "height": 2.5, "resolution": (97, 61)}
+    return cltrace.Orthographic(**(arguments | changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("name", CASES)
+def test_bits_along_the_view(device: Device, precision: Precision, name: str) -> None:
+    """Parallel rays, whose plane is before the spheres, or cuts some, or whose picture is larger than all of them."""
+    seen, at = CASES[name](), np.array(CASES[name]().camera.position)
+    size = np.abs(seen.columns.center - at).max()
+    by = [
+        parallel(
+            position=tuple(at),
+            lookat=tuple(at + size * np.array(aim)),
+            height=height,
+            resolution=seen.camera.resolution,
+        )
+        for aim, height in (((0, 0, -1), 0.7 * size), ((0.1, -0.1, -1), 0.1 * size), ((-1, 0.5, -2), 9 * size))
+    ]
+    made = both(seen.seen_by(by[0]), device, Request(precision), *by[1:], seen.camera, by[1])
+    # A light that is far away makes pixels tiny.
+    assert made == 5 or name == "few in the light"
+
+
+def test_bits_along_the_view_of_what_is_wanted(device: Device) -> None:
+    """Of a crop, of antialiased pixels, and of pixels that float32 does not tell apart, which are numpy's."""
+    wanted = (8, 9, 50, 40)
+    for request in (
+        Request(crop=(13, 7, 30, 22)),
+        Request(antialias=1.0, crop=wanted),
+        Request(samples=16, crop=wanted),
+    ):
+        both(crowded().seen_by(parallel()), device, request)
+    assert not both(crowded().seen_by(parallel(height=2.0**-13, lookat=(0.1, 0.2, 0))), device, Request())
+
+
+@pytest.mark.parametrize(
+    ("kind", "few"), [("cpu", 2**17), ("cpu", 3000), pytest.param("gpu", 0, marks=pytest.mark.slow)]
+)
+def test_lists_of_cameras_are_side_by_side(
+    device: Device, monkeypatch: pytest.MonkeyPatch, kind: str, few: int
+) -> None:
+    """What lights see is there once, views of any age keep their lists, and what nobody keeps has others in its place.
+
+    What has no room is in other buffers. A GPU has none to spare.
+    """
+    if kind != device.kind:
+        monkeypatch.setattr(Device, "kind", kind)
+    monkeypatch.setattr(list_buffers, "FEW", few)
+    world = World.of(crowded(lights=LIGHTS[2:]), Request())
+    packer = SpherePacker.of(world, Request(), device)
+    assert packer is not None
+    cameras = [camera(position=(0.1 * k, 0.2, 3 + 0.1 * k)) for k in range(9)]
+    views = [(by, *packer.view(world, by)) for by in cameras]
+    expected = {by: View.of(world, by, Request(keep=("receivers",))) for by in cameras}
+    assert (len({id(made["entry"]) for _, _, made in views}) == 1) == (few > 3000)
+    for by, view, made in views:
+        check_same_view(view, made, packer.tools, expected[by])
+    del by, view, made, views[1:]
+    places = set()
+    for by in cameras:
+        view, made = packer.view(world, by)
+        assert packer.lamps is not None
+        check_same_view(view, made, packer.tools, expected[by])
+        places.add(id(packer.lamps.lists))
+        del view, made
+    assert len(places) == 1
+    by, view, made = views[0]
+    check_same_view(view, made, packer.tools, expected[by])
+
+
+def test_bits_of_a_crop(device: Device) -> None:
+    both(crowded(), device, Request(crop=(13, 7, 30, 22)))
+
+
+def test_bits_of_antialiasing(device: Device) -> None:
+    """Pixels' borders are seen, too, so lists are half a pixel wider."""
+    both(scene(*balls()), device, Request(antialias=1.0, crop=(8, 9, 50, 40)))
+
+
+@pytest.mark.parametrize("spare", [0, 300])
+def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spare: int) -> None:
+    """With little room for entries, spheres are on the levels of their sizes or near them."""
+    monkeypatch.setattr(cells, "SPARE", spare)
+    for make in (crowded, of_all_sizes, lambda: around(300)):
+        both(make(), device, Request())
+
+
+def tiles_of(renderer: cltrace.Renderer) -> bytes:
+    """The entries of the picture's lists."""
+    buffers, tools, like = renderer._executor.buffers, Toolbox(renderer.device, "accurate"), np.zeros(1, np.int32)
+    found = {name: read(buffers, name, tools, like) for name in ("start", "entry")}
+    return lists_of(renderer.plan.arrays | found)[0][2]
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "glass")]
+
+
+@pytest.mark.parametrize("name", ["crowded", "of all sizes", "touching", "wide", "one cell", *SLOW])
+def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Of tiles that a sphere covers, lists lack what is behind; no picture tells."""
+    colors = np.random.default_rng(8).uniform(0, 1, (3000, 3))
+    places = {"around the eye": balls(3000, 4.0), "of all sizes": (balls(3000)[0], np.geomspace(1e-4, 0.8, 3000))}
+    centers, radii = places.get(name, balls(3000, 0.3, 6))
+    if name == "touching":
+        centers[1::2], radii[1::2] = centers[::2] + (0, 0, 0.1), radii[::2] - 0.1 + 2.0**-40
+        radii = np.maximum(radii, 1e-3)
+    by = {"wide": {"horizontal_fov": 85.0, "position": (0.9, 1.2, 1.3)}, "one cell": {"resolution": (4, 3)}}
+    how = {"transmittance": 0.5, "index": 1.5} if name == "glass" else {}
+    seen_by = camera(**({"resolution": (322, 187)} | by.get(name, {})))
+    some = cltrace.Scene.from_spheres(seen_by, LIGHTS[:3], centers, radii, colors, **how)  # type: ignore[arg-type]
+    other = camera(position=(1.0, 2.0, 2.5), resolution=(322, 187))
+    every = cltrace.Renderer(some, device)
+    monkeypatch.setattr(discs, "FEWEST", 0)
+    monkeypatch.setattr(discs, "DEEP", 0)
+    both(some, device, Request(), other)
+    fewer = cltrace.Renderer(some, device)
+    sizes = [len(tiles_of(renderer)) for renderer in (every, fewer)]
+    assert sizes[1] < sizes[0] / 1.2 or name in ("around the eye", "one cell", "touching")
+    assert np.array_equal(fewer.render().rgb8, every.render().rgb8)
+    for request in (Request("single"), Request(antialias=1.0, crop=(8, 9, 50, 40)), Request(samples=16)):
+        if name == "crowded":
+            both(some, device, request)
+
+
+def test_pictures(device: Device) -> None:
+    """A Renderer takes buffers that the device has made, also for another camera."""
+    renderer = cltrace.Renderer(crowded(), device)
+    assert "entry" not in renderer.plan.arrays
+    other = camera(position=(1.0, 2.0, 2.5))
+    moved = renderer.look(other)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packers, "MANY", 2**31)
+        for found, by_camera in ((renderer, camera()), (moved, other)):
+            expected = cltrace.Renderer(crowded().seen_by(by_camera), device)
+            assert "entry" in expected.plan.arrays
+            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
+
+
+def test_pictures_of_updates(device: Device) -> None:
+    """Other colours keep what the device has packed; other places do not. Other cameras see both."""
+    renderer, (centers, _) = cltrace.Renderer(crowded(), device), balls(3000, 0.3, 7)
+    entry = renderer._executor.buffers["entry"]
+    assert renderer.update(colors=np.abs(centers))._executor.buffers["entry"] is entry
+    moved = renderer.look(camera(position=(1.0, 2.0, 2.5)))
+    assert renderer.update(centers=centers)._executor.buffers["entry"] is not entry
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packers, "MANY", 2**31)
+        for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
+            expected = cltrace.Renderer(found.scene, device)
+            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
+
+
+def test_memory_is_used_again_when_nobody_uses_it(device: Device) -> None:
+    if device.kind != "cpu":
+        pytest.skip("the memory is the device's")
+    tools = Toolbox(device, "accurate")
+
+    def address(buffer: Any) -> int:
+        return int(buffer.hostbuf.ctypes.data)
+
+    one, other = (tools.room(1000, np.float64, again=True) for _ in range(2))
+    first = address(one)
+    assert first != address(other)
+    del one
+    gc.collect()
+    assert address(tools.room(1000, np.float32, again=True)) != first
+    kept = tools.room(1000, np.float64, again=True)
+    assert address(kept) == first
+    assert address(tools.room(1000, np.float64, again=True)) not in (first, address(other))

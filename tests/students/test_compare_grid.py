@@ -1,0 +1,101 @@
+"""What a comparison says of wrong pictures is hardly ever false, and mostly right: a fixed part of `compare_grid`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from compare_grid import Answer, Case, Grid, asked, chosen
+from wrong_texts import PAIRS, TUTORIAL, VECTOR
+
+import cltrace
+from cltrace.students.mistakes import BY_NAME
+
+SIZE = 48, 36
+
+
+@pytest.fixture(scope="session")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Grid]:
+    with np.errstate(all="ignore"):
+        yield Grid(tmp_path_factory.mktemp("grid"))
+
+
+def test_the_table_has_all_names() -> None:
+    assert {name.split("/")[0] for texts in (TUTORIAL, VECTOR) for name in texts} <= set(BY_NAME)
+    assert {name for pair in PAIRS for name in pair} <= set(BY_NAME)
+
+
+# What was once called by another mistake's name: (scene, mistake).
+CALLED_OTHERWISE = [
+    ("spot", "spot-angle"), ("spot", "aspect-inverted"), ("step3-shadows", "camera-transposed"),
+    ("step2-parallel", "degrees-for-radians"), ("step2-parallel", "no-highlights"),
+    ("step2-parallel", "highlight-reversed"), ("step2-parallel", "shifted"),
+    *(
+        pytest.param(*case, marks=pytest.mark.slow)
+        for case in (
+            ("step7-glass", "normal-not-flipped"), ("bounces", "glass-without-shadow"), ("cave", "near-root-only"),
+            ("bright", "wrapped"), ("row", "fresnel"), ("step6-textures", "nearest-texel"),
+        )
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::cltrace.SceneWarning")
+@pytest.mark.parametrize(("scene", "name"), CALLED_OTHERWISE)
+def test_names_that_were_false(grid: Grid, scene: str, name: str) -> None:
+    answer = asked(grid, Case("vector", scene, (52, 36), (name,)))
+    assert answer.kind in ("right", "either"), answer
+
+
+@pytest.mark.parametrize("level", [0, 128])
+def test_pictures_of_one_colour_say_no_more(grid: Grid, level: int) -> None:
+    scene = grid.scene("step2-parallel", SIZE)
+    result = cltrace.compare(scene, np.full((SIZE[1], SIZE[0], 3), level, np.uint8))
+    assert [(cause.name, cause.explains) for cause in result.causes] == [("one-colour" if level else "black", 1.0)]
+
+
+def test_no_cause_explains_nothing(grid: Grid) -> None:
+    right = cltrace.render(grid.scene("step2-parallel", SIZE)).rgb8
+    noise = np.random.default_rng(2).integers(0, 256, right.shape, dtype=np.uint8)
+    for picture in (noise, (right * 0.8).astype(np.uint8), right // 2 + 20):
+        result = cltrace.compare(grid.scene("step2-parallel", SIZE), picture)
+        assert all(cause.explains > 0 for cause in result.causes)
+        assert result.causes == ()
+
+
+@pytest.mark.parametrize("factor", [2, 3])
+def test_another_size_is_said_and_compared(grid: Grid, factor: int) -> None:
+    scene = grid.scene("step2-parallel", SIZE)
+    larger = cltrace.render(grid.scene("step2-parallel", (factor * SIZE[0], factor * SIZE[1]))).rgb8
+    result = cltrace.compare(scene, larger)
+    assert not result.same
+    assert (result.asked, result.differing, result.causes) == (SIZE, 0.0, ())
+    assert "96x72 instead of 48x36" in str(result) or factor == 3
+
+
+def test_of_equals_each_is_named(grid: Grid) -> None:
+    """All spot lights of a scene with one are gone whether it is left out, or its kind is."""
+    answer = asked(grid, Case("vector", "spot", SIZE, ("no-spot-lights",)))
+    assert answer.kind == "either"
+    assert {"no-spot-lights", "light-missing"} <= set(answer.said.split("|"))
+
+
+def judged(answers: list[Answer]) -> None:
+    """False names are at most 1 %, and right ones 85 %; right pictures have none."""
+    shown = [answer for answer in answers if answer.kind != "hidden"]
+    alone = [answer for answer in shown if len(answer.case.wrong) == 1]
+    false = [answer for answer in shown if answer.kind == "false"]
+    right = [answer for answer in alone if answer.kind in ("right", "either")]
+    assert [answer for answer in false if not answer.case.wrong] == []
+    assert len(false) <= 0.01 * len(shown), false
+    assert len(right) >= 0.85 * len(alone), [answer for answer in alone if answer not in right]
+
+
+@pytest.mark.filterwarnings("ignore::cltrace.SceneWarning")
+@pytest.mark.parametrize(
+    "share",
+    [pytest.param(300, marks=pytest.mark.slow), pytest.param(30, marks=pytest.mark.stress)],
+)
+def test_false_names_are_rare(grid: Grid, share: int) -> None:
+    judged([asked(grid, case) for case in chosen(share)])
