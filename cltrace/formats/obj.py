@@ -244,7 +244,7 @@ class _Reader:
             return None
         vertices, uv, normals = (np.concatenate(self._rows.pop(kind)) for kind in (_V, _VT, _VN))
         faces, uv_of, normal_of = _fans(sizes, index)
-        geometry = Geometry(vertices, faces, normals, normal_of, uv, uv_of)
+        geometry = Geometry(vertices, faces, normals=normals, normal_of=normal_of, uv=uv, uv_of=uv_of)
         line_of = np.repeat(lines, sizes - 2)
         self.warnings.add_all(line_of[_flat(vertices, faces)], "face: a triangle without area, which is not seen")
         self.unmapped.add_all(

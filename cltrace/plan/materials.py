@@ -76,9 +76,9 @@ class Materials:
             packed,
             bounce,
             texture if which is None or not len(texture) else texture.take(which),
-            bool(shade["ks"].any()),
-            black,
-            float(shade["ks"].max(initial=0)),
+            shiny=bool(shade["ks"].any()),
+            black=black,
+            brightest=float(shade["ks"].max(initial=0)),
         )
 
     def reflect(self, material_of: NDArray[np.integer[Any]]) -> bool:

@@ -71,7 +71,7 @@ class Paths:
             index = None if member.all() else np.flatnonzero(member).astype(np.int32)
             large = outer * unit
             small = large if inner is outer else inner * unit
-            balls = Balls((center - middle) * unit, large, small, widen, index)
+            balls = Balls((center - middle) * unit, outer=large, inner=small, widen=widen, member=index)
             tree = build_tree(balls, Faces((vertex - middle) * unit, face, len(center), vertex))
         return cls(middle, exponent, widen, tree)
 

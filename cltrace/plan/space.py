@@ -56,8 +56,8 @@ class Space:
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, eye)
         turned, _ = dot_products(basis, hi, lo)
-        excess = square_excess(hi, lo, radius)
-        return cls(turned, radius, *excess, loose, center, first)
+        power, rest = square_excess(hi, lo, radius)
+        return cls(turned, radius, power=power, power_rest=rest, loose=loose, place=center, first=first)
 
     def times_two_to(self, k: int) -> Space:
         """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
@@ -88,7 +88,7 @@ class Space:
         return self._discs(hi, self._known(power), True), np.sign(power)
 
     def _discs(self, center: Array, power: Array, in_world: bool = False) -> Discs:
-        return Discs(center, self.radius, power, self.loose is not None, in_world, self.first)
+        return Discs(center, self.radius, power, loose=self.loose is not None, in_world=in_world, first=self.first)
 
     def _known(self, power: Array) -> Array:
         """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""

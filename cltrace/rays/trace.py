@@ -143,7 +143,7 @@ def _trace(
     surfaces: Surfaces, origin: Floats, direction: Floats, t_min: Floats, t_max: Floats
 ) -> tuple[Ids, Floats, Floats, Floats]:
     """Of some rays: the primitive that each meets first, -1 for none; and what _distances() says of that."""
-    lines = Lines.of(origin, direction, t_min, t_max, surfaces.middle, surfaces.size)
+    lines = Lines.of(origin, direction, t_min, t_max, middle=surfaces.middle, size=surfaces.size)
     index, side = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
 
     def settled(met: Met) -> Met:
@@ -184,7 +184,7 @@ def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
         least, most = np.where(sure, t.h - slack, -np.inf), np.where(sure, t.h + slack, np.inf)
         side = np.where(flat[rows], 0, np.where(by_far, 1, -1))
         kept = ~(plain & outside[0] & outside[1])
-        parts.append(Met(some.ray, some.primitive, sure, side, least, most).at(kept))
+        parts.append(Met(some.ray, some.primitive, sure=sure, side=side, low=least, high=most).at(kept))
     result = Met.all(parts)
     np.minimum.at(far, result.ray, result.high)
     return result.at(result.low <= far[result.ray])

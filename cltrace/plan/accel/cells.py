@@ -277,7 +277,9 @@ class Keys:
             total += pitch[k] * (((cells[1] - 1) >> k) + 1)
         index_bits = last.bit_length()
         near_bits = min(32, 63 - index_bits - total.bit_length())
-        return Keys(used, pitch, base, total, sum(1 << k for k in used), index_bits, near_bits)
+        return Keys(
+            used, pitch, base, total, mask=sum(1 << k for k in used), index_bits=index_bits, near_bits=near_bits
+        )
 
     def _low(self, grid: CellGrid, which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
         """Depth and surface of some members."""
@@ -564,7 +566,7 @@ def whole_grid(members: Mask) -> CellGrid:
     member = np.flatnonzero(members).astype(np.int32)
     none, near = np.zeros(2), np.full(len(member), -np.inf, np.float32)
     covers = np.zeros((4, len(member)), np.int16)
-    return CellGrid(np.zeros((3, 3)), none, none + 1, (1, 1), member, covers, near, True)
+    return CellGrid(np.zeros((3, 3)), none, none + 1, (1, 1), member=member, covers=covers, near=near, perspective=True)
 
 
 def joined(parts: list[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
@@ -587,10 +589,19 @@ def outlines_of(at: NDArray[np.intp], corner: NDArray[Any], loose: NDArray[Any] 
     return Outlines(at, corner.astype(np.float32), rounded_up(off))
 
 
+class Members(NamedTuple):
+    """What of a CellGrid its surfaces are."""
+
+    member: Ints
+    covers: NDArray[np.int16]
+    near: NDArray[np.float32]
+    outlines: tuple[Outlines, ...] = ()
+
+
 def put_together(
     parts: Sequence[tuple[tuple[NDArray[Any], ...], Outlines | None]],
-) -> tuple[Ints, NDArray[np.int16], NDArray[np.float32], tuple[Outlines, ...]]:
-    """member, covers, near and outlines of a CellGrid, of which parts have the first three, and an outline or none.
+) -> Members:
+    """Parts have the first three, and an outline or none.
 
     Outlines with equally many corners are one.
     """
@@ -601,4 +612,4 @@ def put_together(
             found.setdefault(outline.corner.shape[1], []).append((outline.at + first, outline.corner, outline.loose))
         first += len(member)
     member, covers, near = joined([part for part, _ in parts])
-    return member, covers, near, tuple(Outlines(*joined(some)) for some in found.values())
+    return Members(member, covers, near, tuple(Outlines(*joined(some)) for some in found.values()))

@@ -149,7 +149,9 @@ def _from_eye(discs: Discs, block: slice, real: Real) -> _Ends:
     # More than z < r, as the eye may be inside by less than the rounding of the centre.
     ahead = exact[2] < exact_r * (1 + SLACK)
     edges = slopes([x, -y], -z, r, gap)
-    return _Ends(edges, ahead, SLACK, 0.0, lambda i: nearest(length(x, y, z)[i], r[i], discs.power[block][i]))
+    return _Ends(
+        edges, ahead, slack=SLACK, loose=0.0, near=lambda i: nearest(length(x, y, z)[i], r[i], discs.power[block][i])
+    )
 
 
 def _along_view(discs: Discs, block: slice, real: Real) -> _Ends:
@@ -168,7 +170,7 @@ def _along_view(discs: Discs, block: slice, real: Real) -> _Ends:
         depth, size = -(z[i] + exact_r[i]), np.abs(z[i]) + exact_r[i]
         return rounded_down(depth - SLACK * size - LOOSE)
 
-    return _Ends(edges, ahead, slack, LOOSE, near)
+    return _Ends(edges, ahead, slack=slack, loose=LOOSE, near=near)
 
 
 def slopes(across: list[Reals], d: Reals, r: Reals, gap: Reals) -> list[Reals]:

@@ -74,7 +74,7 @@ class Window:
             # to 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
             middle = (size - 1) / 2
             off = 1 / 64 + self.spread
-            found.append(Axis(0.5 / step, middle - off, middle + off, first, first + count))
+            found.append(Axis(0.5 / step, begin=middle - off, end=middle + off, first=first, stop=first + count))
         return found[0], found[1]
 
 

@@ -114,7 +114,7 @@ class MeshesInView(InView):
             side = from_point(self.near, self.triangles, np.array(camera.position), out, (wide, high))
         else:
             plane, back = (math.ldexp(wide, k), math.ldexp(high, k)), np.array(camera.basis()[2])
-            side = along_light(self.near, self.triangles, np.eye(3), back, out, plane)
+            side = along_light(self.near, self.triangles, np.eye(3), towards=back, out=out, plane=plane)
         return self.polygons(self.near, side)
 
     def from_point(self, light: AtPoint, k: int, out: Floats) -> Polygons:
@@ -124,7 +124,9 @@ class MeshesInView(InView):
 
     def along(self, light: Parallel, k: int, out: Floats) -> Polygons:
         """The same of a parallel light."""
-        return self.polygons(self.near, along_light(self.near, self.triangles, light.axes, light.towards, out))
+        return self.polygons(
+            self.near, along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
+        )
 
     def polygons(self, vertex: Array, side: Sides, sight: Sight | None = None) -> Polygons:
         """See Polygons."""

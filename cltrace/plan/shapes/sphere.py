@@ -57,7 +57,7 @@ class Spheres(Shape):
                 return known
         number = scene.sphere_numbers.take(row) if scene.meshes else row
         shape = columns.to_object.take(row) if columns.to_object.ndim else columns.to_object
-        again = repeated(center, radius, shape, number, by_place)
+        again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
         counts = {"sphere": len(row), "ellipsoid": int((shape >= 0).sum())}

@@ -76,7 +76,7 @@ class Triangles:
 
         if m:
             blockwise(m, fill)
-        return cls(vertex, face, number, surface, material, sided)
+        return cls(vertex, face, number=number, surface=surface, material=material, sided=sided)
 
     @cached_property
     def neighbours(self) -> Ints:
