@@ -230,16 +230,24 @@ class Signature(NamedTuple):
     types: list[str]
 
 
+def fields_of(of: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> list[ast.AnnAssign]:
+    """A class's fields, those of its bases first."""
+    bases = [classes[base.id] for base in of.bases if isinstance(base, ast.Name) and base.id in classes]
+    own = [n for n in of.body if isinstance(n, ast.AnnAssign) and "ClassVar" not in ast.unparse(n.annotation)]
+    return [field for base in bases if base is not of for field in fields_of(base, classes)] + own
+
+
 def signatures() -> dict[str, list[Signature]]:
     """Those of all functions, methods and classes, by name."""
     found: dict[str, list[Signature]] = {}
-    for path in MODULES:
-        home = path.relative_to(ROOT).as_posix()
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    trees = {path.relative_to(ROOT).as_posix(): ast.parse(path.read_text("utf-8")) for path in MODULES}
+    classes = {n.name: n for tree in trees.values() for n in ast.walk(tree) if isinstance(n, ast.ClassDef)}
+    for home, tree in trees.items():
+        for node in ast.walk(tree):
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 named = [a for a in (*node.args.posonlyargs, *node.args.args) if a.arg not in ("self", "cls")]
             elif isinstance(node, ast.ClassDef):
-                named = [n for n in node.body if isinstance(n, ast.AnnAssign)]
+                named = fields_of(node, classes)
                 for method in node.body:
                     if isinstance(method, ast.FunctionDef) and method.name == "__init__":
                         named = method.args.args[1:]

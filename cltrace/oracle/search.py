@@ -23,7 +23,7 @@ from cltrace.oracle.rays import ExactRays, Ids, Rays, SurdVector
 
 Bools = NDArray[np.bool_]
 
-BLOCK = 1 << 15  # so many pairs of a ray and a surface are looked at in one go
+PAIRS_AT_ONCE = 1 << 15  # so many pairs of a ray and a surface are looked at in one go
 
 
 class Hits(NamedTuple):
@@ -158,7 +158,7 @@ class Kinds:
 
     def hits(self, rays: Rays) -> Iterator[tuple[slice, Rays, Hits]]:
         """All hits, sure ones and others, for blocks of the rays. The rays of Hits are counted from the block's."""
-        size = max(1, BLOCK // max(1, int(self.first[-1])))
+        size = max(1, PAIRS_AT_ONCE // max(1, int(self.first[-1])))
         for begin in range(0, len(rays), size):
             rows = np.arange(begin, min(begin + size, len(rays)))
             block = rays.at(rows)

@@ -427,7 +427,7 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
-    "BLOCK": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
+    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges

@@ -7,14 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.numbers.pairs import two_sum
 from cltrace.plan.accel.discs import Discs
-from cltrace.plan.rounding import Array, differences, dot_products, square_excess
+from cltrace.plan.rounding import Array, Mask, differences, dot_products, square_excess
 from cltrace.scene import AnyCamera
-
-Mask = NDArray[np.bool_]
 
 
 def in_camera_space(camera: AnyCamera, points: Array) -> Array:

@@ -21,7 +21,7 @@ from cltrace.scene import Scene
 from cltrace.scene.rules import described, numbers
 
 # So many rays are traced together. What they take, some kilobytes each, does not grow with their number.
-BLOCK = 1 << 16
+RAYS_AT_ONCE = 1 << 16
 
 
 class Hits:
@@ -89,7 +89,7 @@ def trace_rays(
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {described(scene)}")
     o, d, low, high = _checked(origins, directions, t_min, t_max)
     surfaces = surfaces_of(scene)
-    parts = [slice(i, i + BLOCK) for i in range(0, len(o), BLOCK)]
+    parts = [slice(i, i + RAYS_AT_ONCE) for i in range(0, len(o), RAYS_AT_ONCE)]
     jobs = [partial(_trace, surfaces, o[part], d[part], low[part], high[part]) for part in parts]
     index, t, h, rest = (np.concatenate(x) for x in zip(_nothing(), *concurrently(jobs), strict=True))
     lines = partial(Lines.of, o, d, low, high, surfaces.middle, surfaces.size)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import BLOCK, SLACK, Held, Mask, Place
+from cltrace.plan.accel.cells import AT_ONCE, SLACK, Held, Place
 from cltrace.plan.accel.silhouettes import (
     FINE_SLACK,
     LOOSE,
@@ -35,7 +35,7 @@ from cltrace.plan.accel.silhouettes import (
     T,
     Window,
 )
-from cltrace.plan.rounding import Array, along, rounded_down
+from cltrace.plan.rounding import Array, Mask, along, rounded_down
 
 # So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
 GUARD = 2.0
@@ -180,7 +180,7 @@ class Polygons(Silhouettes):
             edges = [bound for values in corner[:2] for bound in (values.min(axis=0), values.max(axis=0))]
             return Cast.of(member, edges, (near, 2.0**-10 - least), who, corner[:2])
 
-        return blockwise(len(self.face), look, BLOCK)
+        return blockwise(len(self.face), look, AT_ONCE)
 
 
 def _pane(window: Window) -> tuple[Pane, float]:
@@ -292,7 +292,7 @@ def projections(
             found += _clipped((block.start + far).astype(np.int32), corners.take(far, axis=1), turned, pane)
         return [use(part) for part in found if len(part.triangle)]
 
-    return list(chain.from_iterable(blockwise(len(face), see, BLOCK)))
+    return list(chain.from_iterable(blockwise(len(face), see, AT_ONCE)))
 
 
 class _Points(NamedTuple):

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import Held, Ints, Mask, Place, areas
+from cltrace.plan.accel.cells import Held, Place, areas
 from cltrace.plan.request import Region, Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera
 
 T = TypeVar("T")

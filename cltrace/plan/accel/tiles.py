@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import CellGrid, Mask, Members, Outlines, outlines_of, put_together, sprawling
+from cltrace.plan.accel.cells import CellGrid, Members, Outlines, outlines_of, put_together, sprawling
 from cltrace.plan.accel.silhouettes import SHIFT, Pictured, Silhouettes, Window
+from cltrace.plan.rounding import Mask
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
 TINY = 2.0**-64

@@ -86,9 +86,10 @@ class SpherePacker:
 
         Raises BuildError and DeviceError as Executor does.
         """
+        spheres = world.of_shape(Spheres)
         served = (
-            CONSTANTS["FEW"] < world.counts["sphere"] == len(world.id)
-            and not world.counts["ellipsoid"]
+            CONSTANTS["FEW"] < len(spheres.row) == len(world.id)
+            and not spheres.maps
             and OTHERS.isdisjoint(request.keep)
             and is_exact(device)
         )
