@@ -94,5 +94,5 @@ static __attribute__((always_inline)) int sphere_take(const Scene scene, const R
 static void sphere_settle(const Scene scene, const Ray ray, Hit *hit) {
 }
 
-static void sphere_settle_t(const Scene scene, const Real3 d, const Real3 w, const Rival hit, REAL *t) {
+static void sphere_settle_t(const Scene scene, const EyeRay ray, const Rival hit, REAL *t) {
 }

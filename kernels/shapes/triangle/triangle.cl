@@ -659,10 +659,9 @@ static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres sphe
 }
 
 /* The same of rays from the eye. */
-static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const Real3 *d,
-                                                                    const Real3 *w, const INT number,
-                                                                    const REAL_MASK wanted) {
-    return fine_meeting_of(*spheres, from_eye(*spheres, *d, *w), number, wanted);
+static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const EyeRay *ray,
+                                                                    const INT number, const REAL_MASK wanted) {
+    return fine_meeting_of(*spheres, from_eye(*spheres, *ray), number, wanted);
 }
 
 /* Puts the way from the corner to the point that rays leave into the lanes that leave triangles. */
