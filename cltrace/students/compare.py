@@ -82,7 +82,7 @@ def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
     left = 1 - sum(parts.values())
     if found.over or (found.covers and not found.made and left == 0):
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
-    search = Search(scene, mine, right, result.tolerance, truncate, found)
+    search = Search(scene, mine=mine, right=right, tolerance=result.tolerance, truncate=truncate, found=found)
     verdict = search.verdict()
     together, shares = search.explains(verdict)
     for name, share in shares.items():

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.order import order_of_rows
-from cltrace.plan.rounding import Array, U
+from cltrace.plan.rounding import Array, Ints, U
 from cltrace.scene import PlacedMesh
 
-Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
 # Three numbers for each of n triangles.
 Columns = tuple[Array, Array, Array]
@@ -76,7 +75,7 @@ class Triangles:
 
         if m:
             blockwise(m, fill)
-        return cls(vertex, face, number, surface, material, sided)
+        return cls(vertex, face, number=number, surface=surface, material=material, sided=sided)
 
     @cached_property
     def neighbours(self) -> Ints:
