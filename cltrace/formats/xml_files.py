@@ -98,10 +98,11 @@ class Files:
         """The end of the message that a file cannot be read, where one beside it has a name that resembles its own."""
         folder, _, last = name.rpartition("/")
         try:
-            found = sorted(path.name for path in itertools.islice((self._folder / folder).iterdir(), MAX_NAMES))
+            found = {path.name: path.stem for path in itertools.islice((self._folder / folder).iterdir(), MAX_NAMES)}
         except (OSError, ValueError):
             return ""
-        meant = None if last in found else closest(last, tuple(found))
+        stem = None if last in found else closest(Path(last).stem, tuple(sorted(found.values())))
+        meant = min((name for name in found if found[name] == stem), default=None)
         return f"; did you mean {quoted(f'{folder}/{meant}' if folder else meant)}?" if meant else ""
 
     def _read(self, names: Names, read: Callable[[str, str], T | None], faults: Messages) -> Contents[T]:

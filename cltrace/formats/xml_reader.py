@@ -124,7 +124,7 @@ class _Children:
         def hint() -> str:
             stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
             known = (MEANT[self.element.tag, name] for name in self.strays if (self.element.tag, name) in MEANT)
-            return next(known, "") or f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else ""
+            return next(known, f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else "")
 
         missing = " or ".join(f"<{name}>" for name in names)
         self.reader.fault(self.element, f"{self.label}: {missing} is missing", hint)

@@ -289,7 +289,11 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         ["8: camera up: must not be parallel to the view"],
     ),
     "fov 0": ('angle="45"', 'angle="0"', ["9: camera horizontal_fov: angle must be within (0, 90), got 0"]),
-    "fov 90": ('angle="45"', 'angle="90"', ["9: camera horizontal_fov: angle must be within (0, 90), got 90"]),
+    "fov 90": (
+        'angle="45"',
+        'angle="90"',
+        ["9: camera horizontal_fov: angle must be within (0, 90), got 90: it is half of the opening, is 45 meant?"],
+    ),
     "fov -1": ('angle="45"', 'angle="-1"', ["9: camera horizontal_fov: angle must be within (0, 90), got -1"]),
     "fov nan": ('angle="45"', 'angle="nan"', ["9: camera horizontal_fov: angle must be a finite number, got nan"]),
     "resolution 0": (
@@ -327,7 +331,7 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
     "alpha range": (
         'alpha2="25.5"',
         'alpha2="181"',
-        ["21: spot_light falloff: alpha2 must be within [0, 180], got 181"],
+        ["21: spot_light falloff: alpha2 must be within [0, 180], got 181: it is half of the opening, is 90.5 meant?"],
     ),
     "alpha missing": ('alpha2="25.5"', "", ["21: spot_light falloff: attribute alpha2 is missing"]),
     "point light without position": (
