@@ -45,7 +45,7 @@ static MASK wanted_of(const int4 region, const INT column, const INT row, const 
 #endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
-    const Ray ray = for_shapes(frame, scene, primary_ray(frame, packet.size, packet.column, packet.row));
+    const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
     return trace(frame, scene, ray, packet.tile, pixels, work);
 }
 

@@ -125,7 +125,7 @@ class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
     kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
-    (one number that the kernel changes where something has happened);
+    (numbers that are 0 at first, and that the kernel changes where it has found something);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
     output; needs: the flag without which the kernel has no such argument, "" for none. The group's member is there
     nevertheless, and 0 then.
@@ -345,6 +345,14 @@ ARGUMENTS = (
         "Spheres",
         ("vertex", "real4", "corners of triangles in the world, in single from the scene's middle"),
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
+        needs="WITH_TRIANGLES",
+    ),
+    Argument(
+        "plane",
+        "int",
+        "note",
+        group="Spheres",
+        text="of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
         needs="WITH_TRIANGLES",
     ),
     *_values(

@@ -228,7 +228,7 @@ class Search:
     """
 
     def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int, truncate: bool, found: Whole) -> None:
-        self.mine, self.tolerance = mine, tolerance
+        self.mine, self.tolerance, self.found = mine, tolerance, found
         self.base = Rules(rounding="down") if truncate else RIGHT
         self.tracer = Tracer(scene)
         self.free = np.zeros(mine.shape[:2], np.bool_)
@@ -270,7 +270,7 @@ class Search:
             if verdict is not None:
                 return self._judged(self._beside(verdict)) or verdict
         likely = max(self.singles, key=lambda trial: trial.score.gain, default=none)
-        return Verdict(none, {}, likely if likely.score.gain >= LIKELY else None)
+        return Verdict(none if self.found.sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
 
     def _looks(self) -> Iterator[list[Trial]]:
         """What may explain the picture, by what takes longer and longer to look for."""

@@ -56,7 +56,7 @@ static __attribute__((noinline)) Found find(const Frame *camera, const Scene *al
                                             Work *work) {
     const Frame frame = *camera;
     const Scene scene = *all;
-    const Ray ray = for_shapes(frame, scene, *from);
+    const Ray ray = for_shapes(frame, *from);
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;

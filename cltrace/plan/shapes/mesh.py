@@ -41,7 +41,8 @@ class Meshes(Shape):
         # What knows the triangles' fronts does for a scene that needs none, too.
         if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:
             return before[1]
-        triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in request.keep, sided)
+        by_place, once = scene.triangles >= MANY and "order" not in request.keep, "hidden" not in request.keep
+        triangles = Triangles.of(scene.meshes, by_place, sided, once)
         textured = bool(scene.textures) or "uv" in request.outputs
         attributes, m = Attributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)
         tree = {"vertex": triangles.vertex, "face": triangles.face[:, :3]}

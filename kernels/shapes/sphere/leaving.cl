@@ -341,6 +341,10 @@ static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres sphere
     return (gap < -error) | (!(gap > error) & tie);
 }
 
+/* Of spheres no such thing is known. */
+static void sphere_leave_out_tied(const Spheres spheres, const INT A, const INT B, REAL_MASK *open) {
+}
+
 /* Spheres break no tie by themselves. */
 static void sphere_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B, const REAL_MASK close,
                              REAL_MASK *first) {
