@@ -28,7 +28,20 @@ Kind = TypeVar("Kind")
 
 # Options that ask for more than one picture, and those that go with one only.
 MANY = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
-ONE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch", "tiles")
+ONE = (
+    "check",
+    "explain",
+    "trace",
+    "compare",
+    "tolerance",
+    "json",
+    "stats",
+    "repeat",
+    "bits",
+    "outputs",
+    "watch",
+    "tiles",
+)
 NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 
@@ -133,10 +146,11 @@ class Tiles(OneScene):
 
 @dataclass(frozen=True)
 class Explain(OneScene):
-    """--explain. explain: the pixel, (x, y) from the top left."""
+    """--explain. explain: the pixel, (x, y) from the top left; trace: whether as a table."""
 
     explain: tuple[int, int]
     json: bool
+    trace: bool
 
 
 @dataclass(frozen=True)
@@ -229,6 +243,8 @@ class _Given:
             raise UsageError("--tiles goes with --cluster")
         if args.explain is not None:
             return self._explain
+        if args.trace:
+            raise UsageError("--trace goes with --explain")
         self._check_show()
         if args.samples is not None and args.antialias is not True:
             raise UsageError("--samples goes with --antialias that is not proved")
@@ -331,7 +347,9 @@ class _Given:
             raise UsageError("--skip-existing goes with PNGs, as a movie is there as a whole or not at all")
 
     def _explain(self) -> Explain:
-        self._refuse_others("--explain", {"size", "square_pixels", "truncate", "json"})
+        self._refuse_others("--explain", {"size", "square_pixels", "truncate", "json", "trace"})
+        if self._args.json and self._args.trace:
+            raise UsageError("--json and --trace both say how --explain prints")
         return self._of_scenes(Explain)
 
     def _compare(self) -> Compare:

@@ -29,7 +29,7 @@ def explain(work: Explain, reporter: Reporter) -> int:
     explanation = explanation_of(scene, x, y, truncate=work.drawing.truncate)
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    print(explanation.to_json() if work.json else explanation, flush=True)
+    print(explanation.to_json() if work.json else explanation.table if work.trace else explanation, flush=True)
     return 0
 
 
