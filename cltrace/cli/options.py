@@ -155,11 +155,13 @@ class Explain(OneScene):
 
 @dataclass(frozen=True)
 class Compare(OneScene):
-    """--compare. compare: the file of the other tracer's picture; tolerance: levels of 255 that are the same."""
+    """--compare. compare: the file of the other tracer's picture; tolerance: levels of 255 that are the same; show:
+    what the file has, "color" being a picture."""
 
     compare: str
     tolerance: int
     json: bool
+    show: str
 
 
 @dataclass(frozen=True)
@@ -353,8 +355,12 @@ class _Given:
         return self._of_scenes(Explain)
 
     def _compare(self) -> Compare:
-        taken = {"output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"}
-        self._refuse_others("--compare", taken)
+        taken = {"size", "square_pixels", "device", "precision", "show"}
+        shows = self._args.show != "color" or self._args.compare.lower().endswith(".npy")
+        taken |= set() if shows else {"output", "tolerance", "json", "truncate", "antialias"}
+        self._refuse_others("--compare of numbers" if shows else "--compare", taken | {"compare"})
+        if self._args.show == "primitive":
+            raise UsageError("--compare takes no --show primitive; --show id compares surfaces")
         return self._of_scenes(Compare, tolerance=1 if self._args.tolerance is None else self._args.tolerance)
 
     def _lit(self) -> Lit:

@@ -7,6 +7,7 @@ import shlex
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from PIL import Image as Picture
 from PIL import UnidentifiedImageError
 
 from cltrace.base.errors import UsageError, printable
-from cltrace.explanation.pixel import explain
+from cltrace.explanation.pixel import Explainer
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.picture.image import Image
 from cltrace.plan.abi import Precision
@@ -23,6 +24,7 @@ from cltrace.renderers.all_devices import render
 from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
+from cltrace.students.places import places
 from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
@@ -39,6 +41,7 @@ def compare(
     device: str | Device | None = None,
     precision: Precision | None = None,
     truncate: bool = False,
+    antialias: bool = False,
 ) -> Comparison:
     """Compares a picture of a scene with the right one, and says which mistakes explain the difference.
 
@@ -62,12 +65,27 @@ def compare(
     asked, size = scene.camera.resolution, (mine.shape[1], mine.shape[0])
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
     right = render(scene, device, precision, truncate=truncate).rgb8
+    if antialias:
+        smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
+        right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
     result = _judged(scene, result, truncate)
-    if result.same or result.worst is None:
+    if result.same or not result.error.any():
         return result
-    why = explain(scene, *result.worst, truncate=truncate)
-    return replace(result, line=why.line, ask=_question(scene, *result.worst, truncate))
+    ask = partial(question, scene, truncate)
+    return replace(result, places=places(Explainer(scene), mine, result.error, ask, truncate))
+
+
+def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes:
+    """The smooth picture, and where it differs from the sharp one what is nearest to the own one of what is around.
+
+    How an outline is mixed depends on where the rays of a pixel go, which every program decides otherwise.
+    """
+    around = np.pad(np.stack([sharp, smooth]), ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3), axis=(1, 2))
+    low, high = windows.min(axis=(0, 4, 5)), windows.max(axis=(0, 4, 5))
+    soft = np.abs(smooth.astype(np.int16) - sharp).max(axis=2) > tolerance
+    return np.where(soft[..., None], np.clip(mine, low, high), smooth)
 
 
 def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
@@ -107,7 +125,7 @@ def _first(searches: Iterable[Search]) -> tuple[Search, Verdict]:
     return done[0]
 
 
-def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:
+def question(scene: Scene, truncate: bool, x: int, y: int) -> str:
     """The command that explains a pixel; of a scene that is not just as its file has it, the call."""
     camera, source = scene.camera, scene.source
     options = [f"--explain {x},{y}"] + ["--truncate"] * truncate
@@ -134,12 +152,12 @@ def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:
     if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] in (3, 4))):
         shape = f"got {pixels.shape} of {pixels.dtype}"
         raise ValueError(f"picture: must have shape (h, w, 3), (h, w, 4) or (h, w) and be of uint8, {shape}")
-    for fault in _size_faults(pixels.shape[1::-1], size):
+    for fault in size_faults(pixels.shape[1::-1], size):
         raise ValueError(f"picture: {fault}")
     return np.array(np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3])
 
 
-def _size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
+def size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
     """What is wrong with a picture's width and height, in words for behind its name. A multiple or a part is not."""
     (width, height), (w, h) = found, size
     if width * h != height * w or not width:
@@ -154,7 +172,7 @@ def _read(path: str, size: tuple[int, int]) -> Bytes:
         with warnings.catch_warnings(), Path(path).open("rb") as file:
             warnings.simplefilter("ignore")  # of many pixels, which are counted here
             with Picture.open(file, formats=FORMATS) as image:
-                for fault in _size_faults(image.size, size):
+                for fault in size_faults(image.size, size):
                     raise UnreadableError(fault)
                 return _bytes_of(image)
     except UnreadableError as error:
