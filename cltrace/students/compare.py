@@ -25,10 +25,12 @@ from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
 from cltrace.students.places import places
+from cltrace.students.rules import Rules
 from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 
+_RAYS = 3  # across a pixel and upwards, by which mistakes are judged in smooth pictures
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
 
@@ -47,9 +49,9 @@ def compare(
 
     picture: an Image with rgb8; an array of uint8, (h, w, 3), (h, w, 4) with alpha, which is ignored, or (h, w) grey;
     or the name of a PNG, BMP, PPM or TGA file; row 0 is the top; one that is larger or smaller than the scene's by a
-    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may
-    differ; device, precision: what renders the right picture, and truncate: whether that rounds bytes down, as of
-    `render`.
+    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may differ; device, precision:
+    what renders the right picture; truncate: whether that rounds bytes down; antialias: whether both are smooth, so
+    that along outlines any mixture of the colours around is right.
 
     Raises ValueError, which names the argument, where one is not allowed or the picture has other proportions than
     the scene's, TypeError where the scene or the picture is something else altogether, UsageError where the file is no
@@ -69,7 +71,8 @@ def compare(
         smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
         right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
-    result = _judged(scene, result, truncate)
+    base = Rules(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
+    result = _judged(scene, result, base)
     if result.same or not result.error.any():
         return result
     ask = partial(question, scene, truncate)
@@ -88,8 +91,11 @@ def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes
     return np.where(soft[..., None], np.clip(mine, low, high), smooth)
 
 
-def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
-    """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise."""
+def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
+    """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise.
+
+    base: the rules of the right picture.
+    """
     mine, right = result.mine.astype(np.int64), result.right.astype(np.int64)
     wrong = result.error > result.tolerance
     if not result.error.any():
@@ -99,7 +105,7 @@ def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
     if sum(parts.values()) == 1 and not trials[0].made:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
-    search, verdict = _first(Search(scene, mine, right, result.tolerance, truncate, found) for found in trials)
+    search, verdict = _first(Search(scene, mine, right, result.tolerance, base, found) for found in trials)
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
     together, shares = search.explains(verdict)

@@ -115,11 +115,11 @@ def compare_dump(
     how, off, a, b = best
     worst = next(inside(np.clip(np.ceil(off - 1), 0, 255).astype(np.uint8)), None)
     if worst is None:
-        return Dump(show, how, off, int(seen.sum()), None, "", "")
+        return Dump(show, how, off, int(seen.sum()), None, values="", ask="")
     x, y = worst
     values = "" if show in ("id", "lit") else f"{_words(a[y, x])}, right is {_words(b[y, x])}"
     values = values or ("the right one has another colour" if show == "lit" else f"right is surface {image.id[y, x]}")
-    return Dump(show, how, off, int(seen.sum()), worst, values, question(scene, False, x, y))
+    return Dump(show, how, off, int(seen.sum()), worst, values=values, ask=question(scene, False, x, y))
 
 
 def _own(mine: str | os.PathLike[str] | NDArray[Any], size: tuple[int, int]) -> tuple[NDArray[Any], bool]:
@@ -171,7 +171,9 @@ def _readings(
         yield from _uv(own / 255 if is_bytes else own, np.asarray(image.uv, np.float64))
     elif show == "depth":
         along = -(np.asarray(image.direction, np.float64) @ axes[2])
-        yield from _depths(own[..., :1].astype(np.float64), np.asarray(image.depth), along, seen, is_bytes)
+        yield from _depths(
+            own[..., :1].astype(np.float64), np.asarray(image.depth), along=along, seen=seen, is_bytes=is_bytes
+        )
     else:
         yield from _vectors(_three(own), np.asarray(getattr(image, show), np.float64), axes, is_bytes)
 

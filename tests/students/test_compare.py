@@ -22,6 +22,9 @@ from wrong_tracers import MISTAKES, RIGHT, Bytes, Tracer, both
 import cltrace
 from cltrace import cli
 from cltrace.students.places import look_at
+from cltrace.students.rules import Rules
+from cltrace.students.tracer import Tracer as Textbook
+from cltrace.students.tracer import to_bytes
 
 NAMES = [make.__name__ for make in SCENES]
 FEWEST = 5  # pixels that a mistake has to change in a picture for its name to be asked for
@@ -259,6 +262,21 @@ def test_what_is_not_known_is_not_named(pictures: Pictures, name: str, scene: st
     result = pictures.compared(scene, np.ascontiguousarray(UNKNOWN[name](right.copy())))
     assert not result.same
     assert [cause.name for cause in result.causes if cause.explains > 0.5] == []
+
+
+@pytest.mark.slow
+def test_smooth_pictures_are_compared(pictures: Pictures) -> None:
+    """Nine rays a pixel, where the right picture has sixteen. A mistake is found as in sharp ones."""
+    scene, tracer = pictures.loaded["bright"], Textbook(pictures.loaded["bright"])
+    width, height = scene.camera.resolution
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=2).reshape(-1, 2)
+    for changes, names in (({}, []), ({"shadows": False}, ["no-shadows"])):
+        colors = tracer.colors(pixels, Rules(samples=3, **changes))  # type: ignore[arg-type]
+        mine = to_bytes(colors).reshape(height, width, 3).astype(np.uint8)
+        result = cltrace.compare(scene, mine, antialias=True)
+        assert [cause.name for cause in result.causes] == names
+        assert result.differing < 0.01 or names
+        assert not cltrace.compare(scene, mine).same
 
 
 def test_what_may_be_compared(pictures: Pictures, tmp_path: Path) -> None:
