@@ -76,7 +76,7 @@ def compare(
     if result.same or not result.error.any():
         return result
     ask = partial(question, scene, truncate)
-    return replace(result, places=places(Explainer(scene), mine, result.error, ask, truncate))
+    return replace(result, places=places(Explainer(scene), mine, result.error, ask=ask, truncate=truncate))
 
 
 def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes:

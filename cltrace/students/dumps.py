@@ -115,11 +115,12 @@ def compare_dump(
     how, off, a, b = best
     worst = next(inside(np.clip(np.ceil(off - 1), 0, 255).astype(np.uint8)), None)
     if worst is None:
-        return Dump(show, how, off, int(seen.sum()), None, values="", ask="")
+        return Dump(show, how, off, compared=int(seen.sum()), worst=None, values="", ask="")
     x, y = worst
     values = "" if show in ("id", "lit") else f"{_words(a[y, x])}, right is {_words(b[y, x])}"
     values = values or ("the right one has another colour" if show == "lit" else f"right is surface {image.id[y, x]}")
-    return Dump(show, how, off, int(seen.sum()), worst, values=values, ask=question(scene, False, x, y))
+    ask = question(scene, False, x, y)
+    return Dump(show, how, off, compared=int(seen.sum()), worst=worst, values=values, ask=ask)
 
 
 def _own(mine: str | os.PathLike[str] | NDArray[Any], size: tuple[int, int]) -> tuple[NDArray[Any], bool]:

@@ -47,7 +47,7 @@ def places(
         e = explainer.pixel(x, y, truncate)
         hit = e.rays[0].hit
         kind = (hit.surface.id if hit else None), tuple(light.fate for light in e.rays[0].lights)
-        found.setdefault(kind, Place(x, y, e.line, look_at(e, tuple(mine[y, x].tolist())), ask(x, y)))
+        found.setdefault(kind, Place(x, y, line=e.line, look=look_at(e, tuple(mine[y, x].tolist())), ask=ask(x, y)))
         if len(found) == MOST:
             break
     return tuple(found.values())
