@@ -37,7 +37,10 @@ def call(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[bytes]:
     """What `run` does, in this process: much faster, where a process of its own makes no difference."""
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8") for _ in range(2))
     with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = cli.main([*map(str, arguments)])
+        try:
+            status = cli.main([*map(str, arguments)])
+        except SystemExit as end:  # of --help
+            status = end.code
     texts = []
     for stream in (out, err):
         stream.flush()
