@@ -292,6 +292,15 @@ def test_names_of_folders_are_refused(tmp_path: Path, name: str) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_names_that_the_locale_lacks(tmp_path: Path) -> None:
+    """In the C locale, which many batch systems have, names are bytes beyond ASCII."""
+    environment = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    line = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "8x6", "-q", "-o", "\u00e4.png"]
+    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert [path.name for path in tmp_path.iterdir()] == ["\u00e4.png"]
+
+
 @pytest.mark.parametrize("how", ["output_file", "-o", "link", "hard link", "scene is a link"])
 def test_a_scene_is_not_replaced_by_its_picture(tmp_path: Path, how: str) -> None:
     """A scene may be called s.png and name s.png as its picture."""
