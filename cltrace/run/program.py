@@ -17,7 +17,7 @@ import pyopencl as cl
 from cltrace.base.errors import BuildError
 from cltrace.base.warning_filters import warnings_are
 from cltrace.plan import abi
-from cltrace.run.caches import mend_kernels
+from cltrace.run.caches import ROOM, largest_file, mend_kernels
 from cltrace.run.devices import Device
 
 # In this order; "abi" stands for the header that is made from the table of plan/abi.py.
@@ -152,6 +152,10 @@ def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
 @lru_cache(maxsize=64)
 def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
     if "PoCL" in device.platform.version:
+        if largest_file() < ROOM:  # which ends the process with the status of a check that failed
+            raise BuildError(
+                f"compiling takes files of {ROOM} bytes, but they may have {largest_file()} here: ulimit -f"
+            )
         mend_kernels()
     with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
