@@ -34,7 +34,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
     textures = shading and len(world.textures.place) > 0
-    averaged, sampled = (shading and how is not None for how in (request.antialias, request.samples))
+    sampled = shading and request.means
     uv = textures or "uv" in request.outputs
     bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
@@ -50,7 +50,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_LIGHTS": lit,
         **{f"WITH_{kind.upper()}": lit and (number > 0 or full) for kind, number in lights.items()},
         "WITH_SHADOWS": lit and (surfaces > 1 or inside),
-        "WITH_UNSTOPPABLE": meshes and lit and (at_points or full) and not averaged and bounded,
+        "WITH_UNSTOPPABLE": meshes and lit and (at_points or full) and bounded,
         "WITH_SPECULAR": lit and (world.materials.shiny or full),
         "WITH_BLACK": lit and (black or full),
         "WITH_PREFETCH": surfaces >= PLENTY,
@@ -68,13 +68,11 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
         "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
-        "WITH_MEANS": averaged or sampled,
-        "WITH_AVERAGE": averaged,
+        "WITH_MEANS": sampled,
+        "WITH_AVERAGE": sampled and request.antialias is not None and world.counts["sphere"] > 0,
         "WITH_SAMPLES": sampled,
-        "WITH_MARKS": sampled or (averaged and bounces),
-        "WITH_SHEETS": averaged and meshes,
-        "WITH_CENTRES": (averaged or sampled)
-        and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
+        "WITH_MARKS": sampled,
+        "WITH_CENTRES": sampled and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }

@@ -19,9 +19,7 @@
 #define ROUNDING 0x1p-20f
 #define VANISHING 0x1p-120f
 /* Surfaces over cells are those of spheres.cl, or else of quadrics.cl. */
-#if defined(WITH_ELLIPSOIDS) || defined(WITH_PARALLEL_RAYS)
-#define WITH_QUADRICS
-#endif
+#define WITH_QUADRICS (HAS(WITH_ELLIPSOIDS) || HAS(WITH_PARALLEL_RAYS))
 
 typedef struct {
     FLOAT v, x, y, r, z;

@@ -94,11 +94,6 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
-        if request.antialias is None:
-            self.arrays |= {"neighbour": self.triangles.face[:0], "face_side": np.zeros(0, np.int8)}
-        else:
-            sides = np.concatenate([polygons.side for polygons in (eye, *seen)])
-            self.arrays |= {"neighbour": self.triangles.neighbours, "face_side": sides}
         return Sights(self.arrays, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
 
     def rows(self, lights: int) -> Iterable[Any]:

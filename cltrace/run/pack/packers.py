@@ -75,7 +75,7 @@ def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None
     A processor has nothing else to do for about a third of the time in which a world is made. What fails here fails
     again where the program is needed.
     """
-    if not scene.triangles > MANY or len(scene.columns) > MANY or request.antialias is not None:
+    if not scene.triangles > MANY or len(scene.columns) > MANY:
         return lambda: None
     thread = threading.Thread(target=_load, args=(device, request.precision), daemon=True)
     thread.start()
@@ -89,13 +89,13 @@ def _load(device: Device, precision: Precision) -> None:
 
 
 def packer_of(world: World, request: Request, device: Device, before: Packer | None = None) -> Packer:
-    """numpy's for few surfaces, meshes that are antialiased, and a device that has other bits; else one on the device.
+    """numpy's for few surfaces, and a device that has other bits; else one on the device.
 
     before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
     Executor does.
     """
     faces = world.counts["triangle"]
-    if len(world.id) <= MANY or (faces and request.antialias is not None):
+    if len(world.id) <= MANY:
         return NumpyPacker(request)
     tools = before.tools if before else None
     # Small scenes start faster without these.
