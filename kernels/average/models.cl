@@ -196,13 +196,6 @@ static Model3 cross_models(const Model3 a, const Model3 b) {
     return m;
 }
 
-static Model3 cross_constant(const Model3 a, const Model3 c) {
-    const Model3 m = {minus_model(times_constant(a.y, c.z), times_constant(a.z, c.y)),
-                      minus_model(times_constant(a.z, c.x), times_constant(a.x, c.z)),
-                      minus_model(times_constant(a.x, c.y), times_constant(a.y, c.x))};
-    return m;
-}
-
 /* How much of a cell is on the side of a straight line where v + x s + y t > 0, 0 .. 1. X >= Y being |x| and |y|: up to
  * |v| = X - Y the line cuts off a trapezium, and beyond that a triangle, up to |v| = X + Y. */
 static FLOAT share_of(const FLOAT v, const FLOAT x, const FLOAT y) {
