@@ -58,7 +58,7 @@ class MeshPacker:
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
-        """None where triangles are antialiased, and if the device does not compute as numpy does.
+        """None where triangles are in a proof, and if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
