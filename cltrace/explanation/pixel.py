@@ -189,11 +189,12 @@ class Explainer:
             else:
                 number, count = place + 1 + len(rays), 1
                 behind = way.behind + sight.at.distance
-                more = self._rays(_Way(on.kind, further, weight, way.depth + 1, behind), number)
+                more = self._rays(_Way(on.kind, further, weight, depth=way.depth + 1, behind=behind), number)
                 rays += more
                 color = more[0].color
-            angles = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
-            found.append(Bounce(on.kind, on.total, on.share, number, count, color, *angles))
+            came, left = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
+            seen = Bounce(on.kind, on.total, on.share, number, rays=count, color=color, angle_in=came, angle_out=left)
+            found.append(seen)
         return tuple(found), rays
 
     def _hit(self, at: Intersection, ray: Ray) -> Hit:
@@ -215,13 +216,14 @@ class Explainer:
     def _texture(self, texture: Texture, uv: UV) -> TextureLookup:
         height, width = texture.texels.shape[:2]
         place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
-        x, y, right, down, color = texture.lookup(uv)
+        found = texture.lookup(uv)
+        x, y = found.x, found.y
         texels = tuple(
             Texel((x + i) % width, (y + j) % height, part * share, texture.texel(x + i, y + j))
-            for j, part in enumerate((1 - down, down))
-            for i, share in enumerate((1 - right, right))
+            for j, part in enumerate((1 - found.down, found.down))
+            for i, share in enumerate((1 - found.right, found.right))
         )
-        return TextureLookup(self.names.texture(place), (width, height), uv, x, y, right, down, color, texels)
+        return TextureLookup(self.names.texture(place), (width, height), uv, **found._asdict(), texels=texels)
 
     def _placement(self, number: int, ray: Ray) -> Placement | None:
         """What the transform of a surface makes of it; None where it has none, or is not known."""

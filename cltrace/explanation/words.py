@@ -234,8 +234,8 @@ def _hit(h: Hit) -> Iterator[str]:
         t = h.texture
         (u, v), (width, height) = t.uv, t.size
         yield f"  texture {printable(t.name) or 'of the material'}, {width}x{height}: u = {number(u)}, v = {number(v)}"
-        yield f"    {_texels('u', 'width', 'column', t.x, t.right, width)}"
-        yield f"    {_texels('v', 'height', 'row', t.y, t.down, height)}; row 0 is at the top"
+        yield f"    {_texels('u', 'width', 'column', first=t.x, share=t.right, count=width)}"
+        yield f"    {_texels('v', 'height', 'row', first=t.y, share=t.down, count=height)}; row 0 is at the top"
         for texel in t.texels:
             yield f"    texel ({texel.x}, {texel.y}) = {vector(texel.color)}, weight {number(texel.weight)}"
         yield f"    texture color = sum of weight * texel = {vector(t.color)}"

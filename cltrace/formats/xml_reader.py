@@ -93,7 +93,8 @@ class _Children:
         """Whether the child is to be read; if not, it has been complained about."""
         slot = self.schema.slots.get(child.tag)
         if slot is None and child.tag not in self.schema.many:
-            line = self.reader.warn_unknown(child, self.label, "element <{}>", child.tag, self.wanted(child))
+            known = self.wanted(child)
+            line = self.reader.warn_unknown(child, self.label, what="element <{}>", name=child.tag, known=known)
             if len(self.strays) < MAX_MESSAGES:
                 self.strays.setdefault(child.tag, line)
             return False
@@ -199,11 +200,11 @@ class _Reader:
             np.concatenate([np.zeros(0, LIGHT), *self._lights]),
             packed_spheres(rows, material_of[: len(rows)]),
             materials,
-            self._background,
-            self._output_file,
-            np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
-            [mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
-            textures.found,
+            background=self._background,
+            output_file=self._output_file,
+            to_object=np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
+            meshes=[mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
+            textures=textures.found,
         ).read_from(self._source(view, shapes, textures))
         return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
 
@@ -212,14 +213,14 @@ class _Reader:
         file_of = ((mesh.number, shapes.of[mesh.file]) for mesh in self._meshes)
         return Source(
             self.path,
-            view,
-            self._camera_line,
-            np.array(self._light_lines),
-            np.array(self._surface_lines),
-            {number: files[k] for number, k in file_of if k is not None},
-            tuple(textures.names),
-            self._transforms,
-            self._files.named(),
+            view=view,
+            camera=self._camera_line,
+            lights=np.array(self._light_lines),
+            surfaces=np.array(self._surface_lines),
+            meshes={number: files[k] for number, k in file_of if k is not None},
+            textures=tuple(textures.names),
+            transforms=self._transforms,
+            files=self._files.named(),
         )
 
     def _view(self) -> Camera:
@@ -445,7 +446,7 @@ class _Reader:
         wanted = tuple(kind for kind in kinds if element.get(kind) is None)
         strays = [str(name) for name in element.attrib if name not in kinds]
         for name in strays:
-            self.warn_unknown(element, label, "attribute '{}'", name, wanted)
+            self.warn_unknown(element, label, what="attribute '{}'", name=name, known=wanted)
         del strays[MAX_MESSAGES:]
         values: Values = {}
         for name, kind in kinds.items():
@@ -509,7 +510,9 @@ class _Reader:
         sizes = np.linalg.norm(place[:, :3], axis=0)
         self._doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
         if whole and finish is not None:
-            self._meshes.append(_Mesh(line, file, place, len(self._surface_lines), np.array(finish)))
+            self._meshes.append(
+                _Mesh(line, file=file, to_world=place, number=len(self._surface_lines), finish=np.array(finish))
+            )
             self._doubt([element], np.array([finish[:3]]))
             self._doubt_shares([element], np.array([finish]))
 

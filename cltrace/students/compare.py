@@ -105,7 +105,9 @@ def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
     if sum(parts.values()) == 1 and not trials[0].made:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
-    search, verdict = _first(Search(scene, mine, right, result.tolerance, base, found) for found in trials)
+    search, verdict = _first(
+        Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials
+    )
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
     together, shares = search.explains(verdict)
