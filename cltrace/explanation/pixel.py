@@ -217,9 +217,8 @@ class Explainer:
         height, width = texture.texels.shape[:2]
         place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
         found = texture.lookup(uv)
-        x, y = found.x, found.y
         texels = tuple(
-            Texel((x + i) % width, (y + j) % height, part * share, texture.texel(x + i, y + j))
+            Texel((found.x + i) % width, (found.y + j) % height, part * share, texture.texel(found.x + i, found.y + j))
             for j, part in enumerate((1 - found.down, found.down))
             for i, share in enumerate((1 - found.right, found.right))
         )
