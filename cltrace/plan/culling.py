@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.plan.accel.discs import Discs
-from cltrace.plan.rounding import Array, squared_length
+from cltrace.plan.rounding import Array, Mask, squared_length
 
-Mask = NDArray[np.bool_]
 # How many spheres, the largest ones, are looked into for others inside of them.
 SHELLS = 8
 # How many spheres tell about how large those are.

@@ -286,7 +286,7 @@ class Executor:
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
-        block = CONSTANTS["BLOCK"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
+        block = CONSTANTS["BLOCK_ROWS"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
         columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))

@@ -14,10 +14,9 @@ from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.culling import repeated_faces
 from cltrace.plan.order import order_of_rows
-from cltrace.plan.rounding import Array, U
+from cltrace.plan.rounding import Array, Ints, U
 from cltrace.scene import PlacedMesh
 
-Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
 # Three numbers for each of n triangles.
 Columns = tuple[Array, Array, Array]
@@ -86,7 +85,7 @@ class Triangles:
 
         if m:
             blockwise(m, fill)
-        return cls(vertex, face, number, surface, material, sided, len(again))
+        return cls(vertex, face, number=number, surface=surface, material=material, sided=sided, again=len(again))
 
     @cached_property
     def neighbours(self) -> Ints:
