@@ -424,7 +424,7 @@ MUTATIONS = [
         SHOWN,
     ),
     Mutation(
-        "if (whole_volume(spheres, start, a[1], a[2], b[k], 0, 0, 0, 0) != 0) return 0;",
+        "if (whole_volume(spheres, start, a[1], a[2], b[k], 0, (real4)(0)) != 0) return 0;",
         "continue;",
         "which triangles share a plane",
         SHOWN,
