@@ -10,6 +10,7 @@ import platform
 import re
 import secrets
 import stat
+import sys
 import time
 import zlib
 from collections.abc import Iterable, Iterator
@@ -126,7 +127,7 @@ def _replacement(target: Path) -> Iterator[BinaryIO]:
 def _new_part(target: Path) -> tuple[Path, BinaryIO]:
     """A new file beside the target, its name first, locked where the file system has locks."""
     # A name may have 255 bytes, so 64 bytes of the target's name leave room for the rest. A cut letter is dropped.
-    name = os.fsencode(target.name)[:64].decode(errors="ignore")
+    name = os.fsencode(target.name)[:64].decode(sys.getfilesystemencoding(), "ignore")
     while True:
         part = target.with_name(f".{name}-{HOST}-{secrets.token_hex(8)}.part")
         file = part.open("xb")

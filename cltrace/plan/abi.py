@@ -180,6 +180,7 @@ COUNTERS = {
     "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
     "ESTIMATES": "pixels of which the error is an estimate",
     "TOO_FAR": "pixels that would need more cells for the error that is wanted",
+    "CELLS": "cells that are pixels or parts of them, of which a mean is proved",
 }
 
 # The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
@@ -388,7 +389,7 @@ ARGUMENTS = (
     ),
     *_values(
         "Scene",
-        ("average", "float4", "rgb: no colour is above that; w: error in levels of 255 up to which no pixel is split"),
+        ("levels", "float", "error in levels of 255 up to which no pixel is split"),
         needs="WITH_AVERAGE",
     ),
     *_values(
@@ -396,16 +397,6 @@ ARGUMENTS = (
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
         needs="WITH_SAMPLES",
-    ),
-    *_buffers(
-        "Scene",
-        ("neighbour", "int4", "xyz: the triangles beyond a triangle's edges AB, BC and CA, -1: none"),
-        (
-            "face_side",
-            "char",
-            "how the eye, then each light, sees all triangles: 1, -1 the other way round, 0 edge-on",
-        ),
-        needs="WITH_SHEETS",
     ),
     *_values(
         "Outputs",
@@ -477,7 +468,6 @@ FLAGS = {
     "WITH_AVERAGE": "what these are off by is proved",
     "WITH_SAMPLES": "they are those of rays at fixed places",
     "WITH_MARKS": "samples are told apart by what their rays have met",
-    "WITH_SHEETS": "what is beyond triangles' edges is known",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",

@@ -35,11 +35,12 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
     textures = shading and len(world.textures.place) > 0
-    averaged, sampled = (shading and how is not None for how in (request.antialias, request.samples))
+    sampled = shading and request.means
     uv = textures or "uv" in request.outputs
     bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
-    points = lit and (at_points or full) and not averaged and bounded
-    needed = {"shape": True, "bounces": bounces, "average": averaged, "points": points}
+    proof = sampled and request.antialias is not None
+    points = lit and (at_points or full) and bounded
+    needed = {"shape": True, "bounces": bounces, "points": points, "proof": proof}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
     flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
@@ -67,12 +68,10 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
         "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
-        "WITH_MEANS": averaged or sampled,
-        "WITH_AVERAGE": averaged,
+        "WITH_MEANS": sampled,
         "WITH_SAMPLES": sampled,
-        "WITH_MARKS": sampled or (averaged and bounces),
-        "WITH_CENTRES": (averaged or sampled)
-        and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
+        "WITH_MARKS": sampled,
+        "WITH_CENTRES": sampled and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }

@@ -37,7 +37,7 @@ class World:
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
     surfaces have; lights: (m,) of the scene's records, those that can add to a colour, in the order of LIGHT_KINDS;
     bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where no ray does; background:
-    linear (r, g, b); peak: (3,), brightest() where a ray may become two or pixels are antialiased, else 0; skipped:
+    linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0; skipped:
     what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
@@ -91,7 +91,7 @@ class World:
         if request.needs_colors:
             bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
             textures = Textures.of(scene.textures, materials.texture, of)
-        if bounces.splits or request.antialias:
+        if bounces.splits:
             peak = brightest(materials, of, lights, scene.background)
         paths, seconds = None, dict[str, float]()
         if same and same.bounces.any == bounces.any:

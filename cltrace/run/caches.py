@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import stat
 import struct
@@ -18,6 +19,11 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 log = logging.getLogger("cltrace")
 # The folders that PoCL, pyopencl and its tools make in the cache folder.
@@ -105,6 +111,12 @@ def check_room(folder: Path, size: int = ROOM) -> None:
             os.posix_fallocate(file.fileno(), 0, size)
         else:
             file.write(bytes(size))
+
+
+def largest_file() -> float:
+    """How many bytes a file of this process may have: `ulimit -f`."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0] if resource else -1
+    return limit if limit >= 0 else math.inf
 
 
 def mend_kernels() -> None:

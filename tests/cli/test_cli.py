@@ -37,7 +37,10 @@ def call(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[bytes]:
     """What `run` does, in this process: much faster, where a process of its own makes no difference."""
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8") for _ in range(2))
     with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = cli.main([*map(str, arguments)])
+        try:
+            status = cli.main([*map(str, arguments)])
+        except SystemExit as end:  # of --help
+            status = end.code
     texts = []
     for stream in (out, err):
         stream.flush()
@@ -288,6 +291,25 @@ def test_names_of_folders_are_refused(tmp_path: Path, name: str) -> None:
     done = call(FIRST, "-o", name, cwd=tmp_path)
     assert (done.returncode, done.stderr.decode()) == (2, f"cltrace: -o: {name!r} is a folder\n")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_limit_of_the_size_of_files(tmp_path: Path) -> None:
+    """LLVM would end the process, with the status 1, which is that of a check that failed."""
+    script = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); from cltrace import cli; "
+    line = [sys.executable, "-c", f"{script}raise SystemExit(cli.main({[str(FIRST), '-q', '-o', 'x.png']}))"]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    told = "cltrace: compiling takes files of 4194304 bytes, but they may have 4096 here: ulimit -f\n"
+    assert (done.returncode, done.stderr) == (3, told)
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_that_the_locale_lacks(tmp_path: Path) -> None:
+    """In the C locale, which many batch systems have, names are bytes beyond ASCII."""
+    environment = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    line = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "8x6", "-q", "-o", "\u00e4.png"]
+    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert [path.name for path in tmp_path.iterdir()] == ["\u00e4.png"]
 
 
 @pytest.mark.parametrize("how", ["output_file", "-o", "link", "hard link", "scene is a link"])

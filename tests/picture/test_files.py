@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -371,6 +372,20 @@ def test_damaged_caches_are_mended_once(tmp_path: Path) -> None:
     cut(programs[0])
     status, report = run("--doctor", "-d", "cpu")
     assert (status, f"           {programs[0]} was damaged, and is made again\n" in report) == (0, True)
+
+
+@pytest.mark.slow
+def test_commands_share_an_empty_cache() -> None:
+    """Ten at once compile the same kernel, and write it to the same place."""
+    scene = Path(__file__).parents[2] / "scenes" / "minimal.xml"
+    environment = {k: v for k, v in os.environ.items() if k != "POCL_CACHE_DIR"} | {"XDG_CACHE_HOME": "cache"}
+    line = [sys.executable, "-m", "cltrace", str(scene), "--size", "64x48", "-q", "-o"]
+    how: dict[str, Any] = {"env": environment, "stderr": subprocess.PIPE}
+    running = [subprocess.Popen([*line, f"{k}.png"], **how) for k in range(10)]
+    assert [process.communicate(timeout=300)[1] for process in running] == [b""] * 10
+    assert [process.returncode for process in running] == [0] * 10
+    subprocess.run([*line, "want.png"], env=environment, check=True, timeout=60)
+    assert {Path(f"{k}.png").read_bytes() for k in range(10)} == {Path("want.png").read_bytes()}
 
 
 def test_a_cache_is_looked_through_again_when_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import multiprocessing
+import os
 import pickle
 import shutil
 import subprocess
@@ -163,6 +164,31 @@ def test_a_fork_is_told(any_device: Device) -> None:
     for _ in attempts:
         assert queue.get(timeout=60).startswith("OpenCL does not survive a fork")
     process.join(60)
+
+
+FORKS = """
+import os
+import cltrace
+
+scene = cltrace.Scene.from_spheres(cltrace.Camera(resolution=(16, 9)), [cltrace.ambient_light()], [(0, 0, 0)], [1])
+for parent in (0, 1):
+    child = os.fork()
+    if not child or parent:
+        assert cltrace.render(scene).rgb8.any()
+        print(cltrace.render(scene).rgb8.sum(), flush=True)
+    if not child:
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+def test_what_forks_before_its_first_picture_draws_everywhere() -> None:
+    """As a server's workers do, which import what they need only once."""
+    done = subprocess.run([sys.executable, "-c", FORKS], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert len(set(done.stdout.split())) == 1
+    assert len(done.stdout.split()) == 3
 
 
 def test_show_encodings(any_device: Device, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, sh
 from cltrace.plan.shapes.triangle import Floats, Sides, Triangles, along_light, from_point
 from cltrace.scene import AnyCamera, Scene
 
-FLAGS = {"WITH_SHAPES": "shape", "WITH_PATCHES": "bounces", "WITH_SHEETS": "average", "WITH_UNSTOPPABLE": "points"}
+FLAGS = {"WITH_SHAPES": "shape", "WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +101,6 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
-        if request.antialias is None:
-            self.arrays |= {"neighbour": self.triangles.face[:0], "face_side": np.zeros(0, np.int8)}
-        else:
-            sides = np.concatenate([polygons.side for polygons in (eye, *seen)])
-            self.arrays |= {"neighbour": self.triangles.neighbours, "face_side": sides}
         return Sights(self.arrays, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
 
     def rows(self, lights: int) -> Iterable[Any]:

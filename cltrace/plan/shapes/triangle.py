@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -86,28 +85,6 @@ class Triangles:
         if m:
             blockwise(m, fill)
         return cls(vertex, face, number=number, surface=surface, material=material, sided=sided, again=len(again))
-
-    @cached_property
-    def neighbours(self) -> Ints:
-        """(m, 4): the triangles beyond the edges AB, BC and CA, -1 where there is none; the last number is 0.
-
-        Beyond an edge is a triangle if no third one has the same two corners, and the two have them in opposite order:
-        where both are seen the same way round, they are on opposite sides of the edge then.
-        """
-        m = len(self.face)
-        _, same = np.unique(self.vertex + 0.0, axis=0, return_inverse=True)
-        corner = same.reshape(-1).astype(np.int64)[self.face[:, :3]]
-        begin, end = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
-        key = np.minimum(begin, end) * len(self.vertex) + np.maximum(begin, end)
-        order = np.argsort(key, kind="stable")
-        same_as_next = np.concatenate([[False], np.diff(key[order]) == 0, [False]])
-        pair = np.flatnonzero(same_as_next[1:-1] & ~same_as_next[:-2] & ~same_as_next[2:])
-        one, two = order[pair], order[pair + 1]
-        opposite = (begin[one] == end[two]) & (begin[one] != end[one])
-        one, two = one[opposite], two[opposite]
-        out = np.full(3 * m, -1, np.int32)
-        out[one], out[two] = two // 3, one // 3
-        return np.concatenate([out.reshape(m, 3), np.zeros((m, 1), np.int32)], axis=1)
 
 
 # (m,): the sign of D, or of N.l: 1 or -1 where a triangle's corners are seen one way round or the other, 0 where no ray

@@ -58,7 +58,7 @@ class MeshPacker:
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
-        """None where triangles are antialiased, and if the device does not compute as numpy does.
+        """None where triangles are in a proof, and if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
@@ -71,10 +71,7 @@ class MeshPacker:
         return world.of_shape(Meshes).triangles is self.triangles
 
     def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
-        """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
-
-        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
-        """
+        """See Packer."""
         made: dict[str, Any] = {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             lists = ListBuffers.of(self.tools, len(world.id), len(world.lights))

@@ -101,10 +101,7 @@ class SpherePacker:
         return world.of_shape(Spheres) is self.spheres
 
     def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
-        """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
-
-        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
-        """
+        """See Packer."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             found = _SeenSpheres(self, world, camera).view()
         return found or (View.of(world, camera, self.request), {})
