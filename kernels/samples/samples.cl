@@ -15,6 +15,12 @@
 #define MOST_SLOPE (24 * ONE / 255)
 #define MOST_STEP (8 * ONE / 255)
 #define CORNER_SCATTER 0.25f
+#define STAGED 64
+#define QUARTER_SCATTER 2.8284271f
+#ifndef TT
+#define TT 48
+#endif
+#define MOST_CONTRAST (TT * ONE / 255)
 
 static Outlook outlook_of(const Frame frame, const Scene scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
@@ -73,7 +79,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *all
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;
-    const Hit hit = few ? closest_of_few(scene, ray, few, work) : closest_hit(scene, ray, tile, work);
+    const Hit hit = closest_among(scene, ray, tile, few, work);
     MASK inside = 0;
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
@@ -170,7 +176,7 @@ static void add_rays(const Found *found, const MASK in, Totals *totals) {
         totals->low[c] = in ? min(totals->low[c], part) : totals->low[c];
         totals->high[c] = in ? max(totals->high[c], part) : totals->high[c];
     }
-    totals->sum[3] += in & (found->of[OBJECT] >= 0) ? (INT)1 : (INT)0;
+    totals->sum[3] += (in & (found->of[OBJECT] >= 0)) ? (INT)1 : (INT)0;
     totals->late |= found->of[LATE];
 }
 
@@ -183,21 +189,41 @@ static void put_totals(const Totals *own, const int lane, Totals *totals) {
         totals->high[c] = here ? (INT)LARGEST(own->high[c]) : totals->high[c];
     }
     totals->late = here ? (INT)ANY(own->late) : totals->late;
+    totals->count = here ? own->count : totals->count;
 }
 
-/* The sums over the rays through all places of one pixel of a packet. few: as in find(). */
+/* The rays number first .. first + W - 1 through the places of a pixel: first a quarter of them, which are a lattice
+ * themselves, of which the middle is all but that of the pixel, then the others. */
+static Places lattice_places(const Scene *scene, const Packet packet, const int lane, const int first) {
+    const int n = 1 << scene->lattice.x, quarter = max(n / 4, 1);
+    const INT number = first + LANE_NUMBER;
+    const INT i = (4 * (number & (quarter - 1)) + (number / quarter + 2) % 4) & (n - 1);
+    const Places places = {packet.size * n, (packet.first.x + lane % PACKET_WIDTH) * n + i,
+                           (packet.first.y + lane / PACKET_WIDTH) * n + ((INT)scene->lattice.y * i & (n - 1))};
+    return places;
+}
+
+static int contrast_of(const Totals *own) {
+    int contrast = 0;
+    for (int c = 0; c < 3; c++) contrast = max(contrast, LARGEST(own->high[c]) + LARGEST(-own->low[c]));
+    return contrast;
+}
+
+/* The sums over the rays through places of one pixel of a packet: a quarter of them, if these differ by little, else all.
+ * few: as in find(). */
 static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
                          Totals *totals, Work *work) {
     const int n = 1 << scene->lattice.x;
-    const int x = (packet.first.x + lane % PACKET_WIDTH) * n, y = (packet.first.y + lane / PACKET_WIDTH) * n;
     Totals own = NO_TOTALS;
-    for (int first = 0; first < n; first += W) {
-        const INT i = first + LANE_NUMBER;
-        const Places places = {packet.size * n, x + (i & (n - 1)), y + ((INT)scene->lattice.y * i & (n - 1))};
+    int end = n < STAGED ? n : n / 4;
+    for (int first = 0; first < end; first += W) {
+        const Places places = lattice_places(scene, packet, lane, first);
         Found found;
         find(finer, scene, &places, packet.tile, few, &found, work);
-        add_rays(&found, i < n, &own);
+        add_rays(&found, first + LANE_NUMBER < n, &own);
+        if (first + W >= end && contrast_of(&own) > MOST_CONTRAST) end = n;
     }
+    own.count = end;
     put_totals(&own, lane, totals);
 }
 
@@ -217,7 +243,6 @@ static void add_samples(const Frame frame, const Scene scene, const Packet packe
         if (!crowd.full) list_few(&crowd, lane, &few);
         sample_pixel(&finer, &scene, packet, lane, crowd.full ? 0 : &few, totals, work);
     }
-    PUT_WHERE(mixed, totals->count, (INT)(1 << scene.lattice.x));
 }
 
 /* Puts the means into a packet of pixels. The error is an estimate: so many levels for each one by which the rays of a
@@ -238,7 +263,8 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
     /* What no ray of a lattice meets covers an eighth of what one of them stands for, mostly, and may be black or
      * white. */
-    const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scene.scatter;
+    const FLOAT scatter = totals.count < 1 << scene.lattice.x ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
+    const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scatter;
     const FLOAT sampled = error > unseen ? error : unseen;
     pixels->error = (mixed ? sampled : TO_FLOAT(contrast) * CORNER_SCATTER) * (255.0f / ONE);
     pixels->overgrown = totals.late != 0;

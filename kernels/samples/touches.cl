@@ -65,7 +65,7 @@ static FLOAT sphere_covers(const Scene scene, const Outlook view, const int inde
     if (HAS(WITH_PARALLEL_RAYS)) {
         const float far = (float)(-scene.spheres.center_radius[index].z * unit), R = own * (1 - 0x1p-19f) - h - 0x1p-20f;
         const MASK covered = FMA(s.x - x, s.x - x, (s.y - y) * (s.y - y)) < R * R;
-        return covered & (R > 0) & (far > 2 * own) ? far * REACH_SLACK : (FLOAT)INFINITY;
+        return (covered & (R > 0) & (far > 2 * own)) ? (FLOAT)(far * REACH_SLACK) : (FLOAT)INFINITY;
     }
     const float square = (s.x * s.x + s.y * s.y) + s.z * s.z, power = (float)(scene.spheres.power[index].x * unit * unit);
     const float size = sqrt(square) * (1 + 0x1p-20f);
@@ -75,7 +75,7 @@ static FLOAT sphere_covers(const Scene scene, const Outlook view, const int inde
                 c = FMA(w.x, (FLOAT)s.y, -(w.y * s.x));
     const MASK covered = FMA(a, a, FMA(b, b, c * c)) < FMA((FLOAT)(R * R), view.line.a, (FLOAT)-0x1p-100f);
     const MASK ahead = dot_float(w, s) > 0;
-    return covered & ahead & (R > 0) & (power > 0) ? (FLOAT)(power * REACH_SLACK) : (FLOAT)INFINITY;
+    return (covered & ahead & (R > 0) & (power > 0)) ? (FLOAT)(power * REACH_SLACK) : (FLOAT)INFINITY;
 }
 
 /* In which pixels a sphere is behind what they show, and nowhere before it. Where the middle's ray meets it from
@@ -214,7 +214,7 @@ static void gather_crowd(const Scene scene, const int2 tile, const Outlook view,
             crowd->seen[crowd->count++] = seen;
             const FLOAT far = ASK_SHAPE(scene.spheres, entry.x, covers(scene, view, entry.x));
             if (!ANY(seen & (far < depth))) continue;
-            depth = seen & (far < depth) ? far : depth;
+            depth = (seen & (far < depth)) ? far : depth;
             last = LARGEST_FLOAT(depth);
         }
     }
@@ -232,14 +232,45 @@ static void list_few(const Crowd *crowd, const int lane, Few *few) {
         if (((const int *)&crowd->seen[k])[lane]) few->entry[few->count++] = crowd->entry[k];
 }
 
-/* The nearest surface along rays through a pixel, as closest_hit(). */
-static Hit closest_of_few(const Scene scene, const Ray ray, const Few *few, Work *work) {
+/* Where a walk through lists is. */
+typedef struct {
+    Level level;
+    int k, end;
+} Walk;
+
+/* The next entry of a tile's lists, or of the few that may be met, if these are known; where there is none, or no level
+ * has a nearer one than `reach`, squared, its index is -1. */
+static int2 next_entry(const Scene scene, const int2 tile, const Few *few, const float reach, Walk *walk) {
+    const int2 none = {-1, 0};
+    for (;;) {
+        while (walk->k == walk->end) {
+            if (few || !walk->level.mask) return none;
+            walk->level = next_level(scene.lists.grid[0], walk->level);
+            const int cell = cell_of(walk->level, tile);
+            walk->k = scene.lists.start[cell];
+            walk->end = scene.lists.start[cell + 1];
+            fetch_ahead(scene, -1, walk->end);
+        }
+        const int k = walk->k++;
+        const int2 entry = few ? few->entry[k] : scene.lists.entry[k];
+        if (as_float(entry.y) <= reach) {
+            if (!few) fetch_entry(scene, -1, k + AHEAD);
+            if (!few) fetch_material_of(scene, k + AHEAD);
+            return entry;
+        }
+        if (!few) walk->k = walk->end;
+    }
+}
+
+/* As closest_hit(). few: all that the rays may meet, if that is known. */
+static Hit closest_among(const Scene scene, const Ray ray, const int2 tile, const Few *few, Work *work) {
     Hit hit = no_hit();
     EyeLine line = eye_line(scene, ray);
     float reach = INFINITY;
-    for (int k = 0; k < few->count; k++) {
-        const int2 entry = few->entry[k];
-        if (as_float(entry.y) > reach) continue;
+    Walk walk = {first_level(scene.lists.grid[0]), 0, few ? few->count : 0};
+    for (;;) {
+        const int2 entry = next_entry(scene, tile, few, reach, &walk);
+        if (entry.x < 0) break;
         if (meet_surface(scene, ray, &line, entry.x, &hit, work)) reach = end_of_lists(scene, line, hit);
     }
     settle_hit(scene, ray, &hit);
