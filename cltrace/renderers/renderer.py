@@ -27,7 +27,7 @@ from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, colors_given, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
-SAMPLES = 64
+SAMPLES = 16
 
 
 def means_of(antialias: Antialias, samples: int | None) -> dict[str, Any]:

@@ -2,7 +2,8 @@
  *
  * First the rays through the corners of pixels, which neighbours share. Where the four of a pixel agree and nothing
  * else is in it, their mean is the pixel's. Else it is the mean over N places of a lattice, (i + 1/2, (a i mod N) +
- * 1/2) / N from the upper left corner: these are middles of pixels of a picture that is N times as large.
+ * 1/2) / N from the upper left corner: these are middles of pixels of a picture that is N times as large. The rays of a
+ * pixel are lanes of one packet, and ask only the surfaces that may be seen in it.
  *
  * Colours count up to 1 each, and are whole numbers of 2^-20 before they are added up. So a mean does not depend on the
  * order, on the width of packets or on what else is drawn.
@@ -15,12 +16,11 @@
 #define MOST_SLOPE (24 * ONE / 255)
 #define MOST_STEP (8 * ONE / 255)
 #define CORNER_SCATTER 0.25f
+/* From so many rays of a lattice on, a quarter of them come first, and are enough where they differ by no more than
+ * this: an edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
 #define STAGED 64
+#define MOST_CONTRAST (48 * ONE / 255)
 #define QUARTER_SCATTER 2.8284271f
-#ifndef TT
-#define TT 48
-#endif
-#define MOST_CONTRAST (TT * ONE / 255)
 
 static Outlook outlook_of(const Frame frame, const Scene scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
@@ -209,8 +209,8 @@ static int contrast_of(const Totals *own) {
     return contrast;
 }
 
-/* The sums over the rays through places of one pixel of a packet: a quarter of them, if these differ by little, else all.
- * few: as in find(). */
+/* The sums over the rays through places of one pixel of a packet: a quarter of them, if these differ by little, else
+ * all. few: as in find(). */
 static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
                          Totals *totals, Work *work) {
     const int n = 1 << scene->lattice.x;
@@ -263,7 +263,8 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
     /* What no ray of a lattice meets covers an eighth of what one of them stands for, mostly, and may be black or
      * white. */
-    const FLOAT scatter = totals.count < 1 << scene.lattice.x ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
+    const MASK quartered = totals.count < 1 << scene.lattice.x;
+    const FLOAT scatter = quartered ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
     const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scatter;
     const FLOAT sampled = error > unseen ? error : unseen;
     pixels->error = (mixed ? sampled : TO_FLOAT(contrast) * CORNER_SCATTER) * (255.0f / ONE);

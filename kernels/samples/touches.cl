@@ -52,9 +52,9 @@ static MASK sphere_is_near(const Scene scene, const Outlook view, const int inde
 
 /* How far a sphere is at most that covers all of a pixel, as lists count; INFINITY where it does not.
  *
- * With d how far the line along w is from the centre, the line along w + e is no further than d + |C| h. So it meets the
- * sphere where that is less than r, and from outside that is before the tangents' points. Rounding moves |w x s| by less
- * than 2^-20 |s|_1 |w|, see small_sphere_may_meet(). */
+ * With d how far the line along w is from the centre, the line along w + e is no further than d + |C| h. So it meets
+ * the sphere where that is less than r, and from outside that is before the tangents' points. Rounding moves |w x s| by
+ * less than 2^-20 |s|_1 |w|, see small_sphere_may_meet(). */
 static FLOAT sphere_covers(const Scene scene, const Outlook view, const int index) {
     if (HAS(WITH_ELLIPSOIDS) && scene.spheres.map_of[index]) return INFINITY;
     const float4 s = scene.eye_filter[index];
@@ -63,11 +63,13 @@ static FLOAT sphere_covers(const Scene scene, const Outlook view, const int inde
     const real unit = scene.unit;
     const float own = (float)(scene.spheres.center_radius[index].w * unit);
     if (HAS(WITH_PARALLEL_RAYS)) {
-        const float far = (float)(-scene.spheres.center_radius[index].z * unit), R = own * (1 - 0x1p-19f) - h - 0x1p-20f;
+        const float far = (float)(-scene.spheres.center_radius[index].z * unit),
+                    R = own * (1 - 0x1p-19f) - h - 0x1p-20f;
         const MASK covered = FMA(s.x - x, s.x - x, (s.y - y) * (s.y - y)) < R * R;
         return (covered & (R > 0) & (far > 2 * own)) ? (FLOAT)(far * REACH_SLACK) : (FLOAT)INFINITY;
     }
-    const float square = (s.x * s.x + s.y * s.y) + s.z * s.z, power = (float)(scene.spheres.power[index].x * unit * unit);
+    const float square = (s.x * s.x + s.y * s.y) + s.z * s.z,
+                power = (float)(scene.spheres.power[index].x * unit * unit);
     const float size = sqrt(square) * (1 + 0x1p-20f);
     const float R = (1 - 0x1p-19f) * own - size * h - 0x1p-19f * ((fabs(s.x) + fabs(s.y)) + fabs(s.z));
     const Float3 w = {x, y, -1};
@@ -100,11 +102,11 @@ static MASK sphere_touches(const Scene scene, const Outlook view, const int inde
 }
 
 #ifdef WITH_TRIANGLES
-/* How far the planes of a triangle's edges are from the pixels' middles on the triangle's side, from the nearest place of
- * these if `sign` is -1, from the furthest one if it is 1.
+/* How far the planes of a triangle's edges are from the pixels' middles on the triangle's side, from the nearest place
+ * of these if `sign` is -1, from the furthest one if it is 1.
  *
- * The planes are linear functions of the place, off by less than 1: see sides_of(). None of them is negative in all of a
- * pixel that the triangle touches, and all are positive all over one that it covers. */
+ * The planes are linear functions of the place, off by less than 1: see sides_of(). None of them is negative in all of
+ * a pixel that the triangle touches, and all are positive all over one that it covers. */
 static FLOAT least_side(const Outlook view, __global const float4 *facet, const int sign) {
     const float h = view.margins.x * (1 + 0x1p-20f), k = view.margins.y * (1 + 0x1p-20f);
     FLOAT least = INFINITY;
