@@ -75,7 +75,7 @@ def assert_sampled(scene: cltrace.Scene, device: Device, n: int, least: float = 
     assert np.abs(image.rgb8 / 255 - image.color).max() <= 0.5001 / 255
 
 
-@pytest.mark.parametrize("name", ["crossing", "large and small"])
+@pytest.mark.parametrize("name", ["crossing", "large and small", "behind edges"])
 def test_samples_are_exact_rays(any_device: Device, name: str) -> None:
     assert_sampled(HOSTILE[name](), any_device, 16)
 
