@@ -3,9 +3,13 @@
 /* What is known of a packet before it is looked at. */
 typedef struct {
     Work work; /* what has been counted */
-#ifdef WITH_RUNS
-    Means means;
-#elif defined(WITH_SAMPLES)
+#ifdef WITH_AVERAGE
+    Proofs proofs; /* what is proved of the work-item's pixels in one row of packets */
+    int4 region;
+    int2 begin; /* where in the picture the work-item does, and whether its corners are known */
+    int cornered;
+#endif
+#ifdef WITH_SAMPLES
     PixelCorners corners; /* what the rays through the corners of the work-item's pixels find */
 #endif
 } Known;
@@ -45,7 +49,7 @@ static MASK wanted_of(const int4 region, const INT column, const INT row, const 
 #endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
-    const Ray ray = for_shapes(frame, scene, primary_ray(frame, packet.size, packet.column, packet.row));
+    const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
     return trace(frame, scene, ray, packet.tile, pixels, work);
 }
 
@@ -53,15 +57,24 @@ static Pixels traced(const Frame frame, const Scene scene, const Packet packet, 
 #ifdef WITH_AVERAGE
 static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
     if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
-    const Means means = MEANS_OF(frame, scene, packet, known);
-    average_pixels(frame, scene, packet.size, packet.column, packet.row, packet.tile, packet.within, means, &pixels,
-                   &known->work);
-    return pixels;
+    const int first = (packet.first.x - known->begin.x) / PACKET_WIDTH * W;
+    const Means means = proofs_of(&known->proofs, first, &known->work);
+    Packet rest = packet;
+    rest.within = packet.within & need_samples(means);
+    if (ANY(rest.within)) {
+        if (!known->cornered)
+            find_corners(frame, scene, packet.size, known->region, known->begin, &known->corners, &known->work);
+        known->cornered = 1;
+        sample_pixels(frame, scene, rest, &known->corners, &pixels, &known->work);
+    }
+    return proved_pixels(scene, means, pixels, &known->work);
 }
 #elif defined(WITH_SAMPLES)
 static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
     if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
     sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
+    Work *work = &known->work;
+    COUNT(ESTIMATES, packet.within);
     return pixels;
 }
 #else
@@ -98,24 +111,25 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
- * there are BLOCK rows of them, rendered column by column: what a packet has brought into the cache is still there for
- * those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
-#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK : 1)
+ * there are BLOCK_ROWS rows of them, rendered column by column: what a packet has brought into the cache is still there
+ * for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
+#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK_ROWS : 1)
 
 /* Renders what a work-item does, from a place of the region on. */
-#ifdef WITH_RUNS
+#ifdef WITH_AVERAGE
 static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
                          const Outputs out) {
+    Known known;
+    known.region = region;
+    known.begin = region.xy + begin;
+    known.cornered = 0;
     for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
-        Wholes wholes;
-        Known known = {no_work()};
-        look_at_run(frame, scene, size, region.x + begin.x, region.y + y, region.x + region.z, region.y + region.w,
-                    &wholes, &known.work);
-        for (int k = 0; k < RUN && begin.x + k * PACKET_WIDTH < region.z; k++) {
-            const int2 place = {begin.x + k * PACKET_WIDTH, y};
-            known.means = load_means(&wholes, k * W);
-            render_packet(frame, scene, size, region, place, out, &known);
+        const Row row = {size, region.xy + (int2)(begin.x, y), region.x + region.z, region.y + region.w};
+        prove_row(frame, scene, row, &known.proofs);
+        for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
+            const int2 place = {x, y};
             known.work = no_work();
+            render_packet(frame, scene, size, region, place, out, &known);
         }
     }
 }

@@ -101,7 +101,7 @@ def _picture(group: Group) -> None:
         const=True,
         type=arguments.antialias,
         metavar="LEVELS",
-        help="colours are means over pixels; =proved or =LEVELS: with a proof",
+        help="colours are means over pixels; =proved or =LEVELS: proved for spheres",
     )
     group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 16)")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
@@ -163,6 +163,7 @@ def _checks(group: Group) -> None:
         metavar="X,Y",
         help="print how the pixel in column X, row Y gets its colour",
     )
+    group.rare("--trace", action="store_true", help="with --explain: its numbers as a table, for diff")
     group.usual("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
     group.rare(
         "--tolerance",

@@ -73,9 +73,9 @@ class Image:
     error and coverage are there only with antialias. rgb8, color, rgba8 and alpha are then means over the pixel's
     square, in which each colour counts up to 1; a byte is rounded besides. With antialias=True error is an estimate: of
     95 pixels in 100 no channel of color is further from the true mean than error / 255. With "proved" that holds of
-    all. Where bytes are sRGB, error is about colours by that curve, times 255; and it is always
-    about those in front of an opaque background. Of pixels that show a mirror or glass there is no proof, and `error`
-    is an estimate then, too. The other outputs are those of the ray through the pixel's middle.
+    all, but of pixels that may show a triangle, a texture, a mirror or glass: these have the estimate. Where bytes are
+    sRGB, error is about colours by that curve, times 255; and it is always about those in front of an opaque
+    background. The other outputs are those of the ray through the pixel's middle.
 
     shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.

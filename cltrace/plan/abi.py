@@ -125,7 +125,7 @@ class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
     kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
-    (one number that the kernel changes where something has happened);
+    (numbers that are 0 at first, and that the kernel changes where it has found something);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
     output; needs: the flag without which the kernel has no such argument, "" for none. The group's member is there
     nevertheless, and 0 then.
@@ -148,15 +148,18 @@ class Argument:
 
 
 def _values(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "value", group, text, needs=needs) for name, type_, text in rows)
+    return tuple(Argument(name, type_, "value", group=group, text=text, needs=needs) for name, type_, text in rows)
 
 
 def _buffers(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "buffer", group, text, needs=needs) for name, type_, text in rows)
+    return tuple(Argument(name, type_, "buffer", group=group, text=text, needs=needs) for name, type_, text in rows)
 
 
 def _outputs(*rows: tuple[str, str, int, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "output", "Outputs", text, n, needs) for name, type_, n, text in rows)
+    return tuple(
+        Argument(name, type_, "output", group="Outputs", text=text, channels=n, needs=needs)
+        for name, type_, n, text in rows
+    )
 
 
 # What --stats counts, in the order of the last axis of the output `work`: the kernel's names, and words for a reader.
@@ -177,6 +180,7 @@ COUNTERS = {
     "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
     "ESTIMATES": "pixels of which the error is an estimate",
     "TOO_FAR": "pixels that would need more cells for the error that is wanted",
+    "CELLS": "cells that are pixels or parts of them, of which a mean is proved",
 }
 
 # The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
@@ -210,8 +214,14 @@ TRAITS = {
 # named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
 # surface has.
 SHAPES = (
-    Shape("sphere", "WITH_SPHERES", "0", "0", ("ROUND", "FETCHED")),
-    Shape("triangle", "WITH_TRIANGLES", "((spheres).first)", "((tree).blocks)", ("LATE", "PLACED", "TINY")),
+    Shape("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
+    Shape(
+        "triangle",
+        "WITH_TRIANGLES",
+        first="((spheres).first)",
+        leaf="((tree).blocks)",
+        traits=("LATE", "PLACED", "TINY"),
+    ),
 )
 
 ARGUMENTS = (
@@ -338,6 +348,14 @@ ARGUMENTS = (
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
         needs="WITH_TRIANGLES",
     ),
+    Argument(
+        "plane",
+        "int",
+        "note",
+        group="Spheres",
+        text="of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
+        needs="WITH_TRIANGLES",
+    ),
     *_values(
         "Scene",
         ("triangles", "int", "how many triangles there are"),
@@ -371,7 +389,7 @@ ARGUMENTS = (
     ),
     *_values(
         "Scene",
-        ("average", "float4", "rgb: no colour is above that; w: error in levels of 255 up to which no pixel is split"),
+        ("levels", "float", "error in levels of 255 up to which no pixel is split"),
         needs="WITH_AVERAGE",
     ),
     *_values(
@@ -379,16 +397,6 @@ ARGUMENTS = (
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
         needs="WITH_SAMPLES",
-    ),
-    *_buffers(
-        "Scene",
-        ("neighbour", "int4", "xyz: the triangles beyond a triangle's edges AB, BC and CA, -1: none"),
-        (
-            "face_side",
-            "char",
-            "how the eye, then each light, sees all triangles: 1, -1 the other way round, 0 edge-on",
-        ),
-        needs="WITH_SHEETS",
     ),
     *_values(
         "Outputs",
@@ -399,8 +407,8 @@ ARGUMENTS = (
         "overgrown",
         "int",
         "note",
-        "Outputs",
-        "a pixel of more than MOST_RAYS rays: W times its packet's number in the picture, row by row, plus its lane",
+        group="Outputs",
+        text="a pixel of more than MOST_RAYS rays: W times its packet's number in the picture, by rows, plus its lane",
         needs="WITH_CEILING",
     ),
 )
@@ -418,7 +426,7 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
-    "BLOCK": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
+    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
@@ -460,7 +468,6 @@ FLAGS = {
     "WITH_AVERAGE": "what these are off by is proved",
     "WITH_SAMPLES": "they are those of rays at fixed places",
     "WITH_MARKS": "samples are told apart by what their rays have met",
-    "WITH_SHEETS": "what is beyond triangles' edges is known",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",

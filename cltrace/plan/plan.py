@@ -16,7 +16,6 @@ from cltrace.plan.abi import dtype_of
 from cltrace.plan.dropping import limits
 from cltrace.plan.features import features
 from cltrace.plan.request import LATTICES, Region, Request
-from cltrace.plan.rounding import rounded_up
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.scene import Scene
@@ -50,7 +49,7 @@ class Plan:
     def of(cls, world: World, view: View, request: Request) -> Plan:
         """The plan of a view. request: the one that world and view were made for, or the same with other outputs."""
         camera = view.camera
-        values = view.values | _average(world, request) | limits(world.bounces, world.peak, request)
+        values = view.values | _means(request) | limits(world.bounces, world.peak, request)
         return cls(
             request=request,
             size=camera.resolution,
@@ -101,12 +100,12 @@ def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
     return frame
 
 
-def _average(world: World, request: Request) -> dict[str, Any]:
-    """The kernel's arguments for means. Colours count up to 1, and rays that bounce may add up to that."""
-    peak = np.ones(3) if world.bounces.any else np.minimum(world.peak, 1)
-    n = request.samples or 1
+def _means(request: Request) -> dict[str, Any]:
+    """The kernel's arguments for means. Where a mean is known to more than a level, what is shown is as far from the
+    middle of its bounds as their ends at most: so the bounds are to be half as wide."""
+    n, levels = request.samples or 1, request.antialias or 0.0
     return {
-        "average": (*rounded_up(peak).tolist(), request.antialias or 0.0),
+        "levels": min(levels, max(1.0, levels / 2)),
         "lattice": (n.bit_length() - 1, LATTICES[n]),
         "scatter": SCATTER * n**-0.75,
     }

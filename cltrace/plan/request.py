@@ -50,11 +50,11 @@ class Request:
 
     precision: "accurate", "single" or "double", which arithmetic decides hits and computes colours (docs/accuracy.md);
     outputs: one or more names of abi.OUTPUTS and of COMPOSED, of which those are kept that the kernel writes, in the
-    table's order; crop: (x0, y0, x1, y1), a part of the picture
-    in pixels, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a whole number, instead
-    of rounded to the nearest; antialias: colours are means over pixels, which are split until their error is at most so
-    many levels of 255; samples: they are means of so many rays, a key of LATTICES, where few of a pixel do not agree;
-    None for both: they are those of the pixels' middles.
+    table's order; crop: (x0, y0, x1, y1), a part of the picture in pixels, x1 and y1 excluded, None for all of it;
+    truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; samples: colours are
+    means of so many rays, a key of LATTICES, where few of a pixel do not agree; antialias: of spheres these are proved,
+    by splitting pixels until the error is at most so many levels of 255; None for both: they are those of the pixels'
+    middles.
 
     keep: names of KEEPS, what not to leave out, for measuring. No picture depends on it, but for those of some extreme
     scenes in single, as docs/speed.md says.

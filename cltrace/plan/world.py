@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
-from cltrace.plan.accel.cells import Ints, Mask
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
@@ -21,7 +20,7 @@ from cltrace.plan.materials import Materials
 from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.plan.shapes.shape import OrderOf, Shape, share
 from cltrace.plan.shapes.table import SHAPES
 from cltrace.plan.textures import NO_TEXTURES, Textures
@@ -38,7 +37,7 @@ class World:
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
     surfaces have; lights: (m,) of the scene's records, those that can add to a colour, in the order of LIGHT_KINDS;
     bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where no ray does; background:
-    linear (r, g, b); peak: (3,), brightest() where a ray may become two or pixels are antialiased, else 0; skipped:
+    linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0; skipped:
     what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
@@ -63,11 +62,6 @@ class World:
     def placed(self) -> Iterator[tuple[int, Shape]]:
         """The index of each shape's first surface, and the shape."""
         return zip(accumulate((len(shape.number) for shape in self.shapes), initial=0), self.shapes, strict=False)
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many surfaces there are of each kind, by name."""
-        return {name: count for shape in self.shapes for name, count in shape.counts.items()}
 
     @property
     def opaque(self) -> Mask:
@@ -96,7 +90,7 @@ class World:
         if request.needs_colors:
             bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
             textures = Textures.of(scene.textures, materials.texture, of)
-        if bounces.splits or request.antialias:
+        if bounces.splits:
             peak = brightest(materials, of, lights, scene.background)
         paths, seconds = None, dict[str, float]()
         if same and same.bounces.any == bounces.any:

@@ -39,10 +39,10 @@ def means_of(antialias: Antialias, samples: int | None) -> dict[str, Any]:
     if samples is not None:
         raise ValueError(f"samples: goes with antialias=True, got antialias={antialias!r}")
     if antialias == "proved":
-        return {"antialias": 1.0}
+        return {"antialias": 1.0, "samples": SAMPLES}
     if not isinstance(antialias, (int, float, np.integer, np.floating)) or not 0 < antialias <= 255:
         raise ValueError(f'antialias: must be True, False, "proved" or levels of 255, above 0, got {antialias!r}')
-    return {"antialias": float(antialias)}
+    return {"antialias": float(antialias), "samples": SAMPLES}
 
 
 def default_precision(device: Device) -> Precision:

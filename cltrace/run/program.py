@@ -17,7 +17,7 @@ import pyopencl as cl
 from cltrace.base.errors import BuildError
 from cltrace.base.warning_filters import warnings_are
 from cltrace.plan import abi
-from cltrace.run.caches import mend_kernels
+from cltrace.run.caches import ROOM, largest_file, mend_kernels
 from cltrace.run.devices import Device
 
 # In this order; "abi" stands for the header that is made from the table of plan/abi.py.
@@ -73,25 +73,22 @@ SOURCES = (
     "pixels.cl",
     "shade/tree_of_rays.cl",
     "trace.cl",
+    "output.cl",
+    "samples/touches.cl",
+    "samples/samples.cl",
     "average/models.cl",
     "average/windows.cl",
     "average/cells.cl",
     "average/spheres.cl",
     "average/quadrics.cl",
-    "average/sight.cl",
+    "average/shadows.cl",
     "average/triangles.cl",
-    "average/paint.cl",
-    "average/highlights.cl",
-    "average/patch.cl",
-    "average/crowd.cl",
-    "average/hiding.cl",
-    "average/mixture.cl",
-    "average/quick.cl",
-    "average/samples.cl",
+    "average/sight.cl",
+    "average/blocking.cl",
+    "average/light.cl",
+    "average/plain.cl",
+    "average/fragments.cl",
     "average/average.cl",
-    "output.cl",
-    "samples/touches.cl",
-    "samples/samples.cl",
     "render.cl",
 )
 # What finds triangles without shadows.
@@ -151,7 +148,12 @@ def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
 
 @lru_cache(maxsize=64)
 def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
-    mend_kernels()
+    if "PoCL" in device.platform.version:
+        if largest_file() < ROOM:  # which ends the process with the status of a check that failed
+            raise BuildError(
+                f"compiling takes files of {ROOM} bytes, but they may have {largest_file()} here: ulimit -f"
+            )
+        mend_kernels()
     with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         made = cl.Program(context_of(device), source(files))

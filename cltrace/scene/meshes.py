@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.arrays import blockwise
 from cltrace.numbers.inverses import inverses, whole_inverse
 from cltrace.scene.maps import affine
-from cltrace.scene.materials import Material
+from cltrace.scene.materials import Frozen, Material
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
 from cltrace.scene.surfaces import inverse_faults
 
@@ -28,21 +28,8 @@ MAX_MESHES = 2**16
 _IDENTITY = np.eye(3, 4)
 
 
-class _Frozen:
-    """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-            object.__setattr__(self, name, value)
-
-
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Geometry(_Frozen):
+class Geometry(Frozen):
     """Triangles in the object's own space, in scene units. Immutable; may be placed several times.
 
     vertices: (v, 3) doubles; faces: (f, 3) int32, the indices of each triangle's corners; normals: (k, 3) doubles of
@@ -79,9 +66,11 @@ class Geometry(_Frozen):
             "vertices": points,
             "faces": corners,
             "normals": directions,
-            "normal_of": _of_corners("mesh.normal_of", normal_of, len(corners), len(directions), "a normal"),
+            "normal_of": _of_corners(
+                "mesh.normal_of", normal_of, faces=len(corners), count=len(directions), what="a normal"
+            ),
             "uv": places,
-            "uv_of": _of_corners("mesh.uv_of", uv_of, len(corners), len(places), "uv"),
+            "uv_of": _of_corners("mesh.uv_of", uv_of, faces=len(corners), count=len(places), what="uv"),
         }
         self.__setstate__(state)
 
@@ -90,7 +79,7 @@ class Geometry(_Frozen):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class PlacedMesh(_Frozen):
+class PlacedMesh(Frozen):
     """A mesh of a scene. Immutable.
 
     geometry: a Geometry, which several may share; to_world: (3, 4) doubles, the affine map from its space to the world,
@@ -174,7 +163,7 @@ class PlacedMesh(_Frozen):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Mesh(_Frozen):
+class Mesh(Frozen):
     """Triangles with a material, for Scene.from_meshes and Scene.from_spheres. Immutable; the arrays are copied.
 
     vertices: (v, 3), scene units; faces: (f, 3) integers, each triangle's corners as indices into the vertices, seen
@@ -204,9 +193,13 @@ class Mesh(_Frozen):
     ) -> None:
         points = _rows("mesh.vertices", vertices, 3)
         corners = _indices("mesh.faces", faces, len(points), "a vertex")
-        directions, normal_of = _given("mesh.normals", normals, corners, len(points), 3)
-        places, uv_of = _given("mesh.uv", uv, corners, len(points), 2)
-        self._fill(Geometry(points, corners, directions, normal_of, places, uv_of), material, transform)
+        directions, normal_of = _given("mesh.normals", normals, corners, vertices=len(points), width=3)
+        places, uv_of = _given("mesh.uv", uv, corners, vertices=len(points), width=2)
+        self._fill(
+            Geometry(points, corners, normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of),
+            material,
+            transform,
+        )
 
     def _fill(self, geometry: Geometry, material: Material, transform: ArrayLike | None) -> None:
         if not isinstance(material, Material):

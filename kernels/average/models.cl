@@ -19,9 +19,7 @@
 #define ROUNDING 0x1p-20f
 #define VANISHING 0x1p-120f
 /* Surfaces over cells are those of spheres.cl, or else of quadrics.cl. */
-#if defined(WITH_ELLIPSOIDS) || defined(WITH_PARALLEL_RAYS)
-#define WITH_QUADRICS
-#endif
+#define WITH_QUADRICS (HAS(WITH_ELLIPSOIDS) || HAS(WITH_PARALLEL_RAYS))
 
 typedef struct {
     FLOAT v, x, y, r, z;
@@ -195,13 +193,6 @@ static Model3 cross_models(const Model3 a, const Model3 b) {
     const Model3 m = {minus_model(times_model(a.y, b.z), times_model(a.z, b.y)),
                       minus_model(times_model(a.z, b.x), times_model(a.x, b.z)),
                       minus_model(times_model(a.x, b.y), times_model(a.y, b.x))};
-    return m;
-}
-
-static Model3 cross_constant(const Model3 a, const Model3 c) {
-    const Model3 m = {minus_model(times_constant(a.y, c.z), times_constant(a.z, c.y)),
-                      minus_model(times_constant(a.z, c.x), times_constant(a.x, c.z)),
-                      minus_model(times_constant(a.x, c.y), times_constant(a.y, c.x))};
     return m;
 }
 

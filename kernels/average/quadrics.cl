@@ -9,21 +9,18 @@
  * and the point is t G - F = (X x G -+ sqrt(D) G) / a as seen from the centre. Of a cell's rays either G is a linear
  * function of the place (s, t), or F is where they are parallel. So X and b are linear, and a and D are quadratic.
  */
-#if defined(WITH_AVERAGE) && defined(WITH_QUADRICS)
+#if HAS(WITH_AVERAGE) && WITH_QUADRICS
 typedef struct {
     Sphere sphere;
-#ifdef WITH_ELLIPSOIDS
     MASK stretched; /* whether it is an ellipsoid */
     Real3 x, y, z;  /* the rows of K, from camera space */
     REAL r;         /* its radius there */
-#endif
 } Quadric;
 
-#ifdef WITH_ELLIPSOIDS
 /* map: of each lane, 0 for a sphere. */
 static Quadric stretched_by(const Spheres spheres, const Sphere sphere, const INT map) {
     Quadric own = {sphere, map != 0, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, sphere.r};
-    if (!ANY(own.stretched)) return own;
+    if (!HAS(WITH_ELLIPSOIDS) || !ANY(own.stretched)) return own;
     const Matrix K = matrices_of(spheres, map, 9);
     const REAL over = TO_REAL_MASK(own.stretched) ? 1 / matrices_of(spheres, map, 0).size : (REAL)1;
     const Real3 x = {over * K.x.x, over * K.x.y, over * K.x.z}, y = {over * K.y.x, over * K.y.y, over * K.y.z},
@@ -34,43 +31,20 @@ static Quadric stretched_by(const Spheres spheres, const Sphere sphere, const IN
     own.r = over * sphere.r;
     return own;
 }
-#endif
 
 static Quadric quadric_at(const Spheres spheres, const int index) {
-    const Sphere sphere = sphere_at(spheres, index);
-#ifdef WITH_ELLIPSOIDS
-    return stretched_by(spheres, sphere, (INT)spheres.map_of[index]);
-#else
-    const Quadric own = {sphere};
-    return own;
-#endif
+    return stretched_by(spheres, sphere_at(spheres, index), HAS(WITH_ELLIPSOIDS) ? (INT)spheres.map_of[index] : (INT)0);
 }
 
 static Quadric quadrics_of(const Spheres spheres, const INT index) {
-    const Sphere sphere = spheres_of(spheres, index);
-#ifdef WITH_ELLIPSOIDS
-    return stretched_by(spheres, sphere, index < 0 ? (INT)0 : balls_of(spheres, index).map);
-#else
-    const Quadric own = {sphere};
-    return own;
-#endif
+    const INT map = HAS(WITH_ELLIPSOIDS) ? numbers_at(spheres.map_of, index) : (INT)0;
+    return stretched_by(spheres, spheres_of(spheres, index), index < 0 ? (INT)0 : map);
 }
 
 static Real3 in_own_axes(const Quadric own, const Real3 v) {
-#ifdef WITH_ELLIPSOIDS
+    if (!HAS(WITH_ELLIPSOIDS)) return v;
     const Real3 w = {DOT(own.x, v), DOT(own.y, v), DOT(own.z, v)};
     return w;
-#else
-    return v;
-#endif
-}
-
-static REAL own_radius(const Quadric own) {
-#ifdef WITH_ELLIPSOIDS
-    return own.r;
-#else
-    return own.sphere.r;
-#endif
 }
 
 /* A vector in double that is a linear function of the place. */
@@ -93,87 +67,116 @@ static REAL norm_of(const Real3 v) {
     return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
 }
 
+/* A cell's rays in a surface's own axes: X and G as linear functions of the place, and the coefficients of a and b. f,
+ * g: no less than the magnitudes of F and G. */
+typedef struct {
+    Linear3 X, G;
+    Real3 F;
+    REAL f, g, a, as, at, ass, ast, att, b, bs, bt;
+} Bundle;
+
+/* Parallel rays, which start at linear functions of the place. */
+static Bundle parallel_bundle(const Cells cells, const Quadric own, const Real3 C, const real unit) {
+    const REAL zero = 0, wide = fabs(cells.dx) + fabs((REAL)cells.h) + fabs(cells.dy) + fabs((REAL)cells.k);
+    const Real3 from = {C.x - unit * cells.dx, C.y - unit * cells.dy, C.z}, ahead = {0, 0, -1};
+    const Real3 across = {unit * cells.h, zero, zero}, up = {zero, unit * cells.k, zero};
+    const Real3 F = in_own_axes(own, from), G = in_own_axes(own, ahead), U = in_own_axes(own, across),
+                V = in_own_axes(own, up);
+    const Bundle rays = {{cross_in_double(F, G), cross_in_double(G, U), cross_in_double(G, V)},
+                         {G, {zero, zero, zero}, {zero, zero, zero}},
+                         F,
+                         norm_of(C) + unit * wide,
+                         1,
+                         DOT(G, G),
+                         0,
+                         0,
+                         0,
+                         0,
+                         0,
+                         DOT(F, G),
+                         -DOT(U, G),
+                         -DOT(V, G)};
+    return rays;
+}
+
+/* Rays from the eye. */
+static Bundle eye_bundle(const Cells cells, const Quadric own, const Real3 C) {
+    const REAL zero = 0, wide = fabs(cells.dx) + fabs((REAL)cells.h) + fabs(cells.dy) + fabs((REAL)cells.k);
+    const Real3 middle = {cells.dx, cells.dy, (REAL)-1}, across = {(REAL)cells.h, zero, zero},
+                up = {zero, (REAL)cells.k, zero};
+    const Real3 F = in_own_axes(own, C), G = in_own_axes(own, middle), U = in_own_axes(own, across),
+                V = in_own_axes(own, up);
+    const Bundle rays = {{cross_in_double(F, G), cross_in_double(F, U), cross_in_double(F, V)},
+                         {G, U, V},
+                         F,
+                         norm_of(C),
+                         1 + wide,
+                         DOT(G, G),
+                         2 * DOT(G, U),
+                         2 * DOT(G, V),
+                         DOT(U, U),
+                         2 * DOT(U, V),
+                         DOT(V, V),
+                         DOT(F, G),
+                         DOT(F, U),
+                         DOT(F, V)};
+    return rays;
+}
+
 /* D is D0 + Ds s + Dt t - (ss s^2 + st s t + tt t^2), but for `off`. c: positive where all rays start outside of the
  * surface and lead towards it, negative where all start inside, and else 0. */
 typedef struct {
     Model a, b, D;
-    Conic exact; /* D */
     Model3 G, X;
     REAL D0, Ds, Dt, ss, st, tt, off;
     FLOAT c;
 } Outline;
 
-/* In double, a number here is made of fewer than 16 roundings of products whose magnitudes add up to no more than those
- * of the vectors' numbers: |F| <= f and |G| <= g, so that X is off by ROUNDINGS f g =: e, in each coordinate, and b by
- * that. X.X is then off by 2 |X| e + 3 e^2, and a r^2 by 4 ROUNDINGS g^2 r^2; their own sums are off by ROUNDINGS of
- * themselves. */
-#if REAL_BYTES == 8
-#define ROUNDINGS 0x1p-49
-#else
-#define ROUNDINGS 0x1p-20f
-#endif
-static Outline outline_of(const Cells cells, const Quadric own, const real unit) {
-    const Real3 C = {unit * own.sphere.center.x, unit * own.sphere.center.y, unit * own.sphere.center.z};
-    const REAL r = unit * own_radius(own), zero = 0;
-    const REAL h = fabs((REAL)cells.h), k = fabs((REAL)cells.k), wide = (fabs(cells.dx) + h) + (fabs(cells.dy) + k);
-    Linear3 X;
-    Outline outline;
-#ifdef WITH_PARALLEL_RAYS
-    const Real3 from = {C.x - unit * cells.dx, C.y - unit * cells.dy, C.z}, ahead = {0, 0, -1};
-    const Real3 across = {unit * cells.h, zero, zero}, up = {zero, unit * cells.k, zero};
-    const Real3 F = in_own_axes(own, from), G = in_own_axes(own, ahead), U = in_own_axes(own, across),
-                V = in_own_axes(own, up);
-    X.v = cross_in_double(F, G);
-    X.s = cross_in_double(G, U);
-    X.t = cross_in_double(G, V);
-    const REAL f = norm_of(C) + unit * wide, g = 1, a = DOT(G, G), b = DOT(F, G), bs = -DOT(U, G), bt = -DOT(V, G);
-    const REAL as = 0, at = 0, ass = 0, ast = 0, att = 0;
-    const Linear3 along = {G, {zero, zero, zero}, {zero, zero, zero}};
-#else
-    const Real3 middle = {cells.dx, cells.dy, (REAL)-1}, across = {(REAL)cells.h, zero, zero},
-                up = {zero, (REAL)cells.k, zero};
-    const Real3 F = in_own_axes(own, C), G = in_own_axes(own, middle), U = in_own_axes(own, across),
-                V = in_own_axes(own, up);
-    X.v = cross_in_double(F, G);
-    X.s = cross_in_double(F, U);
-    X.t = cross_in_double(F, V);
-    const REAL f = norm_of(C), g = 1 + wide, a = DOT(G, G), b = DOT(F, G), bs = DOT(F, U), bt = DOT(F, V);
-    const REAL as = 2 * DOT(G, U), at = 2 * DOT(G, V), ass = DOT(U, U), ast = 2 * DOT(U, V), att = DOT(V, V);
-    const Linear3 along = {G, U, V};
-#endif
-    const REAL rounding = (REAL)ROUNDINGS, e = rounding * f * g, rr = r * r;
-    const REAL all = (norm_of(X.v) + norm_of(X.s)) + norm_of(X.t);
-    outline.D0 = a * rr - DOT(X.v, X.v);
-    outline.Ds = as * rr - 2 * DOT(X.v, X.s);
-    outline.Dt = at * rr - 2 * DOT(X.v, X.t);
-    outline.ss = DOT(X.s, X.s) - ass * rr;
-    outline.st = 2 * DOT(X.s, X.t) - ast * rr;
-    outline.tt = DOT(X.t, X.t) - att * rr;
-    outline.off = 2 * all * e + 3 * e * e + 4 * rounding * (g * g * rr + all * all);
-    const REAL h2 = (REAL)0.5f;
-    outline.exact = conic_of(outline.D0, outline.Ds, outline.Dt, outline.ss, outline.st, outline.tt, outline.off);
-    outline.D = model_of_conic(outline.exact);
-    outline.a = narrowed(a + h2 * (ass + att), as, at, h2 * (ass + att) + fabs(ast) + rounding * g * g);
-    outline.b = narrowed(b, bs, bt, e);
-    outline.X = narrowed_vector(X, e);
-    outline.G = narrowed_vector(along, rounding * g);
-#ifdef WITH_PARALLEL_RAYS
+/* c of an outline, of parallel rays. */
+static FLOAT side_of_starts(const Outline outline) {
     const FLOAT low = least_of(outline.D), high = most_of(outline.D), b0 = least_of(outline.b), b1 = most_of(outline.b);
     const FLOAT s0 = sqrt(low > 0 ? low : (FLOAT)0) * (1 - 8 * ROUNDING),
                 s1 = sqrt(high > 0 ? high : (FLOAT)0) * (1 + 8 * ROUNDING);
     const MASK outside = b0 - s1 > 0, inside = (low > 0) & (b1 - s0 < 0) & (b0 + s0 > 0);
-    outline.c = outside ? (FLOAT)1 : inside ? (FLOAT)-1 : (FLOAT)0;
-#else
-    const REAL c = DOT(F, F) - rr, c_off = 4 * rounding * (f * f + rr);
-#ifdef WITH_ELLIPSOIDS
-    /* Of a sphere the host knows it better. */
-    const REAL known = unit * unit * own.sphere.c, sure = fabs(c) > c_off ? c : zero;
-    outline.c = TO_FLOAT(TO_REAL_MASK(own.stretched) ? sure : known);
-#else
-    outline.c = TO_FLOAT(fabs(c) > c_off ? c : zero);
-#endif
-    outline.c = ((outline.c > 0) & !(least_of(outline.b) > 0)) ? (FLOAT)0 : outline.c;
-#endif
+    return outside ? (FLOAT)1 : inside ? (FLOAT)-1 : (FLOAT)0;
+}
+
+/* In double, a number here is made of fewer than 16 roundings of products whose magnitudes add up to no more than those
+ * of the vectors' numbers: |F| <= f and |G| <= g, so that X is off by ROUNDINGS f g =: e, in each coordinate, and b by
+ * that. X.X is then off by 2 |X| e + 3 e^2, and a r^2 by 4 ROUNDINGS g^2 r^2; their own sums are off by ROUNDINGS of
+ * themselves. */
+#define ROUNDINGS (REAL_BYTES == 8 ? 0x1p-49f : 0x1p-20f)
+
+/* The same of the eye, of which the host knows it better where the surface is a sphere. */
+static FLOAT side_of_eye(const Outline outline, const Quadric own, const Bundle rays, const REAL r, const real unit) {
+    const REAL rr = r * r, c = DOT(rays.F, rays.F) - rr, c_off = 4 * (REAL)ROUNDINGS * (rays.f * rays.f + rr),
+               known = unit * unit * own.sphere.c, sure = fabs(c) > c_off ? c : (REAL)0;
+    const FLOAT side = TO_FLOAT(TO_REAL_MASK(own.stretched) ? sure : known);
+    return ((side > 0) & !(least_of(outline.b) > 0)) ? (FLOAT)0 : side;
+}
+
+static Outline outline_of(const Cells cells, const Quadric own, const real unit) {
+    const Real3 C = {unit * own.sphere.center.x, unit * own.sphere.center.y, unit * own.sphere.center.z};
+    const Bundle rays = HAS(WITH_PARALLEL_RAYS) ? parallel_bundle(cells, own, C, unit) : eye_bundle(cells, own, C);
+    const Linear3 X = rays.X;
+    const REAL r = unit * own.r, rounding = (REAL)ROUNDINGS, e = rounding * rays.f * rays.g, rr = r * r;
+    const REAL all = (norm_of(X.v) + norm_of(X.s)) + norm_of(X.t), halved = (REAL)0.5f;
+    Outline outline;
+    outline.D0 = rays.a * rr - DOT(X.v, X.v);
+    outline.Ds = rays.as * rr - 2 * DOT(X.v, X.s);
+    outline.Dt = rays.at * rr - 2 * DOT(X.v, X.t);
+    outline.ss = DOT(X.s, X.s) - rays.ass * rr;
+    outline.st = 2 * DOT(X.s, X.t) - rays.ast * rr;
+    outline.tt = DOT(X.t, X.t) - rays.att * rr;
+    outline.off = 2 * all * e + 3 * e * e + 4 * rounding * (rays.g * rays.g * rr + all * all);
+    const Real3 bend = {outline.ss, outline.st, outline.tt};
+    outline.D = narrowed_conic(outline.D0, outline.Ds, outline.Dt, bend, outline.off);
+    outline.a = narrowed(rays.a + halved * (rays.ass + rays.att), rays.as, rays.at,
+                         halved * (rays.ass + rays.att) + fabs(rays.ast) + rounding * rays.g * rays.g);
+    outline.b = narrowed(rays.b, rays.bs, rays.bt, e);
+    outline.X = narrowed_vector(X, e);
+    outline.G = narrowed_vector(rays.G, rounding * rays.g);
+    outline.c = HAS(WITH_PARALLEL_RAYS) ? side_of_starts(outline) : side_of_eye(outline, own, rays, r, unit);
     return outline;
 }
 
@@ -225,28 +228,17 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
     Area patch;
     patch.id = own.sphere.index;
     patch.side = outline.c < 0 ? (FLOAT)-1 : (FLOAT)1;
-    const Model root = scaled(root_with(outline.exact, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
+    const Model root = scaled(root_with(outline.D, &patch.limb), -patch.side), over = reciprocal_of(outline.a);
     Model t = times_model(plus_model(outline.b, root), over);
     t.r = outline.c != 0 ? t.r : (FLOAT)INFINITY;
     const Real3 origin = {0, 0, 0};
     put_points(&patch, cells, t, unit);
     put_anchor(&patch, origin, patch.P);
-    const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own_radius(own)));
+    const FLOAT over_r = patch.side * TO_FLOAT(1 / (unit * own.r));
     const Model3 q = times_vector(scaled(over, over_r),
                                   plus_vectors(cross_models(outline.X, outline.G), times_vector(root, outline.G)));
     patch.n = q;
-#ifdef WITH_TEXTURES
-    patch.q.x = scaled(q.x, patch.side);
-    patch.q.y = scaled(q.y, patch.side);
-    patch.q.z = scaled(q.z, patch.side);
-#ifdef WITH_ELLIPSOIDS
-    patch.stretched = own.stretched;
-#else
-    patch.stretched = 0;
-#endif
-#endif
-#ifdef WITH_ELLIPSOIDS
-    if (ANY(own.stretched)) {
+    if (HAS(WITH_ELLIPSOIDS) && ANY(own.stretched)) {
         const Real3 column[3] = {{own.x.x, own.y.x, own.z.x}, {own.x.y, own.y.y, own.z.y}, {own.x.z, own.y.z, own.z.z}};
         Model m[3];
         for (int k = 0; k < 3; k++) {
@@ -260,7 +252,6 @@ static Area patch_of_sphere(const Cells cells, const Quadric own, const Outline 
         patch.n.y = choose_model(own.stretched, n.y, q.y);
         patch.n.z = choose_model(own.stretched, n.z, q.z);
     }
-#endif
     patch.n = unit_or_any(patch.n);
     return patch;
 }

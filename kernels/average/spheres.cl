@@ -1,7 +1,7 @@
 /* spheres.cl: spheres over cells, as a camera with perspective sees them. quadrics.cl has the same of ellipsoids and of
  * parallel rays.
  */
-#if defined(WITH_AVERAGE) && !defined(WITH_QUADRICS)
+#if HAS(WITH_AVERAGE) && !WITH_QUADRICS
 typedef Sphere Quadric;
 
 static Quadric quadric_at(const Spheres spheres, const int index) {
@@ -16,7 +16,6 @@ static Quadric quadrics_of(const Spheres spheres, const INT index) {
  * Lengths are in the float buffers' unit. */
 typedef struct {
     Model b, D;
-    Conic exact; /* D */
     FLOAT c;
 } Outline;
 
@@ -27,11 +26,7 @@ typedef struct {
  *
  * C is rounded once, so no number here is off by more than 8 roundings of what its terms add up to, without their
  * signs. */
-#if REAL_BYTES == 8
-#define OUTLINE_ROUNDING 0x1p-49
-#else
-#define OUTLINE_ROUNDING 0x1p-20f
-#endif
+#define OUTLINE_ROUNDING (REAL_BYTES == 8 ? 0x1p-49f : 0x1p-20f)
 static __attribute__((always_inline)) Outline outline_of(const Cells cells, const Quadric sphere, const real unit) {
     const Real3 C = {unit * sphere.center.x, unit * sphere.center.y, unit * sphere.center.z};
     const REAL c = unit * unit * sphere.c, dx = cells.dx, dy = cells.dy, h = cells.h, k = cells.k, X = C.x * h,
@@ -42,8 +37,8 @@ static __attribute__((always_inline)) Outline outline_of(const Cells cells, cons
     const REAL off = 4 * (REAL)OUTLINE_ROUNDING * (all * all + (a + (h + k) * (1 + h + k)) * fabs(c));
     Outline outline;
     outline.b = narrowed(b, X, Y, (REAL)OUTLINE_ROUNDING * all);
-    outline.exact = conic_of(b * b - a * c, 2 * (b * X - c * dx * h), 2 * (b * Y - c * dy * k), ss, st, tt, off);
-    outline.D = model_of_conic(outline.exact);
+    const Real3 bend = {ss, st, tt};
+    outline.D = narrowed_conic(b * b - a * c, 2 * (b * X - c * dx * h), 2 * (b * Y - c * dy * k), bend, off);
     outline.c = TO_FLOAT(c);
     return outline;
 }
@@ -108,8 +103,8 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     patch.id = sphere.index;
     const MASK inside = outline.c <= 0;
     patch.side = inside ? (FLOAT)-1 : (FLOAT)1;
-    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1),
-                root = root_with(outline.exact, &patch.limb), sum = plus_model(b, root);
+    const Model b = scaled(outline.b, outline.b.v < 0 ? (FLOAT)-1 : (FLOAT)1), root = root_with(outline.D, &patch.limb),
+                sum = plus_model(b, root);
     const MASK far = inside & (outline.b.v >= 0);
     const Model over = reciprocal_of(choose_model(far, cells.a, sum));
     const Model t = times_model(choose_model(far, sum, constant_model(fabs(outline.c))), over);
@@ -128,12 +123,6 @@ static Area patch_of_sphere(const Cells cells, const Quadric sphere, const Outli
     const REAL_MASK small = power > r * r;
     const Real3 anchor = {small ? C.x : (REAL)0, small ? C.y : (REAL)0, small ? C.z : (REAL)0};
     put_anchor(&patch, anchor, choose_vector(TO_MASK(small), p, patch.P));
-#ifdef WITH_TEXTURES
-    patch.q.x = scaled(patch.n.x, patch.side);
-    patch.q.y = scaled(patch.n.y, patch.side);
-    patch.q.z = scaled(patch.n.z, patch.side);
-    patch.stretched = 0;
-#endif
     return patch;
 }
 #endif

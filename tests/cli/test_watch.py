@@ -36,7 +36,7 @@ def watching(folder: Path, *arguments: str) -> Iterator[Callable[[], str]]:
     line = [sys.executable, "-m", "cltrace", *arguments, "--watch"]
     with subprocess.Popen(line, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr
-        guard = threading.Timer(60, process.kill)
+        guard = threading.Timer(300, process.kill)
         guard.start()
 
         def said() -> str:

@@ -10,8 +10,9 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
+from fuzzing import examples
 from hostile import bounced_regimes
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import cltrace
@@ -316,7 +317,7 @@ def test_ties_go_to_the_lowest_index():
     st.tuples(*[st.integers(-3, 3)] * 3),
     st.tuples(*[st.integers(-3, 3)] * 3),
 )
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_ties_of_small_integers(spheres, origin, row):
     """With small integers everything coincides often; mpmath's t must agree, and be tied for the index given."""
     centers = np.array([s[:3] for s in spheres], float)
@@ -595,7 +596,7 @@ def test_lit_refuses():
 
 
 @given(st.integers(0, 2**32), st.booleans(), st.booleans())
-@settings(max_examples=75, deadline=None)
+@examples(75)
 def test_shadows_against_closest(seed, parallel, within):
     """A ray from the rounded hit point (at random, rounding does not matter) sees what lit() says."""
     rng = np.random.default_rng(seed)
@@ -762,7 +763,7 @@ def test_ties_of_rays_from_a_sphere():
 
 
 @given(st.integers(0, 2**32), st.booleans(), st.booleans())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_shadows_from_a_sphere(seed, parallel, small):
     """blocked() against mpmath, for lights and spheres at random, among small integers where much coincides."""
     rng = np.random.default_rng(seed)

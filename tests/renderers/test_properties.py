@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pyopencl as cl
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from fuzzing import examples
+from hypothesis import example, given
 from hypothesis import strategies as st
 from stress_cases import picture
 
@@ -29,7 +30,7 @@ from cltrace.reference.trace import closest_hit as reference_hit
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 
-PLAIN = settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
+PLAIN = examples(25)
 # float32's whole range, and 0, at all sizes alike.
 numbers = st.one_of(st.just(0.0), st.builds(math.copysign, st.floats(2.0**-149, 3.4e38), st.sampled_from([1.0, -1.0])))
 moderate = st.floats(-1e4, 1e4).map(lambda x: float(np.float32(x)))

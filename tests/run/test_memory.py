@@ -70,6 +70,19 @@ for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov
     assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()
 """
 
+MANY = """
+import os
+scene = Scene.from_spheres(camera, lamps(1), *balls(50))
+sizes = []
+for k in range(1001):
+    Renderer(scene, sys.argv[1]).render()
+    if k % 100 == 0:
+        sizes.append(status("VmRSS"))
+        handles = len(os.listdir("/proc/self/fd")) + len(os.listdir("/proc/self/task"))
+        first = first if k else handles
+print(sizes[-1] / sizes[1], handles - first)
+"""
+
 
 def measured(device: Device, script: str, *arguments: str) -> list[float]:
     """In one arena of glibc's: of more, it gives each thread another one some day, and what it keeps there may grow."""
@@ -95,6 +108,14 @@ def test_frames_leave_nothing_behind(device: Device) -> None:
     """Of other cameras and of other spheres. The last ones have the bits of new Renderers."""
     (growth,) = measured(device, FLAT, "1250")
     assert growth <= 1.01
+
+
+@pytest.mark.slow
+def test_renderers_leave_nothing_behind(device: Device) -> None:
+    """A thousand of them: no memory, no open files, no threads."""
+    growth, more = measured(device, MANY)
+    assert growth <= 1.01
+    assert more == 0
 
 
 @pytest.mark.parametrize("many", [2**15, 0])

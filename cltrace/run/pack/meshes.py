@@ -58,22 +58,20 @@ class MeshPacker:
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
-        """None if the device does not compute as numpy does.
+        """None where triangles are in a proof, and if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
+        served = (request.antialias is None or not len(world.of_shape(Meshes).number)) and is_exact(device)
         with driver_errors(device):
-            return cls(world, request, device, before) if is_exact(device) else None
+            return cls(world, request, device, before) if served else None
 
     def fits(self, world: World) -> bool:
         """Whether a world has the same triangles."""
         return world.of_shape(Meshes).triangles is self.triangles
 
     def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
-        """The view of a camera, and the buffers, by the names of abi.ARGUMENTS, that its arrays lack.
-
-        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
-        """
+        """See Packer."""
         made: dict[str, Any] = {}
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             lists = ListBuffers.of(self.tools, len(world.id), len(world.lights))

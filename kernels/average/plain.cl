@@ -1,4 +1,4 @@
-/* quick.cl: cells that show one surface, on which neither a shadow nor a light's cone ends. Their mean colour is nearly
+/* plain.cl: cells that show one surface, on which neither a shadow nor a light's cone ends. Their mean colour is nearly
  * that of the middle.
  *
  * Let e be the way from a cell's middle, as a part of that to its corners: |e| <= 1, and the mean of |e|^2 over the
@@ -11,12 +11,7 @@
  * sqrt(4/3) (|w'| / |w|)^2 at most: at the angle phi with the line, it is sin(phi) sqrt(4 - 3 sin(phi)^2) times that,
  * where w' is along the line.
  */
-#if defined(WITH_AVERAGE) && !defined(WITH_TRIANGLES) && !defined(WITH_QUADRICS)
-#define WITH_QUICK
-/* Those pixels of a work-item's packets of which more is to be known are looked at side by side. */
-#ifndef WITH_BOUNCES
-#define WITH_RUNS
-#endif
+#if HAS(WITH_AVERAGE) && !WITH_QUADRICS
 /* No less than sqrt(4/3). */
 #define ARC 1.1548f
 
@@ -77,10 +72,9 @@ static Middle middle_of_sphere(const Cells cells, const Sphere sphere, const FLO
     m.n2 = m.P2 / m.r;
     m.v1 = w;
     m.v2 = ARC * w * w;
-    const FLOAT s = TO_FLOAT(sum + root),
-                part = 10 * (FLOAT)(float)OUTLINE_ROUNDING * s / TO_FLOAT(root) * s / TO_FLOAT(all);
+    const FLOAT s = TO_FLOAT(sum + root), part = 10 * (FLOAT)OUTLINE_ROUNDING * s / TO_FLOAT(root) * s / TO_FLOAT(all);
     const FLOAT from_eye = TO_FLOAT(t) / over_d;
-    m.P_off = from_eye * part + 8 * (FLOAT)(float)OUTLINE_ROUNDING * (s + from_eye);
+    m.P_off = from_eye * part + 8 * (FLOAT)OUTLINE_ROUNDING * (s + from_eye);
     m.off = 0x1p-20f + m.P_off / m.r;
     const MASK known = low > 0;
     m.P1 = known ? m.P1 : (FLOAT)INFINITY;
@@ -108,7 +102,6 @@ static Gentle gentle_product(const Gentle f, const Gentle g) {
     return product;
 }
 
-#ifdef WITH_SPECULAR
 /* ks max(0, r.v)^exponent, where r is l mirrored at n: r' is 2 n' + l' at most, since (n'.l) n + (n.l) n' is no longer
  * than n', and r'' is 2 ((n.l)'' + 2 (n.l)' n' + n'') + l''. As r' is orthogonal to r, and v' to v, the slope of r.v is
  * (r' + v') |r - v| at most; |r - v| is chord, and no more than that changes by r' + v' over the cell.
@@ -116,8 +109,9 @@ static Gentle gentle_product(const Gentle f, const Gentle g) {
  * With top, the largest r.v over the cell, (x^e)'' is e (e - 1) x^(e - 2) x'^2 + e x^(e - 1) x'', no more than that at
  * top, for e >= 2. Powers are right to 2^-15 of themselves; chord is off by `off`. Returns the lanes in which that
  * holds. */
-static MASK shine_of(const Middle m, const Intersection at, const Float3 l, const FLOAT l1, const FLOAT l2,
-                     const Gentle cosine, const MASK here, Gentle *shine) {
+static MASK shine_of(const Middle m, const Intersection at, const Float3 l, const Gentle l_bends, const Gentle cosine,
+                     const MASK here, Gentle *shine) {
+    const FLOAT l1 = l_bends.slope, l2 = l_bends.bend;
     const FLOAT exponent = TO_FLOAT(at.exponent), ks = TO_FLOAT(at.ks), two = 2 * cosine.at;
     const MASK shines = here & (ks > 0);
     const Gentle none = {0, 0, 0, 0};
@@ -145,10 +139,6 @@ static MASK shine_of(const Middle m, const Intersection at, const Float3 l, cons
     shine->off = bright ? ks * (first * z_off + most * 0x1p-14f) : shine->off;
     return here & (!bright | (exponent >= 2));
 }
-#endif
-
-#ifdef WITH_LIGHTS
-#ifdef WITH_SPOT
 /* Leaves of `here` the lanes in which all of a cell is within a light's cone, and returns those in which its edge, or
  * where it begins to fall off, may be in the cell. strength: what leaves along its rays; an angle a from the axis has
  * the slope l', and l'' + l'^2 / tan(a) for a second derivative. */
@@ -169,134 +159,92 @@ static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLO
     strength->off = falls ? over * (off + 0x1p-20f) : (FLOAT)0;
     return crossed | kinked;
 }
-#endif
-
-#ifdef WITH_SHADOWS
-/* Whether something cuts off a light from all of a cell, and, as what is returned, whether it may from a part. */
-static MASK shade_of(const Scene scene, const int number, const int kind, const Middle m, const Float3 w,
-                     const FLOAT along, const FLOAT size, const MASK here, MASK *lit) {
-    const FLOAT radius = m.P1 * (1 + 16 * ROUNDING) + m.P_off;
+/* Whether something cuts off a light from all of a cell, and, as what is returned, whether it may from a part. w: the
+ * way to it. */
+static MASK shade_of(const Scene scene, const int number, const Middle m, const Float3 w, const MASK here, MASK *lit) {
+    const Light light = scene.light[number];
+    const int at_point = is_at_point(light, kind_of(light));
+    const FLOAT radius = m.P1 * (1 + 16 * ROUNDING) + m.P_off, size = sqrt(DOT(w, w));
+    const Float3 P = {TO_FLOAT(m.P.x), TO_FLOAT(m.P.y), TO_FLOAT(m.P.z)};
     const Model zero = constant_model(0);
     Area patch;
     patch.id = m.id;
     patch.side = m.side;
     patch.anchor = m.P;
     patch.p.x = patch.p.y = patch.p.z = zero;
-    patch.P.x = narrowed(m.P.x, 0, 0, 0);
-    patch.P.y = narrowed(m.P.y, 0, 0, 0);
-    patch.P.z = narrowed(m.P.z, 0, 0, 0);
-    patch.P.x.r += radius;
-    patch.P.y.r += radius;
-    patch.P.z.r += radius;
+    patch.P.x = narrowed(m.P.x, 0, 0, TO_REAL(radius));
+    patch.P.y = narrowed(m.P.y, 0, 0, TO_REAL(radius));
+    patch.P.z = narrowed(m.P.z, 0, 0, TO_REAL(radius));
     patch.radius = radius;
     patch.bare = 1;
-    const FLOAT loose = kind == 0 ? (FLOAT)0x1p-22f : radius + 0x1p-22f * size;
+    const FLOAT loose = at_point ? radius + 0x1p-22f * size : (FLOAT)0x1p-22f;
     const Model3 ways = {{w.x, 0, 0, loose, 0}, {w.y, 0, 0, loose, 0}, {w.z, 0, 0, loose, 0}};
-    const FLOAT depth = kind == 0 ? radius - along : (size + radius) * (size + radius),
+    const FLOAT depth = at_point ? (size + radius) * (size + radius) : radius - DOT(P, w),
                 far = depth + fabs(depth) * 0x1p-20f + 0x1p-60f;
-    const Way way = 0;
-    const Blocking blocking = blocking_of(scene, number, kind, &patch, ways, &way, far, here);
-    const MASK dark = here & (blocking.blocked.least >= 1);
+    const Shaft shaft = shaft_of(scene, number, &patch, ways, far);
+    const Blocking blocking = blocking_of(scene, &shaft, here);
+    const MASK dark = here & (blocking.blocked.least >= 1) & !blocking.odd;
     *lit = *lit & !dark;
-    return here & !dark & (blocking.blocked.most > 0);
+    return here & !dark & ((blocking.blocked.most > 0) | blocking.odd);
 }
-#endif
 
 /* What one light gives. here: the lanes that ask; returns those of them in which it is known. */
-static MASK gift_of(const Scene scene, const int number, const int kind, const Middle m, const Intersection at,
-                    const MASK here, Gift *gift) {
+static MASK gift_of(const Scene scene, const int number, const Middle m, const Intersection at, const MASK here,
+                    Gift *gift) {
     const Light light = scene.light[number];
+    const int kind = kind_of(light), at_point = is_at_point(light, kind);
     const Gentle none = {0, 0, 0, 0};
-    const real unit = kind == 0 ? (real)1 : scene.unit;
+    const real unit = at_point ? scene.unit : (real)1;
     const REAL zero = 0;
-    const Real3 from = {kind == 0 ? zero : m.P.x, kind == 0 ? zero : m.P.y, kind == 0 ? zero : m.P.z};
+    const Real3 from = {at_point ? m.P.x : zero, at_point ? m.P.y : zero, at_point ? m.P.z : zero};
     const Float3 w = {TO_FLOAT(unit * light.position.x - from.x), TO_FLOAT(unit * light.position.y - from.y),
                       TO_FLOAT(unit * light.position.z - from.z)};
     const FLOAT square = DOT(w, w), over = 1 / sqrt(square), size = square * over;
     const Float3 l = {over * w.x, over * w.y, over * w.z};
-    const FLOAT gap = size * (1 - 0x1p-20f) - m.P1, near = kind == 0 ? (FLOAT)0 : 1 / gap;
+    const FLOAT gap = size * (1 - 0x1p-20f) - m.P1, near = at_point ? 1 / gap : (FLOAT)0;
     const FLOAT l1 = m.P1 * near, l2 = m.P2 * near + ARC * l1 * l1, off = 0x1p-19f + m.P_off * near;
-    MASK known = here & (((FLOAT)kind == 0) | ((gap > 0) & (square > 0x1p-80f)));
+    MASK known = at_point ? here & (gap > 0) & (square > 0x1p-80f) : here;
     const FLOAT n_l = DOT(m.n, l);
     const Gentle cosine = {n_l, m.n1 + l1, m.n2 + 2 * m.n1 * l1 + l2, m.off + off + 0x1p-21f};
     const FLOAT margin = (cosine.slope + cosine.off) * (1 + 16 * ROUNDING);
     MASK on = known & (n_l > 0);
     known = known & (fabs(n_l) > margin);
-#ifdef WITH_BLACK
-    on = on & (!at.black);
-#endif
+    if (HAS(WITH_BLACK)) on = on & !at.black;
     Gentle strength = {1, 0, 0, 0};
-#ifdef WITH_SPOT
-    if (kind == 2 && ANY(on)) known = known & !cone_of(light, l, l1, l2, off, &on, &strength);
-#endif
+    if (HAS(WITH_SPOT) && kind == SPOT && ANY(on)) known = known & !cone_of(light, l, l1, l2, off, &on, &strength);
     on = on & known;
-#ifdef WITH_SHADOWS
-    const MASK unsure = on & may_be_stopped(scene, number, m.id);
+    const MASK unsure = HAS(WITH_SHADOWS) ? on & may_be_stopped(scene, number, m.id) : (MASK)0;
     if (ANY(unsure)) {
-        const Float3 P = {TO_FLOAT(m.P.x), TO_FLOAT(m.P.y), TO_FLOAT(m.P.z)};
-        known = known & !shade_of(scene, number, kind, m, w, DOT(P, w), size, unsure, &on);
+        known = known & !shade_of(scene, number, m, w, unsure, &on);
         on = on & known;
     }
-#endif
     gift->on = on;
     gift->amount = gift->shine = none;
     if (!ANY(on)) return known;
     gift->amount = gentle_product(cosine, strength);
-#ifdef WITH_SPECULAR
-    Gentle shine;
-    known = known & (!on | shine_of(m, at, l, l1, l2, cosine, on, &shine));
-    gift->shine = gentle_product(shine, strength);
-#endif
+    if (HAS(WITH_SPECULAR)) {
+        const Gentle l_bends = {0, l1, l2, 0};
+        Gentle shine;
+        known = known & (!on | shine_of(m, at, l, l_bends, cosine, on, &shine));
+        gift->shine = gentle_product(shine, strength);
+    }
     return known;
 }
-#endif
 
-/* Whether the colour of a surface has no texture, which changes suddenly. */
-static MASK is_plain(const Scene scene, const INT id) {
-#ifdef WITH_TEXTURES
-    int each[W], plain[W];
-    STORE_LANES(id, each);
-    for (int lane = 0; lane < W; lane++)
-        plain[lane] = each[lane] < 0 || scene.texture_of[scene.material_of[each[lane]]] < 0;
-    return LOAD_LANES(plain) != 0;
-#else
-    return ALL_LANES;
-#endif
-}
-
-/* Looks at those cells of which that may be enough. Returns the lanes in which it is. */
-static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells,
-                                                   const Sight *view, Means *means) {
-    const float levels = scene.average.w;
-    const MASK plain = kind_of_sight(*view).plain,
-               some = plain & (view->cover >= 0) & !beyond_proof(scene, view->cover) & is_plain(scene, view->cover);
-    const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
-    means->error = 0;
-    means->coverage = 0;
-    means->state = SURE;
-    for (int k = 0; k < 3; k++) means->color[k] = background[k] < 1 ? background[k] : 1;
-    MASK known = plain & (view->cover < 0);
-    if (!ANY(some)) return known;
-    Middle m = middle_of_sphere(*cells, spheres_of(scene.spheres, some ? view->cover : (INT)-1), view->of_cover.most,
-                                scene.unit);
-    /* Where white light from behind the eye is off by more, so may any other. */
-    const MASK asked = some & (m.n2 * 42.5f <= levels);
-    if (!ANY(asked)) return known;
-    m.id = asked ? m.id : (INT)-1;
+/* The ambient colour, and what all lights give. Returns the lanes in which these are known. */
+static MASK colors_of(const Scene scene, const Middle m, const MASK asked, Gentle *color) {
     const Intersection at = material_at(scene, m.id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
     MASK here = asked;
-    Gentle color[3];
     for (int k = 0; k < 3; k++) {
         const Gentle first = {ambient[k], 0, 0, 0x1p-20f};
         color[k] = first;
     }
-#ifdef WITH_LIGHTS
-    for (int number = 0; number < scene.lights; number++) {
+    for (int number = 0; HAS(WITH_LIGHTS) && number < scene.lights; number++) {
         Gift gift;
-        here = here & gift_of(scene, number, kind_of(scene.light[number]), m, at, here, &gift);
-        if (!ANY(here)) return known;
+        here = here & gift_of(scene, number, m, at, here, &gift);
+        if (!ANY(here)) return here;
         const float4 light = scene.light[number].color;
         const float each[3] = {light.x, light.y, light.z};
         for (int k = 0; k < 3; k++) {
@@ -306,7 +254,27 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
             color[k].off += gift.on ? (kd[k] * gift.amount.off + gift.shine.off) * each[k] : (FLOAT)0;
         }
     }
-#endif
+    return here;
+}
+
+/* Looks at those cells of which that may be enough. Returns the lanes in which it is. */
+static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells,
+                                                   const Sight *view, Means *means) {
+    const MASK plain = kind_of_sight(*view).plain, some = plain & (view->cover >= 0);
+    const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
+    means->error = means->coverage = 0;
+    means->beyond = 0;
+    for (int k = 0; k < 3; k++) means->color[k] = background[k] < 1 ? background[k] : 1;
+    const MASK none = plain & (view->cover < 0);
+    if (!ANY(some)) return none;
+    Middle m = middle_of_sphere(*cells, spheres_of(scene.spheres, some ? view->cover : (INT)-1), view->of_cover.most,
+                                scene.unit);
+    /* Where white light from behind the eye is off by more, so may any other. */
+    const MASK asked = some & (m.n2 * 42.5f <= scene.levels);
+    if (!ANY(asked)) return none;
+    m.id = asked ? m.id : (INT)-1;
+    Gentle color[3];
+    MASK here = colors_of(scene, m, asked, color);
     FLOAT error = 0;
     for (int k = 0; k < 3; k++) {
         const FLOAT off = color[k].bend * (1.0f / 6) + color[k].off + 0x1p-20f * color[k].at,
@@ -315,12 +283,17 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
         here = here & (over | (color[k].at + far < 1));
         const FLOAT worst = over ? (FLOAT)0 : off;
         error = worst > error ? worst : error;
-        PUT_WHERE(TO_SHADE_MASK(here), means->color[k], TO_SHADE(over ? (FLOAT)1 : color[k].at));
+        PUT_WHERE(here, means->color[k], over ? (FLOAT)1 : color[k].at);
     }
-    error = error * 255.0f * 1.0001f + 0x1p-12f;
-    here = here & (error <= levels);
+    error = levels_of(error);
+    here = here & (error <= scene.levels);
     PUT_WHERE(here, means->error, error);
     PUT_WHERE(here, means->coverage, (FLOAT)1);
-    return known | here;
+    return none | here;
+}
+#elif HAS(WITH_AVERAGE)
+/* Of ellipsoids and of parallel rays, all is looked at alike. */
+static MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells, const Sight *view, Means *means) {
+    return 0;
 }
 #endif
