@@ -59,7 +59,7 @@ SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
-    Mutation("scene.lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
+    Mutation("(INT)scene->lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
     Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
