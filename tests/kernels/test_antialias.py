@@ -298,9 +298,9 @@ def test_a_black_tube(any_device: Device) -> None:
     sides = [(i, (i + 1) % 32) for i in range(32)]
     faces = [(i, j, j + 32) for i, j in sides] + [(i, j + 32, i + 32) for i, j in sides]
     black = cltrace.Material((0, 0, 0), ka=0, kd=0, ks=0)
-    camera = cltrace.Orthographic((40, 40, 40), (0, 0, 0), (0, 0, 1), height=10, resolution=(60, 60))
+    camera = cltrace.Orthographic((40, 40, 40), (0, 0, 0), (0, 0, 1), height=4, resolution=(60, 60))
     tube = cltrace.Mesh(vertices, faces, material=black)
-    scene = cltrace.Scene(camera, [cltrace.ambient_light((1, 1, 1))], meshes=[tube], background=(1, 1, 1))
+    scene = meshed([tube]).in_front_of((1, 1, 1, 1)).seen_by(camera)
     image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias="proved")
     off = 255 * np.abs(image.color - truth(scene, any_device, 64, (0, 0, 60, 60))).max(axis=2)
     assert (image.coverage > 0).sum() > 50
@@ -400,10 +400,16 @@ def test_same_bits(device: Device, name: str) -> None:
 
 @pytest.mark.slow
 def test_levels(any_device: Device) -> None:
-    """A smaller error takes more cells, and no pixel has more than what was asked for."""
+    """A smaller error takes more cells, and no pixel has more than what was asked for, unless it has all its cells."""
     scene = HOSTILE["behind edges"]()
-    errors = [cltrace.render(scene, any_device, outputs=("error",), antialias=levels).error for levels in (8, 2, 0.5)]
-    assert [bool((e <= most).all()) for e, most in zip(errors, (8, 2, 0.5), strict=True)] == [True, True, True]
+    found = []
+    for levels in (8, 2, 0.5):
+        renderer = cltrace.Renderer(scene, any_device, outputs=("error",), antialias=levels)
+        error, work = renderer.render().error, renderer.work()
+        larger = work["pixels that would need more cells for the error that is wanted"]
+        assert (error > levels).sum() <= larger <= 3
+        found.append(error)
+    errors = [np.minimum(error, 8) for error in found]
     assert errors[0].sum() > errors[1].sum() > errors[2].sum()
 
 
