@@ -12,10 +12,14 @@ static Work no_work(void) {
     return work;
 }
 
-#define COUNT(kind, mask)                                                                     \
-    do {                                                                                      \
-        if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (mask) ? (INT)1 : (INT)0; \
+/* Adds to what each lane has counted. */
+#define COUNT_EACH(kind, counts)                                              \
+    do {                                                                      \
+        if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (counts); \
     } while (0)
+
+/* Counts the lanes of a mask. */
+#define COUNT(kind, mask) COUNT_EACH(kind, (mask) ? (INT)1 : (INT)0)
 
 /* A sum of such numbers says what all rays of a sample have met, in whatever order: surfaces at each depth, and lights
  * that reach these; and, as another sum, between which texels. Equal numbers of two different sums are a matter of

@@ -309,7 +309,7 @@ static Means proofs_of(const Proofs *proofs, const int first, Work *work) {
     means.coverage = LOAD_LANES(proofs->coverage + first);
     means.error = LOAD_LANES(proofs->error + first);
     means.beyond = LOAD_LANES(proofs->beyond + first) != 0;
-    if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? CELLS : 0] += LOAD_LANES(proofs->cells + first);
+    COUNT_EACH(CELLS, LOAD_LANES(proofs->cells + first));
     return means;
 }
 
