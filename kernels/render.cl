@@ -24,24 +24,24 @@ static int number_of(const Packet packet) {
     return packet.first.y / PACKET_HEIGHT * columns + packet.first.x / PACKET_WIDTH;
 }
 
-static int is_given_up(const Packet packet, const Outputs out) {
-    return number_of(packet) > *out.overgrown / W;
+static int is_given_up(const Scene scene, const Packet packet) {
+    return number_of(packet) > *scene.last / W;
 }
 
 /* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
-static void note_overgrown(const Packet packet, const Pixels pixels, const Outputs out) {
+static void note_overgrown(const Scene scene, const Packet packet, const Pixels pixels) {
     if (!RARELY(ANY(pixels.overgrown))) return;
     int each[W], lane = 0;
     STORE_LANES(pixels.overgrown, each);
     while (!each[lane]) lane++;
-    atomic_min(out.overgrown, number_of(packet) * W + lane);
+    atomic_min(scene.last, number_of(packet) * W + lane);
 }
 #else
 static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
     return (column < region.x + region.z) & (row < region.y + region.w);
 }
-#define is_given_up(packet, out) 0
-#define note_overgrown(packet, pixels, out)
+#define is_given_up(scene, packet) is_over(scene)
+#define note_overgrown(scene, packet, pixels)
 #endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
@@ -78,7 +78,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     const INT column = first.x + LANE_COLUMN, row = first.y + LANE_ROW;
     const MASK within = wanted_of(region, column, row, out);
     const Packet packet = {size, first, column, row, first / TILE, within};
-    if (is_given_up(packet, out)) return;
+    if (is_given_up(scene, packet)) return;
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = within;
     Work *work = &known->work;
@@ -93,7 +93,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
         COUNT(BACKGROUND, ALL_LANES);
     }
     write(frame, scene, packet, pixels, work, out, place.y * out.pitch + place.x);
-    note_overgrown(packet, pixels, out);
+    note_overgrown(scene, packet, pixels);
 }
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:

@@ -464,9 +464,11 @@ static void split_pixels(const Frame frame, const Scene scene, const int2 size, 
         if (again[lane]) split[count++] = (ushort)(lane << 12);
     for (int level = 1; count > 0; level++) {
         place_parts(split, count, cells);
-        for (int first = 0; first < 4 * count; first += MOST_SEEN)
+        for (int first = 0; first < 4 * count; first += MOST_SEEN) {
+            if (is_over(scene)) return;
             look_at_parts(frame, scene, size, level, columns, rows, cells + first, min(4 * count - first, MOST_SEEN),
                           beyond, late, work);
+        }
         int next = 0;
         for (int first = 0, end = 0; first < 4 * count; first = end) {
             const int pixel = cells[first].place >> 12;

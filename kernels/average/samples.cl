@@ -61,7 +61,7 @@ static void add_sample(Samples *samples, const int x, const int y) {
 
 static __attribute__((noinline)) void trace_samples(const Frame frame, const Scene scene, const int2 size,
                                                     const int2 tile, Samples *samples, Work *work) {
-    for (int first = 0; first < samples->count; first += W) {
+    for (int first = 0; first < samples->count && !is_over(scene); first += W) {
         int x[W], y[W];
         for (int lane = 0; lane < W; lane++) {
             const int i = min(first + lane, samples->count - 1);

@@ -191,7 +191,7 @@ static void add_samples(const Frame frame, const Scene scene, const Packet packe
         if (each[lane]) which[count++] = lane;
     }
     const int end = count << scene.lattice.x;
-    for (int first = 0; first < end; first += W) {
+    for (int first = 0; first < end && !is_over(scene); first += W) {
         int found[FINDINGS][W];
         const Ray ray = sample_rays(frame, scene, packet, which, first, end);
         const Found rays = find(&frame, &scene, &ray, packet.tile, work);

@@ -63,6 +63,7 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, con
                                                           const INT B) {
     const INT a = ids_of(scene, A), b = ids_of(scene, B);
     REAL_MASK first = TO_REAL_MASK((a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B))));
+    if (is_over(scene)) return first;
 #if REAL_BYTES == 8
     const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;

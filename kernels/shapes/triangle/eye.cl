@@ -149,6 +149,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
         if (!RARELY(ANY(open))) return ANY(nearer);
     }
     COUNT(DECIDED, open);
+    if (is_over(scene)) return 0;
     const Scene all = scene;
     const Real3 d = OWN(ray), w = ray.w;
     const Rival rival = {hit->t, hit->id, hit->sure};

@@ -165,6 +165,7 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     }
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
+    if (is_over(scene)) return stops;
     /* Copied here, lest compilers keep it in memory all the time. */
     const Spheres spheres = scene.spheres;
     const Start copy = start;
