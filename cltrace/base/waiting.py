@@ -5,8 +5,8 @@ Python runs the handlers of signals in the main thread, and only when the librar
 
 from __future__ import annotations
 
-import functools
 import logging
+import math
 import os
 import signal
 import socket
@@ -14,7 +14,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from functools import cache, partial
 from typing import TypeVar
 
 # Those that a user, a terminal or a batch system sends to end what is going on. Others may come again and again, from a
@@ -35,8 +37,8 @@ def in_main_thread() -> bool:
 def aside(work: Callable[[], T]) -> T:
     """What `work` returns or raises, done by another thread where this is the main one, which hears signals meanwhile.
 
-    After a signal the other thread goes on, for nobody. Python's end waits for it, as a driver that is taken apart while
-    it compiles ends the process with a fault; the command leaves without that.
+    After a signal the other thread goes on, for nobody. Python's end waits for it, as a driver that is taken apart
+    while it compiles could end the process with a fault; the command leaves without that.
     """
     if not in_main_thread():
         return work()
@@ -52,77 +54,96 @@ def aside(work: Callable[[], T]) -> T:
     return done.result()
 
 
-class _Listener:
-    """A thread that hears signals while the main thread is in a library, and sees how long it has been there.
+@dataclass(eq=False)
+class _Wait:
+    """A thread's work with a library. slow: what to say where it takes long; since: when it was called last."""
 
-    since: when that began, by time.monotonic(), None while it is not.
+    slow: Callable[[], str]
+    since: float = math.inf
+
+
+class _Listener:
+    """A thread that hears signals while the main thread is in a library, and sees how long any thread has been there.
+
+    waits: of those that may be in one.
     """
 
     def __init__(self) -> None:
-        self.since: float | None = None
+        self.waits = set[_Wait]()
         self._stop: Callable[[], object] | None = None
-        self._slow: Callable[[], str] | None = None
         self._ear, self._mouth = socket.socketpair()
         self._mouth.setblocking(False)
         self._before, self._asleep, self._told = -1, False, set[str]()
         threading.Thread(target=self._listen, daemon=True).start()
 
     @contextmanager
-    def listening(self, stop: Callable[[], object], slow: Callable[[], str]) -> Iterator[None]:
-        """See interruptible()."""
+    def hearing(self, stop: Callable[[], object]) -> Iterator[None]:
+        """In the main thread: `stop` is called where a signal comes."""
         try:
             before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
             self._before = self._before if before == self._mouth.fileno() else before
-            self._stop, self._slow = stop, slow
+            self._stop = stop
             yield
         finally:
-            self._stop = self._slow = self.since = None
+            self._stop = None
             signal.set_wakeup_fd(self._before)
 
-    def begin(self) -> None:
-        """Now the main thread calls a library."""
-        self.since = time.monotonic()
+    def begin(self, wait: _Wait) -> None:
+        """Now a library is called."""
+        wait.since = time.monotonic()
         if self._asleep:
             self._mouth.send(b"\0")
 
     def _listen(self) -> None:
         while True:
-            self._asleep = True  # before it is asked whether there is anything to do, so that begin() sees one or other
-            self._asleep = self.since is None
+            self._asleep = True  # before it is asked whether anything waits, so that begin() sees one or the other
+            self._asleep = not self.waits
             self._ear.settimeout(None if self._asleep else SLOW / 2)
             numbers = b""
             with suppress(TimeoutError):
-                numbers = self._ear.recv(256)
-            if self._before >= 0 and numbers.strip(b"\0"):  # whoever listened before hears them, too
+                numbers = self._ear.recv(256).strip(b"\0")
+            if self._before >= 0 and numbers:  # whoever listened before hears them, too
                 with suppress(OSError):
-                    os.write(self._before, numbers.strip(b"\0"))
-            stop, slow, since = self._stop, self._slow, self.since
-            if stop and ENDING.intersection(numbers):
+                    os.write(self._before, numbers)
+            if (stop := self._stop) and ENDING.intersection(numbers):
                 stop()
-            if slow and since is not None and time.monotonic() >= since + SLOW:
-                self._say(slow())
-
-    def _say(self, words: str) -> None:
-        if words not in self._told:
-            self._told.add(words)
-            log.warning(words)
+            for wait in self.waits.copy():
+                if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
+                    self._told.add(words)
+                    log.warning(words)
 
 
-@functools.cache
+@cache
 def _listener() -> _Listener:
     return _Listener()
 
 
 @contextmanager
-def interruptible(stop: Callable[[], object], slow: Callable[[], str]) -> Iterator[Callable[[], object]]:
+def interruptible(stop: Callable[[], object], slow: Callable[[], str]) -> Iterator[Callable[[], None]]:
     """While it lasts, a signal that ends programs has another thread call `stop`, so that a library comes back.
 
     It gives what to call before a library is called; `slow` is what is said, once, if that then takes more than a
-    second. In other threads than the main one, which hear no signals, nothing happens.
+    second. Signals are heard in the main thread alone.
     """
-    if not in_main_thread():
-        yield lambda: None
-        return
-    listener = _listener()
-    with listener.listening(stop, slow):
-        yield listener.begin
+    listener, wait = _listener(), _Wait(slow)
+    listener.waits.add(wait)
+    try:
+        with listener.hearing(stop) if in_main_thread() else nullcontext():
+            yield partial(listener.begin, wait)
+    finally:
+        listener.waits.discard(wait)
+
+
+class Announcement:
+    """Logs `text`, as information or at another level, if the `with` block takes longer than `after` seconds."""
+
+    def __init__(self, text: str, after: float = 0.5, level: int = logging.INFO) -> None:
+        self.timer, self.level = threading.Timer(after, log.log, [level, text]), level
+        self.timer.daemon = True
+
+    def __enter__(self) -> None:
+        if log.isEnabledFor(self.level):
+            self.timer.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.timer.cancel()

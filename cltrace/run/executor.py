@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError
-from cltrace.base.waiting import interruptible
+from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import argument
-from cltrace.run.program import Announcement, context_of, program
+from cltrace.run.program import context_of, program
 from cltrace.run.rows import Rows
 from cltrace.run.unstoppable import Unstoppable
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib import resources
@@ -98,9 +96,6 @@ SOURCES = (
 UNSTOPPABLE = ("packet.cl", "abi", "find/cells.cl", "find/unstoppable.cl")
 
 
-log = logging.getLogger("cltrace")
-
-
 @cache
 def context_of(device: cl.Device) -> Any:
     """The one context of a device, so that all pictures of a process share its programs."""
@@ -172,18 +167,3 @@ def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         made = cl.Program(context_of(device), source(files))
         return Program(aside(lambda: made.build(options=[*options, "-cl-std=CL1.2"], devices=[device])))
-
-
-class Announcement:
-    """Logs `text`, as information or at another level, if the `with` block takes longer than `after` seconds."""
-
-    def __init__(self, text: str, after: float = 0.5, level: int = logging.INFO) -> None:
-        self.timer, self.level = threading.Timer(after, log.log, [level, text]), level
-        self.timer.daemon = True
-
-    def __enter__(self) -> None:
-        if log.isEnabledFor(self.level):
-            self.timer.start()
-
-    def __exit__(self, *_: object) -> None:
-        self.timer.cancel()
