@@ -92,7 +92,9 @@ class _Listener:
         """Now a library is called."""
         wait.since = time.monotonic()
         if self._asleep:
-            self._mouth.send(b"\0")
+            self._asleep = False
+            with suppress(BlockingIOError):  # it has not read what there is, and so is not asleep
+                self._mouth.send(b"\0")
 
     def _listen(self) -> None:
         while True:
