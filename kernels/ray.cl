@@ -47,9 +47,7 @@ typedef struct {
     /* Of parallel rays only: */
     Real3 o;
     REAL reach; /* |o.x| + |o.y| */
-    /* For some shapes: */
-    Leaving leaving; /* WITH_ELLIPSOIDS, the same, as a ray that leaves a point */
-    Real3 w;         /* WITH_SHAPES, the direction in the world; of an orthographic camera, the way from the eye to o */
+    Real3 w;    /* WITH_SHAPES, the direction in the world; of an orthographic camera, the way from the eye to o */
 } Ray;
 
 /* What tells a ray from the others of its camera, in camera space: with w, all that is passed on of it. */
@@ -75,8 +73,7 @@ static Real3 point_at(const Ray ray, const REAL t) {
 }
 
 /* A ray of the camera with all that ellipsoids and triangles need of it. */
-static inline __attribute__((always_inline)) Ray for_shapes(const Frame frame, const Scene scene, Ray ray) {
+static Ray for_shapes(const Frame frame, Ray ray) {
     if (HAS(WITH_SHAPES)) ray.w = turned_to_world(frame, OWN(ray));
-    if (HAS(WITH_ELLIPSOIDS)) ray.leaving = from_eye(scene.spheres, OWN(ray), ray.w);
     return ray;
 }

@@ -45,7 +45,7 @@ static MASK wanted_of(const int4 region, const INT column, const INT row, const 
 #endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
-    const Ray ray = for_shapes(frame, scene, primary_ray(frame, packet.size, packet.column, packet.row));
+    const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
     return trace(frame, scene, ray, packet.tile, pixels, work);
 }
 
@@ -98,9 +98,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
- * there are BLOCK rows of them, rendered column by column: what a packet has brought into the cache is still there for
- * those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
-#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK : 1)
+ * there are BLOCK_ROWS rows of them, rendered column by column: what a packet has brought into the cache is still there
+ * for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
+#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK_ROWS : 1)
 
 /* Renders what a work-item does, from a place of the region on. */
 #ifdef WITH_RUNS

@@ -2,15 +2,15 @@
 
     python scenes/tutorial.py scenes/step3-shadows.xml picture.png
 
-It is slow, and takes no more care of rounding than the tutorial does. tests/students/test_tutorial.py compares its
-pictures with those of cltrace. Start with trace(), near the end: what stands above it is what it needs.
+It is slow, and takes no more care of rounding than the tutorial does. Start with trace(), near the end: what stands
+above it is what it needs. tests/students/test_tutorial.py compares its pictures with those of cltrace.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 from PIL import Image
 
@@ -19,24 +19,23 @@ from cltrace.scene import AMBIENT, PARALLEL, SPOT
 
 Color = tuple[float, ...]  # red, green and blue, linear, 1 = full
 
-# In scene units: a ray meets nothing that is so near to its start, or no further away than this from something that
-# stands before it in the file. So no surface shadows itself, and of two in one place the first one is seen.
+# In scene units: a ray meets nothing so near to its start, nor what is nearer by less than this than what stands before
+# it in the file. So no surface shadows itself, and of two in one place the first one is seen.
 EPSILON = 1e-7
 
 
-@dataclass(frozen=True)
-class Direction:
+class Direction(NamedTuple):
     """A vector: it has a length and can be added. Where it begins does not matter."""
 
     x: float
     y: float
     z: float
 
-    def __add__(self, other: Direction) -> Direction:
-        return Direction(self.x + other.x, self.y + other.y, self.z + other.z)
+    def __add__(self, way: Direction) -> Self:
+        return type(self)(self.x + way.x, self.y + way.y, self.z + way.z)
 
-    def __sub__(self, other: Direction) -> Direction:
-        return self + -other
+    def __sub__(self, other: Self) -> Direction:
+        return Direction(self.x - other.x, self.y - other.y, self.z - other.z)
 
     def __mul__(self, k: float) -> Direction:
         return Direction(self.x * k, self.y * k, self.z * k)
@@ -56,29 +55,16 @@ class Direction:
     def normalized(self) -> Direction:
         return self * (1 / self.length())
 
+    def mapped(self, rows: list[list[float]]) -> Direction:
+        """What the matrix of these rows makes of it."""
+        return Direction(*(row[0] * self.x + row[1] * self.y + row[2] * self.z for row in rows))
 
-@dataclass(frozen=True)
-class Point:
+
+class Point(Direction):
     """A place in the world. The difference of two places is a direction; a place plus a direction is a place."""
 
-    x: float
-    y: float
-    z: float
 
-    def __add__(self, way: Direction) -> Point:
-        return Point(self.x + way.x, self.y + way.y, self.z + way.z)
-
-    def __sub__(self, other: Point) -> Direction:
-        return Direction(self.x - other.x, self.y - other.y, self.z - other.z)
-
-
-def mapped(rows: list[list[float]], v: Direction) -> Direction:
-    """What the matrix of these rows makes of a direction."""
-    return Direction(*(row[0] * v.x + row[1] * v.y + row[2] * v.z for row in rows))
-
-
-@dataclass
-class Ray:
+class Ray(NamedTuple):
     """The points origin + t direction with t_min < t < t_max. The direction is a unit vector, so t is a distance."""
 
     origin: Point
@@ -95,8 +81,7 @@ class Material:
         self.solid = record["color"].tolist()
         self.texture = scene.textures[record["texture"]] if record["texture"] >= 0 else None
         self.ka, self.kd, self.ks, self.exponent = (float(record[name]) for name in ("ka", "kd", "ks", "exponent"))
-        self.reflectance, self.transmittance = float(record["reflectance"]), float(record["transmittance"])
-        self.index = float(record["index"])  # of refraction, inside the surface
+        self.reflectance, self.transmittance, self.index = record[["reflectance", "transmittance", "index"]].tolist()
 
     def color(self, u: float, v: float) -> Color:
         """The colour at (u, v). A texture repeats, begins at the top left, and is mixed of the four texels around."""
@@ -114,16 +99,14 @@ class Material:
         return tuple(color)
 
 
-@dataclass
-class Intersection:
+class Intersection(NamedTuple):
     """What a ray meets. Surfaces are what has intersect(ray), which gives one of these, or None."""
 
     point: Point
     t: float  # the distance
     normal: Direction  # a unit vector that faces the ray
     material: Material
-    u: float  # where on the texture
-    v: float
+    uv: tuple[float, float]  # where on the texture
     inside: bool  # whether the ray came from inside of the surface
 
 
@@ -139,7 +122,7 @@ class Sphere:
 
     def intersect(self, ray: Ray) -> Intersection | None:
         """Solves (o + t d - C)^2 = R^2 for t, in the space where the sphere is round."""
-        o, d = mapped(self.K, ray.origin - self.center), mapped(self.K, ray.direction)
+        o, d = (ray.origin - self.center).mapped(self.K), ray.direction.mapped(self.K)
         a, b, c = d.dot(d), d.dot(o), o.dot(o) - self.radius**2
         disc = b * b - a * c
         if disc < 0:
@@ -149,11 +132,10 @@ class Sphere:
                 n = (o + d * t).normalized()  # in the sphere's own axes, around which a texture is wound
                 u = 0.5 + math.atan2(n.x, n.z) / (2 * math.pi)
                 v = math.acos(max(-1.0, min(1.0, n.y))) / math.pi
-                outward = mapped(list(zip(*self.K, strict=True)), n).normalized()  # by the transpose of K
+                outward = n.mapped(list(zip(*self.K, strict=True))).normalized()  # by the transpose of K
                 inside = outward.dot(ray.direction) > 0
-                return Intersection(
-                    ray.origin + ray.direction * t, t, -outward if inside else outward, self.material, u, v, inside
-                )
+                point = ray.origin + ray.direction * t
+                return Intersection(point, t, -outward if inside else outward, self.material, (u, v), inside)
         return None
 
 
@@ -185,12 +167,11 @@ class Triangle:
         n = self.flat
         if self.normals:
             A, B, C = self.normals
-            n = mapped(self.to_world, A * x + B * y + C * z)
+            n = (A * x + B * y + C * z).mapped(self.to_world)
         n = (n if n.dot(ray.direction) < 0 else -n).normalized()
         u, v = (x * A + y * B + z * C for A, B, C in zip(*self.uv, strict=True))
-        return Intersection(
-            ray.origin + ray.direction * t, t, n, self.material, u, v, self.outward.dot(ray.direction) > 0
-        )
+        point = ray.origin + ray.direction * t
+        return Intersection(point, t, n, self.material, (u, v), self.outward.dot(ray.direction) > 0)
 
 
 class Mesh:
@@ -203,9 +184,8 @@ class Mesh:
         self.radius = max((Point(*corner) - self.middle).length() for corner in mesh.vertices.tolist()) + EPSILON
 
     def intersect(self, ray: Ray) -> Intersection | None:
-        if (self.middle - ray.origin).cross(ray.direction).length() > self.radius:
-            return None
-        return closest_hit(self.triangles, ray)
+        misses = (self.middle - ray.origin).cross(ray.direction).length() > self.radius
+        return None if misses else closest_hit(self.triangles, ray)
 
 
 class Light:
@@ -216,20 +196,17 @@ class Light:
         self.position, self.axis = Point(*record["position"].tolist()), Direction(*record["direction"].tolist())
         self.alpha1, self.alpha2 = math.radians(record["alpha1"]), math.radians(record["alpha2"])
 
-    def way_from(self, point: Point) -> tuple[Direction, float]:
-        """The unit direction from the point to the light, and how far away the light is."""
+    def seen_from(self, point: Point) -> tuple[Direction, float, float]:
+        """The unit direction to the light, how far away it is, and how strong: 1, but of a spot less from alpha1 on."""
         if self.kind == PARALLEL:
-            return -self.axis.normalized(), math.inf
-        way = self.position - point
-        return way.normalized(), way.length()
-
-    def strength(self, to_light: Direction) -> float:
-        """How much of the light leaves in that direction: of a spot all within alpha1, and none beyond alpha2."""
+            return -self.axis.normalized(), math.inf, 1.0
+        to_light, distance = (self.position - point).normalized(), (self.position - point).length()
         if self.kind != SPOT:
-            return 1.0
+            return to_light, distance, 1.0
         angle = math.acos(max(-1.0, min(1.0, -to_light.dot(self.axis.normalized()))))
         fading = self.alpha2 - self.alpha1
-        return max(0.0, min(1.0, (self.alpha2 - angle) / fading)) if fading else float(angle <= self.alpha2)
+        F = max(0.0, min(1.0, (self.alpha2 - angle) / fading)) if fading else float(angle <= self.alpha2)
+        return to_light, distance, F
 
 
 class World:
@@ -263,41 +240,24 @@ def closest_hit(surfaces: list, ray: Ray) -> Intersection | None:
     """The nearest of all intersections; of equally near ones, that with the first surface."""
     nearest = None
     for surface in surfaces:
-        at = surface.intersect(ray)
-        if at is not None:
+        if at := surface.intersect(ray):
             nearest, ray = at, Ray(ray.origin, ray.direction, ray.t_min, at.t - EPSILON)
     return nearest
 
 
-def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
-    """Whether anything stands between the point and the light. What is behind the light does not."""
-    to_light, distance = light.way_from(at.point)
-    return closest_hit(world.surfaces, Ray(at.point, to_light, t_max=distance)) is not None
-
-
-def illuminate(world: World, ray: Ray, at: Intersection, color: Color, light: Light) -> Color:
-    """What one light adds by Phong's formula: kd C L (n.l) + ks L (r.v)^exponent, if it reaches the point."""
-    n, m = at.normal, at.material
-    to_light, _ = light.way_from(at.point)
-    n_l, strength = n.dot(to_light), light.strength(to_light)
-    if n_l <= 0 or strength == 0 or cast_shadow_ray(world, at, light):
-        return (0.0, 0.0, 0.0)
-    r, v = n * (2 * n_l) - to_light, -ray.direction
-    highlight = m.ks * max(0.0, r.dot(v)) ** m.exponent
-    return tuple(strength * (m.kd * C * n_l + highlight) * L for C, L in zip(color, light.color, strict=True))
-
-
-def shade(world: World, ray: Ray, at: Intersection) -> Color:
-    """The light that comes straight from the lights: ka C La of the ambient light, and Phong's formula for others."""
-    color = at.material.color(at.u, at.v)
-    parts = [tuple(at.material.ka * C * La for C, La in zip(color, world.ambient, strict=True))]
-    parts += [illuminate(world, ray, at, color, light) for light in world.lights]
+def illuminate(world: World, ray: Ray, at: Intersection) -> Color:
+    """Phong's formula: ka C La, and of each light that reaches the point kd C L (n.l) + ks L (r.v)^exponent."""
+    n, m, color = at.normal, at.material, at.material.color(*at.uv)
+    parts = [tuple(m.ka * C * La for C, La in zip(color, world.ambient, strict=True))]
+    for light in world.lights:
+        to_light, distance, F = light.seen_from(at.point)
+        n_l, shadow_ray = n.dot(to_light), Ray(at.point, to_light, t_max=distance)
+        if n_l <= 0 or F == 0 or closest_hit(world.surfaces, shadow_ray) is not None:
+            continue
+        r, v = n * (2 * n_l) - to_light, -ray.direction
+        highlight = m.ks * max(0.0, r.dot(v)) ** m.exponent
+        parts.append(tuple(F * (m.kd * C * n_l + highlight) * L for C, L in zip(color, light.color, strict=True)))
     return tuple(map(sum, zip(*parts, strict=True)))
-
-
-def mirrored(d: Direction, n: Direction) -> Direction:
-    """The angle out is the angle in. n: the normal that faces the ray."""
-    return d - n * (2 * n.dot(d))
 
 
 def refracted(d: Direction, n: Direction, eta: float) -> Direction | None:
@@ -312,17 +272,17 @@ def trace(world: World, ray: Ray, depth: int = 0) -> Color:
     at = closest_hit(world.surfaces, ray)
     if at is None:
         return world.background
-    m, parts = at.material, [(1.0, shade(world, ray, at))]
+    m, parts = at.material, [(1.0, illuminate(world, ray, at))]
     if depth <= world.camera.max_bounces:
-        through = (
-            refracted(ray.direction, at.normal, m.index if at.inside else 1 / m.index) if m.transmittance else None
-        )
+        eta = m.index if at.inside else 1 / m.index
+        through = refracted(ray.direction, at.normal, eta) if m.transmittance else None
         mirror = m.reflectance if through else m.reflectance + m.transmittance  # total reflection
         parts = [(max(0.0, 1 - m.reflectance - m.transmittance), parts[0][1])]
         if through:
             parts.append((m.transmittance, trace(world, Ray(at.point, through), depth + 1)))
         if mirror > 0:
-            parts.append((mirror, trace(world, Ray(at.point, mirrored(ray.direction, at.normal)), depth + 1)))
+            mirrored = ray.direction - at.normal * (2 * at.normal.dot(ray.direction))  # the angle out is the angle in
+            parts.append((mirror, trace(world, Ray(at.point, mirrored), depth + 1)))
     return tuple(sum(share * color[k] for share, color in parts) for k in range(3))
 
 

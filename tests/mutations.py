@@ -211,7 +211,9 @@ MUTATIONS = [
     Mutation("side.scale + 1 / 64", "side.scale", "no 64th of a cell", LISTS),
     Mutation("side.scale - 1 / 64", "side.scale", "no 64th of a cell", LISTS),
     Mutation("side.scale + 1 / 64", "side.scale + 1 / 3", "too many cells", LISTS),
-    Mutation("middle - off, middle + off", "middle - off, middle + off + 1.5", "too many tiles", LISTS),
+    Mutation(
+        "begin=middle - off, end=middle + off", "begin=middle - off, end=middle + off + 1.5", "too many tiles", LISTS
+    ),
     Mutation("loose = slack * (1 + np.abs(begin) + np.abs(end))", "loose = 0 * begin", "edges of discs", LISTS),
     Mutation("(np.abs(low) + np.abs(high)) * real(ends.slack)", "0 * low", "edges in the picture", LISTS),
     Mutation("bound = c - wide - 2.0**-100", "bound = c", "the filters' bound", LISTS),

@@ -22,9 +22,9 @@ Texts = tuple[tuple[str, str], ...]
 _SHARES = "parts = [(max(0.0, 1 - m.reflectance - m.transmittance), parts[0][1])]"
 _MIRROR = "mirror = m.reflectance if through else m.reflectance + m.transmittance  # total reflection"
 _EYE = "(x * x_i + y * y_i - z)"
-_LIT = "if n_l <= 0 or strength == 0 or cast_shadow_ray(world, at, light):"
 _ROOTS = "for t in ((-b - math.sqrt(disc)) / a, (-b + math.sqrt(disc)) / a):"
-_SHADOW = "closest_hit(world.surfaces, Ray(at.point, to_light, t_max=distance)) is not None"
+_SHADOW = "closest_hit(world.surfaces, shadow_ray) is not None"
+_MIRRORED = "ray.direction - at.normal * (2 * at.normal.dot(ray.direction))"
 _INVERSE = ("mesh.normal_to_world.tolist()", "__import__('numpy').linalg.inv(mesh.to_world[:, :3]).T.tolist()")
 _TURNED = "n = (n if n.dot(ray.direction) < 0 else -n).normalized()"
 
@@ -50,36 +50,36 @@ TUTORIAL: dict[str, Texts] = {
     "no-shadows": ((_SHADOW, "False"),),
     "glass-without-shadow": (
         (_SHADOW, "closest_hit([s for s in world.surfaces if getattr(s, 'material', 0) == 0 or s.material.transmittance == 0], "
-                  "Ray(at.point, to_light, t_max=distance)) is not None"),
+                  "shadow_ray) is not None"),
     ),
     "shadow-beyond-light": (("Ray(at.point, to_light, t_max=distance)", "Ray(at.point, to_light)"),),
     "large-epsilon": (("EPSILON = 1e-7", "EPSILON = 0.2"), ("at.t - EPSILON", "at.t")),
     "acne": (("Ray(at.point, to_light, t_max=distance)", "Ray(at.point, to_light, t_min=0, t_max=distance)"),),
     "light-reversed": (("return -self.axis.normalized(), math.inf", "return self.axis.normalized(), math.inf"),),
-    "light-not-normalized": (("return way.normalized(), way.length()", "return way, 1.0"),),
-    "attenuation": (("highlight) * L for C", "highlight) * L / (light.way_from(at.point)[1] ** 2 if light.kind != PARALLEL else 1) for C"),),
+    "light-not-normalized": (("to_light, distance = (self.position - point).normalized(), (self.position - point).length()",
+                              "to_light, distance = self.position - point, 1.0"),),
+    "attenuation": (("highlight) * L for C", "highlight) * L / (distance ** 2 if light.kind != PARALLEL else 1) for C"),),
     "no-spot-cone": (("if self.kind != SPOT:", "if True:"),),
     "spot-edge": (("max(0.0, min(1.0, (self.alpha2 - angle) / fading)) if fading else float(angle <= self.alpha2)",
                    "float(angle <= self.alpha2)"),),
     "no-highlights": (("highlight = m.ks *", "highlight = 0 *"),),
     "no-diffuse": (("(m.kd * C * n_l + highlight)", "highlight"),),
-    "no-ambient": (("at.material.ka * C * La", "0.0"),),
-    "ka-forgotten": (("at.material.ka * C * La", "C * La"),),
-    "ka-twice": (("at.material.ka * C * La", "at.material.ka ** 2 * C * La"),),
+    "no-ambient": (("m.ka * C * La", "0.0"),),
+    "ka-forgotten": (("m.ka * C * La", "C * La"),),
+    "ka-twice": (("m.ka * C * La", "m.ka ** 2 * C * La"),),
     "ambient-per-light": (
-        ("parts += [illuminate(world, ray, at, color, light) for light in world.lights]",
-         "parts = parts * len(world.lights) + [illuminate(world, ray, at, color, light) for light in world.lights] + [(0, 0, 0)]"),
+        ("for light in world.lights:", "parts = parts * len(world.lights) + [(0, 0, 0)]\n    for light in world.lights:"),
     ),
     "specular-tinted": (("n_l + highlight) * L", "n_l + highlight * C) * L"),),
     "blinn": (("r, v = n * (2 * n_l) - to_light, -ray.direction", "v = -ray.direction; r, v = (to_light + v).normalized(), n"),),
     "highlight-reversed": (("n * (2 * n_l) - to_light,", "to_light - n * (2 * n_l),"),),
     "highlight-times-cosine": (("n_l + highlight) * L", "n_l + highlight * n_l) * L"),),
-    "no-facing-gate": (("n_l <= 0 or strength", "strength"), ("m.kd * C * n_l", "m.kd * C * max(0, n_l)")),
+    "no-facing-gate": (("n_l <= 0 or F", "F"), ("m.kd * C * n_l", "m.kd * C * max(0, n_l)")),
     "early-clamp": (("return tuple(map(sum, zip(*parts, strict=True)))", "return tuple(min(1.0, sum(c)) for c in zip(*parts))"),),
     "normal-not-normalized": ((_TURNED, "n = n if n.dot(ray.direction) < 0 else -n"), _INVERSE,
-                              ("self.K, strict=True)), n).normalized()", "self.K, strict=True)), n)")),
+                              ("self.K, strict=True))).normalized()", "self.K, strict=True)))")),
     "normal-not-normalized/sphere": (("n = (o + d * t).normalized()  #", "n = o + d * t  #"),
-                                     ("self.K, strict=True)), n).normalized()", "self.K, strict=True)), n)")),
+                                     ("self.K, strict=True))).normalized()", "self.K, strict=True)))")),
     "normal-not-flipped": (("t, -outward if inside else outward,", "t, outward,"),),
     "normal-transform": (("list(zip(*self.K, strict=True))", "__import__('numpy').linalg.inv(self.K).tolist()"),),
     "last-hit": (("nearest, ray = at, Ray(ray.origin, ray.direction, ray.t_min, at.t - EPSILON)", "nearest = at"),),
@@ -107,8 +107,8 @@ TUTORIAL: dict[str, Texts] = {
     "own-share-whole": ((_SHARES, "pass"),),
     "share-doubled": (("parts.append((mirror,", "parts.append((mirror * mirror,"),),
     "share-doubled/twice": (("parts.append((mirror,", "parts.append((2 * mirror,"),),
-    "reflection-wrong": (("return d - n * (2 * n.dot(d))", "return n * (2 * n.dot(d)) - d"),),
-    "reflection-wrong/once": (("return d - n * (2 * n.dot(d))", "return (d - n * n.dot(d)).normalized()"),),
+    "reflection-wrong": ((_MIRRORED, "at.normal * (2 * at.normal.dot(ray.direction)) - ray.direction"),),
+    "reflection-wrong/once": ((_MIRRORED, "(ray.direction - at.normal * at.normal.dot(ray.direction)).normalized()"),),
     "index-not-inverted": (("m.index if at.inside else 1 / m.index", "1 / m.index"),),
     "refraction-inverted": (("m.index if at.inside else 1 / m.index", "1 / m.index if at.inside else m.index"),),
     "total-reflection-dropped": ((_MIRROR, "mirror = m.reflectance"),),

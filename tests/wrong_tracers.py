@@ -396,7 +396,7 @@ class Lighting(Shadows):
 def lit(light: Light, color: Color) -> Illumination:
     """A light that adds this colour, however it came about."""
     nowhere = Direction(0.0, 0.0, 0.0)
-    return Illumination(light, "lit", w=nowhere, l=nowhere, r=nowhere, n_l=0.0, r_v=0.0, strength=0.0, color=color)
+    return Illumination(light, "lit", w=nowhere, l=nowhere, r=nowhere, n_l=0.0, r_v=0.0, strength=0.0, diffuse=color)
 
 
 def phong(how: Shadows, world: World, ray: Ray, at: Intersection, light: Light) -> Color:

@@ -33,8 +33,11 @@ SETTINGS = {
     "distributed.admin.tick.interval": "10s",
     "distributed.admin.system-monitor.interval": "10s",
 }
+DEAD = ("failed", "closing", "closed")  # what has become of a worker that does not start
 START = 60  # seconds in which the workers of a local cluster are there
 SILENCE = 5.0  # seconds after which it is said that they are waited for
+# Loggers that would print what a command says in a line of its own, with tracebacks; each has a level of its own.
+TALKING = ("distributed", "distributed.client", "distributed.gc", "tornado.application", "asyncio")
 # What the processes of a local cluster import before they begin.
 WORKERS = "cltrace.distributed.workers"
 
@@ -75,7 +78,8 @@ def client_of(spec: str) -> Iterator[Any]:
     distributed = imported("distributed")
     # Else it imports pandas here, where that is installed, for a process that has begun already.
     distributed.utils._forkserver_preload_set = True
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in TALKING:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if local:
         with _local_client(distributed, int(local[1] or processors())) as client:
             yield client
@@ -105,6 +109,8 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
         patience = time.monotonic() + START
         with Announcement(f"--cluster local:{count}: waiting for its workers ...", SILENCE, logging.WARNING):
             while len(cluster.scheduler.workers) < count:
+                if any(nanny.status.name in DEAD for nanny in cluster.workers.values()):
+                    raise DeviceError(f"--cluster local:{count}: a worker has died while it started")
                 if time.monotonic() > patience:
                     raise DeviceError(f"--cluster local:{count}: its workers do not start in {START} s")
                 time.sleep(0.01)

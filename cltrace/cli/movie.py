@@ -12,12 +12,13 @@ from cltrace.base.errors import SceneError, UsageError
 from cltrace.cli.options import Movie, SceneOptions
 from cltrace.cli.output_files import check_target
 from cltrace.cli.reporter import Reporter
-from cltrace.cli.scenes import scene_of
+from cltrace.cli.scenes import files_of, scene_of
 from cltrace.movie.animate import FPS, Target
 from cltrace.movie.frames import Frame, ahead, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.movie.on_devices import OnDevices
 from cltrace.movie.pipeline import FrameRenderer, Shown
+from cltrace.picture.files import Inputs
 from cltrace.process.console import tell
 from cltrace.scene import Scene
 
@@ -25,7 +26,6 @@ from cltrace.scene import Scene
 def draw_movie(movie: Movie, reporter: Reporter) -> int:
     """Draws all frames of all scenes. Returns 0, or 2 where a scene has a fault; the others are drawn all the same."""
     work = _Work(movie, reporter)
-    reporter.files |= {Path(scene.path) for scene in movie.scenes}
     work.check_names()
     try:
         work.draw()
@@ -45,6 +45,9 @@ class _Work:
     movie: Movie
     reporter: Reporter
     status: int = 0
+
+    def __post_init__(self) -> None:
+        self.inputs = Inputs(Path(scene.path) for scene in self.movie.scenes)
 
     def draw(self) -> None:
         """Everything that is asked for."""
@@ -88,7 +91,7 @@ class _Work:
     def draw_scenes(self) -> None:
         """One picture of each scene."""
         names = Listed({})
-        target = Target(names, skip_existing=self.movie.skip_existing, inputs=self.reporter.files)
+        target = Target(names, skip_existing=self.movie.skip_existing, inputs=self.inputs)
         self._write(target, ahead(self._scenes(names)), len(self._picked(len(self.movie.scenes), "scenes")))
 
     def _scenes(self, names: Listed) -> Iterator[Frame]:
@@ -100,7 +103,7 @@ class _Work:
                 continue
             path, output = asked.path, self.movie.output
             name = scene.output_file if output is None else pattern_of(output, Path(path).stem, frames=False).of(0)
-            check_target(name, "output_file" if output is None else "-o", self.reporter.files)
+            check_target(name, "output_file" if output is None else "-o", self.inputs)
             if name in names.names.values():
                 raise UsageError(
                     f"{path}: output_file: another scene has {name}, too; -o '{{}}.png' takes scenes' names"
@@ -127,7 +130,7 @@ class _Work:
                     f"{path}: another scene has {pattern.text}, too; -o '{{}}%04d.png' takes scenes' names"
                 )
             taken.add(pattern.text)
-            target = Target(pattern, self.movie.fps or FPS, self.movie.skip_existing, self.reporter.files)
+            target = Target(pattern, self.movie.fps or FPS, self.movie.skip_existing, self.inputs)
             degrees = 360.0 if self.movie.degrees is None else self.movie.degrees
             cameras = orbit(scene, n, self.movie.axis, degrees)
             chosen = self.movie.frames or slice(None)
@@ -140,15 +143,17 @@ class _Work:
         if self.movie.output is None:
             return Pattern(Path(scene.output_file).stem.replace("%", "%%") + "%04d.png")
         pattern = pattern_of(self.movie.output, Path(path).stem, frames=True)
-        # Another thread reads scenes meanwhile, and adds their files.
-        check_target(pattern.of(0), "-o", tuple(self.reporter.files), suffixes=(".png", *MOVIES))
+        check_target(pattern.of(0), "-o", self.inputs, suffixes=(".png", *MOVIES))
         return pattern
 
     def _read(self, asked: SceneOptions) -> Scene | None:
         """A scene, or None if it has faults, which are told."""
         try:
-            return scene_of(asked, self.reporter)
+            scene = scene_of(asked, self.reporter)
+            self.inputs.add(files_of(scene))
+            return scene
         except SceneError as error:
+            self.inputs.add(error.files)
             if len(self.movie.scenes) == 1:
                 raise
             tell(str(error))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from cltrace.base.errors import UsageError
 from cltrace.cli.options import Compare, OneScene, Picture
 from cltrace.cli.scenes import files_of
-from cltrace.picture.files import check_no_input, is_named_as_folder
+from cltrace.picture.files import Inputs, is_named_as_folder
 from cltrace.picture.image import Image
 from cltrace.picture.storing import SUFFIXES, check_format
 from cltrace.scene import Scene
@@ -30,7 +29,7 @@ def targets_of(scene: Scene, work: OneScene, suffixes: tuple[str, ...] = SUFFIXE
         raise UsageError("-o - and --stats=json both want stdout")
     if "-" in targets and sys.stdout.isatty():
         raise UsageError("-o - writes a PNG: send stdout to a file or a program")
-    inputs = [*files_of(scene), *([Path(work.compare)] if isinstance(work, Compare) else [])]
+    inputs = Inputs([*files_of(scene), *([Path(work.compare)] if isinstance(work, Compare) else [])])
     for i, target in enumerate(targets):
         if any(_same(target, other) for other in targets[:i]):
             raise UsageError(f"-o: {target!r} is there twice")
@@ -57,14 +56,14 @@ def _same(one: str, other: str) -> bool:
     return one == other or os.path.realpath(one) == os.path.realpath(other)
 
 
-def check_target(target: str, origin: str, inputs: Iterable[Path], suffixes: tuple[str, ...] = (".png",)) -> None:
+def check_target(target: str, origin: str, inputs: Inputs, suffixes: tuple[str, ...] = (".png",)) -> None:
     """Raises UsageError if no picture can or should be written to a file of this name.
 
     origin: whose word the name is; inputs: files that are read; suffixes: with which the name may end.
     """
     try:
         _check_target(target, origin, suffixes)
-        check_no_input(target, origin, inputs)
+        inputs.check(target, origin)
     except (OSError, ValueError) as error:  # too long a name, a locked folder, a null byte, a link to itself
         raise UsageError(f"{origin}: {getattr(error, 'strerror', None) or error}: {target!r}") from None
 

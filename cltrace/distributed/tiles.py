@@ -19,7 +19,7 @@ from cltrace.base.progress import bar
 from cltrace.distributed.render_farm import Farm, Task
 from cltrace.distributed.workers import Part
 from cltrace.movie.pipeline import in_order
-from cltrace.picture.files import check_no_input, whole_file
+from cltrace.picture.files import Inputs, whole_file
 from cltrace.picture.image import Image
 from cltrace.picture.png import BAND, Packed, Rows, packed
 from cltrace.plan.request import Region, Request
@@ -62,7 +62,7 @@ def render(
     if output is not None and Path(output).suffix.lower() != ".png":
         raise ValueError(f"output: must end in .png, got {os.fspath(output)!r}")
     if output is not None and scene.source is not None:
-        check_no_input(os.fspath(output), "output", scene.source.files)
+        Inputs(scene.source.files).check(os.fspath(output), "output")
     farm, wanted = Farm(client, device, options), None if output is None else partial(_packed, shown)
     tasks = list(_tiles(scene, region, tiles or TILES * len(farm.devices), wanted))
     with closing(in_order(tasks, farm)) as drawn, bar(len(tasks), "tile", progress) as shown_bar:

@@ -25,7 +25,8 @@ def sphere_test(sphere: Round, o: Point, d: Direction) -> SphereTest:
     disc = half * half - a * c
     root = math.sqrt(disc) if disc >= 0 else math.nan
     t = ((-half - root) / a, (-half + root) / a) if disc >= 0 and a > 0 else ()
-    return SphereTest(triple(C), R, sphere.ball.to_object is not None, triple(to_start), triple(way), a, b, c, disc, t)
+    own = sphere.ball.to_object is not None
+    return SphereTest(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
 
 
 def triangle_test(triangle: Triangle, o: Point, d: Direction) -> TriangleTest:
@@ -36,7 +37,9 @@ def triangle_test(triangle: Triangle, o: Point, d: Direction) -> TriangleTest:
     P = o + d * t
     # The triangle that P makes with an edge, as a share of the whole one.
     parts = [(Y - X).cross(P - X).dot(N) / area if area else math.nan for X, Y in ((B, C), (C, A), (A, B))]
-    return TriangleTest((triple(A), triple(B), triple(C)), triple(N), d_n, t, (parts[0], parts[1], parts[2]))
+    return TriangleTest(
+        (triple(A), triple(B), triple(C)), triple(N), d_n=d_n, t=t, weights=(parts[0], parts[1], parts[2])
+    )
 
 
 def sphere_gap(sphere: Round, o: Point, d: Direction) -> tuple[float, float]:

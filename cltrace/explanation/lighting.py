@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from cltrace.explanation.names import Names
-from cltrace.explanation.record import AmbientTerm, LightTerm, Met, Triple
+from cltrace.explanation.record import AmbientTerm, LightTerm, Met
 from cltrace.explanation.space import Space, triple
 from cltrace.reference import Direction, Intersection, Light, World
 from cltrace.reference.lights import SpotLight
-from cltrace.reference.records import BLACK, Illumination, Shading
+from cltrace.reference.records import Illumination, Shading
 from cltrace.reference.ways import Meeting, behind, blockers
 from cltrace.scene import AMBIENT, Scene
 
@@ -45,7 +45,6 @@ class _Lamp:
         light, l = of.light, of.l  # noqa: E741
         between = blockers(self.world, self.at, of) if of.fate == "in shadow" else []
         beyond = behind(self.world, self.at, of) if of.fate == "lit" and not light.parallel else None
-        diffuse, specular = self._phong(of) if of.fate == "lit" else (BLACK, BLACK)
         return LightTerm(
             light=self.names.light(number),
             L=light.color,
@@ -60,22 +59,14 @@ class _Lamp:
             behind=self._met(beyond, of.w) if beyond else None,
             r=triple(self.space.turned(of.r)),
             r_v=of.r_v,
-            diffuse=diffuse,
-            specular=specular,
+            diffuse=of.diffuse,
+            specular=of.specular,
         )
 
     def _cone(self, light: Light, l: Direction) -> tuple[float, float, float] | None:  # noqa: E741
         if not isinstance(light, SpotLight):
             return None
         return math.degrees(light.off_axis(l)), math.degrees(light.alpha1), math.degrees(light.alpha2)
-
-    def _phong(self, of: Illumination) -> tuple[Triple, Triple]:
-        """The diffuse and the specular term of a light that reaches the point: they add up to what it adds."""
-        m, share = self.at.material, min(1.0, of.strength * of.n_l)
-        diffuse = [m.kd * c * share * L for c, L in zip(self.at.color, of.light.color, strict=True)]
-        r, g, b = diffuse
-        x, y, z = (max(0.0, whole - part) if m.ks else 0.0 for whole, part in zip(of.color, diffuse, strict=True))
-        return (r, g, b), (x, y, z)
 
     def _met(self, meeting: Meeting, w: Direction) -> Met:
         name = self.names.surface(meeting.surface)

@@ -75,7 +75,7 @@ class Meetings:
         triangle = triangle_test(surface, self.o, self.d) if isinstance(surface, Triangle) else None
         textbook = _first(sphere, own) if sphere else _within(triangle) if triangle else math.inf
         remark = TIED if tied else _remark(textbook, distance, own)
-        return SurfaceTest(name, sphere, triangle, distance, gap, remark)
+        return SurfaceTest(name, sphere, triangle, distance=distance, gap=gap, remark=remark)
 
 
 def _first(test: SphereTest, own: bool) -> float:

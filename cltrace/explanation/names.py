@@ -25,7 +25,7 @@ class Names:
         if not isinstance(surface, Triangle):
             return SurfaceName("mesh", number, line, name)
         face_line = int(file.lines[surface.primitive]) if file else 0
-        return SurfaceName("mesh", number, line, name, surface.primitive, face_line)
+        return SurfaceName("mesh", number, line, file=name, primitive=surface.primitive, face_line=face_line)
 
     def light(self, number: int) -> LightName:
         """number: among all lights of the scene."""

@@ -187,11 +187,12 @@ class Explainer:
             else:
                 number, count = place + 1 + len(rays), 1
                 behind = way.behind + sight.at.distance
-                more = self._rays(_Way(on.kind, further, weight, way.depth + 1, behind), number)
+                more = self._rays(_Way(on.kind, further, weight, depth=way.depth + 1, behind=behind), number)
                 rays += more
                 color = more[0].color
-            angles = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
-            found.append(Bounce(on.kind, on.total, on.share, number, count, color, *angles))
+            came, left = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
+            seen = Bounce(on.kind, on.total, on.share, number, rays=count, color=color, angle_in=came, angle_out=left)
+            found.append(seen)
         return tuple(found), rays
 
     def _hit(self, at: Intersection) -> Hit:
@@ -212,7 +213,7 @@ class Explainer:
     def _texture(self, texture: Texture, uv: UV) -> TextureLookup:
         height, width = texture.texels.shape[:2]
         place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
-        return TextureLookup(self.names.texture(place), (width, height), uv, *texture.lookup(uv))
+        return TextureLookup(self.names.texture(place), (width, height), uv, **texture.lookup(uv)._asdict())
 
 
 @dataclass(frozen=True)

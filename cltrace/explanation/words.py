@@ -231,8 +231,8 @@ def _hit(h: Hit) -> Iterator[str]:
         t = h.texture
         (u, v), (width, height) = t.uv, t.size
         yield f"  texture {printable(t.name) or 'of the material'}, {width}x{height}: u = {number(u)}, v = {number(v)}"
-        yield f"    {_texels('u', 'width', 'column', t.x, t.right, width)}"
-        yield f"    {_texels('v', 'height', 'row', t.y, t.down, height)}; row 0 is at the top"
+        yield f"    {_texels('u', 'width', 'column', first=t.x, share=t.right, count=width)}"
+        yield f"    {_texels('v', 'height', 'row', first=t.y, share=t.down, count=height)}; row 0 is at the top"
         yield f"    texture color = {vector(t.color)}"
     yield f"  color C = {vector(h.color)}"
     yield f"  phong ka = {number(h.ka)}, kd = {number(h.kd)}, ks = {number(h.ks)}, exponent = {number(h.exponent)}"

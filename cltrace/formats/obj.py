@@ -24,8 +24,8 @@ from cltrace.base.arrays import blockwise, keep_freed_memory
 from cltrace.base.errors import Fault, SceneError
 from cltrace.formats.faults import FatalError, Messages
 from cltrace.formats.files import chunks
-from cltrace.formats.obj_numbers import Corners, Doubles, Ints, corners, counts, decimals, word_ends
-from cltrace.formats.obj_text import BLOCK, KINDS, Block, blocks, unread
+from cltrace.formats.obj_numbers import Doubles, FaceCorners, Integers, corners, counts, decimals, word_ends
+from cltrace.formats.obj_text import BLOCK_BYTES, KINDS, Block, blocks, unread
 from cltrace.formats.xml_values import number, quoted, short
 from cltrace.scene import ANY, MAX_TRIANGLES, MAX_VERTICES, Geometry
 
@@ -89,7 +89,7 @@ class _Reader:
         """What the file holds, or None if it has faults. Raises UnreadableError."""
         try:
             empty = True
-            for block in blocks(chunks(path, BLOCK, MAX_BYTES)):
+            for block in blocks(chunks(path, BLOCK_BYTES, MAX_BYTES)):
                 self._take(block)
                 empty = False
             if empty:
@@ -127,7 +127,7 @@ class _Reader:
         together, alone = functools.partial(self._numbers, kind), functools.partial(self._numbers_of_line, kind)
         self._rows[kind] += _parts(block, which, together, alone)
 
-    def _take_faces(self, counts_at: Ints, block: Block, which: Lines) -> None:
+    def _take_faces(self, counts_at: Integers, block: Block, which: Lines) -> None:
         together, alone = (functools.partial(f, counts_at) for f in (self._corners, self._corners_of_line))
         for faces in _parts(block, which, together, alone):
             self._faces.append(faces)
@@ -175,7 +175,7 @@ class _Reader:
         row[: len(values)] = values[: len(row)]
         return row[None]
 
-    def _corners(self, counts_at: Ints, block: Block, which: Lines) -> _Faces | None:
+    def _corners(self, counts_at: Integers, block: Block, which: Lines) -> _Faces | None:
         """The faces of lines; None if one of them is not as it should be. counts_at: see `_placed`."""
         found = corners(*block.arguments(which))
         if found is None or np.abs(found.indices).max() > _LARGEST:
@@ -187,7 +187,7 @@ class _Reader:
             self._drop_incomplete(kind, index[kind], found.sizes, block.number[which])
         return _Faces(block.number[which].astype(np.int32), found.sizes.astype(np.int32), index.astype(np.int32))
 
-    def _drop_incomplete(self, kind: int, index: Ints, sizes: Ints, lines: Ints) -> None:
+    def _drop_incomplete(self, kind: int, index: Integers, sizes: Integers, lines: Integers) -> None:
         """Takes the indices from faces that have some at some of their corners only."""
         if (index >= 0).all() or (index < 0).all():
             return
@@ -196,7 +196,7 @@ class _Reader:
         index[np.repeat(some, sizes)] = -1
         self.warnings.add_all(lines[some], f"face: {_LABELS[kind]}s at some corners only, which are ignored")
 
-    def _corners_of_line(self, counts_at: Ints, block: Block, i: int) -> _Faces | None:
+    def _corners_of_line(self, counts_at: Integers, block: Block, i: int) -> _Faces | None:
         """The face of one line; None if it has faults, which are told."""
         line, words = int(block.number[i]), block.line(i).split()[1:]
         before = self.faults.count, len(self._nowhere)
@@ -244,7 +244,7 @@ class _Reader:
             return None
         vertices, uv, normals = (np.concatenate(self._rows.pop(kind)) for kind in (_V, _VT, _VN))
         faces, uv_of, normal_of = _fans(sizes, index)
-        geometry = Geometry(vertices, faces, normals, normal_of, uv, uv_of)
+        geometry = Geometry(vertices, faces, normals=normals, normal_of=normal_of, uv=uv, uv_of=uv_of)
         line_of = np.repeat(lines, sizes - 2)
         self.warnings.add_all(line_of[_flat(vertices, faces)], "face: a triangle without area, which is not seen")
         self.unmapped.add_all(
@@ -273,7 +273,7 @@ def _parts(
             yield from filter(lambda one: one is not None, (alone(block, i) for i in part.tolist()))
 
 
-def _placed(found: Corners, counts_at: Ints) -> Ints:
+def _placed(found: FaceCorners, counts_at: Integers) -> Integers:
     """The corners' indices from 0, (3, c), and -1 for none; what counts back beyond the first is below 0.
 
     counts_at: (3, f), how many vertices, texture coordinates and normals come before each face in the file.
@@ -296,7 +296,7 @@ def _fans(sizes: NDArray[np.int32], indices: NDArray[np.int32]) -> list[NDArray[
     return [row[corner] for row in indices]
 
 
-def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Ints:
+def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Integers:
     """The numbers of the triangles that have no area at all, of those that are in doubt MAX_DOUBTS at most.
 
     Two corners that are one leave none. Otherwise, with u = 2^-53, a difference of coordinates is wrong by u of itself

@@ -17,22 +17,22 @@ from cltrace.numbers.pairs import two_product
 
 SLASH, POINT = b"/."
 Doubles = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Integers = NDArray[np.int64]
 
 _E, _BIG_E, _PLUS, _MINUS, _0, _9 = b"eE+-09"
 _MOST = 9 * 10**18  # of a number without its point: somewhat more fits in 63 bits
 _POWERS = np.array([10.0**k for k in range(23)])  # These are exact.
 
 
-class Corners(NamedTuple):
+class FaceCorners(NamedTuple):
     """The corners of f faces, c in all.
 
     sizes: (f,), how many each face has; indices: (3, c), of vertex, texture coordinate and normal as they are written,
     0 where there is none.
     """
 
-    sizes: Ints
-    indices: Ints
+    sizes: Integers
+    indices: Integers
 
 
 def word_ends(text: Bytes) -> Places:
@@ -41,7 +41,7 @@ def word_ends(text: Bytes) -> Places:
     return np.flatnonzero(blank[1:] > blank[:-1]) + 1
 
 
-def counts(ends: Places, feeds: Places) -> Ints:
+def counts(ends: Places, feeds: Places) -> Integers:
     """(n,): how many of the words that end at `ends` there are in each line."""
     n = len(feeds)
     width = len(ends) // max(n, 1)
@@ -100,7 +100,7 @@ def _signs_are_right(text: Bytes) -> bool:
     return bool((right & (behind >= _0) & (behind <= _9)).all())
 
 
-def _exponents(text: Bytes, ends: Places) -> tuple[bytes, Places, Ints] | None:
+def _exponents(text: Bytes, ends: Places) -> tuple[bytes, Places, Integers] | None:
     """The text with blanks for exponents, where the words then end, and their exponents; None if one is no number."""
     data = text.tobytes()
     exponents = np.zeros(len(ends), np.int64)
@@ -123,7 +123,7 @@ def _exponents(text: Bytes, ends: Places) -> tuple[bytes, Places, Ints] | None:
     return bare.tobytes(), stops, exponents
 
 
-def _places(text: Bytes, stops: Places) -> Ints | None:
+def _places(text: Bytes, stops: Places) -> Integers | None:
     """How many digits each word has behind its point up to where it stops; None if one has two points."""
     points = np.flatnonzero(text == POINT)
     if len(points) == len(stops) and (points < stops).all() and (points[1:] >= stops[:-1]).all():
@@ -136,7 +136,7 @@ def _places(text: Bytes, stops: Places) -> Ints | None:
     return places
 
 
-def integers(data: bytes, count: int) -> Ints | None:
+def integers(data: bytes, count: int) -> Integers | None:
     """The words of a text as integers, those beyond 63 bits as the largest; None if they are not that many or none.
 
     Its signs are to be right. numpy reads what is blank as a 0.
@@ -151,7 +151,7 @@ def integers(data: bytes, count: int) -> Ints | None:
     return found if len(found) == count else None
 
 
-def corners(text: Bytes, feeds: Places) -> Corners | None:
+def corners(text: Bytes, feeds: Places) -> FaceCorners | None:
     """The corners of faces, one face a line."""
     ends = word_ends(text)
     sizes = counts(ends, feeds)
@@ -166,7 +166,7 @@ def corners(text: Bytes, feeds: Places) -> Corners | None:
     return _mixed(text, ends, sizes, slashes)
 
 
-def _alike(text: Bytes, ends: Places, sizes: Ints, slashes: Places) -> Corners | None:
+def _alike(text: Bytes, ends: Places, sizes: Integers, slashes: Places) -> FaceCorners | None:
     """Where all corners have as many slashes, which are at (c, 0..2). Mostly, all are written alike."""
     many = slashes.shape[1]
     index = np.zeros((3, len(ends)), np.int64)
@@ -181,10 +181,10 @@ def _alike(text: Bytes, ends: Places, sizes: Ints, slashes: Places) -> Corners |
     if found is None:
         return None
     index[rows] = found.reshape(len(ends), len(rows)).T
-    return Corners(sizes, index) if (index[rows] != 0).all() else None
+    return FaceCorners(sizes, index) if (index[rows] != 0).all() else None
 
 
-def _mixed(text: Bytes, ends: Places, sizes: Ints, slashes: Places) -> Corners | None:
+def _mixed(text: Bytes, ends: Places, sizes: Integers, slashes: Places) -> FaceCorners | None:
     """Where corners have different numbers of slashes, or nothing behind one."""
     word = np.searchsorted(ends, slashes, "right")
     many = np.bincount(word, minlength=len(ends))
@@ -206,7 +206,7 @@ def _mixed(text: Bytes, ends: Places, sizes: Ints, slashes: Places) -> Corners |
         return None
     index = np.zeros((3, len(ends)), np.int64)
     index.T[has.T] = found
-    return Corners(sizes, index)
+    return FaceCorners(sizes, index)
 
 
 def _split(text: Bytes) -> bytes:

@@ -15,7 +15,7 @@ Bytes = NDArray[np.uint8]
 Places = NDArray[np.int64]
 
 # Bytes of a block, and of a line with all that continues it at most. The arrays for a block then stay in the caches.
-BLOCK, LINE = 2**20, 2**22
+BLOCK_BYTES, LINE = 2**20, 2**22
 LINE_FEED, BLANK, HASH, BACKSLASH = b"\n #\\"
 # What no text has. All bytes up to a blank count as one, so that a keyword behind another of them would be missed.
 CONTROLS = bytes(set(range(BLANK)) - set(b"\t\n\v\f\r"))

@@ -21,6 +21,7 @@ from cltrace.formats.xml_values import NUMBER
 from cltrace.scene import MATERIAL, SPHERE
 
 ROW, FINISH = 16, slice(4, 15)
+SHARES = slice(7, 9)  # of a finish: the reflectance and the transmittance
 NO_ROW = (math.nan,) * ROW
 
 

@@ -65,6 +65,13 @@ def _not_singular(v: Values) -> str | None:
     return None if all(factors) else "must not be singular, got a factor of 0"
 
 
+def rotations(attributes: Mapping[str, str]) -> tuple[str, ...]:
+    """What a rotation may be meant to be that does not say its axis as the format does: by the axis that it names."""
+    turned = [axis for axis in "xyz" if attributes.get(axis, "").strip(" +-0.")]
+    named = [axis for axis in "xyz" if attributes.get("axis", "").strip().lower() == axis] or turned
+    return (f"rotate{named[0].upper()}",) if len(named) == 1 else ()
+
+
 def _ordered(v: Values) -> str | None:
     inner, outer = v["alpha1"], v["alpha2"]
     return f"alpha1 must be <= alpha2 ({outer:g}), got {inner:g}" if inner > outer else None
@@ -123,6 +130,14 @@ ELEMENTS = {
     "rotateX": Element(_ANGLE),
     "rotateY": Element(_ANGLE),
     "rotateZ": Element(_ANGLE),
+}
+# What is meant where something is missing and something unknown stands there: by the element and the unknown.
+MEANT = {
+    ("falloff", "angle"): "; alpha1 and alpha2 are measured from the axis: is half of the angle meant?",
+    ("material_solid", "texture"): "; did you mean <material_textured>, which has a texture in place of the color?",
+    ("material_textured", "color"): "; did you mean <material_solid>, which has a color in place of the texture?",
+    ("sphere", "material_spheremap"): "; did you mean <material_textured> for <material_spheremap>?",
+    ("mesh", "material_spheremap"): "; did you mean <material_textured> for <material_spheremap>?",
 }
 # The children of these are read and dropped while the file is being parsed.
 SECTIONS = ("scene", "lights", "surfaces")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from cltrace.base.errors import Fault, SceneError
-from cltrace.formats.faults import Messages
+from cltrace.formats.faults import Messages, closest
 from cltrace.formats.files import UnreadableError, within
 from cltrace.formats.xml_values import quoted
 from cltrace.scene import MAX_TEXELS, Texture
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MAX_UNREADABLE = 1000  # files, after which no more are looked for
+MAX_NAMES = 1000  # in a folder, among which one that is missing is looked for
 
 
 class Names:
@@ -91,6 +94,17 @@ class Files:
 
         return self._read(self.textures, read, faults)
 
+    def _hint(self, name: str) -> str:
+        """The end of the message that a file cannot be read, where one beside it has a name that resembles its own."""
+        folder, _, last = name.rpartition("/")
+        try:
+            found = {path.name: path.stem for path in itertools.islice((self._folder / folder).iterdir(), MAX_NAMES)}
+        except (OSError, ValueError):
+            return ""
+        stem = None if last in found else closest(Path(last).stem, tuple(sorted(found.values())))
+        meant = min((name for name in found if found[name] == stem), default=None)
+        return f"; did you mean {quoted(f'{folder}/{meant}' if folder else meant)}?" if meant else ""
+
     def _read(self, names: Names, read: Callable[[str, str], T | None], faults: Messages) -> Contents[T]:
         contents: Contents[T] = Contents()
         place: dict[str, int | None] = {}
@@ -112,5 +126,5 @@ class Files:
                 contents.of.append(None)
                 unreadable += 1
                 for line in lines:
-                    faults.add(line, f"{names.label} {quoted(name)} {error}")
+                    faults.add(line, f"{names.label} {quoted(name)} {error}", partial(self._hint, name))
         return contents

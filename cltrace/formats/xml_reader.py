@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
 from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest
-from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_materials, packed_spheres
-from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, SECTIONS, Values
+from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, SHARES, bulk, packed_materials, packed_spheres
+from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, MEANT, SECTIONS, Values, rotations
 from cltrace.formats.xml_files import Contents, Files
 from cltrace.formats.xml_source import Document, LinesNeededError
 from cltrace.formats.xml_transforms import Maps, Steps, maps_of, to_world, transformed
@@ -93,7 +93,8 @@ class _Children:
         """Whether the child is to be read; if not, it has been complained about."""
         slot = self.schema.slots.get(child.tag)
         if slot is None and child.tag not in self.schema.many:
-            line = self.reader.warn_unknown(child, self.label, "element <{}>", child.tag, self.wanted())
+            known = self.wanted(child)
+            line = self.reader.warn_unknown(child, self.label, what="element <{}>", name=child.tag, known=known)
             if len(self.strays) < MAX_MESSAGES:
                 self.strays.setdefault(child.tag, line)
             return False
@@ -104,8 +105,10 @@ class _Children:
             self.filled.add(slot)
         return True
 
-    def wanted(self) -> tuple[str, ...]:
+    def wanted(self, stray: etree._Element) -> tuple[str, ...]:
         """What a stray child may have been meant to be."""
+        if self.element.tag == "transform" and stray.tag.lower() in ("rotate", "rotation"):
+            return rotations(stray.attrib)
         return tuple(name for name in self.schema.known if self.schema.slots.get(name) not in self.filled)
 
     def complete(self) -> bool:
@@ -121,7 +124,8 @@ class _Children:
 
         def hint() -> str:
             stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
-            return f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else ""
+            known = (MEANT[self.element.tag, name] for name in self.strays if (self.element.tag, name) in MEANT)
+            return next(known, f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else "")
 
         missing = " or ".join(f"<{name}>" for name in names)
         self.reader.fault(self.element, f"{self.label}: {missing} is missing", hint)
@@ -196,11 +200,11 @@ class _Reader:
             np.concatenate([np.zeros(0, LIGHT), *self._lights]),
             packed_spheres(rows, material_of[: len(rows)]),
             materials,
-            self._background,
-            self._output_file,
-            np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
-            [mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
-            textures.found,
+            background=self._background,
+            output_file=self._output_file,
+            to_object=np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
+            meshes=[mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
+            textures=textures.found,
         ).read_from(self._source(view, shapes, textures))
         return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
 
@@ -209,14 +213,14 @@ class _Reader:
         file_of = ((mesh.number, shapes.of[mesh.file]) for mesh in self._meshes)
         return Source(
             self.path,
-            view,
-            self._camera_line,
-            np.array(self._light_lines),
-            np.array(self._surface_lines),
-            {number: files[k] for number, k in file_of if k is not None},
-            tuple(textures.names),
-            self._transforms,
-            self._files.named(),
+            view=view,
+            camera=self._camera_line,
+            lights=np.array(self._light_lines),
+            surfaces=np.array(self._surface_lines),
+            meshes={number: files[k] for number, k in file_of if k is not None},
+            textures=tuple(textures.names),
+            transforms=self._transforms,
+            files=self._files.named(),
         )
 
     def _view(self) -> Camera:
@@ -370,6 +374,7 @@ class _Reader:
         if maps:
             self._take_maps(spheres, rows, maps)
         self._doubt_sizes(spheres, rows[:, 0], rows[:, 0])
+        self._doubt_shares(spheres, rows[:, FINISH])
         self._rows.append(rows)
         self._doubt(spheres, rows[:, 4:7])
 
@@ -405,6 +410,14 @@ class _Reader:
             )
             self.warnings.add(self.document.line_of(elements[i]), message)
 
+    def _doubt_shares(self, elements: Sequence[etree._Element], finishes: Numbers) -> None:
+        """Warns of materials, a row of FINISH each, that send on more light than reaches them."""
+        shares = finishes[:, SHARES].sum(axis=1)
+        for i in np.flatnonzero(shares > 1 + np.finfo(np.float32).eps).tolist():  # what is written as 0.7 + 0.3 is 1
+            material = next(elements[i].iter("material_solid", "material_textured"))
+            message = f"{material.tag}: r + t = {shares[i]:g} is above 1: more light goes on than reaches it"
+            self.warnings.add(self.document.line_of(material), message)
+
     # Elements
 
     def _element(self, element: etree._Element) -> tuple[Values, bool]:
@@ -433,13 +446,17 @@ class _Reader:
         wanted = tuple(kind for kind in kinds if element.get(kind) is None)
         strays = [str(name) for name in element.attrib if name not in kinds]
         for name in strays:
-            self.warn_unknown(element, label, "attribute '{}'", name, wanted)
+            self.warn_unknown(element, label, what="attribute '{}'", name=name, known=wanted)
         del strays[MAX_MESSAGES:]
         values: Values = {}
         for name, kind in kinds.items():
             text = element.get(name)
             if text is None:
-                self.fault(element, f"{label}: attribute {name} is missing", functools.partial(_meant, name, *strays))
+                self.fault(
+                    element,
+                    f"{label}: attribute {name} is missing",
+                    functools.partial(_meant, element.tag, name, *strays),
+                )
                 continue
             try:
                 values[name] = value(kind, text)
@@ -493,8 +510,11 @@ class _Reader:
         sizes = np.linalg.norm(place[:, :3], axis=0)
         self._doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
         if whole and finish is not None:
-            self._meshes.append(_Mesh(line, file, place, len(self._surface_lines), np.array(finish)))
+            self._meshes.append(
+                _Mesh(line, file=file, to_world=place, number=len(self._surface_lines), finish=np.array(finish))
+            )
             self._doubt([element], np.array([finish[:3]]))
+            self._doubt_shares([element], np.array([finish]))
 
     def _steps(self, values: Values, number: int) -> Steps:
         """The steps of the transform of the surface with this number, of which the first surfaces' are kept."""
@@ -522,10 +542,11 @@ def _vector(values: Values) -> Vector:
     return x, y, z
 
 
-def _meant(name: str, *strays: str) -> str:
+def _meant(element: str, name: str, *strays: str) -> str:
     """The end of the message that an attribute is missing, where an unknown one may have been meant to be it."""
     stray = closest(name, strays)
-    return f"; did you mean '{short(stray)}'?" if stray else ""
+    known = next((MEANT[element, stray] for stray in strays if (element, stray) in MEANT), "")
+    return known or (f"; did you mean '{short(stray)}'?" if stray else "")
 
 
 def _prune(element: etree._Element) -> None:

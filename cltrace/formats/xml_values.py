@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import MAX_BOUNCES, Rule
+from cltrace.scene import CONE, FOV, MAX_BOUNCES, Rule
 
 Kind = Rule | Callable[[str], Any]
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -39,7 +39,9 @@ def number(rule: Rule, text: str) -> float:
         value = math.ulp(0.0)  # what is written is not 0 but vanishes: as small as can be, for the rule to refuse
     fault = rule.fault(value)
     if fault:
-        raise ValueError(f"{fault.partition(', got ')[0]}, got {short(written)}")
+        half = rule in (FOV, CONE) and rule.high <= value < 2 * rule.high
+        hint = f": it is half of the opening, is {value / 2:g} meant?" if half else ""
+        raise ValueError(f"{fault.partition(', got ')[0]}, got {short(written)}{hint}")
     return value
 
 

@@ -21,7 +21,7 @@ from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.movie.on_devices import OnDevices
 from cltrace.movie.pipeline import COLORS, FrameRenderer, Shown
-from cltrace.picture.files import check_no_input
+from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
 from cltrace.run.devices import Device
@@ -128,14 +128,14 @@ class Target:
         pattern: Pattern | Listed,
         fps: float = FPS,
         skip_existing: bool = False,
-        inputs: Iterable[Path] = (),
+        inputs: Inputs | None = None,
     ) -> None:
         if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.001 <= fps <= 1000:
             raise ValueError(f"fps: must be a number within 0.001..1000, got {fps!r}")
         if skip_existing and pattern.suffix in MOVIES:
             raise ValueError("skip_existing: is for frames of files of their own, as a movie is whole or not there")
         self.pattern, self.fps, self.skip_existing, self.kept = pattern, fps, skip_existing, 0
-        self._inputs, self.written = set(inputs), list[str]()
+        self._inputs, self.written = inputs or Inputs(), list[str]()
 
     def write(
         self,
@@ -179,8 +179,8 @@ class Target:
 
     def _check_name(self, name: str, scene: Scene) -> None:
         """Raises UsageError where a frame would replace what it or one before it is made from."""
-        self._inputs.update(scene.source.files if scene.source else ())
-        check_no_input(name, "output", self._inputs)
+        self._inputs.add(scene.source.files if scene.source else ())
+        self._inputs.check(name, "output")
 
     def _encoder(self, size: tuple[int, int]) -> Encoder:
         """What writes frames of so many pixels, (width, height). Raises MissingPackageError and OSError."""

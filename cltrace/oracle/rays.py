@@ -46,7 +46,7 @@ class ExactRays(NamedTuple):
 
     def at(self, rows: Ids) -> ExactRays:
         start, way = (tuple(x[rows] for x in v) for v in (self.start, self.way))
-        return ExactRays(self.grid, self.scale[rows], start, way, self.unit[rows])  # type: ignore[arg-type]
+        return ExactRays(self.grid, self.scale[rows], start, way=way, unit=self.unit[rows])  # type: ignore[arg-type]
 
     @property
     def s(self) -> Whole | None:
@@ -155,7 +155,7 @@ def along(start: Points, direction: Floats, basis: ArrayLike) -> Rays:
         d = whole(direction[rows], fine)
         w = (d[:, None, :] * whole(axes.T, axes_grid)).sum(axis=2)
         # The way is times 2^(fine + axes_grid), and the lengths are times 2^grid and scale.
-        return ExactRays(grid, scale, place, columns(w), _units(scale, fine + axes_grid - grid))
+        return ExactRays(grid, scale, place, way=columns(w), unit=_units(scale, fine + axes_grid - grid))
 
     rough = Rough(*start.rough, turned(direction, axes)) if start.rough else None
     return Rays(rough, start.grid, exact, start.own, start.kind)
@@ -169,7 +169,7 @@ def along_numbers(start: Points, directions: Sequence[Sequence[float | Fraction]
         scale, place = start.exact(rows, grid)
         w = np.array([parts[i][0] for i in rows.tolist()], object).reshape(-1, 3)
         power = np.array([parts[i][1] - grid for i in rows.tolist()], object)
-        return ExactRays(grid, scale, place, columns(w), _units(scale, power))
+        return ExactRays(grid, scale, place, way=columns(w), unit=_units(scale, power))
 
     return Rays(None, start.grid, exact, start.own, start.kind)
 
@@ -193,7 +193,7 @@ def to_light(start: Points, light: ArrayLike, parallel: bool) -> Rays:
     def exact(rows: Ids, grid: int) -> ExactRays:
         scale, end = start.exact(rows, grid)
         x, y, z = (Surds(n * scale) for n in whole(place, grid))
-        return ExactRays(grid, scale, (x, y, z), minus(end, (x, y, z)), ones(len(rows)))
+        return ExactRays(grid, scale, (x, y, z), way=minus(end, (x, y, z)), unit=ones(len(rows)))
 
     rough = None
     if start.rough:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from cltrace.oracle.rays import ExactRays, Ids, Rays, SurdVector
 
 Bools = NDArray[np.bool_]
 
-BLOCK = 1 << 15  # so many pairs of a ray and a surface are looked at in one go
+PAIRS_AT_ONCE = 1 << 15  # so many pairs of a ray and a surface are looked at in one go
 
 
 class Hits(NamedTuple):
@@ -54,8 +54,8 @@ class Roots:
 
     def at(self, rows: Ids) -> Roots:
         x, y, z = (part[rows] for part in self.normal)
-        first = (part[rows] for part in (self.exists, self.a, self.b, self.side, self.D))
-        return Roots(*first, (x, y, z), self.unit[rows], self.surface[rows])  # type: ignore[arg-type, call-arg]
+        rest = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "normal"}
+        return Roots(**rest, normal=(x, y, z))
 
     @classmethod
     def all(cls, parts: Sequence[Roots], s: Whole | None) -> Roots:
@@ -71,7 +71,7 @@ class Roots:
         exists, side, unit, surface = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("exists", "side", "unit", "surface")
         )
-        return cls(exists, a, b, side, D, (x, y, z), unit, surface)
+        return cls(exists, a=a, b=b, side=side, D=D, normal=(x, y, z), unit=unit, surface=surface)
 
     def before(self, other: Roots) -> Bools:
         """Whether it comes before another one of the same ray.
@@ -81,7 +81,7 @@ class Roots:
         """
         gap = self.b * other.a - other.b * self.a
         D, E = self.D * other.a * other.a, other.D * self.a * self.a
-        sign = signs_with_roots(gap, self.side, D, -other.side, E)
+        sign = signs_with_roots(gap, one=self.side, D=D, other=-other.side, E=E)
         planes = np.flatnonzero((sign == 0) & (self.side == 0) & (other.side == 0))
         if len(planes):
             mine, its = self.at(planes), other.at(planes)
@@ -158,7 +158,7 @@ class Kinds:
 
     def hits(self, rays: Rays) -> Iterator[tuple[slice, Rays, Hits]]:
         """All hits, sure ones and others, for blocks of the rays. The rays of Hits are counted from the block's."""
-        size = max(1, BLOCK // max(1, int(self.first[-1])))
+        size = max(1, PAIRS_AT_ONCE // max(1, int(self.first[-1])))
         for begin in range(0, len(rays), size):
             rows = np.arange(begin, min(begin + size, len(rays)))
             block = rays.at(rows)

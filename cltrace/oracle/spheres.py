@@ -257,7 +257,16 @@ class Spheres(Kind):
         a, b, c = dot(d, d), dot(f, d), dot(f, f) - Surds(r * r)
         D, one, zero = b * b - a * c, np.ones(len(item), np.int64), Surds(np.full(len(item), 0, object))
         there = (D.signs() >= 0) & (a.signs() > 0)
-        near = Roots(there, a, b, -one, D * there.astype(object), (zero, zero, zero), exact.unit, self.surface[item])
+        near = Roots(
+            there,
+            a,
+            b,
+            -one,
+            D=D * there.astype(object),
+            normal=(zero, zero, zero),
+            unit=exact.unit,
+            surface=self.surface[item],
+        )
         first, second = (replace(near, side=side).within(t_min, t_max) for side in (-one, one))
         return replace(near, exists=there & (first | second), side=np.where(first, -1, 1))
 

@@ -146,8 +146,16 @@ class Triangles(Kind):
         x, y, z = ((a + b + c) * turn for a, b, c in zip(*edges, strict=True))
         a = (volumes[0] + volumes[1] + volumes[2]) * turn
         zero = np.zeros(len(item), np.int64)
-        surface = self.surface[item]
-        roots = Roots(exists, a, D * turn, zero, Surds(zero.astype(object)), (x, y, z), exact.unit, surface)
+        roots = Roots(
+            exists,
+            a,
+            D * turn,
+            zero,
+            D=Surds(zero.astype(object)),
+            normal=(x, y, z),
+            unit=exact.unit,
+            surface=self.surface[item],
+        )
         return roots if (t_min, t_max) == (0, np.inf) else replace(roots, exists=exists & roots.within(t_min, t_max))
 
 

@@ -6,9 +6,12 @@ import contextlib
 import errno
 import functools
 import os
+import platform
 import re
 import secrets
 import stat
+import time
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -20,7 +23,11 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-PART = re.compile(r"\..*-[0-9a-f]{16}\.part", re.DOTALL)
+# On some shares a lock holds on one host only, so the name of a file that is being written says which host that is.
+HOST = f"{zlib.crc32(platform.node().encode()):08x}"
+PART = re.compile(r"\..*-([0-9a-f]{8})-[0-9a-f]{16}\.part", re.DOTALL)
+# Seconds for which nothing is written to another host's file that is taken for left behind.
+OLD = 86400
 
 
 def is_named_as_folder(name: str) -> bool:
@@ -28,20 +35,36 @@ def is_named_as_folder(name: str) -> bool:
     return os.path.basename(name) != Path(name).name  # noqa: PTH119
 
 
-def check_no_input(target: str, origin: str, inputs: Iterable[Path]) -> None:
-    """Raises UsageError if a picture would replace one of its inputs, by whatever name, and OSError if its own is odd.
+class Inputs:
+    """Files that pictures are made from, which none may replace, by whatever name. Threads may add some meanwhile."""
 
-    origin: whose word the name is. An input that is not there any more is none.
-    """
-    try:
-        existing = Path(target).stat()
-    except FileNotFoundError:  # the usual case, or a link that is to be written through
-        return
-    for other in inputs:
-        with contextlib.suppress(FileNotFoundError):
-            if os.path.samestat(existing, other.stat()):
+    def __init__(self, files: Iterable[Path] = ()) -> None:
+        self._known: set[Path] = set()
+        self._places: dict[tuple[int, int], Path] = {}  # by disk and file number
+        self.add(files)
+
+    def add(self, files: Iterable[Path]) -> None:
+        """More of them. Each is looked at once, however many pictures there are."""
+        for path in files:
+            with contextlib.suppress(OSError):
+                if path not in self._known:
+                    self._known.add(path)
+                    found = path.stat()
+                    self._places[found.st_dev, found.st_ino] = path
+
+    def check(self, target: str, origin: str) -> None:
+        """Raises UsageError if a picture of this name would replace one of them, and OSError if the name is odd.
+
+        origin: whose word the name is. An input that is not there any more is none.
+        """
+        try:
+            found = Path(target).stat()
+            other = self._places.get((found.st_dev, found.st_ino))
+            if other and os.path.samestat(found, other.stat()):
                 what = f"{str(other)!r}, which the picture is made from and would replace"
                 raise UsageError(f"{origin}: {target!r} is {what}")
+        except FileNotFoundError:  # the usual case, or a link that is to be written through
+            return
 
 
 @contextlib.contextmanager
@@ -105,7 +128,7 @@ def _new_part(target: Path) -> tuple[Path, BinaryIO]:
     # A name may have 255 bytes, so 64 bytes of the target's name leave room for the rest. A cut letter is dropped.
     name = os.fsencode(target.name)[:64].decode(errors="ignore")
     while True:
-        part = target.with_name(f".{name}-{secrets.token_hex(8)}.part")
+        part = target.with_name(f".{name}-{HOST}-{secrets.token_hex(8)}.part")
         file = part.open("xb")
         with contextlib.suppress(OSError):
             _lock(file)
@@ -120,7 +143,8 @@ def _remove_left(folder: Path) -> None:
     for part in folder.glob(".*.part") if fcntl else ():
         # What cannot be locked is in use, or the file system has no locks.
         with contextlib.suppress(OSError):
-            if PART.fullmatch(part.name):
+            name = PART.fullmatch(part.name)
+            if name and (name[1] == HOST or part.stat().st_mtime < time.time() - OLD):
                 with part.open("rb") as file:
                     _lock(file, fcntl.LOCK_NB)
                     part.unlink()

@@ -125,7 +125,7 @@ class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
     kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
-    (one number that the kernel changes where something has happened);
+    (numbers that are 0 at first, and that the kernel changes where it has found something);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
     output; needs: the flag without which the kernel has no such argument, "" for none. The group's member is there
     nevertheless, and 0 then.
@@ -148,15 +148,18 @@ class Argument:
 
 
 def _values(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "value", group, text, needs=needs) for name, type_, text in rows)
+    return tuple(Argument(name, type_, "value", group=group, text=text, needs=needs) for name, type_, text in rows)
 
 
 def _buffers(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "buffer", group, text, needs=needs) for name, type_, text in rows)
+    return tuple(Argument(name, type_, "buffer", group=group, text=text, needs=needs) for name, type_, text in rows)
 
 
 def _outputs(*rows: tuple[str, str, int, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "output", "Outputs", text, n, needs) for name, type_, n, text in rows)
+    return tuple(
+        Argument(name, type_, "output", group="Outputs", text=text, channels=n, needs=needs)
+        for name, type_, n, text in rows
+    )
 
 
 # What --stats counts, in the order of the last axis of the output `work`: the kernel's names, and words for a reader.
@@ -210,8 +213,14 @@ TRAITS = {
 # named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
 # surface has.
 SHAPES = (
-    Shape("sphere", "WITH_SPHERES", "0", "0", ("ROUND", "FETCHED")),
-    Shape("triangle", "WITH_TRIANGLES", "((spheres).first)", "((tree).blocks)", ("LATE", "PLACED", "TINY")),
+    Shape("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
+    Shape(
+        "triangle",
+        "WITH_TRIANGLES",
+        first="((spheres).first)",
+        leaf="((tree).blocks)",
+        traits=("LATE", "PLACED", "TINY"),
+    ),
 )
 
 ARGUMENTS = (
@@ -338,6 +347,14 @@ ARGUMENTS = (
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
         needs="WITH_TRIANGLES",
     ),
+    Argument(
+        "plane",
+        "int",
+        "note",
+        "Spheres",
+        "of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
+        needs="WITH_TRIANGLES",
+    ),
     *_values(
         "Scene",
         ("triangles", "int", "how many triangles there are"),
@@ -400,8 +417,8 @@ ARGUMENTS = (
         "last",
         "int",
         "note",
-        "Scene",
-        "the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
+        group="Scene",
+        text="the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
     ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}
@@ -418,7 +435,7 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
-    "BLOCK": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
+    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges

@@ -45,7 +45,8 @@ class Attributes:
             normals.add(id(shape), shape.normals, shape.normal_of, _size(shape.normals))
             if with_uv:
                 uvs.add(id(shape), shape.uv, shape.uv_of)
-        return cls(mesh, *normals.arrays(triangles), *uvs.arrays(triangles))
+        (normal, normal_face), (corner_uv, uv_face) = normals.arrays(triangles), uvs.arrays(triangles)
+        return cls(mesh, normal, normal_face, corner_uv=corner_uv, uv_face=uv_face)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The kernel's buffers by name."""

@@ -1,6 +1,6 @@
-"""Which spheres cannot matter: those inside others, those that are there twice, those that can shadow nothing.
+"""Which surfaces cannot matter: what is there twice, spheres inside others, and spheres that can shadow nothing.
 
-All tests are made with spheres that are larger by more than any rounding, here or in the kernel, can amount to. So a
+All tests but for equality are made with spheres that are larger by more than any rounding, here or in the kernel, can amount to. So a
 sphere is left out only if no ray could ever tell, and no picture changes. (In single some extreme scenes are an
 exception: docs/speed.md.)
 """
@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.plan.accel.discs import Discs
-from cltrace.plan.rounding import Array, squared_length
+from cltrace.plan.rounding import Array, Mask, squared_length
 
-Mask = NDArray[np.bool_]
 # How many spheres, the largest ones, are looked into for others inside of them.
 SHELLS = 8
 # How many spheres tell about how large those are.
 SAMPLE = 2**14
+# Of meshes with so many triangles, those at one corner in SOME are looked into first: see repeated_faces().
+MANY, SOME = 2**15, 64
+# An odd number without a pattern, for marks.
+ODD = np.uint64(0xD6E8FEB86659FD93)
 
 
 def larger(radius: Array, slack: float) -> Array:
@@ -86,6 +89,64 @@ def repeated(center: Array, radius: Array, shape: NDArray[np.int32], number: NDA
     for which in blockwise(n, compare):
         out[which] = True
     return out
+
+
+def repeated_faces(vertex: Array, face: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Which triangles have the same three corners as an earlier one, in whatever order, and so are never seen.
+
+    vertex: (v, 3), in the world; face: (m, 3), the corners of triangles, of which the earlier one wins a tie. No ray
+    that starts elsewhere meets one of two such triangles without the other, at another t, or first, and one that starts
+    on the earlier one is in the plane of both, and so meets neither. Whatever side, normals and material the later
+    one has, no rule asks for them.
+
+    Of many triangles, first those are compared that have a corner among one in SOME vertices. If no two of these are
+    equal, few others are, if any, and few do not cost much.
+    """
+    if len(face) < 2:
+        return np.zeros(0, np.intp)
+    mark = np.concatenate(blockwise(len(vertex), lambda rows: _marks(vertex[rows])))
+    if len(face) >= MANY:
+        chosen = mark < np.uint64(2**64 // SOME)
+
+        def touches(rows: slice) -> Mask:
+            a, b, c = (chosen.take(face[rows, k]) for k in range(3))
+            return np.asarray(a | b | c)
+
+        some = np.flatnonzero(np.concatenate(blockwise(len(face), touches)))
+        if not len(_repeated_among(vertex, face, some, mark)):
+            return np.zeros(0, np.intp)
+    return _repeated_among(vertex, face, np.arange(len(face)), mark)
+
+
+def _marks(points: Array) -> NDArray[np.uint64]:
+    """(n,): a number for each point (n, 3), the same for equal ones, of which 0 and -0 are. Others hardly ever agree."""
+    mark = np.zeros(len(points), np.uint64)
+    for k in range(3):
+        mark = (mark ^ (points[:, k] + 0.0).view(np.uint64)) * ODD
+        mark ^= mark >> np.uint64(32)
+    return mark * ODD
+
+
+def _repeated_among(
+    vertex: Array, face: NDArray[np.int32], some: NDArray[np.intp], mark: NDArray[np.uint64]
+) -> NDArray[np.intp]:
+    """repeated_faces() of those of `some`, rising numbers of triangles. mark: (v,), of the vertices."""
+    corners = face.take(some, axis=0)
+    marks = mark.take(corners)
+    # What two triangles add up to is hardly ever the same if they are not equal. Only such are compared.
+    total = marks.sum(axis=1)
+    sorted_total = np.sort(total)
+    twice = sorted_total[1:][sorted_total[1:] == sorted_total[:-1]]
+    if not len(twice):
+        return np.zeros(0, np.intp)
+    among = np.flatnonzero(np.isin(total, twice))
+    by_mark = marks[among].argsort(axis=1)
+    marks = np.take_along_axis(marks[among], by_mark, axis=1)
+    corners = np.take_along_axis(corners[among], by_mark, axis=1)
+    order = np.lexsort(marks.T)  # equal ones stay as they are
+    places = vertex.take(corners[order], axis=0)
+    again = (places[1:] == places[:-1]).all(axis=(1, 2))
+    return np.sort(some[among[order[1:][again]]])
 
 
 def point_shadows(discs: Discs, slack: float) -> Mask:

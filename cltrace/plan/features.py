@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cltrace.plan.abi import SHAPES
 from cltrace.plan.lights import are_at_points, counts, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.world import World
@@ -24,7 +25,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     """The names of the flags that are set. inside: whether the eye is inside of a surface or on it."""
     shading = request.needs_colors
     full = "features" in request.keep
-    surfaces, meshes, ellipsoids = len(world.id), world.counts["triangle"] > 0, world.counts["ellipsoid"] > 0
+    surfaces = len(world.id)
     lights, at_points = counts(world.lights), bool(are_at_points(kinds(world.lights)).any())
     inside = inside or world.bounces.glass or full
     black = world.materials.black is not None and bool(world.materials.black.any())
@@ -37,7 +38,11 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     averaged, sampled = (shading and how is not None for how in (request.antialias, request.samples))
     uv = textures or "uv" in request.outputs
     bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
+    points = lit and (at_points or full) and not averaged and bounded
+    needed = {"shape": True, "bounces": bounces, "average": averaged, "points": points}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
+    flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
+    flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
     flags |= {
         "WITH_FILTER": request.precision != "double" and "filter" not in request.keep,
         "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
@@ -50,17 +55,11 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_LIGHTS": lit,
         **{f"WITH_{kind.upper()}": lit and (number > 0 or full) for kind, number in lights.items()},
         "WITH_SHADOWS": lit and (surfaces > 1 or inside),
-        "WITH_UNSTOPPABLE": meshes and lit and (at_points or full) and not averaged and bounded,
         "WITH_SPECULAR": lit and (world.materials.shiny or full),
         "WITH_BLACK": lit and (black or full),
         "WITH_PREFETCH": surfaces >= PLENTY,
         "WITH_BLOCKS": sampled or (lit and surfaces * len(world.lights) >= VIEWS),
-        "WITH_ELLIPSOIDS": ellipsoids,
-        "WITH_SHAPES": meshes or ellipsoids,
-        "WITH_SPHERES": world.counts["sphere"] > 0 or not meshes,
-        "WITH_TRIANGLES": meshes,
-        "WITH_PATCHES": meshes and bounces,
-        "WITH_LEAVING": bounces or meshes or ellipsoids,
+        "WITH_LEAVING": bounces or any(shape.leave for shape in world.shapes),
         "WITH_BOUNCES": bounces,
         "WITH_GLASS": bounces and world.bounces.glass,
         "WITH_SPLITS": splits,
@@ -72,10 +71,10 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_AVERAGE": averaged,
         "WITH_SAMPLES": sampled,
         "WITH_MARKS": sampled or (averaged and bounces),
-        "WITH_SHEETS": averaged and meshes,
         "WITH_CENTRES": (averaged or sampled)
         and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }
+    flags[SHAPES[0].flag] |= not surfaces  # without any, the kernel knows the first shape alone
     return frozenset(name for name, wanted in flags.items() if wanted)

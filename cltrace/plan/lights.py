@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import LIGHT_KINDS, Precision, dtype_of, shade_dtype
-from cltrace.plan.accel.cells import CellGrid, Mask
+from cltrace.plan.accel.cells import CellGrid
 from cltrace.plan.accel.discs import Discs
 from cltrace.plan.accel.light_buffer import parallel_buffer, point_buffer
 from cltrace.plan.accel.silhouettes import Shadows, Silhouettes
 from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.materials import finite32
-from cltrace.plan.rounding import Array, rotated
+from cltrace.plan.rounding import Array, Mask, rotated
 from cltrace.scene import AMBIENT, PARALLEL
 
 T = TypeVar("T", covariant=True)

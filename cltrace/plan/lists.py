@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, entries_of_boxes, whole_grid
+from cltrace.plan.accel.cells import SLACK, CellGrid, entries_of_boxes, whole_grid
 from cltrace.plan.accel.discs import Discs, behind, is_deep
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Silhouettes, Window
 from cltrace.plan.accel.tiles import picture_tiles
 from cltrace.plan.lights import Lamp
 from cltrace.plan.request import Request
+from cltrace.plan.rounding import Mask
 from cltrace.plan.shapes.shape import Sights
 from cltrace.plan.world import World
 

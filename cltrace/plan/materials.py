@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import BLOCK, blockwise, empty
 from cltrace.plan.abi import real_dtype, shade_dtype
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Mask
 from cltrace.scene import AMBIENT, Scene
 
-Mask = NDArray[np.bool_]
 # Of a material: how much of the light goes on, mirrored and refracted.
 GO_ON = ("reflectance", "transmittance")
 
@@ -76,9 +75,9 @@ class Materials:
             packed,
             bounce,
             texture if which is None or not len(texture) else texture.take(which),
-            bool(shade["ks"].any()),
-            black,
-            float(shade["ks"].max(initial=0)),
+            shiny=bool(shade["ks"].any()),
+            black=black,
+            brightest=float(shade["ks"].max(initial=0)),
         )
 
     def reflect(self, material_of: NDArray[np.integer[Any]]) -> bool:

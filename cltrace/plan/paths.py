@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, dtype_of
 from cltrace.plan.accel.bvh import Balls, Faces, Tree, build_tree
-from cltrace.plan.rounding import Array, U
+from cltrace.plan.rounding import Array, Ints, Mask, U
 from cltrace.scene import AnyCamera
 
-Mask = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 # The kernel's arguments where no ray leaves a surface.
 NO_PATHS: dict[str, Any] = {
     "middle": (0.0, 0.0, 0.0, 1.0),
@@ -71,7 +69,7 @@ class Paths:
             index = None if member.all() else np.flatnonzero(member).astype(np.int32)
             large = outer * unit
             small = large if inner is outer else inner * unit
-            balls = Balls((center - middle) * unit, large, small, widen, index)
+            balls = Balls((center - middle) * unit, outer=large, inner=small, widen=widen, member=index)
             tree = build_tree(balls, Faces((vertex - middle) * unit, face, len(center), vertex))
         return cls(middle, exponent, widen, tree)
 

@@ -16,6 +16,8 @@ from cltrace.base.arrays import blockwise
 from cltrace.numbers.pairs import Pair, two_product, two_sum
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
 # Unit roundoff of float32: the bounds of the kernel's filters are multiples of it.
 U = 2.0**-24
 ORIGIN = np.zeros(3)

@@ -7,14 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.numbers.pairs import two_sum
 from cltrace.plan.accel.discs import Discs
-from cltrace.plan.rounding import Array, differences, dot_products, square_excess
+from cltrace.plan.rounding import Array, Mask, differences, dot_products, square_excess
 from cltrace.scene import AnyCamera
-
-Mask = NDArray[np.bool_]
 
 
 def in_camera_space(camera: AnyCamera, points: Array) -> Array:
@@ -56,8 +53,8 @@ class Space:
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, eye)
         turned, _ = dot_products(basis, hi, lo)
-        excess = square_excess(hi, lo, radius)
-        return cls(turned, radius, *excess, loose, center, first)
+        power, rest = square_excess(hi, lo, radius)
+        return cls(turned, radius, power=power, power_rest=rest, loose=loose, place=center, first=first)
 
     def times_two_to(self, k: int) -> Space:
         """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
@@ -88,7 +85,7 @@ class Space:
         return self._discs(hi, self._known(power), True), np.sign(power)
 
     def _discs(self, center: Array, power: Array, in_world: bool = False) -> Discs:
-        return Discs(center, self.radius, power, self.loose is not None, in_world, self.first)
+        return Discs(center, self.radius, power, loose=self.loose is not None, in_world=in_world, first=self.first)
 
     def _known(self, power: Array) -> Array:
         """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""

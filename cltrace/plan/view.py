@@ -138,7 +138,9 @@ def packed_lights(world: World, camera: AnyCamera, request: Request, k: int) -> 
     """The world's lights as pack_lights() makes them. k: see View.without_lists()."""
     place = in_camera_space(camera, world.lights["position"]) * (2.0**k if request.precision == "single" else 1)
     brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
-    return pack_lights(world.lights, place, np.array(camera.basis()), request.precision, brightest)
+    return pack_lights(
+        world.lights, place, basis=np.array(camera.basis()), precision=request.precision, brightest=brightest
+    )
 
 
 def _shades(world: World) -> Arrays:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
-from cltrace.plan.accel.cells import Ints, Mask
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
@@ -21,7 +20,7 @@ from cltrace.plan.materials import Materials
 from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.plan.shapes.shape import OrderOf, Shape, share
 from cltrace.plan.shapes.table import SHAPES
 from cltrace.plan.textures import NO_TEXTURES, Textures
@@ -63,11 +62,6 @@ class World:
     def placed(self) -> Iterator[tuple[int, Shape]]:
         """The index of each shape's first surface, and the shape."""
         return zip(accumulate((len(shape.number) for shape in self.shapes), initial=0), self.shapes, strict=False)
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many surfaces there are of each kind, by name."""
-        return {name: count for shape in self.shapes for name, count in shape.counts.items()}
 
     @property
     def opaque(self) -> Mask:

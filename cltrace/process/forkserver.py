@@ -25,8 +25,10 @@ def prepare(module: str) -> None:
         return
     os.environ[MODULE] = module
     multiprocessing.set_forkserver_preload(["cltrace.process.preload"])
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # it inherits that, as Ctrl-C is left to this process
+    # It inherits that these are ignored: what a terminal sends to all processes is left to this one, which ends them.
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGHUP)}
     try:
         forkserver.ensure_running()
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

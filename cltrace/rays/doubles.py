@@ -43,7 +43,7 @@ class Met(NamedTuple):
     @classmethod
     def all(cls, parts: list[Met]) -> Met:
         none = np.empty(0, np.int64)
-        parts = parts or [cls(none, none, none.astype(bool), none, none.astype(float), none.astype(float))]
+        parts = parts or [cls(none, none, none.astype(bool), none, low=none.astype(float), high=none.astype(float))]
         return cls._make(np.concatenate(x) for x in zip(*parts, strict=True))
 
 
@@ -99,7 +99,7 @@ def _triangles(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Me
     kept = np.flatnonzero(~miss & ~(known & ~within.perhaps))
     low, high = np.where(known, t - error, -np.inf), np.where(known, t + error, np.inf)
     side = np.zeros(len(ray), np.int64)
-    return Met(ray, primitive, known & within.surely, side, low, high).at(kept)
+    return Met(ray, primitive, sure=known & within.surely, side=side, low=low, high=high).at(kept)
 
 
 def _spheres(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Met:
@@ -142,4 +142,4 @@ def _spheres(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Met:
     low = np.where(sure, np.where(by_far, far - far_error, near - near_error), -np.inf)
     high = np.where(sure, np.where(by_near, near + near_error, far + far_error), np.inf)
     side = np.where(by_far, 1, -1)
-    return Met(ray, primitive, by_near | by_far, side, low, high).at(kept)
+    return Met(ray, primitive, sure=by_near | by_far, side=side, low=low, high=high).at(kept)

@@ -61,7 +61,8 @@ class Lines:
             loose = np.where(exact & (start[0] == 0), 0.0, loose)
         numbers = np.column_stack([origin, w, *finite])
         plain = ((numbers == 0) | ((np.abs(numbers) >= LOW) & (np.abs(numbers) <= HIGH))).all(axis=1)
-        return cls(origin, direction, t_min, t_max, exponent, w, place, start, off, low, high, loose, plain)
+        asked = {"origin": origin, "direction": direction, "t_min": t_min, "t_max": t_max, "exponent": exponent}
+        return cls(**asked, w=w, place=place, start=start, off=off, low=low, high=high, loose=loose, plain=plain)
 
     def __len__(self) -> int:
         return len(self.w)

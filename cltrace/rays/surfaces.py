@@ -57,7 +57,7 @@ class Surfaces:
         number = np.concatenate([scene.sphere_numbers, np.repeat([mesh.number for mesh in scene.meshes], counts)])
         primitive = np.concatenate([np.full(len(spheres), -1), *map(np.arange, counts)])
         center, outer = np.ascontiguousarray(spheres["center"]), spheres["radius"] * reach
-        paths = Paths.of(center, outer, outer, np.ones(len(spheres), bool), vertex, face)
+        paths = Paths.of(center, outer, outer, np.ones(len(spheres), bool), vertex=vertex, face=face)
         assert paths.tree is not None
         return cls(
             center=center,
@@ -73,7 +73,7 @@ class Surfaces:
             rank=(number.astype(np.int64) << 32) + primitive,
             middle=paths.middle,
             size=2.0**-paths.exponent,
-            nodes=Nodes.of(paths.tree, paths.exponent, center, outer, vertex, face),
+            nodes=Nodes.of(paths.tree, paths.exponent, center=center, outer=outer, vertex=vertex, face=face),
         )
 
     @property
@@ -118,7 +118,16 @@ class Nodes:
             patches[9], patches[10] = g + h, g * h
         sides = np.stack([tree.node[name] for name in SIDES])
         levels = int(np.ceil(np.log2(max(2, len(slots))) / 3)) + 2
-        return cls(exponent, sides, tree.node["child"].copy(), WIDTH * levels, len(tree.block), slots, spheres, patches)
+        return cls(
+            exponent,
+            sides,
+            tree.node["child"].copy(),
+            WIDTH * levels,
+            blocks=len(tree.block),
+            slots=slots,
+            balls=spheres,
+            patches=patches,
+        )
 
 
 _known: weakref.WeakKeyDictionary[Scene, Surfaces] = weakref.WeakKeyDictionary()

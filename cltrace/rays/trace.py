@@ -21,7 +21,7 @@ from cltrace.scene import Scene
 from cltrace.scene.rules import described, numbers
 
 # So many rays are traced together. What they take, some kilobytes each, does not grow with their number.
-BLOCK = 1 << 16
+RAYS_AT_ONCE = 1 << 16
 
 
 class Hits:
@@ -89,7 +89,7 @@ def trace_rays(
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {described(scene)}")
     o, d, low, high = _checked(origins, directions, t_min, t_max)
     surfaces = surfaces_of(scene)
-    parts = [slice(i, i + BLOCK) for i in range(0, len(o), BLOCK)]
+    parts = [slice(i, i + RAYS_AT_ONCE) for i in range(0, len(o), RAYS_AT_ONCE)]
     jobs = [partial(_trace, surfaces, o[part], d[part], low[part], high[part]) for part in parts]
     index, t, h, rest = (np.concatenate(x) for x in zip(_nothing(), *concurrently(jobs), strict=True))
     lines = partial(Lines.of, o, d, low, high, surfaces.middle, surfaces.size)
@@ -143,7 +143,7 @@ def _trace(
     surfaces: Surfaces, origin: Floats, direction: Floats, t_min: Floats, t_max: Floats
 ) -> tuple[Ids, Floats, Floats, Floats]:
     """Of some rays: the primitive that each meets first, -1 for none; and what _distances() says of that."""
-    lines = Lines.of(origin, direction, t_min, t_max, surfaces.middle, surfaces.size)
+    lines = Lines.of(origin, direction, t_min, t_max, middle=surfaces.middle, size=surfaces.size)
     index, side = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
 
     def settled(met: Met) -> Met:
@@ -184,7 +184,7 @@ def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
         least, most = np.where(sure, t.h - slack, -np.inf), np.where(sure, t.h + slack, np.inf)
         side = np.where(flat[rows], 0, np.where(by_far, 1, -1))
         kept = ~(plain & outside[0] & outside[1])
-        parts.append(Met(some.ray, some.primitive, sure, side, least, most).at(kept))
+        parts.append(Met(some.ray, some.primitive, sure=sure, side=side, low=least, high=most).at(kept))
     result = Met.all(parts)
     np.minimum.at(far, result.ray, result.high)
     return result.at(result.low <= far[result.ray])

@@ -38,8 +38,7 @@ class Roots(NamedTuple):
     normal: Whole
 
     def at(self, rows: Ids) -> Roots:
-        part = [x[rows] for x in self[:5]]
-        return Roots(*part, self.w[:, rows], self.normal[:, rows])  # type: ignore[call-arg, arg-type]
+        return Roots._make(x[..., rows] for x in self)
 
     def before(self, other: Roots) -> Bools:
         """Whether it comes before another one of the same ray.
@@ -48,7 +47,7 @@ class Roots(NamedTuple):
         """
         p = self.b * other.a - other.b * self.a
         E, F = self.D * other.a * other.a, other.D * self.a * self.a
-        sign = signs_with_roots(p, self.side, E, -other.side, F)
+        sign = signs_with_roots(p, one=self.side, D=E, other=-other.side, E=F)
         planes = np.flatnonzero((sign == 0) & (self.side == 0) & (other.side == 0))
         if len(planes):
             mine, its = self.at(planes), other.at(planes)
@@ -107,7 +106,7 @@ class Exact:
             if len(rows):
                 parts.append((rows, roots(surfaces, primitive[rows], rows, o[:, rows], w[:, rows])))
         back = np.argsort(np.concatenate([rows for rows, _ in parts]))
-        self.roots = Roots(*(np.concatenate(x, axis=-1) for x in zip(*(r for _, r in parts), strict=True))).at(back)
+        self.roots = Roots._make(np.concatenate(x, axis=-1) for x in zip(*(r for _, r in parts), strict=True)).at(back)
 
     def _triangles(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
         face = surfaces.face[primitive - surfaces.spheres]
@@ -121,7 +120,7 @@ class Exact:
         volumes = np.array([dot(w, edge) * side for edge in edges], object).reshape(3, -1)
         self.volumes[:, rows] = volumes
         normal, zero = (edges[0] + edges[1] + edges[2]) * side, np.zeros(len(rows), np.int64)
-        roots = Roots(exists, volumes.sum(axis=0), D * side, zero, zero.astype(object), w, normal)
+        roots = Roots(exists, a=volumes.sum(axis=0), b=D * side, side=zero, D=zero.astype(object), w=w, normal=normal)
         return roots._replace(exists=exists & self._within(roots, rows))
 
     def _spheres(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
@@ -137,7 +136,9 @@ class Exact:
         a, b, c = dot(d, d), dot(f, d), dot(f, f) - r * r
         D, side = b * b - a * c, np.ones(len(rows), np.int64)
         passes = D < 0
-        roots = Roots(~passes, a, b, -side, np.where(passes, 0, D), w, np.zeros((3, len(rows)), object))
+        roots = Roots(
+            ~passes, a=a, b=b, side=-side, D=np.where(passes, 0, D), w=w, normal=np.zeros((3, len(rows)), object)
+        )
         first, second = (self._within(roots._replace(side=end), rows) for end in (-side, side))
         return roots._replace(exists=~passes & (first | second), side=np.where(first, -1, 1))
 

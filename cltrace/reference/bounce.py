@@ -34,7 +34,7 @@ def bounces(ray: Ray, at: Intersection) -> Iterator[Bounce]:
     m, d, n, spread = at.material, ray.direction, at.outward, at.surface.spread
     mirror, total = m.reflectance, False
     if m.transmittance > 0:
-        through = refracted(d, n, at.side, m.index, spread)
+        through = refracted(d, n, at.side, index=m.index, spread=spread)
         if through is None:
             mirror, total = mirror + m.transmittance, True
         else:

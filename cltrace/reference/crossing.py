@@ -44,14 +44,14 @@ NOWHERE = Direction(0.0, 0.0, 0.0)
 class Way:
     """A ray in doubles: from place + step along w, all of them along the world's axes.
 
-    place: exactly; reach: a bound of |step|; w1: |w|_1, or more where w is off by more than its own size.
+    place: exactly; w1: |w|_1, or more where w is off by more than its own size; reach: a bound of |step|.
     """
 
     place: Point
-    step: Direction
-    reach: float
     w: Direction
     w1: float
+    step: Direction = NOWHERE
+    reach: float = 0.0
 
     def to(self, point: Point) -> Direction:
         return (point - self.place) - self.step
@@ -63,8 +63,8 @@ def way_of(ray: Ray, frame: Frame, eye: Point) -> Way | None:
         return None
     w, start = frame.B.T @ ray.direction, ray.origin
     if isinstance(start, Start):
-        return Way(start.place, start.step, start.reach, w, size_of(w))
-    return Way(eye, NOWHERE, 0.0, w, size_of(w))
+        return Way(start.place, w, size_of(w), step=start.step, reach=start.reach)
+    return Way(eye, w, size_of(w))
 
 
 def shadow_way(ray: ShadowRay) -> Way | None:
@@ -74,9 +74,9 @@ def shadow_way(ray: ShadowRay) -> Way | None:
         return None
     if site is None:
         w = Direction(*map(float, ray.light.place))
-        return Way(start.place, start.step, start.reach, w, size_of(w))
+        return Way(start.place, w, size_of(w), step=start.step, reach=start.reach)
     w = (start.place - site) + start.step
-    return Way(site, NOWHERE, 0.0, w, size_of(w) + start.reach)
+    return Way(site, w, size_of(w) + start.reach)
 
 
 class RoughFace:

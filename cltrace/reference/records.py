@@ -25,7 +25,8 @@ class Illumination:
 
     w: from the point to the light, as Light.direction_from() has it; l: the same with length 1, or n where w is 0;
     r: l mirrored at the normal n; n_l: n.l; r_v: r.v, where v leads back along the ray, with length 1; strength: the
-    share of the light that leaves in the direction -w; color: what it adds, black unless `fate` is lit.
+    share of the light that leaves in the direction -w; diffuse, specular: the two terms of Phong's formula, whose sum
+    is the color, black unless `fate` is lit.
     """
 
     light: Light
@@ -36,7 +37,13 @@ class Illumination:
     n_l: float
     r_v: float
     strength: float
-    color: Color
+    diffuse: Color = BLACK
+    specular: Color = BLACK
+
+    @property
+    def color(self) -> Color:
+        (red, green, blue), (r, g, b) = self.diffuse, self.specular
+        return (red + r, green + g, blue + b)
 
 
 @dataclass(frozen=True, slots=True)

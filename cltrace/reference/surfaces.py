@@ -137,7 +137,7 @@ def first_met(surfaces: Iterable[Surface], ray: Ray) -> tuple[float, Surface] | 
     best: tuple[float, Surface] | None = None
     for surface in surfaces:
         t = surface.intersect(ray)
-        if t is not None and (best is None or comes_first(ray, surface, t, best[1], best[0])):
+        if t is not None and (best is None or comes_first(ray, surface, t, other=best[1], best=best[0])):
             best = t, surface
     return best
 

@@ -44,7 +44,7 @@ class Texture:
         i, j = math.floor(x), math.floor(y)
         upper = _mix(self.texel(i, j), self.texel(i + 1, j), x - i)
         lower = _mix(self.texel(i, j + 1), self.texel(i + 1, j + 1), x - i)
-        return Lookup(i % width, j % height, x - i, y - j, _mix(upper, lower, y - j))
+        return Lookup(i % width, j % height, right=x - i, down=y - j, color=_mix(upper, lower, y - j))
 
     def texel(self, i: int, j: int) -> Color:
         """The pixel in column i and row j, both counted on beyond the image."""

@@ -5,6 +5,8 @@ Each returns a record of what it decided, see records.py.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cltrace.reference.bounce import Bounce, bounces
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.pixel import Pixel
@@ -72,13 +74,12 @@ def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Illumi
         fate = "in shadow"
     elif not n_l > 0:
         fate = "behind"
-    color = BLACK
-    if fate == "lit":
-        cosine, highlight = min(1.0, n_l), m.ks * max(0.0, min(1.0, r_v)) ** m.exponent
-        channels = zip(at.color, light.color, strict=True)
-        red, green, blue = (strength * (m.kd * c * cosine + highlight) * L for c, L in channels)
-        color = (red, green, blue)
-    return Illumination(light=light, fate=fate, w=w, l=l, r=r, n_l=n_l, r_v=r_v, strength=strength, color=color)
+    found = Illumination(light=light, fate=fate, w=w, l=l, r=r, n_l=n_l, r_v=r_v, strength=strength)
+    if fate != "lit":
+        return found
+    red, green, blue = (strength * (m.kd * c * min(1.0, n_l)) * L for c, L in zip(at.color, light.color, strict=True))
+    r, g, b = (strength * (m.ks * max(0.0, min(1.0, r_v)) ** m.exponent) * L for L in light.color)
+    return replace(found, diffuse=(red, green, blue), specular=(r, g, b))
 
 
 def shade(world: World, ray: Ray, at: Intersection) -> Shading:

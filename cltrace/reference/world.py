@@ -38,7 +38,9 @@ def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     shining = scene.lights[scene.lights["kind"] != AMBIENT]
     lamps = [lights.KINDS[int(light["kind"])](light, eye, frame) for light in shining]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
-    return World(scene.camera, surfaces, lamps, color_of(ambient), color_of(np.array(scene.background)))
+    return World(
+        scene.camera, surfaces, lamps, ambient=color_of(ambient), background=color_of(np.array(scene.background))
+    )
 
 
 @functools.lru_cache(maxsize=4)

@@ -9,14 +9,13 @@ that loads it, so such files are removed before.
 from __future__ import annotations
 
 import contextlib
-import functools
 import logging
 import os
 import stat
 import struct
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -31,6 +30,8 @@ SHARED = "/dev/shm"
 PROGRAM = "[A-P][A-P]/" + "[A-P]" * 37
 # What was wrong with the caches, for --doctor.
 notes: list[str] = []
+# When the folder of PoCL's programs had last changed that was looked through, in ns, by its name.
+_looked: dict[Path, int] = {}
 
 
 def ensure() -> None:
@@ -106,15 +107,29 @@ def check_room(folder: Path, size: int = ROOM) -> None:
             file.write(bytes(size))
 
 
-@functools.cache
 def mend_kernels() -> None:
-    """Removes damaged files from PoCL's cache, once in a process: 0.1 ms for each program that is kept there."""
+    """Removes damaged files from PoCL's cache, unless this process has done so since the folder changed.
+
+    PoCL makes each file in that folder, and moves it when it is whole. It takes 0.07 ms for each program there, for
+    whose files one has to look: a crash may cut a file without a trace in the times of its folders.
+    """
     root = Path(os.environ.get("POCL_CACHE_DIR") or home() / "pocl" / "kcache")
-    if sys.platform != "linux":
-        return
-    for program in root.glob(PROGRAM):
-        with contextlib.suppress(OSError):  # a folder that another process removes meanwhile
-            _mend(program.rglob("*.[sb][oc]"))
+    with contextlib.suppress(OSError):  # there is none yet
+        changed = root.stat().st_mtime_ns
+        if sys.platform == "linux" and _looked.get(root) != changed:
+            _looked[root] = changed
+            for program in root.glob(PROGRAM):
+                _mend(path for path in _files(program) if path.suffix in WHOLE)
+
+
+def _files(folder: str | Path) -> Iterator[Path]:
+    """All files in a folder and in those below. Nothing where another process removes it meanwhile."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                yield from _files(entry.path)
+            else:
+                yield Path(entry.path)
 
 
 def _mend(files: Iterable[Path]) -> None:

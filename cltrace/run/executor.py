@@ -143,6 +143,8 @@ class Executor:
                 for name, array in plan.arrays.items()
             } | (made or {})
             self.buffers["last"] = self._last.buffer
+            if "WITH_TRIANGLES" in plan.features:
+                self.buffers["plane"] = self._zeros(4 * max(plan.values["triangles"], 1))
             self._unstoppable = Unstoppable(plan, device) if "WITH_UNSTOPPABLE" in plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
@@ -299,6 +301,12 @@ class Executor:
         use = flags.USE_HOST_PTR if self.device.kind == "cpu" and begins_on_page(array) else flags.COPY_HOST_PTR
         return cl.Buffer(self._context, flags.READ_ONLY | use, hostbuf=np.ascontiguousarray(array))
 
+    def _zeros(self, count: int) -> Any:
+        """A buffer of so many bytes, all 0, that the kernel may change."""
+        buffer = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, count)
+        cl.enqueue_fill_buffer(self._queue, buffer, np.int32(0), 0, count)
+        return buffer
+
     def _build(self) -> None:
         """Makes the kernel of the plan, and those of its arguments that no launch changes."""
         flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
@@ -345,7 +353,7 @@ class Executor:
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
-        block = CONSTANTS["BLOCK"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
+        block = CONSTANTS["BLOCK_ROWS"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
         columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))

@@ -162,7 +162,8 @@ def program(device: Device, options: list[str], files: tuple[str, ...] = SOURCES
 
 @lru_cache(maxsize=64)
 def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Program:
-    mend_kernels()
+    if "PoCL" in device.platform.version:
+        mend_kernels()
     with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         made = cl.Program(context_of(device), source(files))

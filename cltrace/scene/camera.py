@@ -101,8 +101,10 @@ class Camera(Pose):
     ) -> None:
         if not isinstance(square_pixels, (bool, np.bool_)):
             raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
-        values = _pose(position, lookat, up, resolution, max_bounces)
-        half = _half_angle(horizontal_fov, fov, fov_axis, values["resolution"], square_pixels)
+        values = _pose(position, lookat, up, resolution=resolution, max_bounces=max_bounces)
+        half = _half_angle(
+            horizontal_fov, full=fov, axis=fov_axis, size=values["resolution"], square_pixels=square_pixels
+        )
         self._fill(values | {"horizontal_fov": half, "square_pixels": bool(square_pixels)})
 
     @classmethod
@@ -136,7 +138,15 @@ class Camera(Pose):
         origin = (0.0, 0.0, 0.0)
         ahead: Vector = (-back[0], -back[1], -back[2])
         camera = cls(
-            origin, ahead, up_for(back, up), None, size, max_bounces, square_pixels, fov=fov, fov_axis=fov_axis
+            origin,
+            ahead,
+            up_for(back, up),
+            horizontal_fov=None,
+            resolution=size,
+            max_bounces=max_bounces,
+            square_pixels=square_pixels,
+            fov=fov,
+            fov_axis=fov_axis,
         )
         x, y, z = (np.array(axis) for axis in camera.basis())
         wide, high = (tangent * share for tangent in camera.image_plane())
@@ -208,7 +218,7 @@ class Orthographic(Pose):
         resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
         max_bounces: int = 8,
     ) -> None:
-        values = _pose(position, lookat, up, resolution, max_bounces)
+        values = _pose(position, lookat, up, resolution=resolution, max_bounces=max_bounces)
         self._fill(values | {"height": float(checked("camera.height", POSITIVE, height, ()))})
 
     @classmethod
@@ -231,7 +241,7 @@ class Orthographic(Pose):
         share = checked_margin(margin)
         size = scene.camera.resolution if resolution is None else resolution
         ahead: Vector = (-back[0], -back[1], -back[2])
-        camera = cls((0.0, 0.0, 0.0), ahead, up_for(back, up), 1.0, size, max_bounces)
+        camera = cls((0.0, 0.0, 0.0), ahead, up_for(back, up), height=1.0, resolution=size, max_bounces=max_bounces)
         x, y, z = (np.array(axis) for axis in camera.basis())
         right, left, above, below, near, far = reaches_of(scene, (x, -x, y, -y, z, -z)).tolist()
         wide, high = camera.resolution

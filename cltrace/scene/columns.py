@@ -55,7 +55,7 @@ class Columns:
         """Views of SPHERE and MATERIAL arrays."""
         center, radius, material, to_object = (spheres[name] for name in ("center", "radius", "material", "to_object"))
         shade = {name: materials[name] for name in (*ARGUMENTS, "texture")}
-        return cls(center, radius, material, to_object, shade, len(materials))
+        return cls(center, radius, material=material, to_object=to_object, shade=shade, count=len(materials))
 
     @property
     def materials_count(self) -> int:

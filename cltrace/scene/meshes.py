@@ -79,9 +79,11 @@ class Geometry(_Frozen):
             "vertices": points,
             "faces": corners,
             "normals": directions,
-            "normal_of": _of_corners("mesh.normal_of", normal_of, len(corners), len(directions), "a normal"),
+            "normal_of": _of_corners(
+                "mesh.normal_of", normal_of, faces=len(corners), count=len(directions), what="a normal"
+            ),
             "uv": places,
-            "uv_of": _of_corners("mesh.uv_of", uv_of, len(corners), len(places), "uv"),
+            "uv_of": _of_corners("mesh.uv_of", uv_of, faces=len(corners), count=len(places), what="uv"),
         }
         self.__setstate__(state)
 
@@ -204,9 +206,13 @@ class Mesh(_Frozen):
     ) -> None:
         points = _rows("mesh.vertices", vertices, 3)
         corners = _indices("mesh.faces", faces, len(points), "a vertex")
-        directions, normal_of = _given("mesh.normals", normals, corners, len(points), 3)
-        places, uv_of = _given("mesh.uv", uv, corners, len(points), 2)
-        self._fill(Geometry(points, corners, directions, normal_of, places, uv_of), material, transform)
+        directions, normal_of = _given("mesh.normals", normals, corners, vertices=len(points), width=3)
+        places, uv_of = _given("mesh.uv", uv, corners, vertices=len(points), width=2)
+        self._fill(
+            Geometry(points, corners, normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of),
+            material,
+            transform,
+        )
 
     def _fill(self, geometry: Geometry, material: Material, transform: ArrayLike | None) -> None:
         if not isinstance(material, Material):

@@ -283,7 +283,7 @@ class Scene:
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
-        shown = colors_given(n, colors, values, cmap, clim)
+        shown = colors_given(n, colors, values=values, cmap=cmap, clim=clim)
         given = {"color": (1.0, 1.0, 1.0) if shown is None else shown, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
@@ -293,7 +293,7 @@ class Scene:
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
-        found = Columns(center, radius, material, to_object, shade, 1 if one else n, follows=ka is None)
+        found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
         return cls._made(camera, lights, found, background, output_file, maps, shapes, transfer)
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from cltrace.renderers.all_devices import render
 from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
-from cltrace.students.search import Search
+from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 
@@ -76,14 +76,17 @@ def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
     wrong = result.error > result.tolerance
     if not result.error.any():
         return result
-    found = whole(mine, right, result.tolerance, to_bytes(np.array(scene.background)))
+    trials = list(whole(mine, right, result.tolerance, to_bytes(np.array(scene.background))))
     count = max(int(wrong.sum()), 1)
-    parts = {name: float(cover.sum()) / count for name, cover in found.covers.items()}
-    left = 1 - sum(parts.values())
-    if found.over or (found.covers and not found.made and left == 0):
+    parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
+    if sum(parts.values()) == 1 and not trials[0].made:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
-    search = Search(scene, mine, right, result.tolerance, truncate, found)
-    verdict = search.verdict()
+    search, verdict = _first(
+        Search(scene, mine=mine, right=right, tolerance=result.tolerance, truncate=truncate, found=found)
+        for found in trials
+    )
+    parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
+    left = 1 - sum(parts.values())
     together, shares = search.explains(verdict)
     for name, share in shares.items():
         parts[name] = parts.get(name, 0.0) + left * share
@@ -95,6 +98,16 @@ def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
         explained=1 - left + left * together,
         likely=Cause(likely.names[-1], search.fit.explained(likely)) if likely else None,
     )
+
+
+def _first(searches: Iterable[Search]) -> tuple[Search, Verdict]:
+    """The first search that finds what explains the picture, and what it is; if there is none, the first one."""
+    done: list[tuple[Search, Verdict]] = []
+    for search in searches:
+        done.append((search, search.verdict()))
+        if done[-1][1].named.names:
+            return done[-1]
+    return done[0]
 
 
 def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:

@@ -68,7 +68,9 @@ class Sample:
     total: int
 
     def at(self, rows: Ints) -> Sample:
-        return Sample(self.pixels[rows], self.mine[rows], self.right[rows], self.wrong[rows], self.weight, self.total)
+        return Sample(
+            self.pixels[rows], self.mine[rows], self.right[rows], self.wrong[rows], weight=self.weight, total=self.total
+        )
 
     @classmethod
     def of(cls, mine: Levels, right: Levels, tolerance: int, counts: tuple[int, int], free: Bits) -> Sample:
@@ -81,7 +83,7 @@ class Sample:
         bad, good = (rng.permutation(np.flatnonzero(which & ~free)) for which in (wrong, ~wrong))
         y, x = np.divmod(np.sort(np.concatenate([bad[: counts[0]], good[: counts[1]]])), mine.shape[1])
         weight = min(len(good) / max(len(bad), 1), _MOST)
-        return cls(np.stack([x, y], axis=1), mine[y, x], right[y, x], wrong[y, x], weight, len(bad))
+        return cls(np.stack([x, y], axis=1), mine[y, x], right[y, x], wrong[y, x], weight=weight, total=len(bad))
 
     def few(self, counts: tuple[int, int] = FEW) -> Sample:
         """A few of these pixels."""
@@ -226,7 +228,7 @@ class Search:
     """
 
     def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int, truncate: bool, found: Whole) -> None:
-        self.mine, self.tolerance = mine, tolerance
+        self.mine, self.tolerance, self.found = mine, tolerance, found
         self.base = Rules(rounding="down") if truncate else RIGHT
         self.tracer = Tracer(scene)
         self.free = np.zeros(mine.shape[:2], np.bool_)
@@ -242,7 +244,7 @@ class Search:
 
     def _sample(self, counts: tuple[int, int]) -> Sample:
         """Without the pixels where doubles see something else than is there, of which they cannot judge."""
-        sample = Sample.of(*self._samples, counts, self.free)
+        sample = Sample.of(*self._samples, counts=counts, free=self.free)
         off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base) - sample.right).max(axis=1)
         return sample.at(np.flatnonzero(off <= 1))
 
@@ -268,7 +270,7 @@ class Search:
             if verdict is not None:
                 return self._judged(self._beside(verdict)) or verdict
         likely = max(self.singles, key=lambda trial: trial.score.gain, default=none)
-        return Verdict(none, {}, likely if likely.score.gain >= LIKELY else None)
+        return Verdict(none if self.found.sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
 
     def _looks(self) -> Iterator[list[Trial]]:
         """What may explain the picture, by what takes longer and longer to look for."""

@@ -306,9 +306,13 @@ class Shapes:
         n = len(rays)
         outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         ball = parts < len(self.radii)
-        self._on_spheres(places, rays.directions, parts, np.flatnonzero(ball), outward, uv, inside)
-        self._on_triangles(rays, parts - len(self.radii), np.flatnonzero(~ball), outward, uv, inside)
-        return Points(places, outward, inside, uv, self.materials[parts], parts)
+        self._on_spheres(
+            places, rays.directions, k=parts, rows=np.flatnonzero(ball), outward=outward, uv=uv, inside=inside
+        )
+        self._on_triangles(
+            rays, parts - len(self.radii), rows=np.flatnonzero(~ball), outward=outward, uv=uv, inside=inside
+        )
+        return Points(places, outward, inside=inside, uv=uv, materials=self.materials[parts], parts=parts)
 
     def _on_spheres(
         self, places: Floats, d: Floats, k: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]

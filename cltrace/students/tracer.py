@@ -155,7 +155,7 @@ class Tracer:
         wanted = np.flatnonzero((lit & (strength > 0)) | (rules.ambient in ("reaching", "facing", "shining")))
         reached = np.ones(len(l), np.bool_)
         if rules.shadows and len(wanted):
-            reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w[wanted], light, rules)
+            reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w=w[wanted], light=light, rules=rules)
         cosine = {"negative": n_l, "both": np.abs(n_l)}.get(rules.facing, np.maximum(0.0, n_l))
         r_v = dot(normal, unit(l + v)) if rules.halfway else dot(normal * (2 * n_l)[:, None] - l, v)
         r_v = -r_v if rules.highlight == "reversed" else r_v

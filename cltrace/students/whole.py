@@ -22,7 +22,8 @@ Made = dict[str, Changes]
 _PROBES = 800  # pixels that are looked at
 _STEP = 8  # levels by which these differ from a neighbour: where all is alike, all placings fit
 _FAR = 8  # pixels, by which a picture may be shifted
-_HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a change has to make right
+_HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a sure change makes right
+_SOME = 0.2  # of what is otherwise wrong, at least that a change makes right which is worth a look
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
     {name: BY_NAME[name].variants[0] for name in names}
@@ -35,37 +36,56 @@ class Whole:
     """What was found.
 
     made: the mistakes that a tracer can make, with what each makes of the rules; covers: others, each with the pixels
-    that it explains, (h, w); over: whether nothing else is to be seen in the picture.
+    that it explains, (h, w); sure: whether it is wrong
+    whatever else is, or only if it explains the picture together with what is found beside it.
     """
 
     made: Made = field(default_factory=dict)
     covers: dict[str, Bits] = field(default_factory=dict)
-    over: bool = False
+    sure: bool = True
 
 
-def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> Whole:
-    """Looks at a picture and the right one. background: (3,), whose pixels are no sign of anything."""
+def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> Iterator[Whole]:
+    """Looks at a picture and the right one: what is to be tried, one after the other, until it explains the picture.
+
+    background: (3,), whose pixels are no sign of anything.
+    """
     wrong = np.abs(mine - right).max(axis=2) > tolerance
     if not wrong.any():
-        return Whole()
+        yield Whole()
+        return
     if not np.ptp(mine, axis=(0, 1)).any():
         name = "only-background" if np.abs(mine[0, 0] - background).max() <= 1 else "one-colour"
-        return Whole(covers={name if mine.any() else "black": wrong}, over=True)
+        yield Whole(covers={name if mine.any() else "black": wrong})
+        return
     framed = dict(_framed(mine, wrong, background))
     if framed:
-        return Whole(covers=framed)
-    made = _made(mine, right, tolerance)
-    if "shifted" in made:
-        x, y = made["shifted"]["sample"]
-        strips = np.ones(wrong.shape, np.bool_)
-        dx, dy = round(abs(x - 0.5)), round(abs(y - 0.5))
-        strips[dy : len(wrong) - dy, dx : wrong.shape[1] - dx] = False
-        return Whole(made, {"shifted": strips & wrong})
-    return Whole(made)
+        yield Whole(covers=framed)
+        return
+    made, sure = _made(mine, right, tolerance)
+    if not sure:
+        yield Whole()
+    if made:
+        yield Whole(made, _strips(made, wrong), sure=sure)
 
 
-def _made(mine: Levels, right: Levels, tolerance: int) -> Made:
-    """The placing and the colours that fit best, if they fit far better than what should be there."""
+def _strips(made: Made, wrong: Bits) -> dict[str, Bits]:
+    """The columns and rows at the sides that a shift brought in, where they are wrong."""
+    if "shifted" not in made:
+        return {}
+    x, y = made["shifted"]["sample"]
+    strips = np.ones(wrong.shape, np.bool_)
+    dx, dy = round(abs(x - 0.5)), round(abs(y - 0.5))
+    strips[dy : len(wrong) - dy, dx : wrong.shape[1] - dx] = False
+    return {"shifted": strips & wrong}
+
+
+def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
+    """The placing and the colours that fit best, if they fit far better than what should be there; whether it is sure.
+
+    Beside another mistake they leave most of the picture wrong. Then the search has to find that one, too: a picture
+    that is alike on both sides fits its mirror image about as well when its light comes from elsewhere.
+    """
     height, width = mine.shape[:2]
     steps = np.zeros((height, width), np.bool_)
     steps[:, 1:] |= np.abs(np.diff(mine, axis=1)).max(axis=2) >= _STEP
@@ -89,7 +109,8 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> Made:
         fit = fits(tried)
         if fit > best:
             best, made = fit, tried
-    return made if best >= _HALF and 1 - best <= _HALF * (1 - before) else {}
+    gain = (best - before) / (1 - before) if before < 1 else 0.0
+    return made if gain >= _SOME else {}, min(best, gain) >= _HALF
 
 
 def _tried(square: bool) -> Iterator[Made]:

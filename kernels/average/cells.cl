@@ -67,7 +67,7 @@ static Ray middle_rays(const Frame frame, const Scene scene, const Cells cells) 
     ray.a = (ray.d.x * ray.d.x + ray.d.y * ray.d.y) + 1;
     ray.over_a = 1 / ray.a;
 #endif
-    return for_shapes(frame, scene, ray);
+    return for_shapes(frame, ray);
 }
 
 /* Where along the rays of a cell a surface is met: t is within least .. most where it is. */

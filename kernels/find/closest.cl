@@ -59,6 +59,9 @@ static float end_of_lists(const Scene scene, const EyeLine line, const Hit hit) 
 static REAL_MASK comes_before(const Scene *all, const Real3 *d, const Real3 *w, const REAL t, const INT index,
                               const Rival *hit);
 
+/* In which lanes A comes before B in the scene file. */
+static MASK first_in_file(const Scene scene, const INT A, const INT B);
+
 /* Which lanes' rays meet something at t before what they have hit so far, where that may be a late surface: `nearer`
  * tells of all others. */
 static REAL_MASK nearer_than_any(const Scene scene, const Ray ray, const int index, const REAL t, const Hit hit,

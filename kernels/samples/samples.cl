@@ -26,7 +26,7 @@ typedef struct {
 
 /* Those of the upper left corners of pixels: of the packets that a work-item renders, and of those to their right and
  * below. origin: the first packet's first pixel in the picture. */
-#define CORNER_ROWS ((W > 1 ? BLOCK : 1) + 1)
+#define CORNER_ROWS ((W > 1 ? BLOCK_ROWS : 1) + 1)
 typedef struct {
     int2 origin;
     Found of[CORNER_ROWS][RUN + 1];
@@ -56,7 +56,7 @@ static __attribute__((noinline)) Found find(const Frame *camera, const Scene *al
                                             Work *work) {
     const Frame frame = *camera;
     const Scene scene = *all;
-    const Ray ray = for_shapes(frame, scene, *from);
+    const Ray ray = for_shapes(frame, *from);
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;

@@ -11,6 +11,7 @@
  *   put, put_from  normals, textures and starts of rays at points of it
  *   leave       where rays leave it; fine_start: the same in pairs
  *   encounter   where rays that left a surface meet it; fine_t: t there, in pairs
+ *   leave_out_tied  lanes in which two are known to be met at once always
  *   break_tie   which of two that are met at once comes first, if that is not the one that is first in the file
  *   primitive   its number in its mesh
  *   fetch, fetch_first, fetch_hit, fetch_leaf  what is to be read of it soon
@@ -30,6 +31,11 @@ static INT primitives_of(const Scene scene, const INT index) {
 static __attribute__((always_inline)) int meet_surface(const Scene scene, const Ray ray, EyeLine *line, const int index,
                                                        Hit *hit, Work *work) {
     return ASK_SHAPE(scene.spheres, index, take(scene, ray, line, index, hit, work));
+}
+
+static MASK first_in_file(const Scene scene, const INT A, const INT B) {
+    const INT a = ids_of(scene, A), b = ids_of(scene, B);
+    return (a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B)));
 }
 
 /* Puts into a hit what its shape tells late. */
@@ -57,19 +63,21 @@ static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Le
 }
 #endif
 
-/* Which of the lanes' rays, which meet both surfaces, meet A before B; where they are met at once, the one that comes
- * first in the scene file, unless their shape breaks the tie. */
+/* Which of the lanes' rays, which meet both surfaces, meet A before B, for the lanes of `wanted`; where they are met at
+ * once, the one that comes first in the scene file, unless their shape breaks the tie. */
 static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A,
-                                                          const INT B) {
-    const INT a = ids_of(scene, A), b = ids_of(scene, B);
-    REAL_MASK first = TO_REAL_MASK((a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B))));
+                                                          const INT B, const REAL_MASK wanted) {
+    REAL_MASK first = TO_REAL_MASK(first_in_file(scene, A, B));
     if (is_over(scene)) return first;
 #if REAL_BYTES == 8
+    REAL_MASK open = wanted;
+    EACH_SHAPE(scene.spheres, A, leave_out_tied(scene.spheres, A, B, &open));
+    if (!ANY(TO_MASK(open))) return first;
     const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
     const REAL_MASK close = (gap >= -error) & (gap <= error);
     EACH_SHAPE(scene.spheres, A, break_tie(scene.spheres, ray, A, B, close, &first));
-    first = (gap < -error) | (!(gap > error) & first);
+    first = open ? (gap < -error) | (!(gap > error) & first) : first;
 #endif
     return first;
 }
@@ -81,7 +89,7 @@ static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const 
     EACH_SHAPE(scene.spheres, hit->id, settle_t(scene, *d, *w, *hit, &rival));
     const REAL_MASK close = too_close(t, rival);
     if (!ANY(TO_MASK(close))) return t < rival;
-    return close ? comes_first_of(scene, from_eye(scene.spheres, *d, *w), index, hit->id) : t < rival;
+    return close ? comes_first_of(scene, from_eye(scene.spheres, *d, *w), index, hit->id, close) : t < rival;
 }
 
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */

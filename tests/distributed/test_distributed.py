@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import socket
@@ -289,16 +290,45 @@ def test_command(
     assert not (work / "x.png").exists()
 
 
-def test_ctrl_c(tmp_path: Path) -> None:
-    """Which a terminal sends to the workers, too: what is written is whole, and no process is left."""
+def test_what_dask_would_print_is_not_printed(tmp_path: Path) -> None:
+    """As of a scheduler that goes: the command has one line of its own for it."""
+    script = """
+import logging
+from cltrace import cli
+
+assert cli.main(["{FILE}", "--cluster", "nonsense", "-o", "x.png"]) == 3
+names = [name for name in logging.root.manager.loggerDict if name.startswith(("distributed", "tornado.app", "asyncio"))]
+print(min(logging.getLogger(name).getEffectiveLevel() for name in names), "distributed.client" in names)
+"""
+    line = [sys.executable, "-c", script.replace("{FILE}", str(FILE))]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == f"{logging.CRITICAL} True\n", done.stderr
+
+
+def test_a_worker_that_dies_while_it_starts(tmp_path: Path) -> None:
+    """It is not waited for, which took a minute."""
+    (tmp_path / "dies.py").write_text("import os\nos._exit(9)\n")
+    environment = os.environ | {"DASK_DISTRIBUTED__WORKER__PRELOAD": str(tmp_path / "dies.py")}
+    line = [sys.executable, "-m", "cltrace", str(FILE), "--cluster", "local:2", "-o", "x.png"]
+    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50, check=False)
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == "cltrace: --cluster local:2: a worker has died while it started"
+    assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize(("number", "said"), [(signal.SIGINT, "cltrace: interrupted\n"), (signal.SIGHUP, "")])
+def test_ctrl_c(tmp_path: Path, number: signal.Signals, said: str) -> None:
+    """Which a terminal sends to the workers, too: what is written is whole, and no process is left.
+
+    A terminal that is closed sends SIGHUP, which ended multiprocessing's own processes, and these printed tracebacks.
+    """
     line = [sys.executable, "-m", "cltrace", str(FILE), "--cluster", "local:2", "--orbit", "999", "-o", "f%03d.png"]
     with subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
         while process.poll() is None and len(list(tmp_path.glob("f*.png"))) < 5:
             time.sleep(0.02)
-        os.killpg(process.pid, signal.SIGINT)
+        os.killpg(process.pid, number)
         _, words = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert words == "cltrace: interrupted\n"
+    assert (process.returncode, words) == (128 + number, said)
     assert not list(tmp_path.glob(".*.part"))
     assert all(pixels(path).shape == (361, 481, 3) for path in tmp_path.iterdir())
     patience = time.monotonic() + 30

@@ -264,7 +264,7 @@ def read_plainly(lines: list[str]) -> tuple[list[Any], ...]:
 @pytest.mark.slow
 @pytest.mark.parametrize("block", [50, 700, 2**20])
 def test_lines_of_all_kinds_in_any_order(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(obj, "BLOCK", block)
+    monkeypatch.setattr(obj, "BLOCK_BYTES", block)
     for seed in range(150):
         rng = random.Random(seed)
         lines = some_lines(rng)
@@ -516,7 +516,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("block", [9, 2**20])
 def test_fault(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(obj, "BLOCK", block)
+    monkeypatch.setattr(obj, "BLOCK_BYTES", block)
     text, expected = FAULTS[name]
     assert faults_of(text) == expected
 
@@ -573,7 +573,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(geometry_of(TRIANGLE + "f 1 2 3\nf 1 2 3 1\n".replace(" 1\n", "\n")).faces) == 2
     assert faults_of(TRIANGLE + "f 1 2 3 1 2\nf 1 2 3\n") == ["5: face: must not be one of more than 3 triangles"]
     monkeypatch.setattr(obj_text, "LINE", 1000)
-    monkeypatch.setattr(obj, "BLOCK", 100)
+    monkeypatch.setattr(obj, "BLOCK_BYTES", 100)
     assert faults_of(TRIANGLE + "f" + " 1" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     assert faults_of(TRIANGLE + "f" + " 1 \\\n" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     monkeypatch.setattr(obj, "MAX_BYTES", 1000)

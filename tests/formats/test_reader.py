@@ -219,7 +219,8 @@ def test_mirrors_and_glass(bulk: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         ("0.250", "-0e7", "-3"),
         ("0.5", "0.25", "1.5"),
     ]
-    scene = scene_of(changed(SPHERE_TEXT, "".join(finished(*values) for values in written)))
+    scene, warnings = read_text(changed(SPHERE_TEXT, "".join(finished(*values) for values in written)))
+    assert warnings == ["scene.xml:43: material_solid: r + t = 1009 is above 1: more light goes on than reaches it"]
     assert scene.spheres["material"].tolist() == [0, 1, 2, 0, 0, 1]
     names = ["reflectance", "transmittance", "index"]
     assert scene.materials[names].tolist() == [(0.25, 0, 1), (0.5, 0.25, 1.5), (9, 1000, 1e-30)]
@@ -288,7 +289,11 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         ["8: camera up: must not be parallel to the view"],
     ),
     "fov 0": ('angle="45"', 'angle="0"', ["9: camera horizontal_fov: angle must be within (0, 90), got 0"]),
-    "fov 90": ('angle="45"', 'angle="90"', ["9: camera horizontal_fov: angle must be within (0, 90), got 90"]),
+    "fov 90": (
+        'angle="45"',
+        'angle="90"',
+        ["9: camera horizontal_fov: angle must be within (0, 90), got 90: it is half of the opening, is 45 meant?"],
+    ),
     "fov -1": ('angle="45"', 'angle="-1"', ["9: camera horizontal_fov: angle must be within (0, 90), got -1"]),
     "fov nan": ('angle="45"', 'angle="nan"', ["9: camera horizontal_fov: angle must be a finite number, got nan"]),
     "resolution 0": (
@@ -326,7 +331,7 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
     "alpha range": (
         'alpha2="25.5"',
         'alpha2="181"',
-        ["21: spot_light falloff: alpha2 must be within [0, 180], got 181"],
+        ["21: spot_light falloff: alpha2 must be within [0, 180], got 181: it is half of the opening, is 90.5 meant?"],
     ),
     "alpha missing": ('alpha2="25.5"', "", ["21: spot_light falloff: attribute alpha2 is missing"]),
     "point light without position": (
@@ -657,6 +662,82 @@ def test_a_misspelt_transform_is_pointed_out() -> None:
     assert warnings_of(with_transform('<rotatex theta="1"/>')) == [
         "34: sphere transform: unknown element <rotatex> ignored; did you mean <rotateX>?"
     ]
+
+
+@pytest.mark.parametrize(
+    ("step", "meant"),
+    [
+        ('<rotate axis="y" theta="30"/>', "; did you mean <rotateY>?"),
+        ('<rotate x="0" y="0.0" z="1" angle="30"/>', "; did you mean <rotateZ>?"),
+        ('<Rotation axis="X"/>', "; did you mean <rotateX>?"),
+        ('<rotate x="1" y="1" z="0"/>', ""),
+        ('<rotate angle="30"/>', ""),
+    ],
+)
+def test_rotations_name_the_axis_that_was_meant(step: str, meant: str) -> None:
+    (told,) = warnings_of(with_transform(step))
+    assert told == f"34: sphere transform: unknown element <{step[1:].split()[0]}> ignored{meant}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            '<color r="0.5" g="0.25" b="1"/>', '<texture name="a.png"/>',
+            "27: sphere material_solid: <color> is missing; did you mean <material_textured>, which has a texture in "
+            "place of the color?",
+        ),
+        (
+            "material_solid", "material_textured",
+            "27: sphere material_textured: <texture> is missing; did you mean <material_solid>, which has a color in "
+            "place of the texture?",
+        ),
+        (
+            "material_solid", "material_spheremap",
+            "25: sphere: <material_solid> or <material_textured> is missing; did you mean <material_textured> for "
+            "<material_spheremap>?",
+        ),
+        (
+            'alpha1="20" alpha2="25.5"', 'angle="120"',
+            "21: spot_light falloff: attribute alpha1 is missing; alpha1 and alpha2 are measured from the axis: is "
+            "half of the angle meant?",
+        ),
+        (
+            'alpha2="25.5"', 'alpha2="240"',
+            "21: spot_light falloff: alpha2 must be within [0, 180], got 240: it is half of the opening, is 120 meant?",
+        ),
+        (
+            'angle="45"', 'angle="120"',
+            "9: camera horizontal_fov: angle must be within (0, 90), got 120: it is half of the opening, is 60 meant?",
+        ),
+    ],
+    ids=["texture", "colour", "spheremap", "angle", "alpha", "field of view"],
+)  # fmt: skip
+def test_what_is_meant_is_said(old: str, new: str, told: str) -> None:
+    assert faults_of(SCENE.replace(old, new))[0] == told
+
+
+def test_a_file_beside_the_missing_one_is_named() -> None:
+    Path("textures").mkdir()
+    Path("textures/wall.png").write_bytes(b"")
+    text = SCENE.replace("material_solid", "material_textured")
+    text = text.replace('<color r="0.5" g="0.25" b="1"/>', '<texture name="textures/walls.png"/>')
+    missing = "material_textured texture: name 'textures/walls.png' cannot be read: No such file or directory"
+    assert faults_of(text) == [f"28: {missing}; did you mean 'textures/wall.png'?"]
+
+
+def test_more_light_than_there_is_is_pointed_out() -> None:
+    """Of spheres that are read in bulk and one by one, and of meshes."""
+    shares = SCENE.replace('reflectance r="0.0"', 'reflectance r="0.6"').replace(
+        'refraction iof="0"', 'refraction iof="1"'
+    )
+    told = "27: material_solid: r + t = 1.1 is above 1: more light goes on than reaches it"
+    assert warnings_of(shares.replace('t="0.0"', 't="0.4"')) == []
+    for text in (shares, shares.replace('<position x="4" y="5" z="6"/>', '<position z="6" y="5" x="4"/>')):
+        assert warnings_of(text.replace('t="0.0"', 't="0.5"')) == [told]
+    Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    mesh = re.sub(r"<sphere .*\n.*<position.*/>", '<mesh name="a.obj">\n', shares).replace("</sphere>", "</mesh>")
+    assert warnings_of(mesh.replace('t="0.0"', 't="0.5"')) == [told]
 
 
 def test_a_hundred_warnings_are_enough() -> None:

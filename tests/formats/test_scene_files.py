@@ -395,7 +395,8 @@ def test_a_scene_that_only_a_parser_can_like() -> None:
     with pytest.raises(SceneError) as caught:
         read("scene.xml")
     assert str(caught.value).split("\n") == [
-        "scene.xml:4: camera horizontal_fov: angle must be within (0, 90), got 90",
+        "scene.xml:4: camera horizontal_fov: angle must be within (0, 90), got 90: it is half of the opening, "
+        "is 45 meant?",
         f"scene.xml:{FIRST}: material_textured texture: name must not be empty",
         f"scene.xml:{FIRST}: mesh: name 'cube.obj' cannot be read: No such file or directory",
     ]
@@ -426,7 +427,7 @@ def test_warnings_of_the_files_come_behind_those_of_the_scene() -> None:
 
 
 def test_a_mesh_with_a_colour_of_bytes() -> None:
-    _, warnings = read_surfaces(mesh("a.obj", RED.replace('r="1"', 'r="200"').replace('"0.5"', '"100"')))
+    _, warnings = read_surfaces(mesh("a.obj", RED.replace('r="1"', 'r="200"').replace('g="0.5"', 'g="100"')))
     assert warnings == [
         f"scene.xml:{FIRST}: material_solid color: 200, 100, 0 looks like bytes of 0..255, but 1 is full: divide by 255"
     ]

@@ -9,10 +9,12 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
+from cltrace.base.errors import UsageError
 from cltrace.picture import files
 from cltrace.picture.files import whole_file
 from cltrace.run import caches
@@ -157,18 +159,52 @@ def test_a_signal_leaves_nothing_behind(name: str) -> None:
 
 def test_what_a_kill_has_left_is_removed_by_the_next_run() -> None:
     """What another process still writes stays, and so does what only looks alike."""
-    Path(".s.png-0123456789abcde.part").touch()
+    alike = ".s.png-01234567-0123456789abcde.part"
+    Path(alike).touch()
     with subprocess.Popen([sys.executable, "-c", WAITS], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         process.stdout.readline()
-        (part,) = [name for name in names() if len(name) == len(".s.png-0123456789abcdef.part")]
+        (part,) = [name for name in names() if len(name) == len(f".s.png-{files.HOST}-0123456789abcdef.part")]
         write("a.png")
         assert part in names()
         process.kill()
     assert part in names()
     files._remove_left.cache_clear()
     write("b.png")
-    assert names() == [".s.png-0123456789abcde.part", "a.png", "b.png"]
+    assert names() == [alike, "a.png", "b.png"]
+
+
+def test_what_another_host_writes_stays_for_a_day() -> None:
+    """A lock may hold on one host only, so that one can be had tells nothing of the other."""
+    parts = [f".s.png-{host}-0123456789abcdef.part" for host in (files.HOST, "f" * 8)]
+    day_old = f".t.png-{'f' * 8}-0123456789abcdef.part"
+    for name in (*parts, day_old):
+        Path(name).touch()
+    os.utime(day_old, (0, time.time() - files.OLD - 1))
+    write("a.png")
+    assert names() == [parts[1], "a.png"]
+
+
+def test_inputs_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many pictures there are: a thousand scenes looked a million times."""
+    paths = [Path(f"{k}.xml") for k in range(20)]
+    for path in paths:
+        path.touch()
+    Path("link.png").symlink_to("7.xml")
+    os.link("8.xml", "hard.png")
+    looked = []
+    stat = Path.stat
+    monkeypatch.setattr(Path, "stat", lambda path, **how: looked.append(path) or stat(path, **how))
+    inputs = files.Inputs()
+    for path in paths:
+        inputs.add(paths)
+        inputs.check(path.with_suffix(".png").name, "-o")
+    assert sorted(looked) == sorted([*paths, *(path.with_suffix(".png") for path in paths)])
+    for target, other in (("7.xml", "7.xml"), ("link.png", "7.xml"), ("hard.png", "8.xml")):
+        with pytest.raises(UsageError, match=f"-o: '{target}' is '{other}', which the picture is made from"):
+            inputs.check(target, "-o")
+    inputs.add([Path("none.png")])
+    inputs.check("none.png", "-o")
 
 
 def test_a_part_that_is_removed_before_it_is_locked_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -335,6 +371,21 @@ def test_damaged_caches_are_mended_once(tmp_path: Path) -> None:
     cut(programs[0])
     status, report = run("--doctor", "-d", "cpu")
     assert (status, f"           {programs[0]} was damaged, and is made again\n" in report) == (0, True)
+
+
+def test_a_cache_is_looked_through_again_when_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another process has left meanwhile is found, too."""
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(caches, "notes", [])
+    caches.mend_kernels()  # no folder yet
+    folder = tmp_path / "cache" / "AB" / ("C" * 37) / "render" / "1-1-1"
+    folder.mkdir(parents=True)
+    for name in ("one.so", "two.bc", "other.txt"):
+        (folder / name).touch()
+        (tmp_path / "cache" / f"tempfile_{name}").touch()  # as the driver does
+        caches.mend_kernels()
+        assert names(str(folder)) == (["other.txt"] if name == "other.txt" else [])
+    assert [note.split()[0] for note in caches.notes] == [str(folder / "one.so"), str(folder / "two.bc")]
 
 
 def test_no_folder_at_all(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -153,7 +153,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                 patch.setattr(cells, "SPARE", 1)
                 patch.setattr(light_buffer, "SAMPLE", 1)
                 for module in (cells, discs, polygons):
-                    patch.setattr(module, "BLOCK", 8)
+                    patch.setattr(module, "AT_ONCE", 8)
                 drawn = renderer(scene, device, precision)
                 assert "WITH_PREFETCH" in drawn.plan.features
                 image = drawn.render()

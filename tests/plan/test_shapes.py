@@ -38,7 +38,7 @@ class Balls(Shape):
     def of(cls, *_: Any) -> Balls:
         row, r = np.arange(MORE, dtype=np.int32), RADIUS[-MORE:]
         tree = {"center": CENTER[-MORE:], "outer": r, "inner": r, "member": np.ones(MORE, bool)}
-        return cls(row, row + np.int32(60 - MORE), {"ball": MORE}, tree, False)
+        return cls(row, row + np.int32(60 - MORE), {}, tree, False)
 
     def material(self, scene: cltrace.Scene) -> Any:
         return np.zeros(MORE, np.int32)

@@ -254,7 +254,7 @@ def test_blocks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     scene, rng = mixed(4), np.random.default_rng(9)
     o, d = aimed(scene, rng, 200)
     want = trace_rays(scene, o, d)
-    monkeypatch.setattr(inside, "BLOCK", 7)
+    monkeypatch.setattr(inside, "RAYS_AT_ONCE", 7)
     again = trace_rays(scene, o, d)
     for name in ("t", "id", "primitive", "point", "normal", "uv"):
         np.testing.assert_array_equal(getattr(want, name), getattr(again, name))

@@ -231,10 +231,18 @@ def ball_missing(picture: Bytes) -> Bytes:
     return picture
 
 
+def mostly_noise(picture: Bytes) -> Bytes:
+    """Of a mirror image there is more to see than of the picture, but not enough to name it by."""
+    rng = np.random.default_rng(4)
+    noise = rng.integers(0, 256, picture.shape, dtype=np.uint8)
+    return np.where(rng.random(picture.shape[:2])[..., None] < 0.6, noise, picture[:, ::-1])
+
+
 UNKNOWN: dict[str, Callable[[Bytes], Bytes]] = {
     "a part is missing": ball_missing,
     "noise": lambda p: np.random.default_rng(2).integers(0, 256, p.shape, dtype=np.uint8),
     "turned": lambda p: np.roll(p[::-1, ::-1], 2, axis=0),
+    "mirrored, most of it noise": mostly_noise,
     "paler": lambda p: (p * 0.8).astype(np.uint8),
 }
 

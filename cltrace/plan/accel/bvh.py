@@ -26,10 +26,9 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, dtype_of
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints
 
 Floats = NDArray[np.float32]
-Ints = NDArray[np.int32]
 
 # Children of a node, spheres of a block and triangles of a patch.
 WIDTH = 8

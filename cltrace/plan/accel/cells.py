@@ -27,10 +27,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise, concurrently
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.rounding import Array, rounded_up
-
-Ints = NDArray[np.int32]
-Mask = NDArray[np.bool_]
+from cltrace.plan.rounding import Array, Ints, Mask, rounded_up
 
 # Relative to a coordinate. float32 arithmetic is off by less than half of it here, and by less in the kernel, too.
 SLACK = 2.0**-20
@@ -42,7 +39,7 @@ PRICE = 2.0
 # The price of entries follows from one in so many polygons, unless those are fewer than this.
 SAMPLE, FEW_SAMPLES = 16, 2**12
 # Spheres at a time, mostly in float32. With fewer, threads would wait for Python's lock more than they work.
-BLOCK = 2**17
+AT_ONCE = 2**17
 
 
 @dataclass(frozen=True)
@@ -147,7 +144,7 @@ def build(grids: list[CellGrid], precision: Precision) -> Lists:
     cells = filled = 0
     jobs = [partial(entered_in, grid) for grid in grids]
     # Threads take a millisecond to start.
-    entered = concurrently(jobs) if sum(len(grid.member) for grid in grids) > BLOCK else [job() for job in jobs]
+    entered = concurrently(jobs) if sum(len(grid.member) for grid in grids) > AT_ONCE else [job() for job in jobs]
     for g, grid, (start, entry, mask) in zip(records, grids, entered, strict=True):
         fill_record(g, grid, cells, mask)
         starts.append(start + np.int32(filled))
@@ -191,8 +188,8 @@ def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
     key.sort()
     counts = np.zeros(keys.cells, np.int32)
     shift = keys.index_bits + keys.near_bits
-    for i in range(0, filled, BLOCK):
-        block_of_keys = key[i : i + BLOCK]
+    for i in range(0, filled, AT_ONCE):
+        block_of_keys = key[i : i + AT_ONCE]
         cell = block_of_keys >> shift
         first = int(cell[0])
         here = np.bincount(cell - first)
@@ -238,7 +235,7 @@ class Placement(NamedTuple):
                 edges = _edges(grid.covers[:, block].take(which, axis=1)) >> level[block].take(which)
                 return entries_of_boxes(edges[2:] - edges[:2])
 
-            entries = sum(blockwise(len(level), entries_of, BLOCK))
+            entries = sum(blockwise(len(level), entries_of, AT_ONCE))
         else:
             level, entries = _levels(grid)
         strips = [strip for outlines in grid.outlines for strip in _strips(grid, level, outlines)]
@@ -277,7 +274,9 @@ class Keys:
             total += pitch[k] * (((cells[1] - 1) >> k) + 1)
         index_bits = last.bit_length()
         near_bits = min(32, 63 - index_bits - total.bit_length())
-        return Keys(used, pitch, base, total, sum(1 << k for k in used), index_bits, near_bits)
+        return Keys(
+            used, pitch, base, total, mask=sum(1 << k for k in used), index_bits=index_bits, near_bits=near_bits
+        )
 
     def _low(self, grid: CellGrid, which: slice | NDArray[np.intp]) -> NDArray[np.int64]:
         """Depth and surface of some members."""
@@ -288,8 +287,8 @@ class Keys:
         """The keys of those that have no outline: one for each cell of the rectangles around them."""
         shift = self.index_bits + self.near_bits
         deepest = None if grid.behind is None else self._deepest(grid.behind)
-        for i in range(0, len(level), BLOCK):
-            block = slice(i, i + BLOCK)
+        for i in range(0, len(level), AT_ONCE):
+            block = slice(i, i + AT_ONCE)
             low = self._low(grid, block)
             edges = _edges(grid.covers[:, block])
             for k in self.used:
@@ -397,7 +396,7 @@ def _strips(grid: CellGrid, level: NDArray[np.int8], outlines: Outlines) -> list
         begin, at = begin.take(keep), outlines.at[block].take(which.take(keep))
         return Strip(at, row.take(inside.take(keep)), begin, stop.take(keep) - begin)
 
-    return blockwise(len(count), of, max(1, BLOCK // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
+    return blockwise(len(count), of, max(1, AT_ONCE // 4 * len(count) // max(1, int(count.sum(dtype=np.int64)))))
 
 
 def _across(
@@ -481,7 +480,7 @@ class Sizes(NamedTuple):
             wide, high = grid.covers[2:, block].astype(np.float32)
             area[block], sides[block] = wide * high, wide + high
 
-        blockwise(len(area), measure, BLOCK)
+        blockwise(len(area), measure, AT_ONCE)
         for outlines in grid.outlines:
             exact = areas(outlines.corner) / np.float32(max(1, grid.pixels) ** 2)
             area[outlines.at] = np.minimum(area[outlines.at], exact)
@@ -516,7 +515,7 @@ def levels_of_polygons(grid: CellGrid, sizes: Sizes, price: float) -> NDArray[np
     price, in looks, up to which all polygons pay for an entry: see price_of().
     """
     levels = most_levels(grid)
-    return np.concatenate(blockwise(len(sizes.area), lambda block: sizes.some(block).levels(price, levels), BLOCK))
+    return np.concatenate(blockwise(len(sizes.area), lambda block: sizes.some(block).levels(price, levels), AT_ONCE))
 
 
 def most_levels(grid: CellGrid) -> int:
@@ -564,7 +563,7 @@ def whole_grid(members: Mask) -> CellGrid:
     member = np.flatnonzero(members).astype(np.int32)
     none, near = np.zeros(2), np.full(len(member), -np.inf, np.float32)
     covers = np.zeros((4, len(member)), np.int16)
-    return CellGrid(np.zeros((3, 3)), none, none + 1, (1, 1), member, covers, near, True)
+    return CellGrid(np.zeros((3, 3)), none, none + 1, (1, 1), member=member, covers=covers, near=near, perspective=True)
 
 
 def joined(parts: list[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
@@ -587,10 +586,19 @@ def outlines_of(at: NDArray[np.intp], corner: NDArray[Any], loose: NDArray[Any] 
     return Outlines(at, corner.astype(np.float32), rounded_up(off))
 
 
+class Members(NamedTuple):
+    """What of a CellGrid its surfaces are."""
+
+    member: Ints
+    covers: NDArray[np.int16]
+    near: NDArray[np.float32]
+    outlines: tuple[Outlines, ...] = ()
+
+
 def put_together(
     parts: Sequence[tuple[tuple[NDArray[Any], ...], Outlines | None]],
-) -> tuple[Ints, NDArray[np.int16], NDArray[np.float32], tuple[Outlines, ...]]:
-    """member, covers, near and outlines of a CellGrid, of which parts have the first three, and an outline or none.
+) -> Members:
+    """Parts have the first three, and an outline or none.
 
     Outlines with equally many corners are one.
     """
@@ -601,4 +609,4 @@ def put_together(
             found.setdefault(outline.corner.shape[1], []).append((outline.at + first, outline.corner, outline.loose))
         first += len(member)
     member, covers, near = joined([part for part, _ in parts])
-    return member, covers, near, tuple(Outlines(*joined(some)) for some in found.values())
+    return Members(member, covers, near, tuple(Outlines(*joined(some)) for some in found.values()))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import BLOCK, SLACK, CellGrid, Ints, Mask, joined, spread
+from cltrace.plan.accel.cells import AT_ONCE, SLACK, CellGrid, joined, spread
 from cltrace.plan.accel.silhouettes import (
     FINE_SLACK,
     LOOSE,
@@ -28,7 +28,7 @@ from cltrace.plan.accel.silhouettes import (
     Window,
 )
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, along, rotated, rounded_down, rounded_up
+from cltrace.plan.rounding import Array, Ints, Mask, along, rotated, rounded_down, rounded_up
 
 # From so many spheres on, and so many tiles that each one covers, lists lack what is behind others.
 FEWEST, DEEP = 2**15, 4
@@ -88,10 +88,10 @@ class Discs(Silhouettes):
             ends = (_along_view if window.parallel else _from_eye)(self, block, real)
             return use(Pictured(self.member(block), ends.ahead & among[self.part(block)], pixels(ends), ends.near))
 
-        return blockwise(len(self), see, BLOCK), None
+        return blockwise(len(self), see, AT_ONCE), None
 
     def on_sides(self, cube: Cube, who: Shadows) -> list[list[Part]]:
-        found = blockwise(len(self), lambda block: self._on_sides(cube, who, block), BLOCK)
+        found = blockwise(len(self), lambda block: self._on_sides(cube, who, block), AT_ONCE)
         return [list(parts) for parts in zip(*found, strict=True)]
 
     def _on_sides(self, cube: Cube, who: Shadows, block: slice) -> list[Cast]:
@@ -124,7 +124,7 @@ class Discs(Silhouettes):
             near = rounded_down(-(s + r) - SLACK * (np.abs(s) + r) - 2.0**-100)
             return Cast.of(self.member(block)[i], [u - r, u + r, v - r, v + r], (near, r - s + 2.0**-10), who)
 
-        return blockwise(len(self), look, BLOCK)
+        return blockwise(len(self), look, AT_ONCE)
 
 
 class _Ends(NamedTuple):
@@ -149,7 +149,9 @@ def _from_eye(discs: Discs, block: slice, real: Real) -> _Ends:
     # More than z < r, as the eye may be inside by less than the rounding of the centre.
     ahead = exact[2] < exact_r * (1 + SLACK)
     edges = slopes([x, -y], -z, r, gap)
-    return _Ends(edges, ahead, SLACK, 0.0, lambda i: nearest(length(x, y, z)[i], r[i], discs.power[block][i]))
+    return _Ends(
+        edges, ahead, slack=SLACK, loose=0.0, near=lambda i: nearest(length(x, y, z)[i], r[i], discs.power[block][i])
+    )
 
 
 def _along_view(discs: Discs, block: slice, real: Real) -> _Ends:
@@ -168,7 +170,7 @@ def _along_view(discs: Discs, block: slice, real: Real) -> _Ends:
         depth, size = -(z[i] + exact_r[i]), np.abs(z[i]) + exact_r[i]
         return rounded_down(depth - SLACK * size - LOOSE)
 
-    return _Ends(edges, ahead, slack, LOOSE, near)
+    return _Ends(edges, ahead, slack=slack, loose=LOOSE, near=near)
 
 
 def slopes(across: list[Reals], d: Reals, r: Reals, gap: Reals) -> list[Reals]:
@@ -248,9 +250,9 @@ def behind(grid: CellGrid, discs: Discs, window: Window) -> NDArray[np.float32]:
     found = np.full(columns * rows, np.inf, np.float32)
     sample = np.flatnonzero(grid.member % STRIDE == 0)
     front = front_of(grid.near[sample], grid.covers[2:, sample], columns * rows)
-    for i in range(0, len(grid.member), BLOCK):
-        large = grid.covers[2:, i : i + BLOCK].min(axis=0) > 0
-        which = grid.member[i : i + BLOCK][large & (grid.near[i : i + BLOCK] <= front)]
+    for i in range(0, len(grid.member), AT_ONCE):
+        large = grid.covers[2:, i : i + AT_ONCE].min(axis=0) > 0
+        which = grid.member[i : i + AT_ONCE][large & (grid.near[i : i + AT_ONCE] <= front)]
         (x, y, z), r, power = discs.center[which].T, discs.radius[which], discs.power[which]
         ahead = np.flatnonzero((-z > r) & (power > 0))
         d, x, y, r, far = -z[ahead], x[ahead], y[ahead], r[ahead], rounded_up(power[ahead])

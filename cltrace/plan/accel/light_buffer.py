@@ -7,6 +7,7 @@ which nothing is to be seen has none. A parallel light has one grid, on the plan
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -215,11 +216,9 @@ def _on_window(axes: Array, parts: Sequence[Part], window: Rectangle, slack: flo
 
     def elsewhere(part: Elsewhere) -> Held:
         off, (x, y) = float(off_by(part.loose)), window.sides(cells)
-        lead = tuple(low.tolist()), tuple(scale.tolist())
-        return part.on(Place((x, y), part.loose, off, *lead, slack, window.furthest))
+        lead: Any = {"low": tuple(low.tolist()), "scale": tuple(scale.tolist())}
+        return part.on(Place((x, y), part.loose, off, **lead, slack=slack, furthest=window.furthest))
 
-    placed = concurrently([partial(place, part) for part in here])
-    member, covers, near, outlines = put_together(placed)
-    held = elsewhere(*shown) if shown else None
-    kind = perspective, window.coarse, outlines, 0, bool(flat), held
-    return CellGrid(axes, window.middle, window.half, cells, member, covers, near, *kind)
+    listed = put_together(concurrently([partial(place, part) for part in here]))._asdict()
+    grid = CellGrid(axes, window.middle, window.half, cells, **listed, perspective=perspective, coarse=window.coarse)
+    return replace(grid, polygons=bool(flat), held=elsewhere(*shown) if shown else None)

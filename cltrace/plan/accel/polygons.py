@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import BLOCK, SLACK, Held, Mask, Place
+from cltrace.plan.accel.cells import AT_ONCE, SLACK, Held, Place
 from cltrace.plan.accel.silhouettes import (
     FINE_SLACK,
     LOOSE,
@@ -35,7 +35,7 @@ from cltrace.plan.accel.silhouettes import (
     T,
     Window,
 )
-from cltrace.plan.rounding import Array, along, rounded_down
+from cltrace.plan.rounding import Array, Mask, along, rounded_down
 
 # So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
 GUARD = 2.0
@@ -97,7 +97,7 @@ class Polygons(Silhouettes):
         if self.sight and real is np.float32 and max(window.size) > CONSTANTS["TILE"]:
             # The picture is the side of a cube to which the last one of its axes leads.
             asked, off = self.of(among), float(np.float32(loose))
-            (shown,) = self.sight.see(np.diag([1.0, -1.0, -1.0]), [4], pane, asked, asked)
+            (shown,) = self.sight.see(np.diag([1.0, -1.0, -1.0]), [4], pane, among=asked, receiver=asked)
             x, y = ((float(axis.first), float(axis.stop)) for axis in window.axes)
             held = shown.on(Place((x, y), off, off, pixels=CONSTANTS["TILE"])) if shown.members else None
             rest = self.some(shown.rest)
@@ -141,7 +141,9 @@ class Polygons(Silhouettes):
             vertex = _turned(cube.axes, self.vertex)
             return [[*self._on_side(vertex, side, cube, who)] for side in cube.sides]
         numbers = [2 * axis + (sign < 0) for axis, sign in cube.sides]
-        shown = self.sight.see(cube.axes, numbers, cube.pane, self.of(who.occluder), self.of(who.receiver))
+        shown = self.sight.see(
+            cube.axes, numbers, cube.pane, among=self.of(who.occluder), receiver=self.of(who.receiver)
+        )
         found: list[list[Part]] = []
         for side, part in zip(cube.sides, shown, strict=True):
             rest = self.some(part.rest)
@@ -178,7 +180,7 @@ class Polygons(Silhouettes):
             edges = [bound for values in corner[:2] for bound in (values.min(axis=0), values.max(axis=0))]
             return Cast.of(member, edges, (near, 2.0**-10 - least), who, corner[:2])
 
-        return blockwise(len(self.face), look, BLOCK)
+        return blockwise(len(self.face), look, AT_ONCE)
 
 
 def _pane(window: Window) -> tuple[Pane, float]:
@@ -290,7 +292,7 @@ def projections(
             found += _clipped((block.start + far).astype(np.int32), corners.take(far, axis=1), turned, pane)
         return [use(part) for part in found if len(part.triangle)]
 
-    return list(chain.from_iterable(blockwise(len(face), see, BLOCK)))
+    return list(chain.from_iterable(blockwise(len(face), see, AT_ONCE)))
 
 
 class _Points(NamedTuple):
@@ -371,7 +373,7 @@ def _direct(
     if len(large):
         a, b, c = (turned.along(which[large]) for which in corners)
         near[large] = _nearest(a, b, c, np.stack([a, b, c], axis=1))
-    return Projections(triangle, corner, edges, np.zeros(()), near, most * real(1 + 2.0**-10))
+    return Projections(triangle, corner, edges, loose=np.zeros(()), near=near, far=most * real(1 + 2.0**-10))
 
 
 def _extent(corner: Reals) -> list[Reals]:
@@ -440,18 +442,18 @@ def _clipped(triangle: NDArray[np.int32], corners: NDArray[np.intp], turned: Tur
         far = (polygon * polygon).sum(axis=0).max(axis=0, initial=0) * (1 + 2.0**-10)
         near = _nearest(a[:, which], b[:, which], c[:, which], polygon)
         corner = (slope * width + middle) * scale + shift
-        found.append(_of(triangle[which], corner, loose * (width * scale).max(), near, far))
+        found.append(_of(triangle[which], corner, loose=loose * (width * scale).max(), near=near, far=far))
     if not clear.all():
         rest = np.flatnonzero(~clear)
         square = np.array([[-1.0, 1, 1, -1], [-1, -1, 1, 1]])[:, :, None] * width + middle
         everywhere = np.repeat(square * scale + shift, len(rest), axis=2)
         near = np.full(len(rest), -1, np.float32)
-        found.append(_of(triangle[rest], everywhere, np.zeros(len(rest)), near, 3 * reach[rest] ** 2))
+        found.append(_of(triangle[rest], everywhere, loose=np.zeros(len(rest)), near=near, far=3 * reach[rest] ** 2))
     return found
 
 
 def _of(triangle: NDArray[np.int32], corner: Array, loose: Array, near: NDArray[np.float32], far: Array) -> Projections:
-    return Projections(triangle, corner, _extent(corner), loose, near, far)
+    return Projections(triangle, corner, _extent(corner), loose=loose, near=near, far=far)
 
 
 def _cut(polygon: Array, inside: Array) -> tuple[Array, NDArray[np.intp]]:

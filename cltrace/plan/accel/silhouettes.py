@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import Held, Ints, Mask, Place, areas
+from cltrace.plan.accel.cells import Held, Place, areas
 from cltrace.plan.request import Region, Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera
 
 T = TypeVar("T")
@@ -74,7 +74,7 @@ class Window:
             # to 2^16 pixels, which 1/64 of a pixel covers; what is off by more is beyond the picture, and clipped.
             middle = (size - 1) / 2
             off = 1 / 64 + self.spread
-            found.append(Axis(0.5 / step, middle - off, middle + off, first, first + count))
+            found.append(Axis(0.5 / step, begin=middle - off, end=middle + off, first=first, stop=first + count))
         return found[0], found[1]
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import CellGrid, Ints, Mask, Outlines, outlines_of, put_together, sprawling
+from cltrace.plan.accel.cells import CellGrid, Members, Outlines, outlines_of, put_together, sprawling
 from cltrace.plan.accel.silhouettes import SHIFT, Pictured, Silhouettes, Window
+from cltrace.plan.rounding import Mask
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them.
 TINY = 2.0**-64
@@ -32,8 +33,7 @@ def picture_tiles(shapes: Sequence[Silhouettes], among: Mask, window: Window) ->
         some, held = silhouettes.in_picture(among, window, real, partial(_entered, window))
         parts += some
         elsewhere += [held] if held else []
-    member, covers, near, outlines = put_together(parts)
-    grid = picture_grid(window.size, member, covers, near, outlines)
+    grid = picture_grid(window.size, put_together(parts))
     polygons = any(silhouettes.has_corners for silhouettes in shapes)
     return replace(grid, polygons=polygons, held=elsewhere[0] if elsewhere else None)
 
@@ -56,14 +56,8 @@ def _entered(window: Window, part: Pictured) -> tuple[tuple[NDArray[Any], ...], 
     return (part.member[which], covers, part.near(which)), outline
 
 
-def picture_grid(
-    size: tuple[int, int],
-    member: Ints,
-    covers: NDArray[np.int16],
-    near: NDArray[np.float32],
-    outlines: tuple[Outlines, ...] = (),
-) -> CellGrid:
-    """The grid of a picture of so many pixels, (width, height). The rest is of CellGrid."""
+def picture_grid(size: tuple[int, int], members: Members) -> CellGrid:
+    """The grid of a picture of so many pixels, (width, height)."""
     cells = (((size[0] - 1) >> SHIFT) + 1, ((size[1] - 1) >> SHIFT) + 1)
     none, tile = np.zeros(2), CONSTANTS["TILE"]
-    return CellGrid(np.eye(3), none, none + 1, cells, member, covers, near, True, outlines=outlines, pixels=tile)
+    return CellGrid(np.eye(3), none, none + 1, cells, **members._asdict(), perspective=True, pixels=tile)

@@ -43,7 +43,9 @@ class Maps:
         longest = np.linalg.norm(L, 2, axis=(1, 2)) * (1 + LOOSE)
         shortest = 1 / (np.linalg.norm(K, 2, axis=(1, 2)) * (1 + LOOSE))
         longest[0] = shortest[0] = 1
-        return cls((of_sphere + 1).astype(np.int32), K, L, rest, longest, shortest)
+        return cls(
+            (of_sphere + 1).astype(np.int32), to_object=K, to_world=L, rest=rest, longest=longest, shortest=shortest
+        )
 
     def packed(self, basis: Array, real: np.dtype[Any]) -> NDArray[np.void]:
         """(k,) records of abi's `Map`. basis: (3, 3), the camera's axes in the world."""

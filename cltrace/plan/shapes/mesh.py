@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cltrace.base.arrays import blockwise, empty
-from cltrace.plan.accel.cells import Ints
 from cltrace.plan.accel.polygons import Polygons, Sight
 from cltrace.plan.attributes import Attributes
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
@@ -19,10 +18,12 @@ from cltrace.plan.materials import may_bounce
 from cltrace.plan.order import MANY
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, rotated
+from cltrace.plan.rounding import Array, Ints, rotated
 from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
 from cltrace.plan.shapes.triangle import Floats, Sides, Triangles, along_light, from_point
 from cltrace.scene import AnyCamera, Scene
+
+FLAGS = {"WITH_SHAPES": "shape", "WITH_PATCHES": "bounces", "WITH_SHEETS": "average", "WITH_UNSTOPPABLE": "points"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +41,13 @@ class Meshes(Shape):
         # What knows the triangles' fronts does for a scene that needs none, too.
         if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:
             return before[1]
-        triangles = Triangles.of(scene.meshes, scene.triangles >= MANY and "order" not in request.keep, sided)
+        by_place, once = scene.triangles >= MANY and "order" not in request.keep, "hidden" not in request.keep
+        triangles = Triangles.of(scene.meshes, by_place, sided, once)
         textured = bool(scene.textures) or "uv" in request.outputs
         attributes, m = Attributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)
-        counts, tree = {"triangle": m}, {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
-        return cls(triangles.number, triangles.surface, counts, tree, m > 0, triangles, attributes)
+        tree = {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
+        of: dict[str, Any] = {"triangles": triangles, "attributes": attributes}
+        return cls(triangles.number, triangles.surface, FLAGS if m else {}, tree, leave=m > 0, **of)
 
     def material(self, scene: Scene) -> Ints:
         return self.triangles.material
@@ -114,7 +117,7 @@ class MeshesInView(InView):
             side = from_point(self.near, self.triangles, np.array(camera.position), out, (wide, high))
         else:
             plane, back = (math.ldexp(wide, k), math.ldexp(high, k)), np.array(camera.basis()[2])
-            side = along_light(self.near, self.triangles, np.eye(3), back, out, plane)
+            side = along_light(self.near, self.triangles, np.eye(3), towards=back, out=out, plane=plane)
         return self.polygons(self.near, side)
 
     def from_point(self, light: AtPoint, k: int, out: Floats) -> Polygons:
@@ -124,7 +127,9 @@ class MeshesInView(InView):
 
     def along(self, light: Parallel, k: int, out: Floats) -> Polygons:
         """The same of a parallel light."""
-        return self.polygons(self.near, along_light(self.near, self.triangles, light.axes, light.towards, out))
+        return self.polygons(
+            self.near, along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
+        )
 
     def polygons(self, vertex: Array, side: Sides, sight: Sight | None = None) -> Polygons:
         """See Polygons."""

@@ -11,12 +11,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.accel.cells import Ints, Mask
 from cltrace.plan.accel.silhouettes import Silhouettes
 from cltrace.plan.lights import Lamp
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera, Scene
 
 OrderOf = Callable[[NDArray[Any]], Ints]
@@ -60,14 +59,15 @@ class Shape(ABC):
     """All n surfaces of one shape in a world, in the order in which they are packed: what no camera changes.
 
     row: (n,), which one of the scene each one is, the same object as of another world if that has the same order;
-    number: (n,), the number of each one's surface in the scene; counts: how many there are of each kind, by name; tree:
-    what Paths.of() wants of them, by name; leave: whether rays that meet some of them are decided as those that leave
-    surfaces; words: what they are, for messages.
+    number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them, beside
+    their own one, and what for: the shape itself, bounces, an average, or lights at points; tree: what Paths.of() wants
+    of them, by name; leave: whether rays that meet some of them are decided as those that leave surfaces; words: what
+    they are, for messages.
     """
 
     row: Ints
     number: Ints
-    counts: dict[str, int]
+    flags: dict[str, str]
     tree: dict[str, Any]
     leave: bool
     words: ClassVar[str]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
-from cltrace.plan.accel.cells import Ints, Mask
 from cltrace.plan.accel.discs import Discs
 from cltrace.plan.accel.silhouettes import LOOSE, Silhouettes
 from cltrace.plan.culling import hidden, repeated
@@ -19,7 +18,7 @@ from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY, gathered, step
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, U, along, rotated, rounded_down, rounded_up, squared_length
+from cltrace.plan.rounding import Array, Ints, Mask, U, along, rotated, rounded_down, rounded_up, squared_length
 from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
 from cltrace.plan.space import Space
@@ -57,14 +56,15 @@ class Spheres(Shape):
                 return known
         number = scene.sphere_numbers.take(row) if scene.meshes else row
         shape = columns.to_object.take(row) if columns.to_object.ndim else columns.to_object
-        again = repeated(center, radius, shape, number, by_place)
+        again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
-        counts = {"sphere": len(row), "ellipsoid": int((shape >= 0).sum())}
+        flags = {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
         # Each is between two spheres.
         core = radius * maps.shortest[maps.of_sphere] if maps else radius
         tree = {"center": center, "outer": reach, "inner": core, "member": ~again}
-        return cls(row, number, counts, tree, maps is not None, far, center, radius, maps, reach, again)
+        of: dict[str, Any] = {"step": far, "center": center, "radius": radius, "maps": maps, "reach": reach}
+        return cls(row, number, flags, tree, leave=maps is not None, **of, again=again)
 
     def material(self, scene: Scene) -> Ints:
         of = scene.columns.material

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.culling import repeated_faces
 from cltrace.plan.order import order_of_rows
-from cltrace.plan.rounding import Array, U
+from cltrace.plan.rounding import Array, Ints, U
 from cltrace.scene import PlacedMesh
 
-Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
 # Three numbers for each of n triangles.
 Columns = tuple[Array, Array, Array]
@@ -32,12 +32,12 @@ FAR = 4.0
 
 @dataclass(frozen=True)
 class Triangles:
-    """The m triangles of all meshes of a scene, in the order in which they are packed.
+    """The m triangles of all meshes of a scene, in the order in which they are packed, of equal ones the first alone.
 
     vertex: (v, 3) float64, in the world, in scene units; face: (m, 4), three vertices each, and twice the mesh, plus 1
     where the front is the side to which N = (B - A) x (C - A) does not point; number: (m,), each one's in its mesh;
     surface, material: (m,), the mesh's number in the scene and its material; sided: whether the fronts are known, of
-    which rays ask that go on from a surface.
+    which rays ask that go on from a surface; again: how many triangles of the scene are equal to an earlier one.
     """
 
     vertex: Array
@@ -46,10 +46,13 @@ class Triangles:
     surface: Ints
     material: Ints
     sided: bool = True
+    again: int = 0
 
     @classmethod
-    def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool, sided: bool = True) -> Triangles:
-        """by_place: whether to sort them by place, so that neighbours are near each other in memory."""
+    def of(cls, meshes: tuple[PlacedMesh, ...], by_place: bool, sided: bool = True, once: bool = True) -> Triangles:
+        """by_place: whether to sort them by place, so that neighbours are near each other in memory; once: whether to
+        leave out those that are equal to an earlier one.
+        """
         vertices, corners, fourths = [np.zeros((0, 3))], [np.zeros((0, 3), np.int32)], [np.zeros(0, np.int32)]
         begin, first = [0], 0
         for k, mesh in enumerate(meshes):
@@ -59,8 +62,14 @@ class Triangles:
             vertices.append(mesh.vertices)
             begin.append(begin[-1] + len(mesh.geometry.faces))
             first += len(mesh.vertices)
-        vertex, corner, fourth, m = joined(vertices), joined(corners), joined(fourths), begin[-1]
-        order = order_of_rows(vertex, corner[:, 0]) if by_place else np.arange(m, dtype=np.int32)
+        vertex, corner, fourth = joined(vertices), joined(corners), joined(fourths)
+        order = order_of_rows(vertex, corner[:, 0]) if by_place else np.arange(begin[-1], dtype=np.int32)
+        again = repeated_faces(vertex, corner) if once else np.zeros(0, np.intp)
+        if len(again):
+            left = np.ones(len(corner), bool)
+            left[again] = False
+            order = order[left[order]]
+        m = len(order)
         face, number, surface, material = empty((m, 4), np.int32), *(empty((m,), np.int32) for _ in range(3))
         first_of, surface_of, material_of = (
             np.array(values, np.int32)
@@ -76,7 +85,7 @@ class Triangles:
 
         if m:
             blockwise(m, fill)
-        return cls(vertex, face, number, surface, material, sided)
+        return cls(vertex, face, number=number, surface=surface, material=material, sided=sided, again=len(again))
 
     @cached_property
     def neighbours(self) -> Ints:

@@ -23,7 +23,7 @@ class ParallelLight(Light):
     def of(cls, light: np.void, eye: Iterable[float], frame: Frame) -> ParallelLight:
         direction = light["direction"].tolist()
         x, y, z = rational(direction)
-        return cls(color_of(light["color"]), (-x, -y, -z), None, None, -frame.turned(direction))
+        return cls(color_of(light["color"]), (-x, -y, -z), None, site=None, towards=-frame.turned(direction))
 
     def direction_from(self, start: Start) -> Direction:
         return self.towards

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +25,8 @@ class SpotLight(PointLight):
 
     @classmethod
     def of(cls, light: np.void, eye: Iterable[float], frame: Frame) -> SpotLight:
-        of, axis = PointLight.of(light, eye, frame), frame.turned(light["direction"].tolist())
-        alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
-        return cls(of.color, of.place, of.position, of.site, axis, alpha1, alpha2)
+        cone: dict[str, Any] = {name: math.radians(light[name]) for name in ("alpha1", "alpha2")}
+        return cls(**vars(PointLight.of(light, eye, frame)), axis=frame.turned(light["direction"].tolist()), **cone)
 
     def off_axis(self, l: Direction) -> float:  # noqa: E741
         """The angle in radians between the axis and the way back along the unit direction l."""

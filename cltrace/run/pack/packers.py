@@ -89,21 +89,17 @@ def _load(device: Device, precision: Precision) -> None:
 
 
 def packer_of(world: World, request: Request, device: Device, before: Packer | None = None) -> Packer:
-    """numpy's for few surfaces, meshes that are antialiased, and a device that has other bits; else one on the device.
+    """numpy's for few surfaces, and where no device's serves the world; else the first one that does.
 
     before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
     Executor does.
     """
-    faces = world.counts["triangle"]
-    if len(world.id) <= MANY or (faces and request.antialias is not None):
+    if len(world.id) <= MANY:
         return NumpyPacker(request)
-    tools = before.tools if before else None
     # Small scenes start faster without these.
-    if not faces:
-        from cltrace.run.pack.spheres import SpherePacker
-
-        if packer := SpherePacker.of(world, request, device, tools):
-            return packer
     from cltrace.run.pack.meshes import MeshPacker
+    from cltrace.run.pack.spheres import SpherePacker
 
-    return MeshPacker.of(world, request, device, tools) or NumpyPacker(request)
+    tools = before.tools if before else None
+    served = SpherePacker.of(world, request, device, tools) or MeshPacker.of(world, request, device, tools)
+    return served or NumpyPacker(request)

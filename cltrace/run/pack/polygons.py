@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.accel.cells import SLACK, CellGrid, Mask, Place, Sizes, most_levels, price_of
+from cltrace.plan.accel.cells import SLACK, CellGrid, Place, Sizes, most_levels, price_of
 from cltrace.plan.accel.polygons import off_by
 from cltrace.plan.accel.silhouettes import Elsewhere, Extent, Pane
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Mask
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
 
 # Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, numbers of an outline, and what is no level.

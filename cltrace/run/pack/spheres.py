@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import SLACK, CellGrid
+from cltrace.plan.accel.cells import SLACK, CellGrid, Members
 from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, front_of, is_deep
 from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
@@ -41,11 +41,7 @@ from cltrace.scene import AnyCamera
 # that cameras have the lists of lights in common.
 OTHERS = {"lists", "hidden", "unstopped"}
 # Of a grid whose members only the device knows.
-NOBODY: dict[str, Any] = {
-    "member": np.zeros(0, np.int32),
-    "covers": np.zeros((4, 0), np.int16),
-    "near": np.zeros(0, np.float32),
-}
+NOBODY = Members(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
 
 
 @dataclass(frozen=True)
@@ -90,9 +86,10 @@ class SpherePacker:
 
         Raises BuildError and DeviceError as Executor does.
         """
+        spheres = world.of_shape(Spheres)
         served = (
-            CONSTANTS["FEW"] < world.counts["sphere"] == len(world.id)
-            and not world.counts["ellipsoid"]
+            CONSTANTS["FEW"] < len(spheres.row) == len(world.id)
+            and not spheres.maps
             and OTHERS.isdisjoint(request.keep)
             and is_exact(device)
         )
@@ -253,7 +250,7 @@ class _SeenSpheres:
         known = lamps if lamps and lamps.key == key else None
         lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
         writer = ListWriter(tools, self.packer.request.precision, lists)
-        grid = picture_grid(self.window.size, **NOBODY)
+        grid = picture_grid(self.window.size, NOBODY)
         writer.add(grid, self.covers, self._behind(grid))
         skipped["spheres out of the picture"] = self.n - self.covers.members
 
@@ -392,7 +389,7 @@ class _SeenSpheres:
         self.covers.place(discs.edge, **spheres, edges=discs.edges)
         del discs.edges  # Lists have room in their place.
         grid = CellGrid(
-            axes, window.middle, window.half, cells, **NOBODY, perspective=perspective, coarse=window.coarse
+            axes, window.middle, window.half, cells, **NOBODY._asdict(), perspective=perspective, coarse=window.coarse
         )
         self.grids.append(grid)
         writer.add(replace(grid, axes=rotated(self.basis, axes)) if perspective else grid, self.covers)

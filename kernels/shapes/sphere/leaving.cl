@@ -63,33 +63,33 @@ typedef struct {
     Real3 f, w;
     REAL s, f1, w1;
     REAL a_error; /* of w.w, beyond a few roundings of it */
-} View;
+} Approach;
 
-static View view_of(const Spheres spheres, const Leaving ray, const Ball ball) {
-    View view = {{(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
-                  (ball.center.z - ray.center.z) - ray.p.z},
-                 ray.w};
-    view.f1 = size_of(view.f);
-    view.s = view.f1 + ray.reach;
-    view.w1 = ray.w1;
-    view.a_error = 0;
+static Approach approach_of(const Spheres spheres, const Leaving ray, const Ball ball) {
+    Approach way = {{(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
+                     (ball.center.z - ray.center.z) - ray.p.z},
+                    ray.w};
+    way.f1 = size_of(way.f);
+    way.s = way.f1 + ray.reach;
+    way.w1 = ray.w1;
+    way.a_error = 0;
     if (HAS(WITH_ELLIPSOIDS) && ANY(ball.map != 0)) {
         const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
         const Matrix K = matrices_of(spheres, ball.map, 0);
-        const Real3 f = mapped(K, view.f), w = mapped(K, view.w);
-        const REAL error = (real)0x1p-49f * (K.size * view.w1);
-        PUT_WHERE(stretched, view.f.x, f.x);
-        PUT_WHERE(stretched, view.f.y, f.y);
-        PUT_WHERE(stretched, view.f.z, f.z);
-        PUT_WHERE(stretched, view.w.x, w.x);
-        PUT_WHERE(stretched, view.w.y, w.y);
-        PUT_WHERE(stretched, view.w.z, w.z);
-        PUT_WHERE(stretched, view.s, K.size * view.s);
-        PUT_WHERE(stretched, view.f1, K.size * view.f1);
-        PUT_WHERE(stretched, view.w1, K.size * view.w1);
-        PUT_WHERE(stretched, view.a_error, error * (2 * size_of(w) + error));
+        const Real3 f = mapped(K, way.f), w = mapped(K, way.w);
+        const REAL error = (real)0x1p-49f * (K.size * way.w1);
+        PUT_WHERE(stretched, way.f.x, f.x);
+        PUT_WHERE(stretched, way.f.y, f.y);
+        PUT_WHERE(stretched, way.f.z, f.z);
+        PUT_WHERE(stretched, way.w.x, w.x);
+        PUT_WHERE(stretched, way.w.y, w.y);
+        PUT_WHERE(stretched, way.w.z, w.z);
+        PUT_WHERE(stretched, way.s, K.size * way.s);
+        PUT_WHERE(stretched, way.f1, K.size * way.f1);
+        PUT_WHERE(stretched, way.w1, K.size * way.w1);
+        PUT_WHERE(stretched, way.a_error, error * (2 * size_of(w) + error));
     }
-    return view;
+    return way;
 }
 
 #if REAL_BYTES == 8
@@ -120,12 +120,12 @@ static void sphere_fine_start(const Spheres spheres, const Leaving ray, Pair3 *s
     step->z = times(m.z, r);
 }
 
-/* With s, f1 and w1 as in view_of(), f is off by 2^-99 s and w by 18 u^2 w1. So b and each coordinate of X are off by
- * less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1,
+/* With s, f1 and w1 as in approach_of(), f is off by 2^-99 s and w by 18 u^2 w1. So b and each coordinate of X are off
+ * by less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1,
  * both of them sizes of which s, f1 and w1 have as factors, add 30 u^2 to each of these shares, for which there is
- * room; and w.w is off by more than a share of itself, as in view_of(). */
+ * room; and w.w is off by more than a share of itself, as in approach_of(). */
 static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const Leaving ray, const Ball ball) {
-    const View view = view_of(spheres, ray, ball);
+    const Approach way = approach_of(spheres, ray, ball);
     Pair3 w = pairs_in_world(spheres, ray.d);
     const Pair3 step = fine_start(spheres, ray);
     Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), step.x),
@@ -146,9 +146,9 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
     e.c = minus(ff, rr);
     e.D = minus(arr, XX);
     const REAL X1 = (fabs(X.x.hi) + fabs(X.y.hi)) + fabs(X.z.hi);
-    e.a_error = 0x1p-50 * view.a_error;
-    e.b_error = 0x1p-98 * view.s * view.w1;
-    e.c_error = 0x1p-98 * view.s * view.f1 + 0x1p-101 * (ff.hi + rr.hi);
+    e.a_error = 0x1p-50 * way.a_error;
+    e.b_error = 0x1p-98 * way.s * way.w1;
+    e.c_error = 0x1p-98 * way.s * way.f1 + 0x1p-101 * (ff.hi + rr.hi);
     e.D_error = (2 * X1 + e.b_error) * e.b_error + 0x1p-98 * (arr.hi + XX.hi) + rr.hi * e.a_error;
     return e;
 }
@@ -302,8 +302,8 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
  * t is right to 2^-24. A ray that surely passes by, or surely has an outer sphere behind it, needs nothing more. */
 static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, const Ball ball, const INT index,
                                   const REAL_MASK wanted) {
-    const View view = view_of(spheres, ray, ball);
-    const Real3 f = view.f, w = view.w;
+    const Approach way = approach_of(spheres, ray, ball);
+    const Real3 f = way.f, w = way.w;
     const REAL_MASK own = TO_REAL_MASK(index == ray.own);
     const REAL a = DOT(w, w), b = DOT(f, w), ff = DOT(f, f), rr = ball.r * ball.r, c = ff - rr;
     const Real3 X = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
@@ -314,14 +314,14 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
     REAL_MASK hit = own ? ray.inner : (D >= 0) & (!out | (b > 0));
     Encounter at = {t, !out};
 #if REAL_BYTES == 8
-    const REAL e = 0x1p-47 * view.s * view.w1;
+    const REAL e = 0x1p-47 * way.s * way.w1;
     REAL D_error = (2 * size_of(X) * e + e * e) + 0x1p-47 * (arr + XX);
-    if (HAS(WITH_ELLIPSOIDS)) D_error += rr * view.a_error;
-    const REAL c_error = 0x1p-46 * view.s * view.f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
+    if (HAS(WITH_ELLIPSOIDS)) D_error += rr * way.a_error;
+    const REAL c_error = 0x1p-46 * way.s * way.f1 + 0x1p-50 * (ff + rr), c_least = 0x1p26 * c_error;
     const REAL_MASK passes = !own & ((D < -D_error) | ((c > c_least) & (b < -e)));
     REAL_MASK sure = own ? !ray.inner | (e <= 0x1p-26 * b)
                          : (D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least);
-    if (HAS(WITH_ELLIPSOIDS)) sure = sure & (view.a_error <= 0x1p-27 * a);
+    if (HAS(WITH_ELLIPSOIDS)) sure = sure & (way.a_error <= 0x1p-27 * a);
     const REAL_MASK unsure = wanted & !passes & !sure;
     if (RARELY(ANY(TO_MASK(unsure)))) {
         const FineEncounter fine = fine_encounter(spheres, ray, ball, index);
@@ -353,6 +353,10 @@ static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres sphere
     return (gap < -error) | (!(gap > error) & tie);
 }
 
+/* Of spheres no such thing is known. */
+static void sphere_leave_out_tied(const Spheres spheres, const INT A, const INT B, REAL_MASK *open) {
+}
+
 /* Spheres break no tie by themselves. */
 static void sphere_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B, const REAL_MASK close,
                              REAL_MASK *first) {
@@ -380,8 +384,8 @@ typedef struct {
 } Spot;
 
 static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray, const Ball ball, const REAL t) {
-    const View view = view_of(spheres, ray, ball);
-    const Real3 g = {t * view.w.x - view.f.x, t * view.w.y - view.f.y, t * view.w.z - view.f.z};
+    const Approach way = approach_of(spheres, ray, ball);
+    const Real3 g = {t * way.w.x - way.f.x, t * way.w.y - way.f.y, t * way.w.z - way.f.z};
     const REAL over = 1 / sqrt(DOT(g, g));
     const Real3 q = {g.x * over, g.y * over, g.z * over};
     Spot spot;
@@ -398,8 +402,8 @@ static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray,
         const Real3 normal = mapped_back(K, q), step = mapped(L, q);
         const REAL shorter = 1 / sqrt(DOT(normal, normal));
         const Real3 unit = {normal.x * shorter, normal.y * shorter, normal.z * shorter};
-        const Real3 way = {step.x * ball.r, step.y * ball.r, step.z * ball.r};
-        const Real3 n = turned_to_camera(frame, unit), p = turned_to_camera(frame, way);
+        const Real3 from_center = {step.x * ball.r, step.y * ball.r, step.z * ball.r};
+        const Real3 n = turned_to_camera(frame, unit), p = turned_to_camera(frame, from_center);
         PUT_WHERE(spot.stretched, spot.n.x, n.x);
         PUT_WHERE(spot.stretched, spot.n.y, n.y);
         PUT_WHERE(spot.stretched, spot.n.z, n.z);

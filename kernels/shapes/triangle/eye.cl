@@ -44,9 +44,12 @@ static __attribute__((always_inline)) void decide_crossing(const Spheres spheres
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
 }
 
-static __attribute__((always_inline)) void decide_encounter(const Spheres spheres, const Leaving ray, const INT number,
+static __attribute__((always_inline)) void decide_encounter(const Spheres spheres, const Leaving ray, const INT index,
                                                             Crossing *at) {
     if (!RARELY(ANY(TO_MASK(at->unsure)))) return;
+    at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(spheres, index, ray.own));
+    if (!ANY(TO_MASK(at->unsure))) return;
+    const INT number = TRIANGLE_OR_NONE(spheres, index);
     const FineTriangle fine = fine_meeting_of(spheres, ray, number, at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
 }
@@ -62,7 +65,7 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
     return at;
 }
 #define decide_crossing(spheres, d, w, number, at)
-#define decide_encounter(spheres, ray, number, at)
+#define decide_encounter(spheres, ray, index, at)
 #endif
 
 /* The crossings of rays from the eye along w, which is d in the world. number: of the triangles T. */
@@ -150,6 +153,15 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
     }
     COUNT(DECIDED, open);
     if (is_over(scene)) return 0;
+#if REAL_BYTES == 8
+    /* Lanes that surely meet it, and have met another one in its plane: so at the same t. */
+    const MASK level = open & inside & known_in_one_plane(scene.spheres, (INT)index, hit->id);
+    const MASK lower = level & first_in_file(scene, (INT)index, hit->id);
+    PUT_WHERE(lower, hit->id, (INT)index);
+    hit->sure = hit->sure | lower;
+    open = open & !level;
+    if (!ANY(open)) return 1;
+#endif
     const Scene all = scene;
     const Real3 d = OWN(ray), w = ray.w;
     const Rival rival = {hit->t, hit->id, hit->sure};

@@ -52,7 +52,7 @@ static void triangle_encounter(const Scene scene, const Leaving ray, const INT i
     const INT number = TRIANGLE_OR_NONE(scene.spheres, index);
     const REAL_MASK other = here & TO_REAL_MASK(index != ray.own);
     Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene.spheres, number), other, 0);
-    decide_encounter(scene.spheres, ray, number, &crossing);
+    decide_encounter(scene.spheres, ray, index, &crossing);
     at->shares = crossing.shares;
     PUT_OF_SHAPE(here, at->t, crossing.t);
     PUT_OF_SHAPE(here, at->inside, (REAL_MASK)0);
@@ -70,6 +70,11 @@ static void triangle_fine_t(const Spheres spheres, const Leaving ray, const INT 
     const FineTriangle fine = fine_triangle(spheres, fine_path(spheres, ray), TRIANGLE_OR_NONE(spheres, index), here);
     t->t = choose_pair(here, fine.t, t->t);
     t->error = here ? fine.error : t->error;
+}
+
+/* Leaves those lanes out of `open` in which A and B are known to be in one plane. */
+static void triangle_leave_out_tied(const Spheres spheres, const INT A, const INT B, REAL_MASK *open) {
+    *open = *open & !TO_REAL_MASK(known_in_one_plane(spheres, A, B));
 }
 
 /* Where both A and B are triangles, in the lanes of `close`: their planes break a tie, see plane_comes_first(). */

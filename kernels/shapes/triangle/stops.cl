@@ -166,6 +166,10 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
     if (is_over(scene)) return stops;
+#if REAL_BYTES == 8
+    unsure = unsure & !known_in_one_plane(scene.spheres, (INT)index, ray.own);
+    if (!ANY(unsure)) return stops;
+#endif
     /* Copied here, lest compilers keep it in memory all the time. */
     const Spheres spheres = scene.spheres;
     const Start copy = start;

@@ -389,6 +389,8 @@ static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeSt
     return 0;
 }
 
+static int share_a_plane(const Spheres spheres, const int a, const int b);
+
 /* The signs of the volumes of each lane's triangle in whole numbers, for the lanes of `unsure`: E of the edge from
  * corner `from` to corner `to`, or D where from = to. */
 static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
@@ -407,6 +409,7 @@ static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const Fi
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane]) continue;
+        if (from == to && own[lane] >= 0 && share_a_plane(spheres, own[lane], each[lane])) continue;
         const int4 face = spheres.face[each[lane]];
         const real4 corner[3] = {spheres.vertex[face.x], spheres.vertex[face.y], spheres.vertex[face.z]};
         const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
@@ -471,18 +474,73 @@ static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeSta
     return 0;
 }
 
-/* Whether two triangles are in one plane for a reason that needs no whole numbers: a plane across an axis, or one
- * triangle twice. */
-static int share_a_plane(const real4 *a, const real4 *b) {
-    int level[3] = {1, 1, 1}, same = 0;
+/* Whether two triangles are in one plane for a reason that needs no whole numbers: a plane across an axis. */
+static int share_a_level(const real4 *a, const real4 *b) {
+    int level[3] = {1, 1, 1};
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++) {
             const double at = coordinate(a[0], i);
             level[i] &= coordinate(a[k], i) == at && coordinate(b[k], i) == at;
-            same += a[k].x == b[i].x && a[k].y == b[i].y && a[k].z == b[i].z;
         }
     }
-    return level[0] || level[1] || level[2] || same == 3;
+    return level[0] || level[1] || level[2];
+}
+
+/* Whether the corners b are in the plane of the corners a, in whole numbers: whether none of the three volumes with
+ * them, as seen from a[0], has a sign. With places below 2^bits a volume is below 2^(3 bits + 6). */
+static __attribute__((noinline)) int whole_coplanar(const Spheres spheres, const real4 *a, const real4 *b) {
+    const Span here = span_of_xyz(a[0]), one = span_of(1);
+    const WholeStart start = {a[0], a[0], a[0], 0, 0, here, one, 0};
+    Span places = here;
+    for (int k = 0; k < 3; k++) places = span_of_both(places, span_of_both(span_of_xyz(a[k]), span_of_xyz(b[k])));
+    if ((3 * (places.high - places.low + one.high - one.low + 4) + 8 + 31) / 32 > DIGITS) return 0;
+    for (int k = 0; k < 3; k++)
+        if (whole_volume(spheres, start, a[1], a[2], b[k], 0, 0, 0, 0) != 0) return 0;
+    return 1;
+}
+
+/* Planes that several triangles share. Whether two do takes whole numbers, but it is the same for all rays, so it is
+ * found out once, and noted: of each triangle another one before it, of that one the next, down to the first one that
+ * is known. Several work-items write at once, and what one of them notes may be lost or be seen late. Then it is found
+ * out again. What is noted is always true, so no picture depends on that. */
+static int first_in_plane(const Spheres spheres, int number) {
+    for (int before = spheres.plane[number]; before; before = spheres.plane[number]) number = before - 1;
+    return number;
+}
+
+static void note_plane(const Spheres spheres, const int a, const int b) {
+    const int one = first_in_plane(spheres, a), two = first_in_plane(spheres, b), first = min(one, two);
+    if (one != two) spheres.plane[max(one, two)] = first + 1;
+    if (a != first) spheres.plane[a] = first + 1;
+    if (b != first) spheres.plane[b] = first + 1;
+}
+
+/* Whether two triangles are in one plane. */
+static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const int a, const int b) {
+    if (first_in_plane(spheres, a) == first_in_plane(spheres, b)) return 1;
+    const int4 f = spheres.face[a], g = spheres.face[b];
+    const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
+    const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
+    if (!share_a_level(one, two) && !whole_coplanar(spheres, one, two)) return 0;
+    note_plane(spheres, a, b);
+    return 1;
+}
+
+/* In which lanes two surfaces are triangles that are known to be in one plane. A ray that meets both meets them at
+ * once, and one that starts on one of them does not meet the other. */
+static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, const INT A, const INT B) {
+    const MASK both = IS_TRIANGLE(spheres, A) & IS_TRIANGLE(spheres, B);
+    int a[W], b[W], same[W];
+    STORE_LANES(A - (INT)FIRST_TRIANGLE(spheres), a);
+    STORE_LANES(B - (INT)FIRST_TRIANGLE(spheres), b);
+    STORE_LANES(both, same);
+    for (int lane = 0; lane < W; lane++) {
+        if (!same[lane]) continue;
+        const int again = lane && a[lane] == a[lane - 1] && b[lane] == b[lane - 1];
+        same[lane] = again ? same[lane - 1]
+                           : -(first_in_plane(spheres, a[lane]) == first_in_plane(spheres, b[lane]));
+    }
+    return LOAD_LANES(same);
 }
 
 /* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
@@ -500,17 +558,14 @@ static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const F
     STORE_LANES(path.d.x, x);
     STORE_LANES(path.d.y, y);
     STORE_LANES(path.d.z, z);
-    int flat = -1; /* a lane whose triangles are in one plane, as those of other lanes then are */
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
-        if (!left[lane] || (flat >= 0 && one[lane] == one[flat] && two[lane] == two[flat])) continue;
+        if (!left[lane] || share_a_plane(spheres, one[lane], two[lane])) continue;
         const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
         const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
                                  spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
-        if (share_a_plane(corner, corner + 3)) continue;
         const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
         sign[lane] = whole_order(spheres, start, corner, x[lane], y[lane], z[lane]);
-        if (sign[lane] == 0) flat = lane;
     }
     return LOAD_LANES(sign);
 }
