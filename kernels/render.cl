@@ -12,10 +12,10 @@ typedef struct {
 
 /* Of pixels that a margin of a region holds, too, nothing is noted. Once a pixel takes too many rays, packets behind it
  * are not rendered: all packets before that one still are. So it is always the same pixel that is noted in the end. */
-#ifdef WITH_CEILING
 static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
-    return (column >= region.x + out.margin.x) & (column < region.x + region.z) & (row >= region.y + out.margin.y) &
-           (row < region.y + region.w);
+    const MASK before = (column < region.x + region.z) & (row < region.y + region.w);
+    if (!HAS(WITH_CEILING)) return before;
+    return before & (column >= region.x + out.margin.x) & (row >= region.y + out.margin.y);
 }
 
 /* The packets of the whole picture, counted row by row. */
@@ -25,24 +25,17 @@ static int number_of(const Packet packet) {
 }
 
 static int is_given_up(const Scene scene, const Packet packet) {
-    return number_of(packet) > *scene.last / W;
+    return HAS(WITH_CEILING) ? number_of(packet) > *scene.last / W : is_over(scene);
 }
 
 /* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
 static void note_overgrown(const Scene scene, const Packet packet, const Pixels pixels) {
-    if (!RARELY(ANY(pixels.overgrown))) return;
+    if (!HAS(WITH_CEILING) || !RARELY(ANY(pixels.overgrown))) return;
     int each[W], lane = 0;
     STORE_LANES(pixels.overgrown, each);
     while (!each[lane]) lane++;
     atomic_min(scene.last, number_of(packet) * W + lane);
 }
-#else
-static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
-    return (column < region.x + region.z) & (row < region.y + region.w);
-}
-#define is_given_up(scene, packet) is_over(scene)
-#define note_overgrown(scene, packet, pixels)
-#endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
     const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
