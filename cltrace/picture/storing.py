@@ -10,6 +10,7 @@ import importlib
 import importlib.util
 import io
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -84,6 +85,10 @@ def write_exr(file: BinaryIO, arrays: Arrays) -> None:
     for name in arrays:
         if name not in CHANNELS:
             raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
+    aside(partial(_write_exr, file, arrays))  # of 4,000 x 4,000 pixels, numpy and the package take long
+
+
+def _write_exr(file: BinaryIO, arrays: Arrays) -> None:
     channels: dict[str, NDArray[Any]] = {}
     for name, array in arrays.items():
         value = array
@@ -96,8 +101,9 @@ def write_exr(file: BinaryIO, arrays: Arrays) -> None:
     openexr = importlib.import_module("OpenEXR")
     header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
     whole = openexr.File(header, channels)
-    # The package goes back and forth in what it writes. Of 4,000 x 4,000 pixels that takes half a second and more.
-    target = file if file.seekable() else io.BytesIO()
-    aside(lambda: whole.write(target))
-    if isinstance(target, io.BytesIO):
-        file.write(target.getbuffer())
+    if file.seekable():
+        whole.write(file)
+        return
+    buffer = io.BytesIO()  # the package goes back and forth in what it writes
+    whole.write(buffer)
+    file.write(buffer.getbuffer())
