@@ -50,12 +50,23 @@ typedef struct {
     Real3 w;    /* WITH_SHAPES, the direction in the world; of an orthographic camera, the way from the eye to o */
 } Ray;
 
-/* What tells a ray from the others of its camera, in camera space: with w, all that is passed on of it. */
+/* What tells a ray from the others of its camera, in camera space. */
 #define OWN(ray) (HAS(WITH_PARALLEL_RAYS) ? (ray).o : (ray).d)
 
-/* A ray of the camera as one that leaves a point. own, w: OWN(ray), in camera space and in the world. The ray of an
- * orthographic camera leaves exactly the eye plus x and y times two axes of the camera. */
-static Leaving from_eye(const Spheres spheres, const Real3 own, const Real3 w) {
+/* That, and the same in the world: all that is passed on of a ray of the camera. */
+typedef struct {
+    Real3 own, w;
+} EyeRay;
+
+static EyeRay eye_ray(const Ray ray) {
+    const EyeRay of = {OWN(ray), ray.w};
+    return of;
+}
+
+/* A ray of the camera as one that leaves a point. The ray of an orthographic camera leaves exactly the eye plus x and y
+ * times two axes of the camera. */
+static Leaving from_eye(const Spheres spheres, const EyeRay from) {
+    const Real3 own = from.own, w = from.w;
     const Real3 eye = {spheres.eye.x, spheres.eye.y, spheres.eye.z}, none = {0, 0, 0};
     if (HAS(WITH_PARALLEL_RAYS)) {
         const Real3 d = {0, 0, -1}, ahead = {spheres.ahead.x, spheres.ahead.y, spheres.ahead.z};

@@ -147,8 +147,8 @@ def module(path: Path, texts: Texts) -> types.ModuleType:
     for old, new in texts:
         assert source.count(old) == 1, f"{path.name}: {source.count(old)} times {old}"
         source = source.replace(old, new)
-    made = types.ModuleType(path.stem)
-    sys.modules[path.stem] = made  # which dataclasses ask for
+    made = types.ModuleType(f"wrong_{path.stem}")
+    sys.modules[made.__name__] = made  # which dataclasses ask for
     exec(compile(source, str(path), "exec"), made.__dict__)
     return made
 

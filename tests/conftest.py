@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import signal
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,12 @@ SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", help="test only this device (a SPEC of --list-devices)")
+
+
+def pytest_configure() -> None:
+    """A shell starts what runs in the background deaf to Ctrl-C, and so would be the commands that tests interrupt."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

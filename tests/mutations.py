@@ -307,12 +307,7 @@ MUTATIONS = [
     Mutation("(own ? b + b : by_q", "(own ? b : by_q", "how far the own surface is", BOUNCES),
     Mutation("unsure = wanted & !passes & !sure;", "unsure = wanted & !passes & !sure & (b != b);", "doubts", BOUNCES),
     Mutation("own | (fabs(e.c.hi) <= e.c_error)", "own", "where surfaces touch", BOUNCES),
-    Mutation(
-        "TO_REAL_MASK((a < b) | ((a == b)",
-        "TO_REAL_MASK((a > b) | ((a == b)",
-        "ties of rays from surfaces",
-        BOUNCES,
-    ),
+    Mutation("return (a < b) | ((a == b)", "return (a > b) | ((a == b)", "ties of rays from surfaces", BOUNCES),
     Mutation(
         "const REAL margin = best * (real)0x1p-22f;",
         "const REAL margin = 0;",

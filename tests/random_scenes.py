@@ -49,6 +49,11 @@ def random_scene(seed: int) -> Scene:
     )
 
 
+def usual_scene() -> Scene:
+    """One that needs what scenes/step3-shadows.xml needs, so that tests of other things share programs."""
+    return random_scene(101)
+
+
 def crowded(scene: Scene, seed: int) -> Scene:
     """The same with 20 to 60 spheres for each one: smaller ones around it, and itself."""
     rng = np.random.default_rng((seed, 2))

@@ -203,7 +203,7 @@ def check_case(case: Case, device: Device, precision: str, amount: int) -> None:
             for lamp in truth.lamps(bare) if shadows else ():
                 check_shadows(lamp, device, precision, 40 * amount)
         if case.limits.bytes_off == case.limits.not_finite == 0:
-            check_colors(scene, image)
+            check_colors(scene, image, 36 + 4 * amount)
         if case.limits.same is not None:
             first = first or image
             assert np.array_equal(image.rgb8, first.rgb8)

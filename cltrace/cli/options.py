@@ -28,7 +28,20 @@ Kind = TypeVar("Kind")
 
 # Options that ask for more than one picture, and those that go with one only.
 MANY = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
-ONE = ("check", "explain", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch", "tiles")
+ONE = (
+    "check",
+    "explain",
+    "trace",
+    "compare",
+    "tolerance",
+    "json",
+    "stats",
+    "repeat",
+    "bits",
+    "outputs",
+    "watch",
+    "tiles",
+)
 NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 
@@ -133,19 +146,22 @@ class Tiles(OneScene):
 
 @dataclass(frozen=True)
 class Explain(OneScene):
-    """--explain. explain: the pixel, (x, y) from the top left."""
+    """--explain. explain: the pixel, (x, y) from the top left; trace: whether as a table."""
 
     explain: tuple[int, int]
     json: bool
+    trace: bool
 
 
 @dataclass(frozen=True)
 class Compare(OneScene):
-    """--compare. compare: the file of the other tracer's picture; tolerance: levels of 255 that are the same."""
+    """--compare. compare: the file of the other tracer's picture; tolerance: levels of 255 that are the same; show:
+    what the file has, "color" being a picture."""
 
     compare: str
     tolerance: int
     json: bool
+    show: str
 
 
 @dataclass(frozen=True)
@@ -229,6 +245,8 @@ class _Given:
             raise UsageError("--tiles goes with --cluster")
         if args.explain is not None:
             return self._explain
+        if args.trace:
+            raise UsageError("--trace goes with --explain")
         self._check_show()
         if args.samples is not None and args.antialias is not True:
             raise UsageError("--samples goes with --antialias that is not proved")
@@ -331,12 +349,18 @@ class _Given:
             raise UsageError("--skip-existing goes with PNGs, as a movie is there as a whole or not at all")
 
     def _explain(self) -> Explain:
-        self._refuse_others("--explain", {"size", "square_pixels", "truncate", "json"})
+        self._refuse_others("--explain", {"size", "square_pixels", "truncate", "json", "trace"})
+        if self._args.json and self._args.trace:
+            raise UsageError("--json and --trace both say how --explain prints")
         return self._of_scenes(Explain)
 
     def _compare(self) -> Compare:
-        taken = {"output", "tolerance", "json", "size", "square_pixels", "truncate", "device", "precision"}
-        self._refuse_others("--compare", taken)
+        taken = {"size", "square_pixels", "device", "precision", "show"}
+        shows = self._args.show != "color" or self._args.compare.lower().endswith(".npy")
+        taken |= set() if shows else {"output", "tolerance", "json", "truncate", "antialias"}
+        self._refuse_others("--compare of numbers" if shows else "--compare", taken | {"compare"})
+        if self._args.show == "primitive":
+            raise UsageError("--compare takes no --show primitive; --show id compares surfaces")
         return self._of_scenes(Compare, tolerance=1 if self._args.tolerance is None else self._args.tolerance)
 
     def _lit(self) -> Lit:

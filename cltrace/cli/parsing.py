@@ -163,6 +163,7 @@ def _checks(group: Group) -> None:
         metavar="X,Y",
         help="print how the pixel in column X, row Y gets its colour",
     )
+    group.rare("--trace", action="store_true", help="with --explain: its numbers as a table, for diff")
     group.usual("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
     group.rare(
         "--tolerance",

@@ -14,8 +14,8 @@ from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
 from cltrace.picture.image import Image
 from cltrace.picture.palettes import MAX_LIGHTS
-from cltrace.run.devices import choose
-from cltrace.scene import AMBIENT
+from cltrace.run.devices import Device, choose
+from cltrace.scene import AMBIENT, Scene
 
 SETS = 12  # of lights, of how many --show lit says the colours
 
@@ -33,7 +33,7 @@ def explain(work: Explain, reporter: Reporter) -> int:
         explanation = explanation_of(scene, x, y, truncate=work.drawing.truncate)
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    print(explanation.to_json() if work.json else explanation, flush=True)
+    print(explanation.to_json() if work.json else explanation.table if work.trace else explanation, flush=True)
     return 0
 
 
@@ -48,7 +48,10 @@ def compare(work: Compare, reporter: Reporter) -> int:
     from cltrace.students.compare import compare as comparison_of
 
     drawing, device = work.drawing, choose(work.drawing.device)
+    if work.show != "color" or work.compare.lower().endswith(".npy"):
+        return _compare_dump(work, scene, device)
     options: dict[str, Any] = {"device": device, "precision": drawing.precision, "truncate": drawing.truncate}
+    options["antialias"] = bool(drawing.antialias)
     try:
         result = comparison_of(scene, work.compare, tolerance=work.tolerance, **options)
     except ValueError as error:
@@ -57,6 +60,18 @@ def compare(work: Compare, reporter: Reporter) -> int:
         write(Image(rgb8=result.side_by_side()), target, "color")
     (reporter.say if target == "-" else print)(result.to_json() if work.json else str(result))
     return 0 if result.same else 1
+
+
+def _compare_dump(work: Compare, scene: Scene, device: Device) -> int:
+    """Prints how numbers that a program has found on its way differ from the right ones."""
+    from cltrace.students.dumps import compare_dump
+
+    try:
+        dump = compare_dump(scene, work.show, work.compare, device=device, precision=work.drawing.precision)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    print(dump)
+    return 0 if dump.same else 1
 
 
 def show_lit(work: Lit, reporter: Reporter) -> int:

@@ -2,6 +2,7 @@
 
 record.py    what there is to say, as frozen dataclasses
 words.py     prints it
+table.py     its numbers as a table
 explanation.py  both together, which is what explain() returns
 pixel.py     explain(), which fills the record: a pixel's ray, and those that mirrors and glass send on
 meeting.py   what a ray meets, and what it passes by narrowly

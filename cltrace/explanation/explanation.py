@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from cltrace.explanation.record import Facts
+from cltrace.explanation.table import table
 from cltrace.explanation.words import line, text
 
 
@@ -22,6 +23,11 @@ class Explanation(Facts):
     def line(self) -> str:
         """In one line: what the pixel sees, which lights reach it, and its bytes."""
         return line(self)
+
+    @property
+    def table(self) -> str:
+        """Its numbers as lines between tabs, which a program of one's own can write, too: what `--trace` prints."""
+        return table(self)
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain dicts, lists, texts and numbers; None for what is infinite or undefined."""

@@ -20,7 +20,9 @@ from cltrace.explanation.record import (
     CameraRay,
     Hit,
     LightTerm,
+    Placement,
     Term,
+    Texel,
     TextureLookup,
     TracedRay,
     Triple,
@@ -159,7 +161,7 @@ class Explainer:
             tests=meetings.found,
             meets=meetings.count,
             missed=meetings.missed(way.behind),
-            hit=self._hit(at) if at else None,
+            hit=self._hit(at, ray) if at else None,
             ambient=ambient,
             lights=lights,
             local_terms=local_terms,
@@ -195,7 +197,7 @@ class Explainer:
             found.append(seen)
         return tuple(found), rays
 
-    def _hit(self, at: Intersection) -> Hit:
+    def _hit(self, at: Intersection, ray: Ray) -> Hit:
         m = at.material
         return Hit(
             surface=self.names.surface(at.surface),
@@ -205,6 +207,7 @@ class Explainer:
             normal=triple(self.space.turned(at.normal)),
             turned=at.turned,
             inside=at.inside,
+            placement=self._placement(at.surface.number, ray),
             color=at.color,
             texture=self._texture(m.texture, at.uv) if m.texture else None,
             **{name: getattr(m, name) for name in NUMBERS},
@@ -213,7 +216,27 @@ class Explainer:
     def _texture(self, texture: Texture, uv: UV) -> TextureLookup:
         height, width = texture.texels.shape[:2]
         place = next(i for i, texels in enumerate(self.scene.textures) if texels is texture.texels)
-        return TextureLookup(self.names.texture(place), (width, height), uv, **texture.lookup(uv)._asdict())
+        found = texture.lookup(uv)
+        texels = tuple(
+            Texel((found.x + i) % width, (found.y + j) % height, part * share, texture.texel(found.x + i, found.y + j))
+            for j, part in enumerate((1 - found.down, found.down))
+            for i, share in enumerate((1 - found.right, found.right))
+        )
+        return TextureLookup(self.names.texture(place), (width, height), uv, **found._asdict(), texels=texels)
+
+    def _placement(self, number: int, ray: Ray) -> Placement | None:
+        """What the transform of a surface makes of it; None where it has none, or is not known."""
+        steps = self.scene.source.transforms.get(number) if self.scene.source else None
+        if steps is None:
+            return None
+        matrix = np.eye(4)
+        for step in steps:
+            matrix = matrix @ np.concatenate([step, [[0.0, 0.0, 0.0, 1.0]]])
+        inverse = np.linalg.inv(matrix)[:3]
+        o, d = np.array(triple(self.space.start(ray))), np.array(triple(self.space.turned(ray.direction)))
+        (x, y, z), (dx, dy, dz) = (inverse[:, :3] @ o + inverse[:, 3]).tolist(), (inverse[:, :3] @ d).tolist()
+        rows, back = (tuple(map(tuple, rows)) for rows in (matrix[:3].tolist(), inverse.tolist()))
+        return Placement(rows, back, (x, y, z), (dx, dy, dz))
 
 
 @dataclass(frozen=True)

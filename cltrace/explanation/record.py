@@ -120,9 +120,34 @@ class SurfaceTest:
 
 
 @dataclass(frozen=True)
+class Placement:
+    """What a surface's transform makes of it, and of the ray.
+
+    matrix: from the object's space to the world, M = T1 T2 ... Tn, its upper three rows; inverse: of it, likewise;
+    origin, direction: the ray in the object's space, the direction not normalised, so that t is the same.
+    """
+
+    matrix: tuple[tuple[float, ...], ...]
+    inverse: tuple[tuple[float, ...], ...]
+    origin: Triple
+    direction: Triple
+
+
+@dataclass(frozen=True)
+class Texel:
+    """One of the four pixels of a texture that are mixed: its column and row, its share, and its colour."""
+
+    x: int
+    y: int
+    weight: float
+    color: Triple
+
+
+@dataclass(frozen=True)
 class TextureLookup:
     """name: of the file, "" if unknown; size: (width, height) in pixels; uv: not wrapped; x, y: the pixel at the upper
-    left of the four that are mixed; right, down: the shares of those to the right of it and below; color: the mixture.
+    left of the four that are mixed; right, down: the shares of those to the right of it and below; color: the mixture;
+    texels: the four, the upper ones first.
     """
 
     name: str
@@ -133,6 +158,7 @@ class TextureLookup:
     right: float
     down: float
     color: Triple
+    texels: tuple[Texel, ...]
 
 
 @dataclass(frozen=True)
@@ -141,7 +167,8 @@ class Hit:
 
     shape: what the normal is made of: sphere, ellipsoid, flat or smooth, where `smooth` has corners' normals and `flat`
     none; t: the distance; normal: facing the side from which the ray came; turned: whether it had to be turned there;
-    inside: whether that is the inside; color: C, the material's times the texture's; the rest is the material's.
+    inside: whether that is the inside; placement: of what has a transform, as far as it is known; color: C, the
+    material's times the texture's; the rest is the material's.
     """
 
     surface: SurfaceName
@@ -151,6 +178,7 @@ class Hit:
     normal: Triple
     turned: bool
     inside: bool
+    placement: Placement | None
     color: Triple
     texture: TextureLookup | None
     ka: float

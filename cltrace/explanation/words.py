@@ -16,6 +16,7 @@ from cltrace.explanation.record import (
     LightName,
     LightTerm,
     Met,
+    Placement,
     SphereTest,
     SurfaceName,
     SurfaceTest,
@@ -225,6 +226,8 @@ def _hit(h: Hit) -> Iterator[str]:
     yield f"Closest: {surface(h.surface)}, {'from inside' if h.inside else 'from outside'}"
     yield f"  t = {number(h.t)}"
     yield f"  P = o + t d = {vector(h.point)}"
+    if h.placement:
+        yield from _placement(h.placement)
     turned = ", turned to the side of the ray," if h.turned else ""
     yield f"  n = {NORMALS[h.shape]}{turned} = {vector(h.normal)}"
     if h.texture:
@@ -233,7 +236,9 @@ def _hit(h: Hit) -> Iterator[str]:
         yield f"  texture {printable(t.name) or 'of the material'}, {width}x{height}: u = {number(u)}, v = {number(v)}"
         yield f"    {_texels('u', 'width', 'column', first=t.x, share=t.right, count=width)}"
         yield f"    {_texels('v', 'height', 'row', first=t.y, share=t.down, count=height)}; row 0 is at the top"
-        yield f"    texture color = {vector(t.color)}"
+        for texel in t.texels:
+            yield f"    texel ({texel.x}, {texel.y}) = {vector(texel.color)}, weight {number(texel.weight)}"
+        yield f"    texture color = sum of weight * texel = {vector(t.color)}"
     yield f"  color C = {vector(h.color)}"
     yield f"  phong ka = {number(h.ka)}, kd = {number(h.kd)}, ks = {number(h.ks)}, exponent = {number(h.exponent)}"
     if h.reflectance or h.transmittance:
@@ -277,14 +282,34 @@ def _light(term: LightTerm, hit: Hit) -> Iterator[str]:
             yield "  l is on the other side of the flat surface: no light, whatever the interpolated n says"
         return
     if term.cone:
-        off, alpha1, alpha2 = map(number, term.cone)
-        yield f"  {off} degrees off its direction, alpha1 = {alpha1}, alpha2 = {alpha2}: F = {number(term.strength)}"
+        yield from _cone(*term.cone, term.strength)
     yield from _way(term)
     if term.fate == "lit":
         F = "F " if term.cone else ""
         yield f"  r = 2 (n.l) n - l = {vector(term.r)}, v = -d, r.v = {number(term.r_v)}"
         yield f"  diffuse  {F}kd L C (n.l) = {vector(term.diffuse)}"
         yield f"  specular {F}ks L max(0, r.v)^{number(hit.exponent)} = {vector(term.specular)}"
+
+
+def _cone(off: float, alpha1: float, alpha2: float, strength: float) -> Iterator[str]:
+    """The spot light's formula, with its numbers."""
+    yield f"  angle = acos(-l.direction) = {number(off)} degrees, alpha1 = {number(alpha1)}, alpha2 = {number(alpha2)}"
+    if off <= alpha1:
+        yield "  F = 1, as angle <= alpha1"
+    elif off >= alpha2:
+        yield "  F = 0, as angle >= alpha2"
+    else:
+        numbers = f"({number(alpha2)} - {number(off)}) / ({number(alpha2)} - {number(alpha1)})"
+        yield f"  F = (alpha2 - angle) / (alpha2 - alpha1) = {numbers} = {number(strength)}"
+
+
+def _placement(p: Placement) -> Iterator[str]:
+    """A transform, and the ray in the object's space."""
+    for name, rows in ("M = T1 T2 ... Tn, to the world", p.matrix), ("M^-1, to the object", p.inverse):
+        yield f"  {name}:"
+        yield from ("    " + "".join(f"{number(value):>14}" for value in row) for row in rows)
+    yield f"  in the object's space o' = M^-1 o = {vector(p.origin)}"
+    yield f"    d' = M^-1 d = {vector(p.direction)}, not normalized again, so that t is the same"
 
 
 def _way(term: LightTerm) -> Iterator[str]:

@@ -108,7 +108,7 @@ class _Children:
     def wanted(self, stray: etree._Element) -> tuple[str, ...]:
         """What a stray child may have been meant to be."""
         if self.element.tag == "transform" and stray.tag.lower() in ("rotate", "rotation"):
-            return rotations(stray.attrib)
+            return rotations({str(name): str(value) for name, value in stray.attrib.items()})
         return tuple(name for name in self.schema.known if self.schema.slots.get(name) not in self.filled)
 
     def complete(self) -> bool:

@@ -116,17 +116,20 @@ class Roots:
         return np.array([self._rounded(i) for i in range(len(self.side))], float)
 
     def _rounded(self, i: int) -> float:
-        bits, this = 128, self.at(np.array([i]))
+        def side_of(bound: float | Fraction) -> int:
+            return int(self.at(np.array([i])).sign_less(bound)[0])
+
+        bits = 128
         while True:
             t = self.between(i, bits)
-            if t and t.low <= 0 <= t.high and this.sign_less(0.0)[0] == 0:
+            if t and t.low <= 0 <= t.high and side_of(0.0) == 0:
                 return 0.0
             low, high = (rounded(t.low), rounded(t.high)) if t else (0.0, np.inf)
             if low == high:
                 return low
             if t and np.nextafter(low, np.inf) == high:  # which of the two is told by what is half way between
                 middle = (Fraction(low) + (Fraction(high) if high < np.inf else 2**1024)) / 2
-                return (low, rounded(middle), high)[int(this.sign_less(middle)[0]) + 1]
+                return (low, rounded(middle), high)[side_of(middle) + 1]
             bits *= 2
 
 

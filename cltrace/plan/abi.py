@@ -351,8 +351,8 @@ ARGUMENTS = (
         "plane",
         "int",
         "note",
-        "Spheres",
-        "of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
+        group="Spheres",
+        text="of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
         needs="WITH_TRIANGLES",
     ),
     *_values(

@@ -304,7 +304,7 @@ class Executor:
     def _zeros(self, count: int) -> Any:
         """A buffer of so many bytes, all 0, that the kernel may change."""
         buffer = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, count)
-        cl.enqueue_fill_buffer(self._queue, buffer, np.int32(0), 0, count)
+        cl.enqueue_fill_buffer(self._queue, buffer, np.zeros(1, np.int32), 0, count)
         return buffer
 
     def _build(self) -> None:

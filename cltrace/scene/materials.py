@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,21 @@ MAX_TEXELS = 2**27  # in all textures of a scene
 COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
 
+class Frozen:
+    """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Material:
+class Material(Frozen):
     """What a mesh is made of. Immutable; meshes may share one.
 
     color: linear, 1 = full, 3 numbers >= 0, or a text such as "gold" or "#ffd700", as in Scene.from_spheres; ka, kd,
@@ -103,12 +116,6 @@ class Material:
         image = None if self.texture is None else f"<{described(self.texture)}>"
         values = {**self.__dict__, "texture": image}
         return f"Material({', '.join(f'{name}={value}' for name, value in values.items())})"
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-            object.__setattr__(self, name, value)
 
 
 def texels(name: str, image: Any) -> Texture:
@@ -205,10 +212,10 @@ def check_index(name: str, index: NDArray[np.float64], transmittance: NDArray[np
         raise ValueError(f"{name}{place}: must be > 0 where transmittance > 0, got {index[where]:g}")
 
 
-def packed(count: int, fields: Mapping[str, ArrayLike]) -> NDArray[np.void]:
+def packed(count: int, columns: Mapping[str, ArrayLike]) -> NDArray[np.void]:
     """A (count,) MATERIAL array; each field has a value for each record or one for all. Without textures."""
     materials = np.empty(count, MATERIAL)
     materials["texture"] = -1
-    for name, value in fields.items():
+    for name, value in columns.items():
         materials[name] = value
     return materials

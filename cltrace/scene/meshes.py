@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.arrays import blockwise
 from cltrace.numbers.inverses import inverses, whole_inverse
 from cltrace.scene.maps import affine
-from cltrace.scene.materials import Material
+from cltrace.scene.materials import Frozen, Material
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
 from cltrace.scene.surfaces import inverse_faults
 
@@ -28,21 +28,8 @@ MAX_MESHES = 2**16
 _IDENTITY = np.eye(3, 4)
 
 
-class _Frozen:
-    """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-            object.__setattr__(self, name, value)
-
-
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Geometry(_Frozen):
+class Geometry(Frozen):
     """Triangles in the object's own space, in scene units. Immutable; may be placed several times.
 
     vertices: (v, 3) doubles; faces: (f, 3) int32, the indices of each triangle's corners; normals: (k, 3) doubles of
@@ -92,7 +79,7 @@ class Geometry(_Frozen):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class PlacedMesh(_Frozen):
+class PlacedMesh(Frozen):
     """A mesh of a scene. Immutable.
 
     geometry: a Geometry, which several may share; to_world: (3, 4) doubles, the affine map from its space to the world,
@@ -176,7 +163,7 @@ class PlacedMesh(_Frozen):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Mesh(_Frozen):
+class Mesh(Frozen):
     """Triangles with a material, for Scene.from_meshes and Scene.from_spheres. Immutable; the arrays are copied.
 
     vertices: (v, 3), scene units; faces: (f, 3) integers, each triangle's corners as indices into the vertices, seen

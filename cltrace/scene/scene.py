@@ -7,7 +7,7 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -115,32 +115,20 @@ class Scene:
         check_materials(shades, len(images))
         check_transfer(transfer)
         placed = check_meshes(meshes, len(shades))
-        surfaces = {"spheres": balls, "materials": shades}
-        surroundings = background_of(background, background_alpha)
-        self._fill(camera, joined(lights), surfaces, surroundings, output_file, maps, placed, images, transfer)
+        color, alpha = background_of(background, background_alpha)
+        state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
+        state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
+        self._fill(state | {"to_object": maps, "meshes": placed, "textures": images, "transfer": transfer})
 
-    def _fill(
-        self,
-        camera: AnyCamera,
-        lights: NDArray[np.void],
-        surfaces: Mapping[str, Any],
-        background: tuple[Vector, float],
-        output_file: str,
-        to_object: NDArray[np.float64],
-        meshes: tuple[PlacedMesh, ...],
-        textures: tuple[Texture, ...],
-        transfer: Transfer,
-    ) -> None:
-        """Takes these as they are, of which all but lights and output_file have been checked.
+    def _fill(self, state: dict[str, Any]) -> None:
+        """Takes these fields as they are, of which all but lights and output_file have been checked.
 
-        surfaces: `spheres` and `materials`, or `columns` alone; background: its colour and its alpha.
+        `columns` may stand for spheres and materials.
         """
-        if not isinstance(output_file, str):
-            raise TypeError(f"output_file: must be a text, got {described(output_file)}")
-        check_lights(lights)
-        state = {"camera": camera, "lights": lights, **surfaces, "output_file": output_file}
-        state |= {"background": background[0], "background_alpha": background[1], "transfer": transfer}
-        self.__setstate__(state | {"to_object": to_object, "meshes": meshes, "textures": textures, "source": None})
+        if not isinstance(state["output_file"], str):
+            raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
+        check_lights(state["lights"])
+        self.__setstate__(state | {"source": None})
 
     def seen_by(self, camera: AnyCamera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -294,7 +282,8 @@ class Scene:
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
-        return cls._made(camera, lights, found, background, output_file, maps, shapes, transfer)
+        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps}
+        return cls._made(known, found, shapes, background, transfer)
 
     @classmethod
     def from_meshes(
@@ -318,23 +307,16 @@ class Scene:
         _check_camera(camera, "camera, lights, meshes")
         none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
         shapes, maps = mesh_list(meshes), np.empty((0, 3, 3))
-        return cls._made(camera, joined(lights), none, background, output_file, maps, shapes, transfer)
+        given = {"camera": camera, "lights": joined(lights), "output_file": output_file, "to_object": maps}
+        return cls._made(given, none, shapes, background, transfer)
 
     @classmethod
     def _made(
-        cls,
-        camera: AnyCamera,
-        lights: NDArray[np.void],
-        columns: Columns,
-        background: ArrayLike,
-        output_file: str,
-        to_object: NDArray[np.float64],
-        meshes: list[Mesh],
-        transfer: Transfer,
+        cls, given: dict[str, Any], columns: Columns, meshes: list[Mesh], background: ArrayLike, transfer: Transfer
     ) -> Scene:
         """A scene of spheres and their materials, and of meshes after them with theirs.
 
-        transfer: how the colours of materials, textures and background are given.
+        given: other fields, as they are; transfer: how the colours of materials, textures and background are given.
         """
         check_transfer(transfer)
         kinds = {id(mesh.material): mesh.material for mesh in meshes}
@@ -347,10 +329,10 @@ class Scene:
         n = len(columns)
         placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
-        scene = cls.__new__(cls)
-        surfaces = {"columns": replace(columns, shade=shade, rest=more)}
-        behind = background_of(background, 1.0, transfer)
-        scene._fill(camera, lights, surfaces, behind, output_file, to_object, placed, images, transfer)
+        scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
+        state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
+        state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
+        scene._fill(state)
         return scene
 
 

@@ -7,6 +7,7 @@ import shlex
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from PIL import Image as Picture
 from PIL import UnidentifiedImageError
 
 from cltrace.base.errors import UsageError, printable
-from cltrace.explanation.pixel import explain
+from cltrace.explanation.pixel import Explainer
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.picture.image import Image
 from cltrace.plan.abi import Precision
@@ -23,10 +24,13 @@ from cltrace.renderers.all_devices import render
 from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
+from cltrace.students.places import places
+from cltrace.students.rules import Rules
 from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 
+_RAYS = 3  # across a pixel and upwards, by which mistakes are judged in smooth pictures
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
 
@@ -39,14 +43,15 @@ def compare(
     device: str | Device | None = None,
     precision: Precision | None = None,
     truncate: bool = False,
+    antialias: bool = False,
 ) -> Comparison:
     """Compares a picture of a scene with the right one, and says which mistakes explain the difference.
 
     picture: an Image with rgb8; an array of uint8, (h, w, 3), (h, w, 4) with alpha, which is ignored, or (h, w) grey;
     or the name of a PNG, BMP, PPM or TGA file; row 0 is the top; one that is larger or smaller than the scene's by a
-    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may
-    differ; device, precision: what renders the right picture, and truncate: whether that rounds bytes down, as of
-    `render`.
+    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may differ; device, precision:
+    what renders the right picture; truncate: whether that rounds bytes down; antialias: whether both are smooth, so
+    that along outlines any mixture of the colours around is right.
 
     Raises ValueError, which names the argument, where one is not allowed or the picture has other proportions than
     the scene's, TypeError where the scene or the picture is something else altogether, UsageError where the file is no
@@ -62,16 +67,35 @@ def compare(
     asked, size = scene.camera.resolution, (mine.shape[1], mine.shape[0])
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
     right = render(scene, device, precision, truncate=truncate).rgb8
+    if antialias:
+        smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
+        right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
-    result = _judged(scene, result, truncate)
-    if result.same or result.worst is None:
+    base = Rules(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
+    result = _judged(scene, result, base)
+    if result.same or not result.error.any():
         return result
-    why = explain(scene, *result.worst, truncate=truncate)
-    return replace(result, line=why.line, ask=_question(scene, *result.worst, truncate))
+    ask = partial(question, scene, truncate)
+    return replace(result, places=places(Explainer(scene), mine, result.error, ask=ask, truncate=truncate))
 
 
-def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
-    """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise."""
+def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes:
+    """The smooth picture, and where it differs from the sharp one what is nearest to the own one of what is around.
+
+    How an outline is mixed depends on where the rays of a pixel go, which every program decides otherwise.
+    """
+    around = np.pad(np.stack([sharp, smooth]), ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3), axis=(1, 2))
+    low, high = windows.min(axis=(0, 4, 5)), windows.max(axis=(0, 4, 5))
+    soft = np.abs(smooth.astype(np.int16) - sharp).max(axis=2) > tolerance
+    return np.where(soft[..., None], np.clip(mine, low, high), smooth)
+
+
+def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
+    """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise.
+
+    base: the rules of the right picture.
+    """
     mine, right = result.mine.astype(np.int64), result.right.astype(np.int64)
     wrong = result.error > result.tolerance
     if not result.error.any():
@@ -82,8 +106,7 @@ def _judged(scene: Scene, result: Comparison, truncate: bool) -> Comparison:
     if sum(parts.values()) == 1 and not trials[0].made:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
     search, verdict = _first(
-        Search(scene, mine=mine, right=right, tolerance=result.tolerance, truncate=truncate, found=found)
-        for found in trials
+        Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials
     )
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
@@ -110,7 +133,7 @@ def _first(searches: Iterable[Search]) -> tuple[Search, Verdict]:
     return done[0]
 
 
-def _question(scene: Scene, x: int, y: int, truncate: bool) -> str:
+def question(scene: Scene, truncate: bool, x: int, y: int) -> str:
     """The command that explains a pixel; of a scene that is not just as its file has it, the call."""
     camera, source = scene.camera, scene.source
     options = [f"--explain {x},{y}"] + ["--truncate"] * truncate
@@ -137,12 +160,12 @@ def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:
     if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] in (3, 4))):
         shape = f"got {pixels.shape} of {pixels.dtype}"
         raise ValueError(f"picture: must have shape (h, w, 3), (h, w, 4) or (h, w) and be of uint8, {shape}")
-    for fault in _size_faults(pixels.shape[1::-1], size):
+    for fault in size_faults(pixels.shape[1::-1], size):
         raise ValueError(f"picture: {fault}")
     return np.array(np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3])
 
 
-def _size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
+def size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
     """What is wrong with a picture's width and height, in words for behind its name. A multiple or a part is not."""
     (width, height), (w, h) = found, size
     if width * h != height * w or not width:
@@ -157,7 +180,7 @@ def _read(path: str, size: tuple[int, int]) -> Bytes:
         with warnings.catch_warnings(), Path(path).open("rb") as file:
             warnings.simplefilter("ignore")  # of many pixels, which are counted here
             with Picture.open(file, formats=FORMATS) as image:
-                for fault in _size_faults(image.size, size):
+                for fault in size_faults(image.size, size):
                     raise UnreadableError(fault)
                 return _bytes_of(image)
     except UnreadableError as error:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cltrace.picture.image import Image
 from cltrace.students.mistakes import BY_NAME, ENOUGH
+from cltrace.students.places import Place
 
 Bytes = NDArray[np.uint8]
 _GAP = 4  # columns between pictures that stand side by side
@@ -55,8 +56,7 @@ class Comparison:
     them, the one that explains most first; explained: the share of the differing pixels that these explain together,
     0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves or
     spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
-    one's; line: what `Explanation.line` says of the worst pixel; ask: the command or the call that explains all of it.
-    These two are "" where the pictures are the same.
+    one's; places: pixels to look at, the worst one first, none where the pictures are the same.
     """
 
     mine: Bytes
@@ -66,8 +66,7 @@ class Comparison:
     explained: float = 0.0
     likely: Cause | None = None
     asked: tuple[int, int] | None = None
-    line: str = ""
-    ask: str = ""
+    places: tuple[Place, ...] = ()
 
     @property
     def error(self) -> NDArray[np.uint8]:
@@ -84,12 +83,8 @@ class Comparison:
 
     @property
     def worst(self) -> tuple[int, int] | None:
-        """Column and row of the pixel that differs most, of several the first one; None if none differs at all."""
-        error = self.error
-        if not error.any():
-            return None
-        y, x = divmod(int(error.argmax()), error.shape[1])
-        return x, y
+        """Column and row of the pixel that differs most with all around it; None where the pictures are the same."""
+        return (self.places[0].x, self.places[0].y) if self.places else None
 
     def to_json(self) -> str:
         """One object: same, differing, and causes, each with name, explains and or, the names of its rivals; likely."""
@@ -126,7 +121,7 @@ class Comparison:
         lines += [line for cause in self.causes for line in self._words(cause)]
         if not self.same:
             lines += self._rest()
-            lines += self._where() if self.worst else []
+            lines += [line for place in self.places for line in self._where(place)]
         return "\n".join(lines)
 
     def _words(self, cause: Cause) -> list[str]:
@@ -151,11 +146,11 @@ class Comparison:
         rest = f"unknown: {_percent(1 - self.explained)}{' that they do not explain' + together if together else ''}"
         return [rest, *likely]
 
-    def _where(self) -> list[str]:
-        assert self.worst
-        x, y = self.worst
-        mine, right = (" ".join(map(str, picture[y, x].tolist())) for picture in (self.mine, self.right))
-        return [f"the worst pixel is {x},{y}: {mine}, right is {right}", f"  {self.line}", f"  why: {self.ask}"]
+    def _where(self, place: Place) -> list[str]:
+        mine, right = (" ".join(map(str, picture[place.y, place.x].tolist())) for picture in (self.mine, self.right))
+        which = "the worst pixel" if place is self.places[0] else "another one"
+        told = f"{which} is {place.x},{place.y}: {mine}, right is {right}"
+        return [told, f"  {place.line}", f"  look at {place.look}", f"  why: {place.ask}"]
 
 
 def _percent(share: float) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cltrace.scene import PARALLEL, POINT, SPOT, Scene
 from cltrace.students.mistakes import BY_NAME, ENOUGH, MISTAKES, Changes
-from cltrace.students.rules import RIGHT, Rules
+from cltrace.students.rules import Rules
 from cltrace.students.shapes import Ints
 from cltrace.students.tracer import Tracer, to_bytes
 from cltrace.students.whole import Whole
@@ -223,13 +223,13 @@ class Fit:
 class Search:
     """The search for the causes of a picture's differences.
 
-    mine, right: (h, w, 3) levels; tolerance: by how many two may differ; truncate: whether the right ones are rounded
-    down; found: what is wrong with the picture as a whole.
+    mine, right: (h, w, 3) levels; tolerance: by how many two may differ; base: the rules of the right picture; found:
+    what is wrong with the picture as a whole.
     """
 
-    def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int, truncate: bool, found: Whole) -> None:
+    def __init__(self, scene: Scene, mine: Levels, right: Levels, tolerance: int, base: Rules, found: Whole) -> None:
         self.mine, self.tolerance, self.found = mine, tolerance, found
-        self.base = Rules(rounding="down") if truncate else RIGHT
+        self.base = base
         self.tracer = Tracer(scene)
         self.free = np.zeros(mine.shape[:2], np.bool_)
         for cover in found.covers.values():

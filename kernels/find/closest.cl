@@ -55,9 +55,8 @@ static float end_of_lists(const Scene scene, const EyeLine line, const Hit hit) 
 
 #if ANY_LATE
 /* Which lanes meet what is at t before what they have hit so far, where float32 cannot tell: dispatch.cl asks all
- * shapes. d, w: OWN() of the rays, in camera space and in the world; index: of what is met. */
-static REAL_MASK comes_before(const Scene *all, const Real3 *d, const Real3 *w, const REAL t, const INT index,
-                              const Rival *hit);
+ * shapes. index: of what is met. */
+static REAL_MASK comes_before(const Scene *all, const EyeRay *ray, const REAL t, const INT index, const Rival *hit);
 
 /* In which lanes A comes before B in the scene file. */
 static MASK first_in_file(const Scene scene, const INT A, const INT B);
@@ -73,9 +72,9 @@ static REAL_MASK nearer_than_any(const Scene scene, const Ray ray, const int ind
     const REAL_MASK sure = TO_REAL_MASK(late) ? TO_REAL_MASK(before) : nearer;
     if (!RARELY(ANY(open))) return sure;
     const Scene all = scene;
-    const Real3 d = OWN(ray), w = ray.w;
+    const EyeRay own = eye_ray(ray);
     const Rival rival = {hit.t, hit.id, hit.sure};
-    return TO_REAL_MASK(open) ? comes_before(&all, &d, &w, t, (INT)index, &rival) : sure;
+    return TO_REAL_MASK(open) ? comes_before(&all, &own, t, (INT)index, &rival) : sure;
 }
 #else
 #define nearer_than_any(scene, ray, index, t, hit, nearer) nearer

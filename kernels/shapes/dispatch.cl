@@ -82,14 +82,14 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, con
     return first;
 }
 
-static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const Real3 *d, const Real3 *w, const REAL t,
+static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const EyeRay *ray, const REAL t,
                                                         const INT index, const Rival *hit) {
     const Scene scene = *all;
     REAL rival = hit->t;
-    EACH_SHAPE(scene.spheres, hit->id, settle_t(scene, *d, *w, *hit, &rival));
+    EACH_SHAPE(scene.spheres, hit->id, settle_t(scene, *ray, *hit, &rival));
     const REAL_MASK close = too_close(t, rival);
     if (!ANY(TO_MASK(close))) return t < rival;
-    return close ? comes_first_of(scene, from_eye(scene.spheres, *d, *w), index, hit->id, close) : t < rival;
+    return close ? comes_first_of(scene, from_eye(scene.spheres, *ray), index, hit->id, close) : t < rival;
 }
 
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from random_scenes import random_scene
+from random_scenes import usual_scene
 
 import cltrace
 from cltrace import cli
@@ -16,7 +17,7 @@ from cltrace.base import progress
 from cltrace.run.devices import Device
 from cltrace.students.check import check
 
-SCENE = Path(__file__).parents[2] / "scenes" / "minimal.xml"
+SCENE = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("no_delay")
 def test_what_is_wanted_is_shown(any_device: Device, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     image = cltrace.render(scene, any_device, outputs=("rgb8", "id"), progress=True)
     shown = capsys.readouterr().err
     height = scene.camera.resolution[1]
@@ -41,7 +42,7 @@ def test_what_is_wanted_is_shown(any_device: Device, capsys: pytest.CaptureFixtu
 def test_nothing_is_shown_where_nobody_looks(
     any_device: Device, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     for wanted in (None, False):
         cltrace.render(scene, any_device, progress=wanted)
     assert capsys.readouterr().err == ""
@@ -70,7 +71,7 @@ def test_the_command_shows_it_on_a_terminal(
 
 def test_short_work_shows_nothing(any_device: Device, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("tqdm")
-    renderer = cltrace.Renderer(random_scene(1), any_device)
+    renderer = cltrace.Renderer(usual_scene(), any_device)
     renderer.render(progress=True)
     assert capsys.readouterr().err == ""
 
@@ -78,7 +79,7 @@ def test_short_work_shows_nothing(any_device: Device, capsys: pytest.CaptureFixt
 def test_a_bar_without_its_package(monkeypatch: pytest.MonkeyPatch, any_device: Device) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "tqdm" else find(name))
-    renderer = cltrace.Renderer(random_scene(1), any_device)
+    renderer = cltrace.Renderer(usual_scene(), any_device)
     with pytest.raises(cltrace.MissingPackageError) as caught:
         renderer.render(progress=True)
     words = "a progress bar needs the package tqdm, which is not installed: pip install 'cltrace[progress]'"
@@ -88,12 +89,12 @@ def test_a_bar_without_its_package(monkeypatch: pytest.MonkeyPatch, any_device: 
 
 def test_frames_of_other_backgrounds_and_curves(any_device: Device) -> None:
     """A Renderer that follows has the new scene's alpha and curve, also where the kernel has to write more for it."""
-    scene = random_scene(1)
+    scene = usual_scene()
     renderer = cltrace.Renderer(scene.in_front_of("#12345600"), any_device)
     for other in (
         scene.in_front_of("#12345680"),
         scene.in_front_of("#123456"),
-        cltrace.Scene.from_spheres(scene.camera, scene.lights, [(0, 0, 0)], 1, "red", transfer="srgb"),
+        replace(scene, transfer="srgb"),
     ):
         found, fresh = renderer.following(other).render(), cltrace.render(other, any_device)
         assert found.outputs == fresh.outputs

@@ -91,7 +91,9 @@ def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
 
 
-@pytest.mark.parametrize("show", ["normal", pytest.param("direction", marks=pytest.mark.slow), "depth", "id", "uv"])
+@pytest.mark.parametrize(
+    "show", ["normal", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direction", "depth", "id", "uv"))]
+)
 def test_show(tmp_path: Path, show: str) -> None:
     got = pixels(call(FIRST, "-o", "-", "--show", show, cwd=tmp_path).stdout)
     image = cltrace.render(cltrace.load(FIRST), outputs=(show,))
@@ -142,7 +144,7 @@ def test_check(tmp_path: Path) -> None:
     assert b"check ok: 500 of 173641 pixels" in done.stderr
     small = call(FIRST, "--size", "20x15", "--check=all", cwd=tmp_path)
     assert b"check ok: 300 of 300 pixels" in small.stderr
-    crop = call(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "normal", cwd=tmp_path)
+    crop = call(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "id", cwd=tmp_path)
     assert crop.returncode == 0
     assert b"check ok: 600 of 600 pixels" in crop.stderr
 
@@ -165,9 +167,8 @@ def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_other_ways_to_write_options(tmp_path: Path) -> None:
-    small = json.loads(call(FIRST, "--stats=json", "--size", "80X60", "--keep", "lists,filter", cwd=tmp_path).stdout)
+    small = json.loads(call(FIRST, "--stats=json", "--size", "80X60", "--keep", "lists,order", cwd=tmp_path).stdout)
     assert small["size"] == [80, 60]
-    assert small["work"]["spheres that float32 rules out for a ray"] == 0
     same = cli.parser().parse_args(["x.xml", "--keep", "order,lists", "--keep=filter"])
     assert same.keep == ["lists", "order", "filter"]
 
@@ -184,19 +185,15 @@ def test_list_devices(tmp_path: Path) -> None:
     assert done.stdout.decode().splitlines() == [d.line() for d in cltrace.devices()]
 
 
-def test_no_driver_gives_advice(tmp_path: Path) -> None:
+def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The loader finds nothing in an empty folder, but for a wheel's driver beside it."""
-    script = (
-        "import cltrace.run.devices as d, cltrace.cli.command as c; d.devices = c.devices = list; "
-        "raise SystemExit(c.main())"
-    )
-    for arguments, stream in ((["--list-devices"], "stdout"), ([str(FIRST)], "stderr")):
-        done = subprocess.run(
-            [sys.executable, "-c", script, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
+    monkeypatch.setattr(cltrace.run.devices, "devices", list)
+    monkeypatch.setattr(cltrace.cli.command, "devices", list)
+    for argument, stream in (("--list-devices", "stdout"), (FIRST, "stderr")):
+        done = call(argument, cwd=tmp_path)
         assert done.returncode == 3
-        assert "no OpenCL device found" in getattr(done, stream)
-        assert "apt-get install pocl-opencl-icd" in getattr(done, stream)
+        assert b"no OpenCL device found" in getattr(done, stream)
+        assert b"apt-get install pocl-opencl-icd" in getattr(done, stream)
     assert not list(tmp_path.iterdir())
 
 
@@ -259,13 +256,14 @@ def test_bad_device(tmp_path: Path, spec: str) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_device_from_the_environment(tmp_path: Path) -> None:
-    done = run(FIRST, cwd=tmp_path, PYOPENCL_CTX="nosuchthing")
+def test_device_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYOPENCL_CTX", "nosuchthing")
+    done = call(FIRST, cwd=tmp_path)
     assert done.returncode == 3
     assert b"no device matches 'nosuchthing' (from PYOPENCL_CTX)" in done.stderr
-    spec = cltrace.devices()[0].spec
-    assert run(FIRST, cwd=tmp_path, PYOPENCL_CTX=spec).returncode == 0
-    assert run(FIRST, "-d", "cpu", cwd=tmp_path, PYOPENCL_CTX="nosuchthing").returncode == 0
+    assert call(FIRST, "-d", "cpu", cwd=tmp_path).returncode == 0
+    monkeypatch.setenv("PYOPENCL_CTX", cltrace.devices()[0].spec)
+    assert call(FIRST, cwd=tmp_path).returncode == 0
 
 
 def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path) -> None:
@@ -501,8 +499,9 @@ def test_what_takes_long_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     assert caplog.messages == ["long"]
 
 
-def test_help_fits_one_screen(tmp_path: Path) -> None:
-    done = run("--help", cwd=tmp_path, COLUMNS="100")
+def test_help_fits_one_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    done = call("--help", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stdout.count(b"\n  cltrace scene.xml") == 3
     assert len(done.stdout.splitlines()) <= 40
@@ -512,10 +511,10 @@ def test_help_fits_one_screen(tmp_path: Path) -> None:
 
 
 def test_help_all_has_every_option(tmp_path: Path) -> None:
-    whole = run("--help", "all", cwd=tmp_path)
+    whole = call("--help", "all", cwd=tmp_path)
     assert whole.returncode == 0
     options = [option for action in cli.parser()._actions for option in action.option_strings]
     assert len(options) > 20
     missing = [option for option in options if not re.search(rf"{option}\b", whole.stdout.decode())]
     assert not missing
-    assert run("-h", FIRST, cwd=tmp_path).stdout == run(FIRST, "--help", cwd=tmp_path).stdout
+    assert call("-h", FIRST, cwd=tmp_path).stdout == call(FIRST, "--help", cwd=tmp_path).stdout

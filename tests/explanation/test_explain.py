@@ -429,6 +429,79 @@ def test_a_meshs_triangle_has_the_line_of_its_face(tmp_path: Path) -> None:
     assert f"(u mod 1) * width = {2 * u:.6g}: columns 1 and 0, {2 * u - 1:.6g} of the latter" in str(alone)
 
 
+def test_the_texels_that_are_mixed(tmp_path: Path) -> None:
+    material = BALL[BALL.index("<material") : BALL.index("</sphere>")].format(r=0, t=0, transform="")
+    rest = material[material.index("<phong") :].replace("solid", "textured")
+    texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [51, 51, 51]]], np.uint8)
+    Picture.fromarray(texels).save(tmp_path / "t.png")
+    sphere = ball(0).replace(material, f'<material_textured><texture name="t.png"/>{rest}')
+    found = explained(tmp_path, sphere, x=12, y=8)
+    hit = found.rays[0].hit
+    assert hit is not None
+    assert hit.texture is not None
+    four = hit.texture.texels
+    assert sum(texel.weight for texel in four) == pytest.approx(1)
+    for texel in four:
+        assert texel.color == tuple(texels[texel.y, texel.x] / 255)
+        text = (
+            f"texel ({texel.x}, {texel.y}) = ({', '.join(f'{c:.6g}' for c in texel.color)}), weight {texel.weight:.6g}"
+        )
+        assert text in str(found)
+    mixed = np.array([texel.weight for texel in four]) @ [texel.color for texel in four]
+    assert hit.texture.color == pytest.approx(tuple(mixed))
+
+
+def test_a_transform_and_the_ray_in_the_objects_space(tmp_path: Path) -> None:
+    """A ball of radius 1, first scaled by 2 and then moved by (0, 0, -1), met from z = 6 at z = 1."""
+    steps = '<transform><translate x="0" y="0" z="-1"/><scale x="2" y="2" z="2"/></transform>'
+    found = explained(tmp_path, ball(0, transform=steps))
+    hit = found.rays[0].hit
+    assert hit is not None
+    place = hit.placement
+    assert place is not None
+    assert place.matrix == ((2, 0, 0, 0), (0, 2, 0, 0), (0, 0, 2, -1))
+    assert place.inverse == ((0.5, 0, 0, 0), (0, 0.5, 0, 0), (0, 0, 0.5, 0.5))
+    assert (place.origin, place.direction) == ((0, 0, 3.5), (0, 0, -0.5))
+    # In the object's space, the ball of radius 1 is met at the same t.
+    assert place.origin[2] + hit.t * place.direction[2] == 1
+    assert "  in the object's space o' = M^-1 o = (0, 0, 3.5)\n" in str(found)
+    assert explained(tmp_path, ball(0)).rays[0].hit.placement is None  # type: ignore[union-attr]
+
+
+def test_a_spot_light_has_its_formula(tmp_path: Path) -> None:
+    path = tmp_path / "two.xml"
+    light = '<point_light><color r="1" g="1" b="1"/><position x="0" y="0" z="5"/></point_light>'
+    spot = light.replace("point_light", "spot_light").replace(
+        "</spot", '<direction x="0.1" y="0" z="-1"/><falloff alpha1="{}" alpha2="{}"/></spot'
+    )
+    angle = np.degrees(np.arctan(0.1))
+    for alpha1, alpha2, told in (
+        (2, 10, f"F = (alpha2 - angle) / (alpha2 - alpha1) = (10 - {angle:.6g}) / (10 - 2) = {(10 - angle) / 8:.6g}"),
+        (6, 10, "F = 1, as angle <= alpha1"), (2, 5, "F = 0, as angle >= alpha2"),
+    ):  # fmt: skip
+        path.write_text(TWO.format(surfaces=ball(0), bounces=8).replace(light, spot.format(alpha1, alpha2)))
+        text = str(cltrace.explain(cltrace.load(path), 10, 10))
+        assert f"angle = acos(-l.direction) = {angle:.6g} degrees, alpha1 = {alpha1}, alpha2 = {alpha2}\n" in text
+        assert f"  {told}\n" in text
+
+
+def test_the_table_has_the_numbers_of_the_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = explained(tmp_path, ball(0, r=0.5), ball(2, x=0.7), y=9)
+    rows = [row.split("\t") for row in found.table.splitlines()]
+    assert {row[0] for row in rows} == {str(i) for i in range(len(found.rays))}
+    assert len({(place, name) for place, name, *_ in rows}) == len(rows)
+    text = str(found)
+    for _, name, *numbers in rows:
+        if name not in ("depth", "surface", "inside", "color") and "reaches" not in name:
+            assert all(number in text for number in numbers), name
+    assert rows[-1] == ["0", "bytes", *map(str, found.rgb8)]
+    assert cli.main([str(tmp_path / "two.xml"), "--explain", "10,9", "--trace"]) == 0
+    assert capsys.readouterr().out == found.table + "\n"
+    for wrong in (["--trace"], ["--explain", "1,1", "--trace", "--json"]):
+        assert cli.main([str(tmp_path / "two.xml"), *wrong]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 def near(a: object, b: object) -> bool:
     return bool(np.allclose(np.array(a, float), np.array(b, float), rtol=1e-7, atol=1e-7))
 

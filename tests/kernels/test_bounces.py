@@ -624,11 +624,11 @@ def test_what_is_within(device: Device) -> None:
         (0.0, 0.5, [(0.5, A), (0.5, B)]),
         (0.25, 0.5, [(0.25, A), (0.25, NIGHT), (0.5, B)]),
     ):
-        scene = glowing(eye(9, size=(1, 1)), balls, [A, B], reflectance=[r, 0], transmittance=[t, 0], index=1.5)
+        scene = glowing(eye(8, size=(1, 1)), balls, [A, B], reflectance=[r, 0], transmittance=[t, 0], index=1.5)
         assert (show(scene, device) == total(parts)).all(), (r, t)
         assert (show(scene, device, keep=("hidden",)) == total(parts)).all(), (r, t)
     # From between the two, with a mirror around: back to the inner one, and never out.
-    inside = glowing(eye(9, at=(0, 0, -3.5), size=(1, 1), axis=(0, 0, 1)), balls, [A, B], reflectance=[0.5, 0])
+    inside = glowing(eye(8, at=(0, 0, -3.5), size=(1, 1), axis=(0, 0, 1)), balls, [A, B], reflectance=[0.5, 0])
     assert (show(inside, device) == total([(0.5, A), (0.5, B)])).all()
 
 

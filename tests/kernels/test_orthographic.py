@@ -13,13 +13,17 @@ from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Orthographic, Scene
-from cltrace.oracle.spheres import closest_from, to_world
+from cltrace.numbers.whole import over_power
+from cltrace.oracle.rays import Points, SurdVector, along_numbers, columns, ones
+from cltrace.oracle.search import Kinds
+from cltrace.oracle.spheres import Spheres, to_world
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 from cltrace.students.check import check
 
 OUTPUTS = ("rgb8", "id", "depth", "normal", "direction", "primitive")
+DECIDED = ("id", "primitive", "depth")  # what most tests here ask for, so that they share a program
 LIGHTS = [
     cltrace.ambient_light(),
     cltrace.point_light((5, 8, 9)),
@@ -40,23 +44,36 @@ def starts(camera: Orthographic) -> dict[tuple[int, int], tuple[Fraction, ...]]:
     return found
 
 
+def closest(places: list[tuple[Fraction, ...]], w: list[Fraction], spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
+    """The sphere that each ray from one of these places along w meets first, -1 for none, and t; by whole numbers."""
+    parts, power = over_power([x for place in places for x in place])
+    start = np.array(parts, object).reshape(-1, 3)
+
+    def exact(rows: np.ndarray, grid: int) -> tuple[np.ndarray, SurdVector]:
+        return ones(len(rows)), columns(start[rows] << (grid - power))
+
+    points = Points(None, power, exact, np.full(len(places), -1))
+    found = Kinds([spheres]).closest(along_numbers(points, [w] * len(places)))
+    return found.item, found.rounded()
+
+
 def compare(scene: Scene, device: Device, width: int, precision: str = "accurate") -> set[int]:
     """Asserts that ids are those of exact arithmetic, and depths to 2^-24. Returns the ids that there are."""
-    renderer = cltrace.Renderer(scene, device, precision, ("id", "primitive", "depth"), width=width)
+    renderer = cltrace.Renderer(scene, device, precision, DECIDED, width=width)
     image, camera = renderer.render(), scene.camera
     assert isinstance(camera, Orthographic)
     w = [-Fraction(x) for x in camera.basis()[2]]
-    maps = [None if i < 0 else scene.to_object[i] for i in scene.spheres["to_object"]]
-    for (x, y), start in starts(camera).items():
+    places = starts(camera)
+    index, t = ([], []) if scene.meshes else closest(list(places.values()), w, Spheres.of(scene))
+    for k, ((x, y), start) in enumerate(places.items()):
         if scene.meshes:
             met = nearest(scene, exactly(start), exactly(w))
             wanted = met[1:] if met else (-1, -1)
-            t = float(met[0]) if met else np.inf
+            far = float(met[0]) if met else np.inf
         else:
-            index, at = closest_from(start, [w], scene.spheres["center"], scene.spheres["radius"], to_object=maps)
-            wanted, t = (int(index[0]), -1), at[0]
+            wanted, far = (int(index[k]), -1), t[k]
         assert (image.id[y, x], image.primitive[y, x]) == wanted, (x, y)
-        assert image.depth[y, x] == pytest.approx(t, rel=2.0**-24), (x, y)
+        assert image.depth[y, x] == pytest.approx(far, rel=2.0**-24), (x, y)
     return set(np.unique(image.id).tolist())
 
 
@@ -85,7 +102,7 @@ def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
         for more in ([], [(1e14, 0, -5)]):
             for x, hit in ((r, 0), (np.nextafter(r, 9), -1)):
                 scene = Scene.from_spheres(camera, [], [(x, 0, -z), *more], [r, *[1.0] * len(more)])
-                image = cltrace.render(scene, device, precision, ("id", "depth"))
+                image = cltrace.render(scene, device, precision, DECIDED)
                 assert image.id[1, 1] == hit, (z, r, more)
                 assert hit < 0 or abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
 
@@ -291,13 +308,20 @@ def test_no_list_and_no_filter_changes_a_picture(device: Device) -> None:
         assert np.array_equal(one.depth, other.depth)
 
 
-def test_crops_widths_and_pickles(device: Device) -> None:
+def test_crops_and_pickles(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(61, 43)))
     whole = cltrace.render(scene, device, "accurate", OUTPUTS)
     part = cltrace.render(pickle.loads(pickle.dumps(scene)), device, "accurate", OUTPUTS, crop=(13, 7, 50, 30))
-    one = cltrace.Renderer(scene, device, "accurate", OUTPUTS, width=1).render()
     for name in OUTPUTS:
         assert np.array_equal(getattr(whole, name)[7:30, 13:50], getattr(part, name)), name
+
+
+@pytest.mark.slow
+def test_packets_of_one_pixel(device: Device) -> None:
+    scene = plain(replace(TURNED, resolution=(61, 43)))
+    whole = cltrace.render(scene, device, "accurate", OUTPUTS)
+    one = cltrace.Renderer(scene, device, "accurate", OUTPUTS, width=1).render()
+    for name in OUTPUTS:
         assert np.array_equal(getattr(whole, name), getattr(one, name)), name
 
 
@@ -352,6 +376,7 @@ def test_explanations(device: Device, kind: type) -> None:
     assert '"height": 4.3' in cltrace.explain(scene, 3, 4).to_json()
 
 
+@pytest.mark.slow
 def test_a_picture_that_is_upside_down_is_found_out(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(64, 48)))
     image = cltrace.render(scene, device, "accurate")
@@ -364,7 +389,7 @@ def test_single_precision_is_close(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(80, 60)))
     ground = Scene.from_spheres(replace(TURNED, resolution=(80, 60)), LIGHTS, [(0, -1e7, 0), (0, 1, 0)], [1e7, 1])
     for one in (scene, ground):
-        fine, coarse = (cltrace.render(one, device, p, ("id", "depth")) for p in ("accurate", "single"))
+        fine, coarse = (cltrace.render(one, device, p, DECIDED) for p in ("accurate", "single"))
         assert (fine.id != coarse.id).mean() <= 1e-3
         both = (fine.id == coarse.id) & (fine.id >= 0)
         assert np.abs(fine.depth[both] - coarse.depth[both]).max() < 1e-6 * coarse.depth[both].max()
@@ -415,7 +440,7 @@ def test_one_pixel_is_as_much_of_the_world_everywhere(device: Device) -> None:
     """A scale bar: spheres near and far are as many pixels wide as their size says."""
     camera = Orthographic((0, 0, 10), (0, 0, 0), height=10, resolution=(100, 100))
     scene = Scene.from_spheres(camera, [], [(-2.5, 0, 8), (2.5, 0, -900)], 2)
-    image = cltrace.render(scene, device, outputs=("id", "depth"))
+    image = cltrace.render(scene, device, outputs=DECIDED)
     for number in (0, 1):
         rows, columns = np.nonzero(image.id == number)
         assert np.ptp(rows) + 1 == np.ptp(columns) + 1 == 40

@@ -39,12 +39,14 @@ def test_answers_of_the_reference(path: Path) -> None:
 
 
 # Each scene and precision is a program of its own, a second to compile, and several with meshes. An ordinary run draws
-# some in each precision.
+# some; test_consistency.py has others in single precision, by one program.
 FIRST = {
-    "accurate": ("bounces", "first", "globe", "inside", "minimal", "step1-ambient", "step3-shadows"),
+    "accurate": ("bounces", "first", "globe", "minimal", "step3-shadows"),
     "double": ("first",),
-    "single": ("bounces", "first"),
+    "single": (),
 }
+# The slow run draws all in the usual precision, and these in single.
+LONG = {("single", "bounces"), ("single", "first")}
 DRAWN = [
     pytest.param(
         precision,
@@ -53,7 +55,7 @@ DRAWN = [
         marks=()
         if path.stem in FIRST[precision]
         else pytest.mark.slow
-        if precision == "accurate"
+        if precision == "accurate" or (precision, path.stem) in LONG
         else pytest.mark.stress,
     )
     for precision in ("accurate", "double", "single")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image as Picture
-from random_scenes import random_scene
+from random_scenes import usual_scene
 
 import cltrace
 from cltrace import cli
@@ -22,7 +22,7 @@ SCENE = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
 def test_alpha_is_1_on_surfaces_and_the_backgrounds_elsewhere(alpha: float, any_device: Device) -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     thin = scene.in_front_of((*scene.background, alpha))
     plain = cltrace.render(scene, any_device, outputs=("rgb8", "id"))
     image = cltrace.render(thin, any_device, outputs=("alpha", "rgba8", "rgb8"))
@@ -40,7 +40,7 @@ def test_alpha_is_1_on_surfaces_and_the_backgrounds_elsewhere(alpha: float, any_
 
 
 def test_a_transparent_background_is_seen_in_all_that_shows_a_picture(any_device: Device, tmp_path: Path) -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     for clear in (scene.in_front_of("#00000000"), replace(scene, background_alpha=0.0)):
         image = cltrace.render(clear, any_device)
         assert image.outputs == ("rgb8", "rgba8")
@@ -57,7 +57,7 @@ def test_a_transparent_background_is_seen_in_all_that_shows_a_picture(any_device
 
 
 def test_the_backgrounds_alpha_stays_with_the_scene() -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     assert (scene.background_alpha, len(scene.background)) == (1, 3)
     clear = cltrace.Scene.from_spheres(cltrace.Camera(), [], [(0, 0, -3)], 1, background=(0.1, 0.2, 0.3, 0.5))
     assert (clear.background, clear.background_alpha) == ((0.1, 0.2, 0.3), 0.5)
@@ -82,7 +82,7 @@ def test_the_backgrounds_alpha_stays_with_the_scene() -> None:
 )
 def test_what_is_no_alpha_is_said(given: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError) as caught:
-        replace(random_scene(1), **given)
+        replace(usual_scene(), **given)
     assert str(caught.value).startswith(message)
 
 

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.cases import aimed, balls, directions, limbs, looking, unit
 from cltrace.bench.scenes import cloud, field
-from cltrace.oracle.spheres import closest_from
+from cltrace.oracle.rays import along, at_point
+from cltrace.oracle.search import Kinds
+from cltrace.oracle.spheres import Spheres
 from cltrace.plan import abi, rounding
 from cltrace.plan.accel import cells
 from cltrace.plan.accel.discs import length, nearest
@@ -154,8 +156,11 @@ def met(origin: Floats, d: Floats, scene: Scene) -> Floats:
     across, size = np.cross(f, d[:, None]), (d * d).sum(axis=1)[:, None]
     may = (across**2).sum(axis=2) <= size * (radius**2 * (1 + 1e-6) + 1e-12 * (f**2).sum(axis=2))
     t = np.full(may.shape, np.inf)
-    for i, j in np.argwhere(may):
-        t[i, j] = closest_from(origin[i], d[i : i + 1], center[j : j + 1], radius[j : j + 1])[1][0]
+    ray, sphere = np.nonzero(may)
+    spheres = Spheres(center, radius, [None] * len(radius), np.arange(len(radius)))
+    roots = Kinds([spheres]).roots(along(at_point(origin, len(d)), d, np.eye(3)), ray, sphere)
+    there = np.flatnonzero(roots.exists)
+    t[ray[there], sphere[there]] = roots.at(there).rounded()
     return t
 
 

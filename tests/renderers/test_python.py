@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image as Picture
-from random_scenes import random_scene
+from random_scenes import usual_scene
 
 import cltrace
 from cltrace import Image, Renderer
@@ -26,9 +26,12 @@ from cltrace.plan.request import COMPOSED
 from cltrace.run import devices, executor
 from cltrace.run.devices import Device
 
+# As in tests/picture/test_outputs.py, which shares the program.
+EVERY = ("rgb8", "color", "normal", "direction", "depth", "id", "primitive", "uv")
+
 
 def test_only_what_was_asked_for(any_device: Device) -> None:
-    image = cltrace.render(random_scene(1), any_device, outputs=("id", "depth"))
+    image = cltrace.render(usual_scene(), any_device, outputs=("id", "depth"))
     assert image.outputs == ("depth", "id")
     assert not hasattr(image, "rgb8")
     assert getattr(image, "color", None) is None
@@ -42,18 +45,18 @@ def test_only_what_was_asked_for(any_device: Device) -> None:
     assert str(caught.value) == "an Image has no attribute 'colour'"
     assert image.id.dtype == np.int32
     assert image.depth.dtype == np.float64
-    every = cltrace.render(random_scene(1), any_device, outputs=("rgb8", "color", "normal", "direction"))
+    every = cltrace.render(usual_scene(), any_device, outputs=EVERY)
     assert every.rgb8.dtype == np.uint8
     assert {a.dtype for a in (every.color, every.normal, every.direction)} == {np.dtype("f4")}
     assert {a.shape for a in (every.rgb8, every.color, every.normal, every.direction)} == {(33, 47, 3)}
 
 
 def test_render_into_an_earlier_image(any_device: Device) -> None:
-    renderer = Renderer(random_scene(1), any_device)
+    renderer = Renderer(usual_scene(), any_device)
     first = renderer.render()
     kept = first.rgb8.copy()
     assert np.array_equal(renderer.render(first).rgb8, kept)
-    for other in (Renderer(random_scene(1), any_device), Renderer(random_scene(2), any_device, outputs=("depth",))):
+    for other in (Renderer(usual_scene(), any_device), Renderer(usual_scene(), any_device, outputs=("rgb8", "id"))):
         with pytest.raises(ValueError, match=r"^out: must be an image that this Renderer has rendered$"):
             other.render(first)
     with pytest.raises(ValueError, match="out: "):
@@ -61,24 +64,24 @@ def test_render_into_an_earlier_image(any_device: Device) -> None:
 
 
 def test_images_are_independent(any_device: Device) -> None:
-    renderer = Renderer(random_scene(1), any_device)
+    renderer = Renderer(usual_scene(), any_device)
     first = renderer.render()
     first.rgb8[:] = 0
     assert renderer.render().rgb8.any()
 
 
 def test_images_and_scenes_travel(any_device: Device, tmp_path: Path) -> None:
-    image = cltrace.render(random_scene(1), any_device)
+    image = cltrace.render(usual_scene(), any_device)
     again = pickle.loads(pickle.dumps(image))
     assert np.array_equal(again.rgb8, image.rgb8)
-    scene = pickle.loads(pickle.dumps(random_scene(1)))
+    scene = pickle.loads(pickle.dumps(usual_scene()))
     with pytest.raises(ValueError, match="read-only"):
         scene.spheres["radius"][0] = -1
     assert np.array_equal(cltrace.render(scene, any_device).rgb8, image.rgb8)
 
 
 def test_a_renderer_does_not_travel(any_device: Device) -> None:
-    renderer = Renderer(random_scene(1), any_device)
+    renderer = Renderer(usual_scene(), any_device)
     for how in (pickle.dumps, copy.deepcopy):
         with pytest.raises(TypeError, match=r"^a Renderer cannot be pickled, since .*: pickle its scene, and "):
             how(renderer)
@@ -86,7 +89,7 @@ def test_a_renderer_does_not_travel(any_device: Device) -> None:
 
 
 def test_repr_of_a_renderer(any_device: Device) -> None:
-    scene = random_scene(1)
+    scene = usual_scene()
     count = len(scene.spheres)
     renderer = Renderer(scene, any_device, "single", crop=(1, 2, 9, 5))
     assert repr(renderer) == f"<cltrace.Renderer 8x3: {count} spheres, single precision, on {any_device.name}>"
@@ -118,7 +121,7 @@ def test_a_picture_of_depth_alone(tmp_path: Path) -> None:
 
 
 def test_threads_share_a_renderer(any_device: Device) -> None:
-    renderer = Renderer(random_scene(3), any_device, outputs=("rgb8", "id"))
+    renderer = Renderer(usual_scene(), any_device, outputs=("rgb8", "id"))
     want, got = renderer.render(), []
     threads = [threading.Thread(target=lambda: got.append(renderer.render())) for _ in range(8)]
     for thread in threads:
@@ -141,7 +144,7 @@ def _in_a_fork(queue: multiprocessing.Queue[str], attempts: list[Callable[[], ob
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_a_fork_is_told(any_device: Device) -> None:
     """Whatever would ask the driver for something: it would wait for threads that the fork has lost."""
-    scene = random_scene(1)
+    scene = usual_scene()
     renderer = Renderer(scene, any_device)
     image = renderer.render()
     attempts: list[Callable[[], object]] = [
@@ -310,21 +313,20 @@ def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
 )
 def test_refused_arguments(arguments: dict[str, object], error: type[Exception], message: str) -> None:
     with pytest.raises(error) as caught:
-        cltrace.render(**{"scene": random_scene(1), **arguments})  # type: ignore[arg-type]
+        cltrace.render(**{"scene": usual_scene(), **arguments})  # type: ignore[arg-type]
     assert str(caught.value).startswith(message)
 
 
 @pytest.mark.parametrize("width", [16.0, True, 3, "16"])
 def test_refused_widths(width: object) -> None:
     with pytest.raises(ValueError, match=r"^width: must be 1, 4, 8, 16 or None, got ") as caught:
-        Renderer(random_scene(1), width=width)  # type: ignore[arg-type]
+        Renderer(usual_scene(), width=width)  # type: ignore[arg-type]
     assert str(caught.value).endswith(f"got {width!r}")
 
 
 def test_large_pictures_are_drawn_in_strips(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = random_scene(1)
-    camera = cltrace.Camera(scene.camera.position, scene.camera.lookat, scene.camera.up, resolution=(5, 300))
-    tall = cltrace.Scene(camera, scene.lights, scene.spheres, scene.materials, scene.background)
+    scene = cltrace.load(Path(__file__).parents[2] / "scenes" / "step3-shadows.xml")
+    tall = scene.seen_by(replace(scene.camera, resolution=(5, 300)))
     whole = cltrace.render(tall, any_device).rgb8
     monkeypatch.setattr(executor, "STRIP", 1)
     assert np.array_equal(cltrace.render(tall, any_device).rgb8, whole)
@@ -384,5 +386,5 @@ def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytes
 def test_no_gpu_says_what_there_is(monkeypatch: pytest.MonkeyPatch, any_device: Device) -> None:
     monkeypatch.setattr(devices, "devices", lambda: [any_device])
     with pytest.raises(cltrace.DeviceError) as caught:
-        cltrace.render(random_scene(1), "gpu")
+        cltrace.render(usual_scene(), "gpu")
     assert str(caught.value) == f"no device matches 'gpu'; choose one of:\n{any_device.line()}"

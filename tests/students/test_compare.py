@@ -21,6 +21,10 @@ from wrong_tracers import MISTAKES, RIGHT, Bytes, Tracer, both
 
 import cltrace
 from cltrace import cli
+from cltrace.students.places import look_at
+from cltrace.students.rules import Rules
+from cltrace.students.tracer import Tracer as Textbook
+from cltrace.students.tracer import to_bytes
 
 NAMES = [make.__name__ for make in SCENES]
 FEWEST = 5  # pixels that a mistake has to change in a picture for its name to be asked for
@@ -260,6 +264,21 @@ def test_what_is_not_known_is_not_named(pictures: Pictures, name: str, scene: st
     assert [cause.name for cause in result.causes if cause.explains > 0.5] == []
 
 
+@pytest.mark.slow
+def test_smooth_pictures_are_compared(pictures: Pictures) -> None:
+    """Nine rays a pixel, where the right picture has sixteen. A mistake is found as in sharp ones."""
+    scene, tracer = pictures.loaded["bright"], Textbook(pictures.loaded["bright"])
+    width, height = scene.camera.resolution
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=2).reshape(-1, 2)
+    for changes, names in (({}, []), ({"shadows": False}, ["no-shadows"])):
+        colors = tracer.colors(pixels, Rules(samples=3, **changes))  # type: ignore[arg-type]
+        mine = to_bytes(colors).reshape(height, width, 3).astype(np.uint8)
+        result = cltrace.compare(scene, mine, antialias=True)
+        assert [cause.name for cause in result.causes] == names
+        assert result.differing < 0.01 or names
+        assert not cltrace.compare(scene, mine).same
+
+
 def test_what_may_be_compared(pictures: Pictures, tmp_path: Path) -> None:
     """An Image, an array of bytes with or without alpha, the path of a file."""
     scene = pictures.loaded["bright"]
@@ -347,7 +366,8 @@ def test_other_pictures_are_read_or_refused(
         ["--compare", "small.png"], ["--compare", "mine.png", "-o", "mine.png"],
         ["--compare", "mine.png", "--tolerance", "-1"], ["--compare", "mine.png", "--tolerance", "256"],
         ["--compare", "mine.png", "--tolerance", "x"], ["--compare", "mine.png", "-o", "side.jpg"],
-        ["--compare", "mine.png", "--show", "normal"], ["--tolerance", "2"], ["--json"],
+        ["--compare", "mine.png", "--show", "primitive"], ["--tolerance", "2"], ["--json"],
+        ["--compare", "mine.png", "--show", "normal", "--json"], ["--compare", "none.npy"], ["--compare", "text.npy"],
         ["--compare", "mine.png", "--json", "-o", "-"], ["--compare", "mine.png", "--check"],
         ["--compare", "mine.png", "--size", "20x20"],
     ],
@@ -359,7 +379,8 @@ def test_faults(
 ) -> None:  # fmt: skip
     """Exit status 2, one line, and no file is written or changed."""
     monkeypatch.chdir(mine.parent)
-    Path("text.png").write_text("not a picture")
+    for name in ("text.png", "text.npy"):
+        Path(name).write_text("not a picture")
     Picture.new("RGB", (5, 5)).save("small.png")
     before = {path: path.read_bytes() for path in mine.parent.iterdir()}
     assert cli.main([str(pictures.paths["bright"]), *arguments]) == 2
@@ -390,15 +411,22 @@ def test_the_worst_pixel_is_explained(
     with Picture.open("right.png") as picture:
         right = np.array(picture)
     Picture.fromarray(right[::-1]).save("mine.png")
-    y, x = divmod(int(np.abs(right.astype(int) - right[::-1]).max(axis=2).argmax()), 20)
+    error = np.abs(right.astype(int) - right[::-1]).max(axis=2)
     capsys.readouterr()
     assert cli.main([path, *options, "--compare", "mine.png", "-o", "side.png"]) == 1
     with Picture.open("side.png") as side:  # own picture, right picture and difference
         assert side.width >= 3 * 20
         assert side.height == 15
-    _, first, *_, worst, line, why = capsys.readouterr().out.splitlines()
+    _, first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("upside-down explains all of these: ")
-    assert worst.startswith(f"the worst pixel is {x},{y}: ")
+    told = [i for i, line in enumerate(rest) if " is " in line and ", right is " in line]
+    assert rest[told[0]].startswith("the worst pixel is ")
+    assert 1 < len(told) <= 3
+    x, y = map(int, rest[told[0]].removeprefix("the worst pixel is ").split(":")[0].split(","))
+    # It is no outline: all around it is wrong, too.
+    assert error[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2].min() > 0
+    line, look, why = rest[told[0] + 1 : told[0] + 4]
+    assert look.startswith("  look at ")
     command = shlex.split(why.removeprefix("  why: "))
     assert command[0] == "cltrace"
     assert cli.main(command[1:]) == 0
@@ -414,13 +442,32 @@ def scene_of(path: str) -> cltrace.Scene:
     return scene.seen_by(replace(scene.camera, resolution=(20, 15), square_pixels=True))
 
 
+def explained(name: str, x: int, y: int) -> cltrace.Explanation:
+    scene = cltrace.load(Path(__file__).parents[2] / "scenes" / f"{name}.xml")
+    return cltrace.explain(scene.seen_by(replace(scene.camera, resolution=(160, 120))), x, y)
+
+
+def test_what_to_look_at_is_said() -> None:
+    lit = explained("step2-parallel", 105, 21)
+    for term in lit.rays[0].terms:
+        for sign, told in ((-1, "missing"), (1, "added twice")):
+            sums = np.clip(np.array(lit.color) + sign * np.array(term.color), 0, 1)
+            mine = tuple((255 * sums + 0.5).astype(int).tolist())
+            assert look_at(lit, mine).endswith(f"it is as if that were {told}")
+    assert look_at(lit, (138 - 102, 247 - 102, 247 - 102)).startswith("parallel_light 1, specular")
+    assert look_at(lit, (1, 2, 3)) == "P, n, and l of each light"
+    hidden = explained("step3-shadows", 99, 59)
+    assert look_at(hidden, (71, 87, 95)) == "the shadow ray of parallel_light 1: it is as if nothing were between"
+    assert look_at(explained("step3-shadows", 0, 0), (1, 2, 3)).startswith("the ray: this one meets nothing")
+
+
 def test_the_call_of_scenes_that_are_not_as_in_a_file(pictures: Pictures) -> None:
     scene = pictures.loaded["bright"]
     moved = scene.seen_by(replace(scene.camera, horizontal_fov=30.0))
     result = cltrace.compare(moved, np.ascontiguousarray(cltrace.render(moved).rgb8[::-1]))
     assert result.worst is not None
     x, y = result.worst
-    assert result.ask == f"cltrace.explain(scene, {x}, {y})"
+    assert result.places[0].ask == f"cltrace.explain(scene, {x}, {y})"
 
 
 def test_one_pixel_is_too_little_to_tell(pictures: Pictures) -> None:

@@ -166,15 +166,19 @@ static double coordinate(const real4 v, const int i) {
     return i == 0 ? v.x : i == 1 ? v.y : v.z;
 }
 
-/* Puts coordinate i of B^T (x, y, z) into w. unit_B, unit_v: of the axes and of x, y and z. */
-static __attribute__((noinline)) void whole_turned(Integer *w, const Spheres spheres, const double x, const double y,
-                                                   const double z, const int i, const int unit_B, const int unit_v,
-                                                   const int n) {
+static Span span_of_axes(const Spheres spheres) {
+    return span_of_both(span_of_xyz(spheres.camera[1]),
+                        span_of_both(span_of_xyz(spheres.camera[2]), span_of_xyz(spheres.camera[3])));
+}
+
+/* Puts coordinate i of B^T v into w. unit_B, unit_v: of the axes and of v. */
+static __attribute__((noinline)) void whole_turned(Integer *w, const Spheres spheres, const real4 v, const int i,
+                                                   const int unit_B, const int unit_v, const int n) {
     Integer B, own;
     set_to(w, 0, 0, n);
     for (int k = 0; k < 3; k++) {
         set_to(&B, coordinate(spheres.camera[k + 1], i), unit_B, n);
-        set_to(&own, k == 0 ? x : k == 1 ? y : z, unit_v, n);
+        set_to(&own, coordinate(v, k), unit_v, n);
         add_product(w, &B, &own, n);
     }
 }
@@ -183,11 +187,8 @@ static __attribute__((noinline)) void whole_turned(Integer *w, const Spheres sph
 static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const double x, const double y,
                                                     const int first, const int second, const int squares) {
     const int moved = HAS(WITH_PARALLEL_RAYS) && (x != 0 || y != 0);
-    const double dx = HAS(WITH_PARALLEL_RAYS) ? 0 : x, dy = HAS(WITH_PARALLEL_RAYS) ? 0 : y;
-    const Span d = span_of_both(span_of(-1), span_of_both(span_of(dx), span_of(dy)));
-    const Span o = span_of_both(span_of(x), span_of(y));
-    Span B = {INT_MAX, INT_MIN};
-    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_xyz(spheres.camera[k + 1]));
+    const real4 at = (real4)(x, y, 0, 0), way = HAS(WITH_PARALLEL_RAYS) ? (real4)(0, 0, -1, 0) : (real4)(x, y, -1, 0);
+    const Span d = span_of_xyz(way), o = span_of_both(span_of(x), span_of(y)), B = span_of_axes(spheres);
     Span f = span_of_both(span_of(spheres.center_radius[first].w), span_of(spheres.center_radius[second].w));
     f = span_of_both(f, span_of_xyz(spheres.camera[0]));
     f = span_of_both(f, span_of_both(span_of_xyz(spheres.world[first]), span_of_xyz(spheres.world[second])));
@@ -202,8 +203,8 @@ static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const
     const int n = ray.digits = min(DIGITS, ((squares ? 4 * bits + 16 : 2 * bits + 6) + 31) / 32);
     set_to(&ray.a, 0, 0, n);
     for (int i = 0; i < 3; i++) {
-        whole_turned(&ray.w[i], spheres, dx, dy, -1, i, B.low, d.low, n);
-        if (HAS(WITH_PARALLEL_RAYS)) whole_turned(&ray.o[i], spheres, x, y, 0, i, B.low, f.low - B.low, n);
+        whole_turned(&ray.w[i], spheres, way, i, B.low, d.low, n);
+        if (HAS(WITH_PARALLEL_RAYS)) whole_turned(&ray.o[i], spheres, at, i, B.low, f.low - B.low, n);
         add_product(&ray.a, &ray.w[i], &ray.w[i], n);
     }
     return ray;

@@ -8,7 +8,7 @@ static REAL_MASK sphere_before(const Scene scene, const Ray ray, const Sphere sp
     const Spheres spheres = scene.spheres;
     const MASK maps = (maps_of(spheres, sphere.index) != 0) | (maps_of(spheres, rival) != 0);
     const REAL_MASK stretched = close & TO_REAL_MASK(maps);
-    const REAL_MASK mixed = comes_first_from(spheres, from_eye(spheres, OWN(ray), ray.w), sphere.index, rival, tie);
+    const REAL_MASK mixed = comes_first_from(spheres, from_eye(spheres, eye_ray(ray)), sphere.index, rival, tie);
     const REAL_MASK round = sphere_comes_first(spheres, ray, sphere, spheres_of(spheres, rival), tie,
                                                close & !stretched);
     return stretched ? mixed : round;
@@ -51,7 +51,7 @@ static __attribute__((always_inline)) Meeting meeting_of(const Scene scene, cons
                                                          const int index, REAL_MASK *inside) {
     if (!scene.spheres.map_of[index]) return sphere_meet(scene.spheres, ray, sphere);
     const Ball ball = balls_of(scene.spheres, (INT)index);
-    const Leaving path = from_eye(scene.spheres, OWN(ray), ray.w);
+    const Leaving path = from_eye(scene.spheres, eye_ray(ray));
     const Encounter met = sphere_meet_from(scene.spheres, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
     const Meeting at = {met.t, ray.d};
     *inside = met.inside;
@@ -95,5 +95,5 @@ static __attribute__((always_inline)) int sphere_take(const Scene scene, const R
 static void sphere_settle(const Scene scene, const Ray ray, Hit *hit) {
 }
 
-static void sphere_settle_t(const Scene scene, const Real3 d, const Real3 w, const Rival hit, REAL *t) {
+static void sphere_settle_t(const Scene scene, const EyeRay ray, const Rival hit, REAL *t) {
 }

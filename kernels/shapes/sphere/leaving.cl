@@ -160,17 +160,11 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
  * differ in sign, that is (A^2 s - B^2) / (s (A - B / sqrt(s))), of which only the numerator cancels. What would take
  * more than DIGITS digits counts as 0: no coordinates of a size do. */
 static __attribute__((noinline)) double whole_power(const Spheres spheres, const int own, const int other,
-                                                    const double x, const double y, const double z) {
-    const double n[3] = {x, y, z}, r = spheres.place[own].w, R = spheres.place[other].w;
+                                                    const real4 n) {
     const real4 from = spheres.place[own], to = spheres.place[other];
-    Span f = span_of_both(span_of(r), span_of(R)), axes = {INT_MAX, INT_MIN}, normal = axes;
-    f = span_of_both(f, span_of_both(span_of(from.x), span_of_both(span_of(from.y), span_of(from.z))));
-    f = span_of_both(f, span_of_both(span_of(to.x), span_of_both(span_of(to.y), span_of(to.z))));
-    for (int k = 0; k < 3; k++) {
-        const real4 axis = spheres.camera[k + 1];
-        normal = span_of_both(normal, span_of(n[k]));
-        axes = span_of_both(axes, span_of_both(span_of(axis.x), span_of_both(span_of(axis.y), span_of(axis.z))));
-    }
+    const double r = from.w, R = to.w;
+    const Span f = span_of_both(span_of_both(span_of(r), span_of(R)), span_of_both(span_of_xyz(from), span_of_xyz(to)));
+    const Span axes = span_of_axes(spheres), normal = span_of_xyz(n);
     const int bits_f = f.high - f.low + 1, bits_m = axes.high - axes.low + normal.high - normal.low + 2;
     const int digits = (4 * bits_f + 2 * bits_m + 12 + 31) / 32, unit_m = axes.low + normal.low;
     if (digits > DIGITS) return 0;
@@ -186,16 +180,10 @@ static __attribute__((noinline)) double whole_power(const Spheres spheres, const
     add_product(&g, &one, &one, digits);
     A = g;
     for (int i = 0; i < 3; i++) {
-        set_to(&g, i == 0 ? to.x : i == 1 ? to.y : to.z, f.low, digits);
-        set_to(&one, -(i == 0 ? from.x : i == 1 ? from.y : from.z), f.low, digits);
+        set_to(&g, coordinate(to, i), f.low, digits);
+        set_to(&one, -coordinate(from, i), f.low, digits);
         add(&g, &one, digits);
-        set_to(&m, 0, 0, digits);
-        for (int k = 0; k < 3; k++) {
-            const real4 axis = spheres.camera[k + 1];
-            set_to(&one, i == 0 ? axis.x : i == 1 ? axis.y : axis.z, axes.low, digits);
-            set_to(&two, n[k], normal.low, digits);
-            add_product(&m, &one, &two, digits);
-        }
+        whole_turned(&m, spheres, n, i, axes.low, normal.low, digits);
         add_product(&A, &g, &g, digits);
         add_product(&B, &g, &m, digits);
         add_product(&s, &m, &m, digits);
@@ -234,7 +222,7 @@ static __attribute__((noinline)) void decide_power(const Spheres spheres, const 
     STORE_LANES(ray.n.z, z);
     STORE_LANES(e->c.hi, c);
     for (int lane = 0; lane < W; lane++)
-        if (left[lane]) c[lane] = whole_power(spheres, own[lane], other[lane], x[lane], y[lane], z[lane]);
+        if (left[lane]) c[lane] = whole_power(spheres, own[lane], other[lane], (real4)(x[lane], y[lane], z[lane], 0));
     const REAL_MASK here = TO_REAL_MASK(unsure);
     const REAL whole = LOAD_LANES(c);
     PUT_WHERE(here, e->c.hi, whole);

@@ -28,7 +28,7 @@ static __attribute__((always_inline)) void stretch_at(const Frame frame, const S
                                                       const Hit hit, const INT round, Intersection *at) {
     const Ball ball = balls_of(scene.spheres, round);
     if (ANY((round >= 0) & (ball.map != 0)))
-        stretch(at, spot_at(frame, scene.spheres, from_eye(scene.spheres, OWN(ray), ray.w), ball, hit.t), hit.inside);
+        stretch(at, spot_at(frame, scene.spheres, from_eye(scene.spheres, eye_ray(ray)), ball, hit.t), hit.inside);
 }
 #else
 #define stretch(at, spot, inside)

@@ -35,12 +35,12 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
 
 /* Puts what pairs say into the lanes that are unsure. Scene and rays are copied there: else compilers keep them in
  * memory all the time. */
-static __attribute__((always_inline)) void decide_crossing(const Spheres spheres, const Real3 d, const Real3 w,
-                                                           const INT number, Crossing *at) {
+static __attribute__((always_inline)) void decide_crossing(const Spheres spheres, const EyeRay ray, const INT number,
+                                                           Crossing *at) {
     if (!RARELY(ANY(TO_MASK(at->unsure)))) return;
     const Spheres all = spheres;
-    const Real3 own_d = d, own_w = w;
-    const FineTriangle fine = fine_meeting_from_eye(&all, &own_d, &own_w, number, at->unsure);
+    const EyeRay own = ray;
+    const FineTriangle fine = fine_meeting_from_eye(&all, &own, number, at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
 }
 
@@ -64,16 +64,16 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
     const Crossing at = {(wanted & meets & (t > 0)) ? t : (REAL)INFINITY, {v.EB, v.EC, v.den}, 0};
     return at;
 }
-#define decide_crossing(spheres, d, w, number, at)
+#define decide_crossing(spheres, ray, number, at)
 #define decide_encounter(spheres, ray, index, at)
 #endif
 
-/* The crossings of rays from the eye along w, which is d in the world. number: of the triangles T. */
-static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Spheres spheres, const Real3 d,
-                                                                      const Real3 w, const Triangle T, const INT number,
+/* The crossings of rays from the eye. number: of the triangles T. */
+static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Spheres spheres, const EyeRay ray,
+                                                                      const Triangle T, const INT number,
                                                                       const REAL_MASK wanted, const REAL_MASK inside) {
-    Crossing at = triangle_meet(path_of(from_eye(spheres, d, w)), T, wanted, inside);
-    decide_crossing(spheres, d, w, number, &at);
+    Crossing at = triangle_meet(path_of(from_eye(spheres, ray)), T, wanted, inside);
+    decide_crossing(spheres, ray, number, &at);
     return at;
 }
 
@@ -87,20 +87,19 @@ static Bounds near_plane(const FLOAT x, const FLOAT y, __global const float4 *fa
 }
 
 /* Where the lanes of a hit meet its triangles; others get any crossing. */
-static __attribute__((always_inline)) Crossing crossing_of(const Spheres spheres, const Real3 d, const Real3 w,
-                                                           const INT id, const MASK sure) {
+static __attribute__((always_inline)) Crossing crossing_of(const Spheres spheres, const EyeRay ray, const INT id,
+                                                           const MASK sure) {
     const MASK here = IS_TRIANGLE(spheres, id);
     const INT number = here ? id - FIRST_TRIANGLE(spheres) : (INT)-1;
-    return triangle_meet_from_eye(spheres, d, w, triangles_of(spheres, number), number, TO_REAL_MASK(here),
+    return triangle_meet_from_eye(spheres, ray, triangles_of(spheres, number), number, TO_REAL_MASK(here),
                                   TO_REAL_MASK(here & sure));
 }
 
 /* Puts t of the lanes that have hit triangles so far into theirs. */
-static __attribute__((noinline)) void triangle_settle_t(const Scene scene, const Real3 d, const Real3 w,
-                                                        const Rival hit, REAL *t) {
+static __attribute__((noinline)) void triangle_settle_t(const Scene scene, const EyeRay ray, const Rival hit, REAL *t) {
     const MASK here = IS_TRIANGLE(scene.spheres, hit.id);
     if (!ANY(here)) return;
-    const Crossing at = crossing_of(scene.spheres, d, w, hit.id, hit.sure);
+    const Crossing at = crossing_of(scene.spheres, ray, hit.id, hit.sure);
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -112,15 +111,14 @@ typedef struct {
 
 /* That of the lanes of `open`, where float32 cannot tell. inside: as in triangle_meet(); hit: what they have hit so
  * far. */
-static __attribute__((noinline)) Decision decide_triangle(const Scene *all, const Real3 *d, const Real3 *w,
-                                                          const int index, const MASK open, const MASK inside,
-                                                          const Rival *hit) {
+static __attribute__((noinline)) Decision decide_triangle(const Scene *all, const EyeRay *ray, const int index,
+                                                          const MASK open, const MASK inside, const Rival *hit) {
     const Scene scene = *all;
     const int number = index - FIRST_TRIANGLE(scene.spheres);
-    const REAL t = triangle_meet_from_eye(scene.spheres, *d, *w, triangle_at(scene.spheres, number), (INT)number,
+    const REAL t = triangle_meet_from_eye(scene.spheres, *ray, triangle_at(scene.spheres, number), (INT)number,
                                           TO_REAL_MASK(open), TO_REAL_MASK(inside))
                        .t;
-    const REAL_MASK nearer = comes_before(all, d, w, t, (INT)index, hit) & (t < INFINITY);
+    const REAL_MASK nearer = comes_before(all, ray, t, (INT)index, hit) & (t < INFINITY);
     const Decision decision = {TO_MASK(nearer), near_of(t, scene.unit)};
     return decision;
 }
@@ -163,9 +161,9 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
     if (!ANY(open)) return 1;
 #endif
     const Scene all = scene;
-    const Real3 d = OWN(ray), w = ray.w;
+    const EyeRay own = eye_ray(ray);
     const Rival rival = {hit->t, hit->id, hit->sure};
-    const Decision is = decide_triangle(&all, &d, &w, index, open, inside, &rival);
+    const Decision is = decide_triangle(&all, &own, index, open, inside, &rival);
     PUT_WHERE(is.nearer, hit->near.low, is.near.low);
     PUT_WHERE(is.nearer, hit->near.high, is.near.high);
     PUT_WHERE(is.nearer, hit->id, (INT)index);
@@ -178,7 +176,7 @@ static __attribute__((always_inline)) void triangle_settle(const Scene scene, co
     const MASK face = IS_TRIANGLE(scene.spheres, hit->id);
     if (!ANY(face)) return;
     const REAL_MASK here = TO_REAL_MASK(face);
-    const Crossing at = crossing_of(scene.spheres, OWN(ray), ray.w, hit->id, hit->sure);
+    const Crossing at = crossing_of(scene.spheres, eye_ray(ray), hit->id, hit->sure);
     hit->shares = at.shares;
     /* Where a triangle is seen all but from its edge, rounding to float may lose it. */
     const REAL t = REAL_BYTES == 8 ? at.t : at.t < INFINITY ? at.t : TO_REAL(far_of(hit->near.low));

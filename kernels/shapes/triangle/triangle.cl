@@ -308,8 +308,30 @@ typedef struct {
     int on_plane; /* whether it is that plane */
 } WholeStart;
 
-/* The start of a ray that leaves the point (u, v, k) of a triangle, or the eye where own < 0. */
-static WholeStart whole_start(const Spheres spheres, const int own, const double u, const double v, const int k) {
+/* The lanes of a FinePath: the triangle that each ray leaves and the point (u, v, k) of that, and its direction. */
+typedef struct {
+    int own[W];
+    double u[W], v[W], k[W], x[W], y[W], z[W];
+} PathLanes;
+
+static void store_path(PathLanes *to, const FinePath path) {
+    STORE_LANES(path.own, to->own);
+    STORE_LANES(path.q.x, to->u);
+    STORE_LANES(path.q.y, to->v);
+    STORE_LANES(path.q.z, to->k);
+    STORE_LANES(path.d.x, to->x);
+    STORE_LANES(path.d.y, to->y);
+    STORE_LANES(path.d.z, to->z);
+}
+
+static real4 direction_of(const PathLanes *path, const int lane) {
+    return (real4)(path->x[lane], path->y[lane], path->z[lane], 0);
+}
+
+/* Where a lane's ray starts: at its point of a triangle, or at the eye where it leaves none. */
+static WholeStart whole_start(const Spheres spheres, const PathLanes *path, const int lane) {
+    const int own = path->own[lane], k = (int)path->k[lane];
+    const double u = path->u[lane], v = path->v[lane];
     WholeStart start = {spheres.camera[0], spheres.camera[0], spheres.camera[0], 0, 0};
     start.on_plane = HAS(WITH_PARALLEL_RAYS) && own < 0;
     if (start.on_plane) {
@@ -355,10 +377,8 @@ static __attribute__((noinline)) void whole_offset(Integer *out, const WholeStar
 /* The sign of w.(X' x Y'), of X' x Y' where that is 0; and, without a direction, of Z'.(X' x Y'). What would take more
  * than DIGITS digits counts as 0: no coordinates of a size do. */
 static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeStart start, const real4 X, const real4 Y,
-                                                  const real4 Z, const int directed, const double dx, const double dy,
-                                                  const double dz) {
-    Span B = {INT_MAX, INT_MIN}, d = span_of_both(span_of(dx), span_of_both(span_of(dy), span_of(dz)));
-    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_xyz(spheres.camera[k + 1]));
+                                                  const real4 Z, const int directed, const real4 way) {
+    const Span B = span_of_axes(spheres), d = span_of_xyz(way);
     start.places = span_of_both(start.places,
                                 span_of_both(span_of_xyz(X), span_of_both(span_of_xyz(Y), span_of_xyz(Z))));
     const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
@@ -378,7 +398,7 @@ static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeSt
         negate(&negative, n);
         add_product(&cross[i], &x[j], &y[k], n);
         add_product(&cross[i], &negative, &y[j], n);
-        if (directed) whole_turned(&w, spheres, dx, dy, dz, i, B.low, d.low, n);
+        if (directed) whole_turned(&w, spheres, way, i, B.low, d.low, n);
         else whole_offset(&w, start, Z, i, n);
         add_product(&volume, &cross[i], &w, n);
     }
@@ -395,27 +415,21 @@ static int share_a_plane(const Spheres spheres, const int a, const int b);
  * corner `from` to corner `to`, or D where from = to. */
 static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
                                                  const int from, const int to, const MASK unsure) {
-    int each[W], left[W], own[W], sign[W];
-    double u[W], v[W], k[W], x[W], y[W], z[W];
+    int each[W], left[W], sign[W];
+    PathLanes lanes;
     STORE_LANES(number, each);
     STORE_LANES(unsure, left);
-    STORE_LANES(path.own, own);
-    STORE_LANES(path.q.x, u);
-    STORE_LANES(path.q.y, v);
-    STORE_LANES(path.q.z, k);
-    STORE_LANES(path.d.x, x);
-    STORE_LANES(path.d.y, y);
-    STORE_LANES(path.d.z, z);
+    store_path(&lanes, path);
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane]) continue;
-        if (from == to && own[lane] >= 0 && share_a_plane(spheres, own[lane], each[lane])) continue;
+        if (from == to && lanes.own[lane] >= 0 && share_a_plane(spheres, lanes.own[lane], each[lane])) continue;
         const int4 face = spheres.face[each[lane]];
         const real4 corner[3] = {spheres.vertex[face.x], spheres.vertex[face.y], spheres.vertex[face.z]};
-        const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
-        sign[lane] = from == to ? whole_volume(spheres, start, corner[0], corner[1], corner[2], 0, 0, 0, 0)
-                                : whole_volume(spheres, start, corner[from], corner[to], corner[from], 1, x[lane],
-                                               y[lane], z[lane]);
+        const WholeStart start = whole_start(spheres, &lanes, lane);
+        sign[lane] = from == to ? whole_volume(spheres, start, corner[0], corner[1], corner[2], 0, (real4)(0))
+                                : whole_volume(spheres, start, corner[from], corner[to], corner[from], 1,
+                                               direction_of(&lanes, lane));
     }
     return LOAD_LANES(sign);
 }
@@ -447,9 +461,8 @@ static __attribute__((noinline)) void whole_plane(Integer *N, Integer *D, const 
 
 /* The sign of w.Q, and of Q where that is 0, see plane_comes_first(). corner: the three of A, then those of B. */
 static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeStart start, const real4 *corner,
-                                                 const double dx, const double dy, const double dz) {
-    Span B = {INT_MAX, INT_MIN}, d = span_of_both(span_of(dx), span_of_both(span_of(dy), span_of(dz)));
-    for (int k = 0; k < 3; k++) B = span_of_both(B, span_of_xyz(spheres.camera[k + 1]));
+                                                 const real4 way) {
+    const Span B = span_of_axes(spheres), d = span_of_xyz(way);
     for (int k = 0; k < 6; k++) start.places = span_of_both(start.places, span_of_xyz(corner[k]));
     /* With places below 2^bits, edges are below 2^(bits + 1), N 2^(2 bits + 3), D 2^(3 bits + 5) and Q 2^(5 bits + 9).
      */
@@ -465,7 +478,7 @@ static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeSta
         set_to(&Q[i], 0, 0, n);
         add_product(&Q[i], &D[0], &N[1][i], n);
         add_product(&Q[i], &D[1], &N[0][i], n);
-        whole_turned(&w, spheres, dx, dy, dz, i, B.low, d.low, n);
+        whole_turned(&w, spheres, way, i, B.low, d.low, n);
         add_product(&volume, &Q[i], &w, n);
     }
     if (sign_of(&volume, n) != 0) return sides * sign_of(&volume, n);
@@ -495,7 +508,7 @@ static __attribute__((noinline)) int whole_coplanar(const Spheres spheres, const
     for (int k = 0; k < 3; k++) places = span_of_both(places, span_of_both(span_of_xyz(a[k]), span_of_xyz(b[k])));
     if ((3 * (places.high - places.low + one.high - one.low + 4) + 8 + 31) / 32 > DIGITS) return 0;
     for (int k = 0; k < 3; k++)
-        if (whole_volume(spheres, start, a[1], a[2], b[k], 0, 0, 0, 0) != 0) return 0;
+        if (whole_volume(spheres, start, a[1], a[2], b[k], 0, (real4)(0)) != 0) return 0;
     return 1;
 }
 
@@ -537,8 +550,7 @@ static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, 
     for (int lane = 0; lane < W; lane++) {
         if (!same[lane]) continue;
         const int again = lane && a[lane] == a[lane - 1] && b[lane] == b[lane - 1];
-        same[lane] = again ? same[lane - 1]
-                           : -(first_in_plane(spheres, a[lane]) == first_in_plane(spheres, b[lane]));
+        same[lane] = again ? same[lane - 1] : -(first_in_plane(spheres, a[lane]) == first_in_plane(spheres, b[lane]));
     }
     return LOAD_LANES(same);
 }
@@ -546,26 +558,19 @@ static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, 
 /* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
 static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const FinePath path, const INT A, const INT B,
                                                   const MASK unsure) {
-    int one[W], two[W], left[W], own[W], sign[W];
-    double u[W], v[W], k[W], x[W], y[W], z[W];
+    int one[W], two[W], left[W], sign[W];
+    PathLanes lanes;
     STORE_LANES(A, one);
     STORE_LANES(B, two);
     STORE_LANES(unsure, left);
-    STORE_LANES(path.own, own);
-    STORE_LANES(path.q.x, u);
-    STORE_LANES(path.q.y, v);
-    STORE_LANES(path.q.z, k);
-    STORE_LANES(path.d.x, x);
-    STORE_LANES(path.d.y, y);
-    STORE_LANES(path.d.z, z);
+    store_path(&lanes, path);
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane] || share_a_plane(spheres, one[lane], two[lane])) continue;
         const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
         const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
                                  spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
-        const WholeStart start = whole_start(spheres, own[lane], u[lane], v[lane], (int)k[lane]);
-        sign[lane] = whole_order(spheres, start, corner, x[lane], y[lane], z[lane]);
+        sign[lane] = whole_order(spheres, whole_start(spheres, &lanes, lane), corner, direction_of(&lanes, lane));
     }
     return LOAD_LANES(sign);
 }
@@ -708,10 +713,9 @@ static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres sphe
 }
 
 /* The same of rays from the eye. */
-static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const Real3 *d,
-                                                                    const Real3 *w, const INT number,
-                                                                    const REAL_MASK wanted) {
-    return fine_meeting_of(*spheres, from_eye(*spheres, *d, *w), number, wanted);
+static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const EyeRay *ray,
+                                                                    const INT number, const REAL_MASK wanted) {
+    return fine_meeting_of(*spheres, from_eye(*spheres, *ray), number, wanted);
 }
 
 /* Puts the way from the corner to the point that rays leave into the lanes that leave triangles. */
