@@ -129,11 +129,11 @@ class Program:
     """A program for one device. A kernel holds its arguments, so each caller of kernel() gets its own."""
 
     def __init__(self, made: Any) -> None:
-        self._made, self._launched = made, set[object]()
+        self.made, self._launched = made, set[object]()
 
     def kernel(self, name: str = "render") -> Any:
         """A kernel of this program."""
-        return cl.Kernel(self._made, name)
+        return cl.Kernel(self.made, name)
 
     def launch_first(self, what: object, launch: Callable[[], Any]) -> bool:
         """Launches a kernel and waits for its event, if that was not done before; returns whether it did.

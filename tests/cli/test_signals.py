@@ -183,24 +183,14 @@ def crowd() -> str:
     return "".join(glass(*(round(rng.uniform(-2, 2), 4) for _ in range(3)), 0.4) for _ in range(150))
 
 
-def coincident() -> str:
-    """A flat square 460 times, of which all pixels see all triangles at one distance."""
-    return f'<mesh name="flat.obj">{MATERIAL.format(0, 0)}</mesh>'
-
-
-FLAT = "v -1.5 -1 0\nv 1.5 -1 0\nv 1.5 1 0\nv -1.5 1 0\nvn 0 0 1\nvt 0 0\n"
-FACES = "f 1/1/1 2/1/1 3/1/1\nf 1/1/1 3/1/1 4/1/1\n"
 SLOW = [
     (nested, ["-o", "p.png"], "max_bounces, which is 20"),
     (crowd, ["-o", "p.png"], "max_bounces, which is 20"),
     (crowd, ["-o", "p.png", "-d", "all"], "max_bounces, which is 20"),
     (nested, ["--orbit", "9", "-o", "m%d.png"], "max_bounces, which is 20"),
     (nested, ["--explain", "320,180"], "--explain is slow: lower max_bounces, which is 20"),
-    (coincident, ["-o", "p.png"], "the resolution, which is 640x360"),
     pytest.param(nested, ["-o", "p.png", "--antialias"], "samples, which is 16", marks=pytest.mark.slow),
     pytest.param(nested, ["-o", "p.png", "--antialias=proved"], "without the proof", marks=pytest.mark.slow),
-    pytest.param(coincident, ["-o", "p.png", "--antialias"], "samples, which is 16", marks=pytest.mark.slow),
-    pytest.param(coincident, ["-o", "p.png", "--antialias=proved"], "without the proof", marks=pytest.mark.slow),
 ]
 
 
@@ -211,7 +201,6 @@ def test_what_is_slow_is_told_and_can_be_stopped(
 ) -> None:
     """Each of these did not hear a signal for 6 seconds and more, most of them for minutes."""
     (tmp_path / "s.xml").write_text(f"{HEAD}{surfaces()}</surfaces></scene>")
-    (tmp_path / "flat.obj").write_text(FLAT + 460 * FACES)
     (tmp_path / "p.png").write_bytes(b"before")
     files = sorted(tmp_path.iterdir())
     # A shell starts what is in the background with SIGINT ignored, which a child would inherit.
