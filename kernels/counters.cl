@@ -21,6 +21,11 @@ static Work no_work(void) {
 /* Counts the lanes of a mask. */
 #define COUNT(kind, mask) COUNT_EACH(kind, (mask) ? (INT)1 : (INT)0)
 
+/* Whether the host wants nothing more. What long loops leave then is no picture: the host has it drawn again. */
+static int is_over(const Scene scene) {
+    return *scene.last < 0;
+}
+
 /* A sum of such numbers says what all rays of a sample have met, in whatever order: surfaces at each depth, and lights
  * that reach these; and, as another sum, between which texels. Equal numbers of two different sums are a matter of
  * chance, one in 2^32. */

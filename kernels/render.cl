@@ -16,10 +16,10 @@ typedef struct {
 
 /* Of pixels that a margin of a region holds, too, nothing is noted. Once a pixel takes too many rays, packets behind it
  * are not rendered: all packets before that one still are. So it is always the same pixel that is noted in the end. */
-#ifdef WITH_CEILING
 static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
-    return (column >= region.x + out.margin.x) & (column < region.x + region.z) & (row >= region.y + out.margin.y) &
-           (row < region.y + region.w);
+    const MASK before = (column < region.x + region.z) & (row < region.y + region.w);
+    if (!HAS(WITH_CEILING)) return before;
+    return before & (column >= region.x + out.margin.x) & (row >= region.y + out.margin.y);
 }
 
 /* The packets of the whole picture, counted row by row. */
@@ -28,25 +28,18 @@ static int number_of(const Packet packet) {
     return packet.first.y / PACKET_HEIGHT * columns + packet.first.x / PACKET_WIDTH;
 }
 
-static int is_given_up(const Packet packet, const Outputs out) {
-    return number_of(packet) > *out.overgrown / W;
+static int is_given_up(const Scene scene, const Packet packet) {
+    return HAS(WITH_CEILING) ? number_of(packet) > *scene.last / W : is_over(scene);
 }
 
 /* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
-static void note_overgrown(const Packet packet, const Pixels pixels, const Outputs out) {
-    if (!RARELY(ANY(pixels.overgrown))) return;
+static void note_overgrown(const Scene scene, const Packet packet, const Pixels pixels) {
+    if (!HAS(WITH_CEILING) || !RARELY(ANY(pixels.overgrown))) return;
     int each[W], lane = 0;
     STORE_LANES(pixels.overgrown, each);
     while (!each[lane]) lane++;
-    atomic_min(out.overgrown, number_of(packet) * W + lane);
+    atomic_min(scene.last, number_of(packet) * W + lane);
 }
-#else
-static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
-    return (column < region.x + region.z) & (row < region.y + region.w);
-}
-#define is_given_up(packet, out) 0
-#define note_overgrown(packet, pixels, out)
-#endif
 
 static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
     const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
@@ -91,7 +84,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     const INT column = first.x + LANE_COLUMN, row = first.y + LANE_ROW;
     const MASK within = wanted_of(region, column, row, out);
     const Packet packet = {size, first, column, row, first / TILE, within};
-    if (is_given_up(packet, out)) return;
+    if (is_given_up(scene, packet)) return;
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = within;
     Work *work = &known->work;
@@ -106,7 +99,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
         COUNT(BACKGROUND, ALL_LANES);
     }
     write(frame, scene, packet, pixels, work, out, place.y * out.pitch + place.x);
-    note_overgrown(packet, pixels, out);
+    note_overgrown(scene, packet, pixels);
 }
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:

@@ -61,9 +61,12 @@ def concurrently(jobs: Sequence[Callable[[], T]]) -> list[T]:
 
     with ThreadPoolExecutor(others) as pool:
         done = [pool.submit(work) for _ in range(others)]
-        work()
-        for future in done:
-            future.result()
+        try:
+            work()
+            for future in done:
+                future.result()
+        finally:  # after an error or a signal nobody goes on
+            rest.clear()
     return [found[i] for i in range(len(jobs))]
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.base.errors import DeviceError
 from cltrace.picture.image import Image
 from cltrace.run.devices import Device
-from cltrace.run.program import build, context_of
+from cltrace.run.program import context_of, program
 from cltrace.scene import PARALLEL, SPOT, Scene
 
 # `Setup` and `Lamp` of textbook.cl.
@@ -41,7 +41,7 @@ class Textbook:
             materials.astype("f4"),
             _lamps(scene),
         )
-        self._kernel = build(device, [], ("textbook.cl",))
+        self._kernel = program(device, [], ("textbook.cl",)).kernel()
         context = context_of(device.cl)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         try:

@@ -15,13 +15,13 @@ from typing import Any
 
 from cltrace.base.arrays import processors
 from cltrace.base.errors import DeviceError, MissingPackageError, UsageError
+from cltrace.base.waiting import Announcement
 from cltrace.cli.options import Tiles
 from cltrace.cli.output_files import targets_of
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
 from cltrace.process.entry import imported
 from cltrace.process.forkserver import METHOD, prepare
-from cltrace.run.program import Announcement
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 # Of a local cluster. What dask watches by default, up to fifty times a second, takes a tenth of a processor.

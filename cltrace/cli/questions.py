@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from typing import Any
 
 from cltrace.base.errors import UsageError
+from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import Compare, Explain, Lit
 from cltrace.cli.output_files import target_of, write
 from cltrace.cli.reporter import Reporter
@@ -26,7 +28,9 @@ def explain(work: Explain, reporter: Reporter) -> int:
         raise UsageError(f"--explain: must be within 0,0 and {width - 1},{height - 1}, got {x},{y}")
     from cltrace.explanation.pixel import explain as explanation_of
 
-    explanation = explanation_of(scene, x, y, truncate=work.drawing.truncate)
+    words = f"--explain is slow: lower max_bounces, which is {scene.camera.max_bounces}, if that is much"
+    with Announcement(words, SLOW, logging.WARNING):
+        explanation = explanation_of(scene, x, y, truncate=work.drawing.truncate)
     if sys.stdout is None:
         raise UsageError("stdout is closed")
     print(explanation.to_json() if work.json else explanation.table if work.trace else explanation, flush=True)

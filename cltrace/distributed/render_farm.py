@@ -18,9 +18,9 @@ from uuid import uuid4
 from distributed import Client
 
 from cltrace.base.errors import DeviceError
+from cltrace.base.waiting import Announcement
 from cltrace.distributed.workers import RESOURCE, OneDevice, Part, WorkerError, devices_here, draw
 from cltrace.plan.abi import Precision
-from cltrace.run.program import Announcement
 from cltrace.scene import Scene, share_all_but_camera
 
 # Seconds after which it is looked whether the scheduler is still there.

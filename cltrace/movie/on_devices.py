@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
+from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -65,7 +66,7 @@ class _Preparing:
 
     def _made(self, scene: Scene) -> Renderer:
         renderer = self._next(scene)
-        self._next = renderer.following
+        self._next = copy(renderer).following  # whose lock is its own: it does not wait until this one has drawn
         return renderer
 
     def close(self) -> None:
@@ -99,7 +100,7 @@ class _ClosedError(Exception):
 
 
 class _SeveralDevices:
-    """A thread for each device, which takes the next frame when it is free. close() ends them, after a strip.
+    """A thread for each device, which takes the next frame when it is free. close() ends them.
 
     A device that fails draws no more, and others draw its frames. Where none is left, the results raise DeviceError.
     first: makes the Renderer of the first frame of a device.
@@ -107,6 +108,7 @@ class _SeveralDevices:
 
     def __init__(self, devices: Sequence[Device], first: Callable[[Device, Scene], Renderer]) -> None:
         self._first, self._working, self._closed = first, len(devices), False
+        self._drawing: dict[Device, Renderer] = {}
         self._faults, self._jobs, self._changed = Faults(), deque[_Job](), threading.Condition()
         self._room, self._pool = AHEAD * len(devices), ThreadPoolExecutor(len(devices))
         for device in devices:
@@ -124,6 +126,8 @@ class _SeveralDevices:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+        for renderer in list(self._drawing.values()):
+            renderer.stop()
         self._pool.shutdown(wait=False)  # a thread may still compile
 
     def _put(self, jobs: Iterable[_Job]) -> None:
@@ -165,7 +169,7 @@ class _SeveralDevices:
                 mine.append(job)
                 coming = preparing.begin(job.frame.scene)
                 while mine:
-                    renderer = coming.result()
+                    renderer = self._drawing[device] = coming.result()
                     if job := self._next(patient=False):
                         mine.append(job)
                         coming = preparing.begin(job.frame.scene)

@@ -10,6 +10,7 @@ import importlib
 import importlib.util
 import io
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import by_rows
 from cltrace.base.errors import MissingPackageError
+from cltrace.base.waiting import aside
 from cltrace.scene.colors import Transfer, encoded
 
 SUFFIXES = (".png", ".exr", ".npy", ".npz")
@@ -83,6 +85,10 @@ def write_exr(file: BinaryIO, arrays: Arrays) -> None:
     for name in arrays:
         if name not in CHANNELS:
             raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
+    aside(partial(_write_exr, file, arrays))  # of 4,000 x 4,000 pixels, numpy and the package take long
+
+
+def _write_exr(file: BinaryIO, arrays: Arrays) -> None:
     channels: dict[str, NDArray[Any]] = {}
     for name, array in arrays.items():
         value = array

@@ -403,13 +403,13 @@ ARGUMENTS = (
         ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
         needs="WITH_CEILING",
     ),
+    # The kernel writes a pixel of more than MOST_RAYS rays. The host writes a number below 0 where it wants no more.
     Argument(
-        "overgrown",
+        "last",
         "int",
         "note",
-        group="Outputs",
-        text="a pixel of more than MOST_RAYS rays: W times its packet's number in the picture, by rows, plus its lane",
-        needs="WITH_CEILING",
+        group="Scene",
+        text="the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
     ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}

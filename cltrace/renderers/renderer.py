@@ -332,7 +332,7 @@ class Renderer:
             return self.draw(shown.update, out)
 
     def draw(self, drawn: Callable[[int], object], out: Image | None = None) -> Image:
-        """As render(), but calls drawn(n) after every n rows; what that raises ends it."""
+        """As render(), but calls drawn(n) after every n rows, and drawn(0) after stop(); what that raises ends it."""
         check_process()
         with self._lock, (executor := self._executor).driver_errors():
             if out is not None and (
@@ -346,6 +346,10 @@ class Renderer:
             arrays = executor.read(frame)
             end = time.perf_counter()
         return self._image(arrays, {"kernel": done - start, "readback": end - done}, frame)
+
+    def stop(self) -> None:
+        """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
+        self._executor.stop()
 
     def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
         """An Image of what the kernel has written."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from numpy.typing import NDArray
@@ -60,17 +60,23 @@ def draw_together(
     picture = _Picture(region, len(makers), drawn, faults or Faults())
     pool = ThreadPoolExecutor(len(makers))
     try:
-        for device, make in makers.items():
-            pool.submit(picture.share, device, make)
+        shares = {device: pool.submit(picture.share, device, make) for device, make in makers.items()}
         picture.rows.wait_for_all()
-    finally:  # a thread may still draw a strip, or compile, which is not waited for
+    finally:
         picture.rows.stop()
+        for executor in picture.executors.values():
+            executor.stop()
+        wait(shares[device] for device in picture.executors)  # and not for one that compiles
         pool.shutdown(wait=False)
     if picture.fault:
         raise picture.fault
     if picture.rows.lacking:
         raise picture.faults.error()
     return picture.arrays
+
+
+class _StoppedError(Exception):
+    """Nobody wants the picture any more."""
 
 
 class _Picture:
@@ -80,14 +86,14 @@ class _Picture:
         self._margin, self._working = margin_of(region)[1], devices
         self.rows = Rows(region[3] + self._margin, devices)
         self.arrays: Arrays = {}
-        self.faults = faults
+        self.faults, self.executors = faults, dict[Device, Executor]()
         self.fault: BaseException | None = None
         self._tell, self._lock = drawn, threading.Lock()
 
     def share(self, device: Device, make: Callable[[], Executor]) -> None:
         """Draws as much as one device can, until the picture is there."""
         try:
-            executor = make()
+            executor = self.executors[device] = make()
             with executor.driver_errors():
                 while self.rows.wait():
                     self._draw(executor)
@@ -98,6 +104,8 @@ class _Picture:
                     self.faults.note(device, error, left=self._working > 0)
                 if not self._working:
                     self.rows.stop()
+        except _StoppedError:
+            pass
         except BaseException as error:  # of the picture, which whoever asks for it is to hear
             self.fault = error
             self.rows.stop()
@@ -129,5 +137,7 @@ class _Picture:
         self.rows.settle(mine)
 
     def _drawn(self, count: int) -> None:
+        if self.rows.stopped:
+            raise _StoppedError
         with self._lock:
             self._tell(count)

@@ -7,20 +7,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import begins_on_page
+from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError
+from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import argument
-from cltrace.run.program import Announcement, aside, build, context_of
+from cltrace.run.program import context_of, program
 from cltrace.run.rows import Rows
 from cltrace.run.unstoppable import Unstoppable
 
@@ -42,18 +44,51 @@ class Packet:
 WIDTHS = {1: Packet((16, 4), 1, 1, 1), **{w: Packet((1, 1), 8, 4, w // 4) for w in (4, 8, 16)}}
 # A launch has at most so many pixels.
 STRIP = 2**22
-# A launch takes about so many seconds at most, so that Ctrl-C is heard. A first one, which may turn out to be slow, has
-# so many rows; where a pixel may take many rays, a quarter of them.
+# A launch takes about so many seconds at most, for whoever looks at the progress, and as some devices do not see what
+# stops it. A first one, which may turn out to be slow, has so many rows.
 PATIENCE, FIRST_ROWS = 0.25, 64
-# The flags of kernels by which a pixel may take long.
-SLOW = frozenset(("WITH_SPLITS", "WITH_MEANS"))
-# What is noted where no pixel is overgrown: later than any.
-NOTHING = np.iinfo(np.int32).max
+# Values of the kernel's argument `last`: later than any pixel, and before all.
+ALL, OVER = np.iinfo(np.int32).max, np.iinfo(np.int32).min
 
 
 def margin_of(region: Region) -> tuple[int, int]:
     """How many columns and rows of the tile in which a region begins are not in it."""
     return region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"]
+
+
+class Last:
+    """The kernel's argument of this name: a buffer with one number.
+
+    notes: whether the kernel may write it. stopped: whether stop() was called. A CPU sees that at once, and its kernel
+    comes back. Other devices need not see what the host writes meanwhile.
+    """
+
+    def __init__(self, context: Any, device: Device, notes: bool) -> None:
+        flags = cl.mem_flags
+        use = flags.USE_HOST_PTR if device.kind == "cpu" else flags.COPY_HOST_PTR
+        # No other data are in its page. A driver that wants memory to begin there for that reads this array itself.
+        self._shared, self._own = empty((LARGE // 4,), np.int32), np.empty(1, np.int32)
+        self._shared[0] = ALL
+        self.buffer: Any = cl.Buffer(context, flags.READ_WRITE | use, hostbuf=self._shared)
+        self.stopped, self._notes = False, notes
+
+    def reset(self, queue: Any) -> None:
+        """Before a launch, and before it is asked whether there was a reason to stop."""
+        self.stopped = False
+        self._shared[0] = self._own[0] = ALL
+        if self._notes:
+            cl.enqueue_copy(queue, self.buffer, self._own)
+
+    def stop(self) -> None:
+        """Has the kernel come back, if it runs. Any thread may call it."""
+        self.stopped = True
+        self._shared[0] = OVER
+
+    def read(self, queue: Any) -> int:
+        """What the kernel has noted: the first pixel of too many rays, or ALL."""
+        if self._notes:
+            cl.enqueue_copy(queue, self._own, self.buffer)
+        return int(self._own[0])
 
 
 @dataclass(eq=False)
@@ -93,13 +128,13 @@ class Executor:
         self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
         self.seconds: dict[str, float] = {}
         self.room = object()
-        self._rows = FIRST_ROWS // 4 if SLOW.intersection(plan.features) else FIRST_ROWS
+        self._rows = FIRST_ROWS
         self._move_to(plan.region)
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._context: Any = context_of(device.cl)
             self._queue: Any = cl.CommandQueue(self._context)
             self._build()
-        self._overgrown = np.zeros(1, np.int32)
+        self._last = Last(self._context, device, "WITH_CEILING" in plan.features)
         check_sizes(device, {name: (len(array), array.nbytes) for name, array in plan.arrays.items()})
         with self._timed("upload"), self.driver_errors():
             kept = before.plan.arrays if before else {}
@@ -107,14 +142,13 @@ class Executor:
                 name: before.buffers[name] if before and array is kept.get(name) else self._buffer(array)
                 for name, array in plan.arrays.items()
             } | (made or {})
-            self.buffers["overgrown"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, self._overgrown.nbytes)
+            self.buffers["last"] = self._last.buffer
             if "WITH_TRIANGLES" in plan.features:
                 self.buffers["plane"] = self._zeros(4 * max(plan.values["triangles"], 1))
             self._unstoppable = Unstoppable(plan, device) if "WITH_UNSTOPPABLE" in plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            # PoCL generates the code at the first launch, so here is one that returns at once, of the same local size.
-            aside(self._launch(self.frame(), (0, 0, 0, 0), 0, 1).wait)
+            self._launch_first()
 
     def take_over(self, before: Executor) -> None:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
@@ -158,36 +192,36 @@ class Executor:
         drawn: Callable[[int], object] = lambda rows: None,
         take: Callable[[int], range | None] | None = None,
     ) -> None:
-        """Renders the region, in strips that are short enough for Ctrl-C to be heard between them.
+        """Renders the region, in strips.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
-        frame begins with the size that was found. drawn: called with how many rows a strip had; take: Rows.take() of
-        rows that other devices take from, too, None for all. Raises TooManyRaysError after the strip in which that
-        happened.
+        frame begins with the size that was found. drawn: called with how many rows a strip had, 0 where it was stopped;
+        what that raises ends it. take: Rows.take() of rows that other devices take from, too, None for all. Raises
+        TooManyRaysError after the strip in which that happened.
         """
         if self._unstoppable:
             self._unstoppable.find(self._context, self._queue, self.buffers)
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region = (x0 - x, y0 - y, width + x, height + y)
         take, most = take or Rows(region[3]).take, max(64, STRIP // frame.width // 64 * 64)
-        bounded = "WITH_CEILING" in self.plan.features
-        if bounded:
-            self._overgrown[0] = NOTHING
-            cl.enqueue_copy(self._queue, self.buffers["overgrown"], self._overgrown)
-        while strip := take(min(self._rows, most)):
-            count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
-            start = time.perf_counter()
-            self._launch(frame, region, strip.start, count).wait()
-            seconds = time.perf_counter() - start
-            if bounded:
+        self._last.reset(self._queue)
+        with interruptible(self._last.stop, self._advice) as begin:
+            while strip := take(min(self._rows, most)):
+                count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
+                begin()
+                seconds = self._seconds_of(partial(self._launch, frame, region, strip.start, count), drawn)
                 self._check_overgrown()
-            drawn(len(strip))
-            if self._unstoppable:
-                self._unstoppable.drawn(len(strip) * width)
-            if seconds > PATIENCE:
-                self._rows = max(16, self._rows // 32 * 16)
-            elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
-                self._rows *= 2
+                drawn(len(strip))
+                if self._unstoppable:
+                    self._unstoppable.drawn(len(strip) * width)
+                if seconds > PATIENCE:
+                    self._rows = max(16, self._rows // 32 * 16)
+                elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
+                    self._rows *= 2
+
+    def stop(self) -> None:
+        """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
+        self._last.stop()
 
     def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
         """The outputs by name, as host arrays of exactly the region's size, (h, w) or (h, w, channels).
@@ -223,6 +257,7 @@ class Executor:
         counter = self.of(self.region)
         counter.plan = self.plan.counting()
         counter._build()
+        counter._launch_first()
         total = np.zeros(len(COUNTERS), np.int64)
         rows = max(1, STRIP // width)
         for row in range(0, height, rows):
@@ -252,11 +287,10 @@ class Executor:
 
     def _check_overgrown(self) -> None:
         """Raises TooManyRaysError if the kernel has noted a pixel."""
-        cl.enqueue_copy(self._queue, self._overgrown, self.buffers["overgrown"])
-        if self._overgrown[0] == NOTHING:
+        if (last := self._last.read(self._queue)) == ALL:
             return
         size, (columns, rows) = self.plan.size, (self.packet.columns, self.packet.rows)
-        number, lane = divmod(int(self._overgrown[0]), self.width)
+        number, lane = divmod(last, self.width)
         row, column = divmod(number, -(-size[0] // columns))
         pixel = (column * columns + lane % columns, row * rows + lane // columns)
         raise TooManyRaysError(pixel, CONSTANTS["MOST_RAYS"], self.plan.values["bounces"])
@@ -276,13 +310,46 @@ class Executor:
     def _build(self) -> None:
         """Makes the kernel of the plan, and those of its arguments that no launch changes."""
         flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
-        self._kernel = build(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        self._program = program(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        self._kernel = self._program.kernel()
         self._arguments = arguments_of(self.plan.features)
         self._values = {
             a.name: self._value(a.type, self.plan.values[a.name])
             for a in self._arguments
             if a.kind == "value" and a.name in self.plan.values
         }
+
+    def _launch_first(self) -> None:
+        """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
+        self._program.launch_first(self.packet.group, lambda: self._launch(self.frame(), (0, 0, 0, 0), 0, 1))
+
+    def _advice(self) -> str:
+        """What to say where a strip takes long: which numbers could be lower."""
+        request, values = self.plan.request, self.plan.values
+        numbers = {
+            "max_bounces": values["bounces"] if "WITH_BOUNCES" in self.plan.features else None,
+            "samples": request.samples,
+            "the resolution": "x".join(map(str, self.plan.size)),
+        }
+        lower = " or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number is not None)
+        proof = ", or do without the proof of antialiasing" if request.antialias else ""
+        return f"drawing is slow: no {self._rows} rows in a second; lower {lower}{proof}"
+
+    def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
+        """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
+        while True:
+            start = time.perf_counter()
+            try:
+                launch()
+                self._queue.finish()
+            except BaseException:  # nothing may be written into arrays that nobody holds any more
+                self._last.stop()
+                self._queue.finish()
+                raise
+            if not self._last.stopped:
+                return time.perf_counter() - start
+            self._last.reset(self._queue)
+            drawn(0)
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""

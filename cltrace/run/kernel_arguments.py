@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from cltrace.run.program import Program
+
 ENTRY_POINT = re.compile(r"^__kernel\s+void\s+(\w+)\(([^()]*)\)", re.MULTILINE)
 # In place of the type of a parameter that is a buffer.
 BUFFER = "*"
@@ -62,8 +64,8 @@ class NamedKernel:
     parameters: of parameters_of().
     """
 
-    def __init__(self, program: Any, name: str, parameters: dict[str, str]) -> None:
-        self.kernel, self.parameters, self._name = cl.Kernel(program, name), parameters, name
+    def __init__(self, program: Program, name: str, parameters: dict[str, str]) -> None:
+        self.kernel, self.parameters, self._name, self._program = program.kernel(name), parameters, name, program
         self._lock = threading.Lock()
 
     def start(self, queue: Any, items: int, group: int, arguments: Mapping[str, Any]) -> None:
@@ -80,5 +82,10 @@ class NamedKernel:
                 values.append(argument(type_, arguments[name]))
             except (TypeError, OverflowError) as error:
                 raise TypeError(f"{self._name}: {name}: {error}") from None
-        with self._lock:  # the arguments are the kernel's until it has been started
-            self.kernel(queue, (items,), (group,), *values)
+
+        def launch() -> Any:
+            with self._lock:  # the arguments are the kernel's until it has been started
+                return self.kernel(queue, (items,), (group,), *values)
+
+        if not self._program.launch_first((self._name, group), launch):
+            launch()

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import cache, lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pyopencl as cl
 
 from cltrace.base.errors import BuildError
+from cltrace.base.waiting import aside
 from cltrace.base.warning_filters import warnings_are
 from cltrace.plan import abi
 from cltrace.run.caches import ROOM, largest_file, mend_kernels
@@ -95,10 +93,6 @@ SOURCES = (
 UNSTOPPABLE = ("packet.cl", "abi", "find/cells.cl", "find/unstoppable.cl")
 
 
-log = logging.getLogger("cltrace")
-T = TypeVar("T")
-
-
 @cache
 def context_of(device: cl.Device) -> Any:
     """The one context of a device, so that all pictures of a process share its programs."""
@@ -128,18 +122,35 @@ def source(files: tuple[str, ...] = SOURCES) -> str:
     return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
 
 
-def build(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Any:
-    """The kernel `render`, compiled with these -D flags. Raises BuildError with the options and the compiler's log.
+class Program:
+    """A program for one device. A kernel holds its arguments, so each caller of kernel() gets its own."""
+
+    def __init__(self, made: Any) -> None:
+        self.made, self._launched = made, set[object]()
+
+    def kernel(self, name: str = "render") -> Any:
+        """A kernel of this program."""
+        return cl.Kernel(self.made, name)
+
+    def launch_first(self, what: object, launch: Callable[[], Any]) -> bool:
+        """Launches a kernel and waits for its event, if that was not done before; returns whether it did.
+
+        PoCL compiles in the first launch of each local size, and signals are heard meanwhile. what: kernel and size.
+        """
+        if what in self._launched:
+            return False
+        aside(lambda: launch().wait())
+        self._launched.add(what)
+        return True
+
+
+def program(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Program:
+    """The program of some files, compiled with these -D flags.
 
     files: names of SOURCES, or of others in that folder. Building takes most of the time of a small picture, even from
-    the driver's cache, so programs are kept for the next picture. A kernel holds its arguments, so each caller gets its
-    own kernel.
+    the driver's cache, so programs are kept for the next picture. Raises BuildError with the options and the compiler's
+    log.
     """
-    return cl.Kernel(program(device, options, files), "render")
-
-
-def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
-    """The program of some files, as build() makes it."""
     try:
         return _program(device.cl, tuple(options), files)
     except cl.Error as error:
@@ -147,7 +158,7 @@ def program(device: Device, options: list[str], files: tuple[str, ...]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Any:
+def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]) -> Program:
     if "PoCL" in device.platform.version:
         if largest_file() < ROOM:  # which ends the process with the status of a check that failed
             raise BuildError(
@@ -157,38 +168,4 @@ def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]
     with warnings_are("ignore", cl.CompilerWarning):  # the log of a build that worked
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         made = cl.Program(context_of(device), source(files))
-        return aside(lambda: made.build(options=[*options, "-cl-std=CL1.2"], devices=[device]))
-
-
-def aside(work: Callable[[], T]) -> T:
-    """What `work` returns or raises, done by another thread where this is the main one, which hears signals meanwhile.
-
-    A driver that is asked to compile does not come back before it has. After a signal it goes on, for nobody.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    done: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            done.set_result(work())
-        except BaseException as error:
-            done.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
-    return done.result()
-
-
-class Announcement:
-    """Logs `text`, as information or at another level, if the `with` block takes longer than `after` seconds."""
-
-    def __init__(self, text: str, after: float = 0.5, level: int = logging.INFO) -> None:
-        self.timer, self.level = threading.Timer(after, log.log, [level, text]), level
-        self.timer.daemon = True
-
-    def __enter__(self) -> None:
-        if log.isEnabledFor(self.level):
-            self.timer.start()
-
-    def __exit__(self, *_: object) -> None:
-        self.timer.cancel()
+        return Program(aside(lambda: made.build(options=[*options, "-cl-std=CL1.2"], devices=[device])))

@@ -13,17 +13,17 @@ class Rows:
     """Rows to draw, from 0 to `height`; any number of threads may take them.
 
     devices: how many share them. Near the end, strips become small, so that none waits long for the last one. lacking:
-    how many rows are not part of the picture yet.
+    how many rows are not part of the picture yet; stopped: whether nobody gets any more.
     """
 
     def __init__(self, height: int, devices: int = 1) -> None:
         self._left, self.lacking, self._devices = [range(height)] if height else [], height, devices
-        self._changed, self._stopped = threading.Condition(), False
+        self._changed, self.stopped = threading.Condition(), False
 
     def take(self, most: int) -> range | None:
         """The next strip, of at most so many rows, a multiple of STEP; None if there is none now."""
         with self._changed:
-            if self._stopped or not self._left:
+            if self.stopped or not self._left:
                 return None
             part = self._left.pop()
             if self._devices > 1:
@@ -48,16 +48,16 @@ class Rows:
     def stop(self) -> None:
         """Nobody gets any more."""
         with self._changed:
-            self._stopped = True
+            self.stopped = True
             self._changed.notify_all()
 
     def wait(self) -> bool:
         """Waits until there is something to take, True, or there will be nothing any more, False."""
         with self._changed:
-            self._changed.wait_for(lambda: self._left or self._stopped or not self.lacking)
-            return bool(self._left) and not self._stopped
+            self._changed.wait_for(lambda: self._left or self.stopped or not self.lacking)
+            return bool(self._left) and not self.stopped
 
     def wait_for_all(self) -> None:
         """Waits until none is lacking, or it was stopped."""
         with self._changed:
-            self._changed.wait_for(lambda: self._stopped or not self.lacking)
+            self._changed.wait_for(lambda: self.stopped or not self.lacking)

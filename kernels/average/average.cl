@@ -179,7 +179,7 @@ static void split_batch(const Frame frame, const Scene scene, Batch *batch) {
     for (int pixel = 0; pixel < count; pixel++) split[pixel] = (ushort)(pixel << 12);
     for (int level = 1; count > 0; level++) {
         place_parts(split, count, cells);
-        for (int first = 0; first < 4 * count; first += MOST_SEEN)
+        for (int first = 0; first < 4 * count && !is_over(scene); first += MOST_SEEN)
             look_at_parts(frame, scene, level, min(4 * count - first, MOST_SEEN), cells + first, batch);
         int next = 0;
         for (int first = 0, end = 0; first < 4 * count; first = end) {

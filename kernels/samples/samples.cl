@@ -203,7 +203,7 @@ static Places lattice_places(const Scene *scene, const Packet packet, const int 
     return places;
 }
 
-static int contrast_of(const Totals *own) {
+static int largest_contrast(const Totals *own) {
     int contrast = 0;
     for (int c = 0; c < 3; c++) contrast = max(contrast, LARGEST(own->high[c]) + LARGEST(-own->low[c]));
     return contrast;
@@ -216,12 +216,12 @@ static void sample_pixel(const Frame *finer, const Scene *scene, const Packet pa
     const int n = 1 << scene->lattice.x;
     Totals own = NO_TOTALS;
     int end = n < STAGED ? n : n / 4;
-    for (int first = 0; first < end; first += W) {
+    for (int first = 0; first < end && !is_over(*scene); first += W) {
         const Places places = lattice_places(scene, packet, lane, first);
         Found found;
         find(finer, scene, &places, packet.tile, few, &found, work);
         add_rays(&found, first + LANE_NUMBER < n, &own);
-        if (first + W >= end && contrast_of(&own) > MOST_CONTRAST) end = n;
+        if (first + W >= end && largest_contrast(&own) > MOST_CONTRAST) end = n;
     }
     own.count = end;
     put_totals(&own, lane, totals);

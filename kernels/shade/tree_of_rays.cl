@@ -268,6 +268,7 @@ static Gathered gather(const Frame frame, const Scene scene, const Real3 d, Inte
         Met met;
         for (;;) {
             if (ANY(rays.live)) {
+                if (is_over(scene)) return all;
                 COUNT(BOUNCES, rays.live);
                 if (HAS(WITH_CEILING)) {
                     all.rays += rays.live ? (INT)1 : (INT)0;

@@ -70,6 +70,7 @@ static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Le
 static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A,
                                                           const INT B) {
     REAL_MASK first = TO_REAL_MASK(first_in_file(scene, A, B));
+    if (is_over(scene)) return first;
 #if REAL_BYTES == 8
     REAL_MASK open = TO_REAL_MASK(A != B);
     EACH_SHAPE(scene.spheres, A, leave_out_tied(scene.spheres, A, B, &open));

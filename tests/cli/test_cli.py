@@ -21,8 +21,8 @@ from PIL import Image as Picture
 import cltrace
 from cltrace import cli
 from cltrace.base.errors import UsageError
+from cltrace.base.waiting import Announcement
 from cltrace.plan.request import KEEPS
-from cltrace.run.program import Announcement
 
 FIRST = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
 

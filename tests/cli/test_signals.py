@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import os
+import random
 import signal
 import subprocess
 import sys
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from cltrace.run.program import aside
+from cltrace.base.waiting import aside
 
 SIGNALS = ["SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"]
 
@@ -154,3 +157,67 @@ def test_a_signal_is_heard_while_a_driver_compiles() -> None:
     assert aside(lambda: 3) == 3
     with pytest.raises(ZeroDivisionError):
         aside(lambda: 1 // 0)
+
+
+HEAD = """<scene output_file="p.png"><background_color r="0.2" g="0.3" b="0.5"/>
+<camera><position x="0" y="0" z="6"/><lookat x="0" y="0" z="0"/><up x="0" y="1" z="0"/><horizontal_fov angle="25"/>
+<resolution horizontal="640" vertical="360"/><max_bounces n="20"/></camera>
+<lights><ambient_light><color r="1" g="1" b="1"/></ambient_light>
+<point_light><color r="1" g="1" b="1"/><position x="3" y="4" z="5"/></point_light></lights><surfaces>"""
+MATERIAL = """<material_solid><color r="0.8" g="0.7" b="0.6"/><phong ka="0.1" kd="0.5" ks="0.3" exponent="20"/>
+<reflectance r="{}"/><transmittance t="{}"/><refraction iof="1.5"/></material_solid>"""
+
+
+def glass(x: float, y: float, z: float, radius: float) -> str:
+    place = f'<position x="{x}" y="{y}" z="{z}"/>'
+    return f'<sphere radius="{radius}">{place}{MATERIAL.format(0.4, 0.5)}</sphere>'
+
+
+def nested() -> str:
+    """15 spheres of glass, each in the next one: of each pixel a million rays."""
+    return "".join(glass(0, 0, 0, round(2 - 0.1 * i, 1)) for i in range(15))
+
+
+def crowd() -> str:
+    rng = random.Random(5)
+    return "".join(glass(*(round(rng.uniform(-2, 2), 4) for _ in range(3)), 0.4) for _ in range(150))
+
+
+SLOW = [
+    (nested, ["-o", "p.png"], "max_bounces, which is 20"),
+    (crowd, ["-o", "p.png"], "max_bounces, which is 20"),
+    (crowd, ["-o", "p.png", "-d", "all"], "max_bounces, which is 20"),
+    (nested, ["--orbit", "9", "-o", "m%d.png"], "max_bounces, which is 20"),
+    (nested, ["--explain", "320,180"], "--explain is slow: lower max_bounces, which is 20"),
+    pytest.param(nested, ["-o", "p.png", "--antialias"], "samples, which is 16", marks=pytest.mark.slow),
+    pytest.param(nested, ["-o", "p.png", "--antialias=proved"], "without the proof", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize(("surfaces", "options", "words"), SLOW)
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_what_is_slow_is_told_and_can_be_stopped(
+    tmp_path: Path, surfaces: Callable[[], str], options: list[str], words: str, name: str
+) -> None:
+    """Each of these did not hear a signal for 6 seconds and more, most of them for minutes."""
+    (tmp_path / "s.xml").write_text(f"{HEAD}{surfaces()}</surfaces></scene>")
+    (tmp_path / "p.png").write_bytes(b"before")
+    files = sorted(tmp_path.iterdir())
+    # A shell starts what is in the background with SIGINT ignored, which a child would inherit.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    command = subprocess.Popen(
+        [sys.executable, "-m", "cltrace", "s.xml", *options], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    signal.signal(signal.SIGINT, before)
+    with command:
+        assert command.stderr is not None
+        told = command.stderr.readline()
+        sent = time.monotonic()
+        command.send_signal(getattr(signal, name))
+        rest = command.stderr.read()
+        assert command.wait() == 128 + getattr(signal, name)
+        assert time.monotonic() - sent < 5
+    assert words in told
+    assert rest == ("cltrace: interrupted\n" if name == "SIGINT" else "")
+    assert sorted(tmp_path.iterdir()) == files
+    assert (tmp_path / "p.png").read_bytes() == b"before"

@@ -55,7 +55,7 @@ def test_build_refuses_another_layout(any_device: Device) -> None:
     plan = plan_of(cltrace.Scene.from_spheres(cltrace.Camera(), [], [(0, 0, -3)], 1.0))
     options = [o if "Light_BYTES" not in o else "-DLight_BYTES=124" for o in plan.options()]
     with pytest.raises(cltrace.BuildError, match="layout_of_Light_differs_from_numpy"):
-        program.build(any_device, ["-DW=1", "-DRUN=1", *options])
+        program.program(any_device, ["-DW=1", "-DRUN=1", *options])
 
 
 def test_buffers_have_the_types_of_the_table() -> None:

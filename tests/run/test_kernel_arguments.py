@@ -23,7 +23,7 @@ def test_parameters_are_those_that_the_compiler_sees(any_device: Device, name: s
     files, macros = programs[name]
     features = frozenset({"WITH_TRIANGLES"} if name == "unstoppable" else ())
     options = [f"-D{macro}={value}" for macro, value in (macros | {"W": "1", "RUN": "1"}).items()]
-    made = program(any_device, [*options, "-cl-kernel-arg-info", *abi.options("double", features)], files)
+    made = program(any_device, [*options, "-cl-kernel-arg-info", *abi.options("double", features)], files).made
     found = parameters_of(source(files), macros)
     assert found.keys() == {kernel.function_name for kernel in made.all_kernels()}
     ask = cl.kernel_arg_info

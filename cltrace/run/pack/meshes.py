@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from cltrace.base.errors import BuildError, DeviceError
+from cltrace.base.waiting import Announcement
 from cltrace.plan.abi import Precision
 from cltrace.plan.accel.cells import CellGrid
 from cltrace.plan.accel.polygons import Polygons
@@ -32,7 +33,6 @@ from cltrace.run.pack.list_buffers import ListBuffers
 from cltrace.run.pack.lists import ListWriter
 from cltrace.run.pack.polygons import PolygonSight
 from cltrace.run.pack.toolbox import Toolbox, is_exact, kernel_of
-from cltrace.run.program import Announcement
 from cltrace.scene import AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.

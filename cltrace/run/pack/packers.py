@@ -77,7 +77,7 @@ def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None
     """
     if not scene.triangles > MANY or len(scene.columns) > MANY or request.antialias is not None:
         return lambda: None
-    thread = threading.Thread(target=_load, args=(device, request.precision), daemon=True)
+    thread = threading.Thread(target=_load, args=(device, request.precision))
     thread.start()
     return thread.join
 

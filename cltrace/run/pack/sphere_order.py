@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.waiting import Announcement
 from cltrace.plan.abi import Precision
 from cltrace.plan.order import Curve
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.toolbox import Toolbox, is_exact
-from cltrace.run.program import Announcement
 
 # As in kernels/pack/order.cl.
 DIGIT_BITS = 11

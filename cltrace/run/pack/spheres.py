@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.cells import SLACK, CellGrid, Members
@@ -34,7 +35,6 @@ from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.list_buffers import ListBuffers
 from cltrace.run.pack.lists import Covers, Listed, ListWriter
 from cltrace.run.pack.toolbox import PACKET, Arguments, EdgeType, Toolbox, is_exact
-from cltrace.run.program import Announcement
 from cltrace.scene import AnyCamera
 
 # What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so

@@ -150,6 +150,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
         if (!RARELY(ANY(open))) return ANY(nearer);
     }
     COUNT(DECIDED, open);
+    if (is_over(scene)) return 0;
     /* Lanes that surely meet it, and have met another one in its plane: so at the same t. */
     const MASK level = open & inside & known_in_one_plane(scene.spheres, (INT)index, hit->id);
     const MASK lower = level & first_in_file(scene, (INT)index, hit->id);

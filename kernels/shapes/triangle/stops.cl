@@ -188,6 +188,7 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     }
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
+    if (is_over(scene)) return stops;
     unsure = unsure & !known_in_one_plane(scene.spheres, (INT)index, ray.own);
     if (!ANY(unsure)) return stops;
     /* Copied here, lest compilers keep it in memory all the time. */
