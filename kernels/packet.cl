@@ -117,6 +117,8 @@ typedef int SHADE_MASK;
 #define TO_SHADE_MASK(m) (m)
 #define ANY(mask) (mask)
 #define LARGEST(value) (value)
+#define SUM(value) (value)
+#define LANE_NUMBER 0
 #define STORE_LANES(value, array) (array)[0] = (value)
 #define LOAD_LANES(array) (array)[0]
 #define EACH_LANE(array, member) ((array)[0] member)
@@ -151,6 +153,8 @@ typedef SHADE_INT SHADE_MASK;
     (FOUR_OF(array, 0, member), FOUR_OF(array, 4, member), FOUR_OF(array, 8, member), FOUR_OF(array, 12, member))
 #define PACKET_WIDTH 4
 #define PACKET_HEIGHT (W / 4)
+#define SUM(value) PASTE(sum_of_, W)(value)
+#define LANE_NUMBER (4 * LANE_ROW + LANE_COLUMN)
 #define LANE_COLUMN ((INT)(PASTE(COLUMNS_OF_, W)))
 #define LANE_ROW ((INT)(PASTE(ROWS_OF_, W)))
 #define COLUMNS_OF_4 0, 1, 2, 3
@@ -186,6 +190,19 @@ static int largest_of_8(const int8 x) {
 
 static int largest_of_16(const int16 x) {
     return largest_of_8(x.lo > x.hi ? x.lo : x.hi);
+}
+
+static int sum_of_4(const int4 quarter) {
+    const int2 pair = quarter.lo + quarter.hi;
+    return pair.x + pair.y;
+}
+
+static int sum_of_8(const int8 x) {
+    return sum_of_4(x.lo + x.hi);
+}
+
+static int sum_of_16(const int16 x) {
+    return sum_of_8(x.lo + x.hi);
 }
 
 /* The largest lane of a FLOAT, all >= 0: read as whole numbers, the bits of such floats are in the same order. */

@@ -111,11 +111,11 @@ def scene(side: int, resolution: tuple[int, int]) -> cltrace.Scene:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", default="terrain.png", help="the picture (default: %(default)s)")
-    parser.add_argument("--size", default="1600x900", help="of the picture, in pixels (default: %(default)s)")
+    parser.add_argument("--size", default="800x450", help="of the picture, in pixels (default: %(default)s)")
     parser.add_argument("--side", type=int, default=708, help="heights a side (default: %(default)s)")
     args = parser.parse_args()
     width, height = map(int, args.size.split("x"))
-    cltrace.render(scene(args.side, (width, height))).save(args.output)
+    cltrace.render(scene(args.side, (width, height)), antialias=True, samples=64).save(args.output)
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
-    Mutation("scene.lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
+    Mutation("(INT)scene->lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
     Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
@@ -423,6 +423,20 @@ MUTATIONS = [
         "which of two planes comes first",
         SHOWN,
     ),
+    Mutation(
+        "if (whole_volume(spheres, start, a[1], a[2], b[k], 0, (real4)(0)) != 0) return 0;",
+        "continue;",
+        "which triangles share a plane",
+        SHOWN,
+    ),
+    Mutation("const MASK lower = level &", "const MASK lower = level & 0 &", "the first of one plane", SHOWN),
+    Mutation("return wanted & (sign * D > 0);", "return wanted & (sign * D < 0);", "all but in one plane", LIT),
+    Mutation(
+        "corners = np.take_along_axis(corners[among], by_mark, axis=1)",
+        "corners = corners[among]",
+        "triangles that are equal",
+        "tests/plan/test_culling.py -k equal",
+    ),
     Mutation("return (first < 0) | ((first == 0) & tie);", "return first < 0;", "equal triangles", SHOWN),
     Mutation(
         "(primitives_of(scene, A) < primitives_of(scene, B))",
@@ -435,8 +449,8 @@ MUTATIONS = [
         "TO_REAL_MASK(index != ray.own)", "TO_REAL_MASK(index == index)", "the triangle that a ray leaves", ONWARD
     ),
     Mutation(
-        "const INT k = TO_INT(q.z), next = k == 2 ? (INT)0 : k + 1, last",
-        "const INT k = TO_INT(q.z), last = k == 2 ? (INT)0 : k + 1, next",
+        "const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));",
+        "const Pair3 x = pairs_between(anchor, choose3(first, second, c.c, c.a, c.b));",
         "where pairs have a ray start",
         ONWARD,
     ),
@@ -469,8 +483,8 @@ MUTATIONS = [
         LIT,
     ),
     Mutation(
-        "beyond_it = TO_REAL_MASK(unsure) ? -whole : beyond_it;",
-        "beyond_it = TO_REAL_MASK(unsure) ? whole : beyond_it;",
+        "TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(",
+        "TO_REAL_MASK(unsure) ? TO_REAL(whole_signs(",
         "points in a triangle's plane",
         LIT,
     ),

@@ -353,7 +353,7 @@ ARGUMENTS = (
         "int",
         "note",
         group="Spheres",
-        text="of a triangle, 1 plus a triangle before it that is in the same plane; 0: none is known. See note_plane()",
+        text="of a triangle, 1 plus one before it that is in the same plane; 0: none is known. See note_plane()",
         needs="WITH_TRIANGLES",
     ),
     *_values(

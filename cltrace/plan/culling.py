@@ -1,7 +1,7 @@
 """Which surfaces cannot matter: what is there twice, spheres inside others, and spheres that can shadow nothing.
 
 All tests but for equality are made with spheres that are larger by more than any rounding, here or in the kernel, can
-amount to. So a sphere is left out only if no ray could ever tell, and no picture changes. (In single some extreme
+amount to. So a surface is left out only if no ray could ever tell, and no picture changes. (In single some extreme
 scenes are an exception: docs/speed.md.)
 """
 
@@ -119,7 +119,7 @@ def repeated_faces(vertex: Array, face: NDArray[np.int32]) -> NDArray[np.intp]:
 
 
 def _marks(points: Array) -> NDArray[np.uint64]:
-    """(n,): a number for each point (n, 3), the same for equal ones, as 0 and -0 are. Others hardly ever agree."""
+    """(n,): a number for each point (n, 3), hardly ever the same for two that are not equal; 0 and -0 are."""
     mark = np.zeros(len(points), np.uint64)
     for k in range(3):
         mark = (mark ^ (points[:, k] + 0.0).view(np.uint64)) * ODD

@@ -86,6 +86,7 @@ class World:
         materials, of = _materials(scene, request, shapes, before)
         lights = useful_lights(scene.lights, materials.reflect(of), "lights" in request.keep)
         useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
+        skipped = {f"{shape.words} equal to others": shape.left_out for shape in shapes if shape.left_out}
         bounces, textures, peak = NO_BOUNCES, NO_TEXTURES, np.zeros(3)
         if request.needs_colors:
             bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
@@ -111,7 +112,7 @@ class World:
             paths=paths,
             background=scene.background,
             peak=peak,
-            skipped={"lights that add nothing": useless} if useless else {},
+            skipped=skipped | ({"lights that add nothing": useless} if useless else {}),
             seconds=seconds,
         )
 

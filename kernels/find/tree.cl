@@ -12,7 +12,7 @@ static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT ind
     const REAL_MASK nearer = t < met.at.t;
     const REAL_MASK close = too_close(t, met.at.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
-    return close ? comes_first_of(scene, ray, index, met.id, close) : nearer;
+    return close ? comes_first_of(scene, ray, index, TO_MASK(close) ? met.id : index) : nearer;
 }
 
 /* Takes one surface for each lane, -1 for none, into account. */

@@ -2,7 +2,8 @@
  *
  * First the rays through the corners of pixels, which neighbours share. Where the four of a pixel agree and nothing
  * else is in it, their mean is the pixel's. Else it is the mean over N places of a lattice, (i + 1/2, (a i mod N) +
- * 1/2) / N from the upper left corner: these are middles of pixels of a picture that is N times as large.
+ * 1/2) / N from the upper left corner: these are middles of pixels of a picture that is N times as large. The rays of a
+ * pixel are lanes of one packet, and ask only the surfaces that may be seen in it.
  *
  * Colours count up to 1 each, and are whole numbers of 2^-20 before they are added up. So a mean does not depend on the
  * order, on the width of packets or on what else is drawn.
@@ -15,6 +16,17 @@
 #define MOST_SLOPE (24 * ONE / 255)
 #define MOST_STEP (8 * ONE / 255)
 #define CORNER_SCATTER 0.25f
+/* From so many rays of a lattice on, a quarter of them come first, and are enough where they differ by no more than
+ * this: an edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
+#define STAGED 64
+#define MOST_CONTRAST (48 * ONE / 255)
+#define QUARTER_SCATTER 2.8284271f
+
+static Outlook outlook_of(const Frame frame, const Scene scene, const Packet packet) {
+    const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
+    const Outlook view = {ray, eye_line(scene, ray), margins_of(frame, scene)};
+    return view;
+}
 
 /* What is known of rays: red, green and blue in parts of ONE; of the surface that they meet a number, see touches.cl,
  * -1 for none; what they have met on their way; the bits of t, rounded up, in the float buffers' unit; whether one took
@@ -23,6 +35,12 @@ enum { RED, GREEN, BLUE, OBJECT, MET, FAR, LATE, FINDINGS };
 typedef struct {
     INT of[FINDINGS];
 } Found;
+
+/* Where rays go: through the middles of those pixels of a picture of a size. */
+typedef struct {
+    int2 size;
+    INT column, row;
+} Places;
 
 /* Those of the upper left corners of pixels: of the packets that a work-item renders, and of those to their right and
  * below. origin: the first packet's first pixel in the picture. */
@@ -51,16 +69,17 @@ static INT parts_of(const SHADE color) {
     return TO_INT((seen < 1 ? seen : (SHADE)1) * (shade_t)ONE + (shade_t)0.5f);
 }
 
-/* What rays find, all of which are in a tile. Corners and samples share one copy of the code. */
-static __attribute__((noinline)) Found find(const Frame *camera, const Scene *all, const Ray *from, const int2 tile,
-                                            Work *work) {
+/* What rays through the middles of pixels find, all of which are in a tile. few: all that they may meet, if that is
+ * known. Corners and samples share one copy of the code. */
+static __attribute__((noinline)) void find(const Frame *camera, const Scene *all, const Places *places, const int2 tile,
+                                           const Few *few, Found *found, Work *work) {
     const Frame frame = *camera;
     const Scene scene = *all;
-    const Ray ray = for_shapes(frame, *from);
+    const Ray ray = for_shapes(frame, primary_ray(frame, places->size, places->column, places->row));
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;
-    const Hit hit = closest_hit(scene, ray, tile, work);
+    const Hit hit = closest_among(scene, ray, tile, few, work);
     MASK inside = 0;
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
@@ -69,15 +88,13 @@ static __attribute__((noinline)) Found find(const Frame *camera, const Scene *al
         if (HAS(WITH_INSIDE)) inside = at.hit & TO_MASK(at.start.side < 0);
     }
     const FLOAT far = TO_FLOAT(hit.t * scene.unit) * (1 + 0x1p-20f);
-    Found found;
-    found.of[RED] = parts_of(pixels.color.x);
-    found.of[GREEN] = parts_of(pixels.color.y);
-    found.of[BLUE] = parts_of(pixels.color.z);
-    found.of[OBJECT] = HAS(WITH_TRIANGLES) ? ids_of(scene, hit.id) : hit.id;
-    found.of[MET] = AS(int, work->mark + work->texels);
-    found.of[FAR] = AS(int, inside ? (FLOAT)INFINITY : far);
-    found.of[LATE] = pixels.overgrown;
-    return found;
+    found->of[RED] = parts_of(pixels.color.x);
+    found->of[GREEN] = parts_of(pixels.color.y);
+    found->of[BLUE] = parts_of(pixels.color.z);
+    found->of[OBJECT] = HAS(WITH_TRIANGLES) ? ids_of(scene, hit.id) : hit.id;
+    found->of[MET] = AS(int, work->mark + work->texels);
+    found->of[FAR] = AS(int, inside ? (FLOAT)INFINITY : far);
+    found->of[LATE] = pixels.overgrown;
 }
 
 /* What the rays through the upper left corners of those packets find. The last tile of the region has the corners on
@@ -91,8 +108,8 @@ static void find_corners(const Frame frame, const Scene scene, const int2 size, 
             const int2 first = begin + (int2)(i * PACKET_WIDTH, j * PACKET_HEIGHT);
             /* With a pixel more, the middle of the picture is half a pixel further, and a pixel's middle is a corner.
              */
-            const Ray ray = primary_ray(frame, size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW);
-            corners->of[j][i] = find(&frame, &scene, &ray, min(first / TILE, last), work);
+            const Places places = {size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW};
+            find(&frame, &scene, &places, min(first / TILE, last), 0, &corners->of[j][i], work);
         }
 }
 
@@ -101,6 +118,7 @@ static void find_corners(const Frame frame, const Scene scene, const int2 size, 
 typedef struct {
     INT sum[4], low[3], high[3], count, late;
 } Totals;
+#define NO_TOTALS {{0, 0, 0, 0}, {ONE, ONE, ONE}, {0, 0, 0}, 0, 0}
 
 /* Takes a corner into account. */
 static void add_corner(const INT *found, Totals *totals) {
@@ -113,7 +131,7 @@ static void add_corner(const INT *found, Totals *totals) {
 }
 
 /* The sums over corners. Returns the pixels in which these are not the mean. */
-static MASK add_corners(const Frame frame, const Scene scene, const Packet packet, const PixelCorners *corners,
+static MASK add_corners(const Scene scene, const Packet packet, const PixelCorners *corners, Outlook *view,
                         Totals *totals) {
     const int i = (packet.first.x - corners->origin.x) / PACKET_WIDTH,
               j = (packet.first.y - corners->origin.y) / PACKET_HEIGHT;
@@ -142,79 +160,99 @@ static MASK add_corners(const Frame frame, const Scene scene, const Packet packe
     for (int c = 0; c < 3; c++) mixed = mixed | (totals->high[c] - totals->low[c] > most);
     totals->count = 4;
     totals->sum[3] = corner[0].of[OBJECT] >= 0 ? (INT)4 : (INT)0;
+    view->object = corner[0].of[OBJECT];
+    view->near = near;
+    view->far = far;
     const MASK asked = packet.within & !mixed;
-    if (ANY(asked)) mixed = mixed | crowded(frame, scene, packet, corner[0].of[OBJECT], near, far, asked);
+    if (ANY(asked)) mixed = mixed | crowded(scene, packet.tile, *view, asked);
     return packet.within & mixed;
 }
 
-/* The rays through places of pixels: ray number i of pixel p is number p N + i of all, and lanes are W of them from
- * `first` on; beyond `end` the last one is repeated. which: those of the packet's pixels. */
-static Ray sample_rays(const Frame frame, const Scene scene, const Packet packet, const int *which, const int first,
-                       const int end) {
-    const int n = 1 << scene.lattice.x;
-    int x[W], y[W];
-    for (int lane = 0; lane < W; lane++) {
-        const int number = min(first + lane, end - 1), i = number & (n - 1), pixel = which[number >> scene.lattice.x];
-        x[lane] = (packet.first.x + pixel % PACKET_WIDTH) * n + i;
-        y[lane] = (packet.first.y + pixel / PACKET_WIDTH) * n + (scene.lattice.y * i & (n - 1));
+/* The sums over rays through one pixel, of each lane's. */
+static void add_rays(const Found *found, const MASK in, Totals *totals) {
+    for (int c = 0; c < 3; c++) {
+        const INT part = found->of[c];
+        totals->sum[c] += in ? part : (INT)0;
+        totals->low[c] = in ? min(totals->low[c], part) : totals->low[c];
+        totals->high[c] = in ? max(totals->high[c], part) : totals->high[c];
     }
-    Frame finer = frame;
-    finer.pixel.x /= n;
-    finer.pixel.y /= n;
-    return primary_ray(finer, packet.size * n, LOAD_LANES(x), LOAD_LANES(y));
+    totals->sum[3] += (in & (found->of[OBJECT] >= 0)) ? (INT)1 : (INT)0;
+    totals->late |= found->of[LATE];
 }
 
-/* The sums over all places, of one pixel. */
-typedef struct {
-    int sum[4], low[3], high[3], late;
-} Tally;
-
-static void add_ray(const int found[FINDINGS][W], const int lane, Tally *tally) {
+/* Puts what the lanes of `own` add up to into one lane of the totals. */
+static void put_totals(const Totals *own, const int lane, Totals *totals) {
+    const MASK here = (INT)lane == LANE_NUMBER;
+    for (int c = 0; c < 4; c++) totals->sum[c] = here ? (INT)SUM(own->sum[c]) : totals->sum[c];
     for (int c = 0; c < 3; c++) {
-        tally->sum[c] += found[c][lane];
-        tally->low[c] = min(tally->low[c], found[c][lane]);
-        tally->high[c] = max(tally->high[c], found[c][lane]);
+        totals->low[c] = here ? (INT)(-LARGEST(-own->low[c])) : totals->low[c];
+        totals->high[c] = here ? (INT)LARGEST(own->high[c]) : totals->high[c];
     }
-    tally->sum[3] += found[OBJECT][lane] >= 0;
-    tally->late |= found[LATE][lane];
+    totals->late = here ? (INT)ANY(own->late) : totals->late;
+    totals->count = here ? own->count : totals->count;
+}
+
+/* The rays number first .. first + W - 1 through the places of a pixel: first a quarter of them, which are a lattice
+ * themselves, of which the middle is all but that of the pixel, then the others. */
+static Places lattice_places(const Scene *scene, const Packet packet, const int lane, const int first) {
+    const int n = 1 << scene->lattice.x, quarter = max(n / 4, 1);
+    const INT number = first + LANE_NUMBER;
+    const INT i = (4 * (number & (quarter - 1)) + (number / quarter + 2) % 4) & (n - 1);
+    const Places places = {packet.size * n, (packet.first.x + lane % PACKET_WIDTH) * n + i,
+                           (packet.first.y + lane / PACKET_WIDTH) * n + ((INT)scene->lattice.y * i & (n - 1))};
+    return places;
+}
+
+static int contrast_of(const Totals *own) {
+    int contrast = 0;
+    for (int c = 0; c < 3; c++) contrast = max(contrast, LARGEST(own->high[c]) + LARGEST(-own->low[c]));
+    return contrast;
+}
+
+/* The sums over the rays through places of one pixel of a packet: a quarter of them, if these differ by little, else
+ * all. few: as in find(). */
+static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
+                         Totals *totals, Work *work) {
+    const int n = 1 << scene->lattice.x;
+    Totals own = NO_TOTALS;
+    int end = n < STAGED ? n : n / 4;
+    for (int first = 0; first < end; first += W) {
+        const Places places = lattice_places(scene, packet, lane, first);
+        Found found;
+        find(finer, scene, &places, packet.tile, few, &found, work);
+        add_rays(&found, first + LANE_NUMBER < n, &own);
+        if (first + W >= end && contrast_of(&own) > MOST_CONTRAST) end = n;
+    }
+    own.count = end;
+    put_totals(&own, lane, totals);
 }
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed`. */
-static void add_samples(const Frame frame, const Scene scene, const Packet packet, const MASK mixed, Totals *totals,
-                        Work *work) {
-    int each[W], which[W], count = 0;
-    Tally tally[W];
+static void add_samples(const Frame frame, const Scene scene, const Packet packet, const Outlook view, const MASK mixed,
+                        Totals *totals, Work *work) {
+    Frame finer = frame;
+    finer.pixel.x /= 1 << scene.lattice.x;
+    finer.pixel.y /= 1 << scene.lattice.x;
+    Crowd crowd;
+    gather_crowd(scene, packet.tile, view, mixed, &crowd);
+    int each[W];
     STORE_LANES(mixed, each);
     for (int lane = 0; lane < W; lane++) {
-        const Tally none = {{0, 0, 0, 0}, {ONE, ONE, ONE}, {0, 0, 0}, 0};
-        tally[lane] = none;
-        if (each[lane]) which[count++] = lane;
+        if (!each[lane]) continue;
+        Few few;
+        if (!crowd.full) list_few(&crowd, lane, &few);
+        sample_pixel(&finer, &scene, packet, lane, crowd.full ? 0 : &few, totals, work);
     }
-    const int end = count << scene.lattice.x;
-    for (int first = 0; first < end; first += W) {
-        int found[FINDINGS][W];
-        const Ray ray = sample_rays(frame, scene, packet, which, first, end);
-        const Found rays = find(&frame, &scene, &ray, packet.tile, work);
-        for (int k = 0; k < FINDINGS; k++) STORE_LANES(rays.of[k], found[k]);
-        for (int lane = 0; lane < W && first + lane < end; lane++)
-            add_ray(found, lane, &tally[which[(first + lane) >> scene.lattice.x]]);
-    }
-    for (int c = 0; c < 4; c++) PUT_WHERE(mixed, totals->sum[c], (INT)EACH_LANE(tally, .sum[c]));
-    for (int c = 0; c < 3; c++) {
-        PUT_WHERE(mixed, totals->low[c], (INT)EACH_LANE(tally, .low[c]));
-        PUT_WHERE(mixed, totals->high[c], (INT)EACH_LANE(tally, .high[c]));
-    }
-    PUT_WHERE(mixed, totals->count, (INT)(1 << scene.lattice.x));
-    totals->late |= (INT)EACH_LANE(tally, .late);
 }
 
 /* Puts the means into a packet of pixels. The error is an estimate: so many levels for each one by which the rays of a
  * pixel differ. */
 static void sample_pixels(const Frame frame, const Scene scene, const Packet packet, const PixelCorners *corners,
                           Pixels *pixels, Work *work) {
-    Totals totals = {{0, 0, 0, 0}, {ONE, ONE, ONE}, {0, 0, 0}, 0, 0};
-    const MASK mixed = add_corners(frame, scene, packet, corners, &totals);
-    if (ANY(mixed)) add_samples(frame, scene, packet, mixed, &totals, work);
+    Totals totals = NO_TOTALS;
+    Outlook view = outlook_of(frame, scene, packet);
+    const MASK mixed = add_corners(scene, packet, corners, &view, &totals);
+    if (ANY(mixed)) add_samples(frame, scene, packet, view, mixed, &totals, work);
     const FLOAT over = 1 / TO_FLOAT(totals.count);
     const SHADE share = TO_SHADE(over) * (shade_t)(1.0f / ONE);
     INT contrast = 0;
@@ -225,7 +263,9 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
     /* What no ray of a lattice meets covers an eighth of what one of them stands for, mostly, and may be black or
      * white. */
-    const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scene.scatter;
+    const MASK quartered = totals.count < 1 << scene.lattice.x;
+    const FLOAT scatter = quartered ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
+    const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scatter;
     const FLOAT sampled = error > unseen ? error : unseen;
     pixels->error = (mixed ? sampled : TO_FLOAT(contrast) * CORNER_SCATTER) * (255.0f / ONE);
     pixels->overgrown = totals.late != 0;

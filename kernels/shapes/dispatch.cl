@@ -65,13 +65,13 @@ static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Le
 }
 #endif
 
-/* Which of the lanes' rays, which meet both surfaces, meet A before B, for the lanes of `wanted`; where they are met at
- * once, the one that comes first in the scene file, unless their shape breaks the tie. */
+/* Which of the lanes' rays, which meet both surfaces, meet A before B; where they are met at once, the one that comes
+ * first in the scene file, unless their shape breaks the tie. Lanes that do not ask have A twice. */
 static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A,
-                                                          const INT B, const REAL_MASK wanted) {
+                                                          const INT B) {
     REAL_MASK first = TO_REAL_MASK(first_in_file(scene, A, B));
 #if REAL_BYTES == 8
-    REAL_MASK open = wanted;
+    REAL_MASK open = TO_REAL_MASK(A != B);
     EACH_SHAPE(scene.spheres, A, leave_out_tied(scene.spheres, A, B, &open));
     if (!ANY(TO_MASK(open))) return first;
     const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
@@ -90,7 +90,8 @@ static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const 
     EACH_SHAPE(scene.spheres, hit->id, settle_t(scene, *ray, *hit, &rival));
     const REAL_MASK close = too_close(t, rival);
     if (!ANY(TO_MASK(close))) return t < rival;
-    return close ? comes_first_of(scene, from_eye(scene.spheres, *ray), index, hit->id, close) : t < rival;
+    const INT other = TO_MASK(close) ? hit->id : index;
+    return close ? comes_first_of(scene, from_eye(scene.spheres, *ray), index, other) : t < rival;
 }
 
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */

@@ -277,6 +277,40 @@ def coplanar(pixels: Pixels) -> Made:
     return Made([soup(np.stack([x, y, z], axis=2)) for z in (-4 + x + y / 2, np.full((16, 3), -5.0))])
 
 
+def doubled(pixels: Pixels) -> Made:
+    """Balls of which each face is there up to three times, wound either way, from any corner on, in up to four meshes,
+    and a wall whose quadrilaterals are doubled with the other diagonal.
+    """
+    rng = pixels.rng
+    vertices, faces = _ball(pixels, 1)
+    reversed_faces = faces[:, ::-1]
+    some = reversed_faces[rng.random(len(faces)) < 0.5]
+    again = shuffled((vertices, np.concatenate([faces, reversed_faces, some])), rng)
+    quads = np.array([(i, i + 1, i + 6, i + 5) for row in range(4) for i in range(5 * row, 5 * row + 4)])
+    row, column = np.divmod(np.arange(25), 5)
+    wall = pixels.at(row * 16, column * 16, np.full(25, 7.0))
+    cut = [quads[:, corners] for corners in ((0, 1, 2), (0, 2, 3), (3, 2, 1), (3, 1, 0))]
+    front, back = (wall, np.concatenate(cut[:2])), (wall, np.concatenate(cut[2:]))
+    shapes = [again, (vertices, reversed_faces), (vertices[faces[:9]].reshape(-1, 3), np.arange(27).reshape(9, 3))]
+    return Made([shapes[k] for k in rng.permutation(3)] + [front, back, shuffled(back, rng)])
+
+
+def fans_in_planes(pixels: Pixels, turn: bool = False) -> Made:
+    """Polygons with corners at random whole places, whose fans of triangles cover each other: in planes across an axis,
+    along a diagonal, and aslant, so that planes have exactly the same corners' numbers or, turned, all but those.
+    """
+    rng, shapes = pixels.rng, []
+    for k in range(4):
+        x, y = rng.integers(-8, 9, (2, 24)) / 4
+        z = (-4 + 0 * x, -4 + x, -4 + x - y / 2, -3.5 + (x + y) / 4)[k]
+        corners = np.stack([x, y, z], axis=1)
+        if turn:
+            corners = _turned(corners - (0, 0, -4), rng) * 0.5 + (0, 0, -4)
+        faces = np.array([(0, i, i + 1) for i in range(1, 23)])
+        shapes.append(shuffled((corners, np.concatenate([faces, faces[::3, ::-1]])), rng))
+    return Made(shapes)
+
+
 def crossings(pixels: Pixels) -> Made:
     """Planes through common lines, on which rays meet all of them at equal distances."""
     rng = pixels.rng
@@ -480,6 +514,9 @@ REGIMES: dict[str, Callable[[Pixels], Made]] = {
     "scale 2^-60": scaled(corners_on_rays, 2.0**-60),
     "duplicates": duplicates,
     "coplanar": coplanar,
+    "doubled": doubled,
+    "fans in planes": fans_in_planes,
+    "fans all but in planes": lambda pixels: fans_in_planes(pixels, turn=True),
     "crossings": crossings,
     "eye in a plane": eye_in_a_plane,
     "eye on an edge": eye_on_an_edge,

@@ -94,14 +94,14 @@ def against_mpmath(regime, seed, size, sample):
 
 @each_regime
 def test_mpmath_agrees(name, regime):
-    for seed in range(4):
+    for seed in range(2):
         against_mpmath(regime, seed, (32, 24), 60)
 
 
 @pytest.mark.stress
 @each_regime
 def test_mpmath_agrees_long(name, regime):
-    for seed in range(4, 24):
+    for seed in range(2, 24):
         against_mpmath(regime, seed, (64, 48), 500)
 
 

@@ -8,7 +8,9 @@ from random_scenes import crowded, fuzzed_scene, random_scene
 from stress_cases import OUTPUTS, picture, renderer
 
 import cltrace
-from cltrace import Camera, Scene
+from cltrace import Camera, Material, Mesh, Scene
+from cltrace.bench.regimes import rays as camera_rays
+from cltrace.picture.image import Output
 from cltrace.plan import culling, features
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import cells, discs, light_buffer, polygons
@@ -268,3 +270,86 @@ def test_shells_are_the_largest(n: int) -> None:
         found = culling.shells(radius)
         assert len(set(found.tolist())) == min(n, culling.SHELLS)
         assert np.array_equal(np.sort(radius[found]), np.sort(radius)[-culling.SHELLS :])
+
+
+QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+
+SHOWN: tuple[Output, ...] = ("rgb8", "id", "primitive")
+
+
+def of_meshes(meshes: list[Mesh], bounces: int = 0) -> Scene:
+    camera = Camera((0, 2, 5), (0, 0, 0), horizontal_fov=25, resolution=(48, 32), max_bounces=bounces)
+    return Scene.from_meshes(camera, [LAMP, SUN], meshes)
+
+
+@pytest.mark.parametrize("many", [1, 20_000], ids=["few", "many"])
+def test_of_equal_triangles_only_the_first_is_packed(many: int) -> None:
+    """Whatever corner they begin with, and however they are wound; an ulp makes another triangle, and -0 none."""
+    rng = np.random.default_rng(3)
+    corners = rng.normal(size=(many, 3, 3))
+    corners[0, 0, 0] = 0.0
+    orders = np.array([(0, 1, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0), (1, 0, 2), (0, 2, 1)])
+    again = np.concatenate([corners[:, order] for order in orders])
+    again[many][again[many] == 0] = -0.0
+    other = corners.copy()
+    other[:, 1, 2] = np.nextafter(other[:, 1, 2], 9)
+    every = np.concatenate([again, other])
+    found = culling.repeated_faces(every.reshape(-1, 3), np.arange(3 * len(every), dtype=np.int32).reshape(-1, 3))
+    assert np.array_equal(found, np.arange(many, 6 * many))
+    assert not len(culling.repeated_faces(other.reshape(-1, 3), np.arange(3 * many, dtype=np.int32).reshape(-1, 3)))
+
+
+def test_of_equal_triangles_the_first_shows_whatever_the_others_are(device: Device) -> None:
+    """A mirror, glass and plain faces in one place: the id, the colours and the normals are those of the first."""
+    kinds = [Material("red"), Material("lime", reflectance=0.8), Material("blue", transmittance=0.7, index=1.5)]
+    faces = np.array([(0, 1, 2), (0, 2, 3)])
+    normals = np.array([(0.3, 0, 1.0), (-0.3, 0, 1), (-0.3, 0, 1), (0.3, 0, 1)])
+    floor = Mesh(QUAD[:, [0, 2, 1]] * 3 - (0, 1.2, 0), faces)
+    for k in range(2):
+        some = [kinds[(k + i) % 3] for i in range(3)]
+        copies = [Mesh(QUAD, faces, normals, material=some[0]), Mesh(QUAD, faces[:, ::-1], material=some[1])]
+        scene = of_meshes([*copies, Mesh(QUAD, np.roll(faces, 1, axis=1), -normals, material=some[2]), floor], 4)
+        drawn = renderer(scene, device, "accurate")
+        assert drawn.skipped["triangles equal to others"] == 4
+        compare(scene, device, ("hidden",), "accurate")
+        alone = picture(of_meshes([copies[0], floor], 4), device, "accurate")
+        image = drawn.render()
+        assert np.array_equal(image.rgb8, alone.rgb8)
+        assert np.array_equal(image.normal, alone.normal)
+        assert set(np.unique(image.id).tolist()) <= {-1, 0, 3}
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6], ids=["across an axis", "turned"])
+def test_faces_doubled_with_the_other_diagonal(device: Device, turn: float) -> None:
+    """As files have quadrilaterals wound both ways: nothing is equal, and the lower number wins in each point."""
+    c, s = np.cos(turn), np.sin(turn)
+    place = QUAD @ np.array([(c, 0, -s), (0, 1, 0), (s, 0, c)])
+    one, two = np.array([(0, 1, 2), (0, 2, 3)]), np.array([(3, 2, 1), (3, 1, 0)])
+    scene = of_meshes([Mesh(place, np.concatenate([one, two])), Mesh(place, two)], 2)
+    drawn = cltrace.Renderer(scene, device, "accurate", SHOWN)
+    assert drawn.skipped["triangles equal to others"] == 2
+    # The second frame knows the planes that the first one found.
+    first, second = drawn.render(), drawn.render()
+    assert np.array_equal(first.rgb8, second.rgb8)
+    assert np.array_equal(first.primitive, second.primitive)
+    if not turn:
+        assert set(np.unique(first.primitive[first.id >= 0]).tolist()) == {0, 1}
+    compare(scene, device, ("hidden",), "accurate")
+
+
+# The corners of a polygon and how often it is there: equal triangles, and fans whose triangles cover each other.
+@pytest.mark.parametrize(("corners", "copies"), [(4, 460), (900, 1)], ids=["a quad 460 times", "a fan of 900"])
+def test_what_covers_itself_in_one_plane_needs_few_decisions(device: Device, corners: int, copies: int) -> None:
+    rng = np.random.default_rng(5)
+    points = QUAD if corners == 4 else np.round(rng.uniform(-1, 1, (corners, 2)) @ [(1, 0, 0), (0, 1, 0)], 6)
+    fan = np.array([(0, i, i + 1) for i in range(1, corners - 1)] * copies)
+    drawn = cltrace.Renderer(of_meshes([Mesh(points, fan)], 2), device, "accurate", SHOWN)
+    image = drawn.render()
+    hit = image.id >= 0
+    assert (image.primitive[hit] < len(fan) // copies).all()
+    if copies > 1:
+        assert drawn.skipped["triangles equal to others"] == len(fan) - 2
+    # Of all that are met in one plane the lowest number shows: what a brute search in exact numbers says, too.
+    camera = drawn.scene.camera
+    hits = cltrace.trace_rays(drawn.scene, camera.position, camera_rays(camera) @ np.array(camera.basis()))
+    assert np.array_equal(hits.primitive, image.primitive.ravel())

@@ -80,7 +80,7 @@ def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int
 WAYS = [Direction(*map(float, d)) for d in itertools.product((-2, -1, 0, 1, 2), repeat=3) if any(d)]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 8))])
 def test_rays_among_whole_numbers(seed: int) -> None:
     """At corners, at edges, along edges, in planes, from the eye and from triangles."""
     rng = np.random.default_rng(seed)

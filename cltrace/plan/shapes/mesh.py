@@ -42,12 +42,16 @@ class Meshes(Shape):
         if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:
             return before[1]
         by_place, once = scene.triangles >= MANY and "order" not in request.keep, "hidden" not in request.keep
-        triangles = Triangles.of(scene.meshes, by_place, sided, once)
+        triangles = Triangles.of(scene.meshes, by_place, sided=sided, once=once)
         textured = bool(scene.textures) or "uv" in request.outputs
         attributes, m = Attributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)
         tree = {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
         of: dict[str, Any] = {"triangles": triangles, "attributes": attributes}
         return cls(triangles.number, triangles.surface, FLAGS if m else {}, tree, leave=m > 0, **of)
+
+    @property
+    def left_out(self) -> int:
+        return self.triangles.again
 
     def material(self, scene: Scene) -> Ints:
         return self.triangles.material

@@ -78,6 +78,11 @@ class Shape(ABC):
         """Those of a scene. before: another scene, and its surfaces, which are returned if they are the same ones;
         order_of: see World.of()."""
 
+    @property
+    def left_out(self) -> int:
+        """How many of the scene are not here, since they are equal to others."""
+        return 0
+
     @abstractmethod
     def material(self, scene: Scene) -> Ints:
         """(n,): the index in the scene of each one's material."""

@@ -150,7 +150,6 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
         if (!RARELY(ANY(open))) return ANY(nearer);
     }
     COUNT(DECIDED, open);
-#if REAL_BYTES == 8
     /* Lanes that surely meet it, and have met another one in its plane: so at the same t. */
     const MASK level = open & inside & known_in_one_plane(scene.spheres, (INT)index, hit->id);
     const MASK lower = level & first_in_file(scene, (INT)index, hit->id);
@@ -158,7 +157,6 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
     hit->sure = hit->sure | lower;
     open = open & !level;
     if (!ANY(open)) return 1;
-#endif
     const Scene all = scene;
     const EyeRay own = eye_ray(ray);
     const Rival rival = {hit->t, hit->id, hit->sure};

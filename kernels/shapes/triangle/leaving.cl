@@ -67,7 +67,8 @@ static int triangle_primitive(const Scene scene, const int index) {
 /* Puts t of rays that meet triangles into their lanes, in pairs, and a bound of what it is off by. */
 static void triangle_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, index));
-    const FineTriangle fine = fine_triangle(spheres, fine_path(spheres, ray), TRIANGLE_OR_NONE(spheres, index), here);
+    const FinePath path = fine_path(spheres, ray);
+    const FineT fine = fine_t_in(fine_plane(spheres, path, TRIANGLE_OR_NONE(spheres, index)), path);
     t->t = choose_pair(here, fine.t, t->t);
     t->error = here ? fine.error : t->error;
 }

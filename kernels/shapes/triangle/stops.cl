@@ -14,46 +14,64 @@ static __attribute__((noinline)) void place_starts(const Spheres spheres, Start 
 }
 
 #if REAL_BYTES == 8
-/* As stands_before(), in pairs. */
-static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
-                                                         const Start P, const INT number, const REAL_MASK wanted) {
-    const Real3 none = {0, 0, 0};
-    const Leaving point = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
-    const Pair3 step = fine_start(spheres, point);
-    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)}, along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
-    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
-    FinePath path = {P.anchor, step,   along, P.reach, size_of(to),
-                     0,        placed, none,  P.q,     P.index - (INT)FIRST_TRIANGLE(spheres)};
-    if (at_point) {
-        const Pair3 way = pairs_between(to, P.anchor);
-        path.anchor = to;
-        path.step = still;
-        path.w.x = plus(way.x, step.x);
-        path.w.y = plus(way.y, step.y);
-        path.w.z = plus(way.z, step.z);
-        path.reach = 0;
-        path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
-        path.placed = 0;
-    }
-    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
-    if (!at_point) return fine.hit;
-    const Real3 a = corners_of(spheres, number, 0);
-    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)),
-                e2 = pairs_between(a, corners_of(spheres, number, 2));
-    const Pair3 near = pairs_between(a, P.anchor);
+/* The sign of N.(P - A) of a triangle, in pairs, for the lanes of `wanted`. step: from the anchor of P to P. */
+static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const FinePath path, const Start P,
+                                                    const Pair3 step, const INT number, const REAL_MASK wanted) {
+    const Corners corners = corners_at(spheres.vertex, spheres.face, number);
+    const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
+    const Pair3 near = pairs_between(corners.a, P.anchor);
     const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
     const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
     const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
     const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) *
                     ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
-    REAL beyond_it = sign_from(side.hi, 0x1p-97 * size * gh);
+    const REAL sign = sign_from(side.hi, 0x1p-97 * size * gh);
     /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
-    const MASK unsure = TO_MASK(fine.hit & (beyond_it == 0) & placed);
-    if (ANY(unsure)) {
-        const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
-        beyond_it = TO_REAL_MASK(unsure) ? -whole : beyond_it;
-    }
-    return fine.hit & (fine.side * beyond_it > 0);
+    const MASK unsure = TO_MASK(wanted & (sign == 0)) & IS_TRIANGLE(spheres, P.index);
+    if (!ANY(unsure)) return sign;
+    return TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure)) : sign;
+}
+
+/* P, as where a ray starts: along a parallel light, if it is one. */
+static FinePath fine_path_from(const Spheres spheres, const Real3 to, const Start P) {
+    const Real3 none = {0, 0, 0};
+    const Leaving point = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
+    const Pair3 along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
+    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
+    const FinePath path = {P.anchor,    fine_start(spheres, point),
+                           along,       P.reach,
+                           size_of(to), 0,
+                           placed,      none,
+                           P.q,         P.index - (INT)FIRST_TRIANGLE(spheres)};
+    return path;
+}
+
+/* As stands_before(), in pairs. */
+static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
+                                                         const Start P, const INT number, const REAL_MASK wanted) {
+    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)};
+    FinePath path = fine_path_from(spheres, to, P);
+    if (!at_point) return fine_triangle(spheres, path, number, wanted).hit;
+    const Pair3 way = pairs_between(to, P.anchor), step = path.step;
+    path.anchor = to;
+    path.step = still;
+    path.w.x = plus(way.x, step.x);
+    path.w.y = plus(way.y, step.y);
+    path.w.z = plus(way.z, step.z);
+    path.reach = 0;
+    path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+    path.placed = 0;
+    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
+    return fine.hit & (fine.side * finely_beyond(spheres, path, P, step, number, fine.hit) > 0);
+}
+
+/* The same of a light at a point, for lanes in which it is known that the ray meets the triangle, and the sign of D is.
+ */
+static __attribute__((noinline)) REAL_MASK finely_beyond_it(const Spheres spheres, const Real3 to, const Start P,
+                                                            const INT number, const REAL_MASK wanted, const REAL D) {
+    const FinePath path = fine_path_from(spheres, to, P);
+    const REAL sign = finely_beyond(spheres, path, P, path.step, number, wanted);
+    return wanted & (sign * D > 0);
 }
 #endif
 
@@ -115,9 +133,14 @@ static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const in
     const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
     const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
                             (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
-    const REAL_MASK unsure = wanted & !(split | passes | ends | meets);
+    REAL_MASK unsure = wanted & !(split | passes | ends | meets);
     REAL_MASK stops = wanted & meets;
-    if (RARELY(ANY(TO_MASK(unsure)))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
+    if (!RARELY(ANY(TO_MASK(unsure)))) return stops;
+    /* Of a triangle in all but the plane of P, only the side of P is unsure. */
+    const REAL_MASK met = unsure & inside & ends_there & (front | back);
+    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(spheres, to, P, (INT)number, met, v.D);
+    unsure = unsure & !met;
+    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
     return stops;
 #else
     const REAL_MASK front = v.D > 0, back = v.D < 0;
@@ -165,10 +188,8 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     }
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
-#if REAL_BYTES == 8
     unsure = unsure & !known_in_one_plane(scene.spheres, (INT)index, ray.own);
     if (!ANY(unsure)) return stops;
-#endif
     /* Copied here, lest compilers keep it in memory all the time. */
     const Spheres spheres = scene.spheres;
     const Start copy = start;

@@ -262,6 +262,19 @@ static REAL larger_of(const REAL a, const REAL b) {
     return a > b ? a : b;
 }
 
+static Real3 choose3(const REAL_MASK first, const REAL_MASK second, const Real3 a, const Real3 b, const Real3 c) {
+    const Real3 v = {first    ? a.x
+                     : second ? b.x
+                              : c.x,
+                     first    ? a.y
+                     : second ? b.y
+                              : c.y,
+                     first    ? a.z
+                     : second ? b.z
+                              : c.z};
+    return v;
+}
+
 #if REAL_BYTES == 8
 /* The last word on rays and triangles, where doubles are unsure: in pairs, then in whole numbers. */
 
@@ -289,10 +302,11 @@ typedef struct {
 
 /* u (next corner - corner) + v (the one after - corner), in pairs, of the point q of each lane's triangle. */
 static Pair3 fine_step(const Spheres spheres, const INT number, const Real3 q) {
-    const INT k = TO_INT(q.z), next = k == 2 ? (INT)0 : k + 1, last = k == 0 ? (INT)2 : k - 1;
-    const Real3 anchor = corners_of(spheres, number, k);
-    const Pair3 x = pairs_between(anchor, corners_of(spheres, number, next));
-    const Pair3 y = pairs_between(anchor, corners_of(spheres, number, last));
+    const Corners c = corners_at(spheres.vertex, spheres.face, number);
+    const REAL_MASK first = q.z == 0, second = q.z == 1;
+    const Real3 anchor = choose3(first, second, c.a, c.b, c.c);
+    const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));
+    const Pair3 y = pairs_between(anchor, choose3(first, second, c.c, c.a, c.b));
     const Pair u = pair(q.x, 0), v = pair(q.y, 0);
     const Pair3 step = {plus(times(u, x.x), times(v, y.x)), plus(times(u, x.y), times(v, y.y)),
                         plus(times(u, x.z), times(v, y.z))};
@@ -621,10 +635,9 @@ typedef struct {
 } FinePlane;
 
 static FinePlane fine_plane(const Spheres spheres, const FinePath path, const INT number) {
-    const Real3 a = corners_of(spheres, number, 0);
-    const Pair3 e1 = pairs_between(a, corners_of(spheres, number, 1)),
-                e2 = pairs_between(a, corners_of(spheres, number, 2));
-    const Pair3 A = minus3(pairs_between(path.anchor, a), path.step);
+    const Corners corners = corners_at(spheres.vertex, spheres.face, number);
+    const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
+    const Pair3 A = minus3(pairs_between(path.anchor, corners.a), path.step);
     FinePlane plane;
     plane.N = cross_pairs(e1, e2);
     plane.D = dot_pairs(A, plane.N);
@@ -658,21 +671,28 @@ static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spher
     return (first < 0) | ((first == 0) & tie);
 }
 
-/* Whether each lane's ray meets its triangle, and t in pairs with a bound of what it is off by. */
+/* t of each lane's ray in a triangle's plane, in pairs, with a bound of what it is off by. */
+static FineT fine_t_in(const FinePlane plane, const FinePath path) {
+    const Pair den = dot_pairs(plane.N, path.w);
+    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
+    FineT at;
+    at.t = over(plane.D, den);
+    at.error = 2 * fabs(at.t.hi) * (D_error / fabs(plane.D.hi) + den_error / fabs(den.hi) + 0x1p-97);
+    return at;
+}
+
+/* Whether each lane's ray meets its triangle, and t in pairs. */
 typedef struct {
     REAL_MASK hit;
     Pair t;
-    REAL error;
     REAL side; /* the sign of D */
 } FineTriangle;
 
 static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres spheres, const FinePath path,
                                                             const INT number, const REAL_MASK wanted) {
     const FinePlane plane = fine_plane(spheres, path, number);
-    const Pair D = plane.D, den = dot_pairs(plane.N, path.w);
-    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
     FineTriangle fine;
-    fine.side = sign_from(D.hi, D_error);
+    fine.side = sign_from(plane.D.hi, 0x1p-97 * plane.s * plane.gh);
     const MASK unsure = TO_MASK(wanted & path.placed & (fine.side == 0));
     if (ANY(unsure)) {
         const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
@@ -684,8 +704,7 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
         fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 1, 2, fine.hit) > 0);
     if (ANY(TO_MASK(fine.hit)))
         fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 2, 0, fine.hit) > 0);
-    fine.t = over(D, den);
-    fine.error = 2 * fabs(fine.t.hi) * (D_error / fabs(D.hi) + den_error / fabs(den.hi) + 0x1p-97);
+    fine.t = fine_t_in(plane, path).t;
     return fine;
 }
 
@@ -723,6 +742,11 @@ static void triangle_fine_start(const Spheres spheres, const Leaving ray, Pair3 
     const Pair3 own = fine_step(spheres, TRIANGLE_OR_NONE(spheres, ray.own), ray.q);
     *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(TO_REAL_MASK(IS_TRIANGLE(spheres, ray.own)), own, *step);
 }
+#else
+/* Float knows of no planes. */
+static MASK known_in_one_plane(const Spheres spheres, const INT A, const INT B) {
+    return 0;
+}
 #endif
 
 /* Where a point q of each lane's triangle is: k = q.z is the corner that it is counted from, u = q.x counts the way
@@ -731,19 +755,6 @@ typedef struct {
     Real3 anchor, step; /* that corner, and from there to the point */
     REAL reach;         /* no less than |step| */
 } Place3;
-
-static Real3 choose3(const REAL_MASK first, const REAL_MASK second, const Real3 a, const Real3 b, const Real3 c) {
-    const Real3 v = {first    ? a.x
-                     : second ? b.x
-                              : c.x,
-                     first    ? a.y
-                     : second ? b.y
-                              : c.y,
-                     first    ? a.z
-                     : second ? b.z
-                              : c.z};
-    return v;
-}
 
 static Place3 place_on(const Corners corners, const Real3 q) {
     const REAL_MASK first = q.z == 0, second = q.z == 1;
