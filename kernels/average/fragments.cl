@@ -117,7 +117,7 @@ static void put_tints(const Frame frame, const Scene scene, const Cells cells, c
 }
 
 /* Up to what something more of the front, or of what is behind it, changes a colour. */
-static FLOAT contrast_of(const Tint *front, const Tint *behind, const int k) {
+static FLOAT difference_of(const Tint *front, const Tint *behind, const int k) {
     const FLOAT lighter = front->most[k] - behind->least[k], darker = behind->most[k] - front->least[k];
     return (lighter > 0 ? lighter : (FLOAT)0) + (darker > 0 ? darker : (FLOAT)0);
 }
@@ -134,7 +134,7 @@ static Blend blend_of(const Division *parts, const Tint *tints, const int k) {
     const FLOAT low = b0 + (f0 < b0 ? q : p) * (f0 - b0), high = b1 + (f1 > b1 ? q : p) * (f1 - b1),
                 range = (FLOAT)0.5f * (high - low);
     /* Where the line is nearly straight: what is in its strip is of the front, or of what is behind. */
-    const FLOAT off = tints[0].e[k] + tints[1].e[k] + parts->window[1].off * contrast_of(&tints[1], &tints[0], k);
+    const FLOAT off = tints[0].e[k] + tints[1].e[k] + parts->window[1].off * difference_of(&tints[1], &tints[0], k);
     const MASK straight = parts->halved & (off < range), mixed = parts->mixed;
     const FLOAT sum = tints[0].v[k] + tints[1].v[k];
     const Blend blend = {mixed ? (straight ? sum : (FLOAT)0.5f * (low + high)) : tints[0].v[k],

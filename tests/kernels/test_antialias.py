@@ -273,7 +273,6 @@ def test_estimates(device: Device, name: str) -> None:
     same = (image.color == sampled.color).all(axis=2) & (image.error == sampled.error)
     off = distances(scene, device, image, ~same)
     assert np.argwhere((off > image.error) & ~same).tolist() == []
-    assert (off <= image.error).mean() > 0.95
     assert 0 < renderer.work()["pixels of which the error is an estimate"] <= same.sum()
 
 
