@@ -73,53 +73,53 @@ typedef struct {
     Linear3 X, G;
     Real3 F;
     REAL f, g, a, as, at, ass, ast, att, b, bs, bt;
-} Bundle;
+} CellRays;
 
 /* Parallel rays, which start at linear functions of the place. */
-static Bundle parallel_bundle(const Cells cells, const Quadric own, const Real3 C, const real unit) {
+static CellRays parallel_cell_rays(const Cells cells, const Quadric own, const Real3 C, const real unit) {
     const REAL zero = 0, wide = fabs(cells.dx) + fabs((REAL)cells.h) + fabs(cells.dy) + fabs((REAL)cells.k);
     const Real3 from = {C.x - unit * cells.dx, C.y - unit * cells.dy, C.z}, ahead = {0, 0, -1};
     const Real3 across = {unit * cells.h, zero, zero}, up = {zero, unit * cells.k, zero};
     const Real3 F = in_own_axes(own, from), G = in_own_axes(own, ahead), U = in_own_axes(own, across),
                 V = in_own_axes(own, up);
-    const Bundle rays = {{cross_in_double(F, G), cross_in_double(G, U), cross_in_double(G, V)},
-                         {G, {zero, zero, zero}, {zero, zero, zero}},
-                         F,
-                         norm_of(C) + unit * wide,
-                         1,
-                         DOT(G, G),
-                         0,
-                         0,
-                         0,
-                         0,
-                         0,
-                         DOT(F, G),
-                         -DOT(U, G),
-                         -DOT(V, G)};
+    const CellRays rays = {{cross_in_double(F, G), cross_in_double(G, U), cross_in_double(G, V)},
+                           {G, {zero, zero, zero}, {zero, zero, zero}},
+                           F,
+                           norm_of(C) + unit * wide,
+                           1,
+                           DOT(G, G),
+                           0,
+                           0,
+                           0,
+                           0,
+                           0,
+                           DOT(F, G),
+                           -DOT(U, G),
+                           -DOT(V, G)};
     return rays;
 }
 
 /* Rays from the eye. */
-static Bundle eye_bundle(const Cells cells, const Quadric own, const Real3 C) {
+static CellRays eye_cell_rays(const Cells cells, const Quadric own, const Real3 C) {
     const REAL zero = 0, wide = fabs(cells.dx) + fabs((REAL)cells.h) + fabs(cells.dy) + fabs((REAL)cells.k);
     const Real3 middle = {cells.dx, cells.dy, (REAL)-1}, across = {(REAL)cells.h, zero, zero},
                 up = {zero, (REAL)cells.k, zero};
     const Real3 F = in_own_axes(own, C), G = in_own_axes(own, middle), U = in_own_axes(own, across),
                 V = in_own_axes(own, up);
-    const Bundle rays = {{cross_in_double(F, G), cross_in_double(F, U), cross_in_double(F, V)},
-                         {G, U, V},
-                         F,
-                         norm_of(C),
-                         1 + wide,
-                         DOT(G, G),
-                         2 * DOT(G, U),
-                         2 * DOT(G, V),
-                         DOT(U, U),
-                         2 * DOT(U, V),
-                         DOT(V, V),
-                         DOT(F, G),
-                         DOT(F, U),
-                         DOT(F, V)};
+    const CellRays rays = {{cross_in_double(F, G), cross_in_double(F, U), cross_in_double(F, V)},
+                           {G, U, V},
+                           F,
+                           norm_of(C),
+                           1 + wide,
+                           DOT(G, G),
+                           2 * DOT(G, U),
+                           2 * DOT(G, V),
+                           DOT(U, U),
+                           2 * DOT(U, V),
+                           DOT(V, V),
+                           DOT(F, G),
+                           DOT(F, U),
+                           DOT(F, V)};
     return rays;
 }
 
@@ -148,7 +148,7 @@ static FLOAT side_of_starts(const Outline outline) {
 #define ROUNDINGS (REAL_BYTES == 8 ? 0x1p-49f : 0x1p-20f)
 
 /* The same of the eye, of which the host knows it better where the surface is a sphere. */
-static FLOAT side_of_eye(const Outline outline, const Quadric own, const Bundle rays, const REAL r, const real unit) {
+static FLOAT side_of_eye(const Outline outline, const Quadric own, const CellRays rays, const REAL r, const real unit) {
     const REAL rr = r * r, c = DOT(rays.F, rays.F) - rr, c_off = 4 * (REAL)ROUNDINGS * (rays.f * rays.f + rr),
                known = unit * unit * own.sphere.c, sure = fabs(c) > c_off ? c : (REAL)0;
     const FLOAT side = TO_FLOAT(TO_REAL_MASK(own.stretched) ? sure : known);
@@ -157,7 +157,8 @@ static FLOAT side_of_eye(const Outline outline, const Quadric own, const Bundle 
 
 static Outline outline_of(const Cells cells, const Quadric own, const real unit) {
     const Real3 C = {unit * own.sphere.center.x, unit * own.sphere.center.y, unit * own.sphere.center.z};
-    const Bundle rays = HAS(WITH_PARALLEL_RAYS) ? parallel_bundle(cells, own, C, unit) : eye_bundle(cells, own, C);
+    const CellRays rays = HAS(WITH_PARALLEL_RAYS) ? parallel_cell_rays(cells, own, C, unit)
+                                                  : eye_cell_rays(cells, own, C);
     const Linear3 X = rays.X;
     const REAL r = unit * own.r, rounding = (REAL)ROUNDINGS, e = rounding * rays.f * rays.g, rr = r * r;
     const REAL all = (norm_of(X.v) + norm_of(X.s)) + norm_of(X.t), halved = (REAL)0.5f;

@@ -349,7 +349,7 @@ def test_threads_see_one_state_or_the_other(device: Device) -> None:
 
 def test_fronts_of_triangles_are_known_where_rays_go_on() -> None:
     """They are not looked for in a scene of opaque surfaces; where a sphere becomes glass, they are."""
-    backwards = Mesh([(-3, -2, -3), (3, -2, -3), (0, -2, 3)], [(0, 2, 1)], normals=np.full((3, 3), (0, -1, 0)))
+    backwards = Mesh([(-3, -3, -3), (3, -3, -3), (0, -3, 3)], [(0, 2, 1)], normals=np.full((3, 3), (0, -1, 0)))
     opaque = Scene.from_spheres(CAMERA, LIGHTS, **spheres(3), meshes=[backwards, TRIANGLE])
     glass, request = with_spheres(opaque, {"transmittance": 0.5, "index": 1.5}), Request("accurate", ("rgb8",))
     world = World.of(opaque, request)
