@@ -68,7 +68,7 @@ def placed(random: np.random.Generator) -> tuple[PlacedMesh, ...]:
 
 def test_what_meshes_share_is_there_once() -> None:
     meshes = placed(np.random.default_rng(0))
-    triangles = Triangles.of(meshes, False)
+    triangles = Triangles.of(meshes, False, once=False)
     at = Attributes.of(meshes, triangles, "accurate", True)
     assert (at.corner_normal.shape, at.corner_uv.shape) == ((11, 4), (10, 2))
     assert at.normal_face.shape == at.uv_face.shape == (30, 4)
