@@ -1,10 +1,11 @@
-"""What tests of packing on a device share: lights of each kind, and whether a device's view is numpy's."""
+"""What tests of packing on a device share: lights of each kind, precisions, and whether a device's view is numpy's."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pyopencl as cl
+import pytest
 from numpy.typing import NDArray
 
 import cltrace
@@ -12,6 +13,8 @@ from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.view import View
 from cltrace.run.pack.toolbox import Toolbox
 
+# Programs in single are others, and take as long to compile again.
+PRECISIONS = ["accurate", pytest.param("single", marks=pytest.mark.slow)]
 # Where lists are in these is each one's own affair.
 LISTS = {"grid", "start", "entry"}
 LIGHTS = [

@@ -65,7 +65,7 @@ class _Wait:
 class _Listener:
     """A thread that hears signals while the main thread is in a library, and sees how long any thread has been there.
 
-    waits: of those that may be in one.
+    waits: the calls that may be in a library now.
     """
 
     def __init__(self) -> None:

@@ -318,8 +318,9 @@ static MASK need_samples(const Means means) {
     return means.beyond | (means.error > SMALL);
 }
 
-/* What pixels show, given what samples show of those that need them: of what the proof leaves open that is mostly
- * nearest, so their mean is moved into its interval. The error is how far the other end of that is. */
+/* What pixels show. pixels: what samples show of those that need them. Where the proof leaves an interval, the samples'
+ * mean is mostly the best guess, so it is moved into that interval. The error is the distance to the interval's other
+ * end. */
 static Pixels proved_pixels(const Scene scene, const Means means, Pixels pixels, Work *work) {
     const MASK sampled = need_samples(means), beyond = means.beyond, moved = sampled & !beyond;
     const FLOAT room = means.error * (1.0f / 255), shown[4] = {TO_FLOAT(pixels.color.x), TO_FLOAT(pixels.color.y),

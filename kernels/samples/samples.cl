@@ -261,8 +261,8 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
     pixels->color.y = TO_SHADE(totals.sum[1]) * share;
     pixels->color.z = TO_SHADE(totals.sum[2]) * share;
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
-    /* What no ray of a lattice meets covers an eighth of what one of them stands for, mostly, and may be black or
-     * white. */
+    /* Something that no ray of a lattice meets may be black or white. Mostly it covers no more than an eighth of the
+     * area that one ray stands for. */
     const MASK quartered = totals.count < 1 << scene.lattice.x;
     const FLOAT scatter = quartered ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
     const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scatter;

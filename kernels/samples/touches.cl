@@ -1,5 +1,5 @@
-/* touches.cl: which pixels a surface may be seen in, from any place of them, in float32. What is no more than near a
- * pixel may be named, too; nothing that is in it is missed. */
+/* touches.cl: which pixels a surface may be seen in, from any place of them, in float32. A surface that is only near a
+ * pixel may be named, too, but none that is in it is missed. */
 #ifdef WITH_SAMPLES
 /* Half of a pixel's width and height, and of its diagonal, where float32 knows rays: on the image plane z = -1, or of
  * parallel rays, in the float buffers' unit. */

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from device_views import LIGHTS, check_same_view
+from device_views import LIGHTS, PRECISIONS, check_same_view
 from numpy.typing import NDArray
 
 import cltrace
@@ -77,10 +77,6 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "nothing seen": lambda: scene(*soup()).seen_by(cltrace.Camera(position=(0, 0, 9), lookat=(0, 0, 12))),
     "no light": lambda: scene(*soup(), []),
 }
-
-
-# Programs in single are others, and take as long to compile again.
-PRECISIONS = ["accurate", pytest.param("single", marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

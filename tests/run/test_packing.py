@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from device_views import LIGHTS, check_same_view, lists_of, read
+from device_views import LIGHTS, PRECISIONS, check_same_view, lists_of, read
 from numpy.typing import NDArray
 
 import cltrace
@@ -151,10 +151,6 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "a view along an axis": lambda: scene(*balls(), position=(0, 0, 3), lookat=(0, 0, 0)),
     "one unit of size": lambda: scene(balls()[0] * 1e30, balls()[1] * 1e30, position=(0, 0, 3e30)),
 }
-
-
-# Programs in single are others, and take as long to compile again.
-PRECISIONS = ["accurate", pytest.param("single", marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
