@@ -160,7 +160,7 @@ def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
     image: rgb8 and color; dull: color, normal, depth and id.
     """
     first = dull[0]
-    count = int((scene.lights["kind"] != AMBIENT).sum())
+    count = int((scene.lamps["kind"] != AMBIENT).sum())
     light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]
     return Answer(
         id=first.id.ravel(),
@@ -191,12 +191,12 @@ def _one_light(scene: Scene) -> str:
 
 def _shining(scene: Scene) -> NDArray[np.void]:
     """The lights that are neither ambient nor black."""
-    lights: NDArray[np.void] = scene.lights[(scene.lights["kind"] != AMBIENT) & scene.lights["color"].any(axis=1)]
+    lights: NDArray[np.void] = scene.lamps[(scene.lamps["kind"] != AMBIENT) & scene.lamps["color"].any(axis=1)]
     return lights
 
 
 def _ambient(scene: Scene) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    total: NDArray[np.float64] = scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0)
     return total
 
 
