@@ -25,7 +25,7 @@ from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
 from cltrace.students.places import places
-from cltrace.students.rules import Rules
+from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
@@ -71,7 +71,7 @@ def compare(
         smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
         right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
-    base = Rules(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
+    base = RIGHT.changed(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
     result = _judged(scene, result, base)
     if result.same or not result.error.any():
         return result

@@ -6,13 +6,13 @@ Such mistakes hide all others. So they are found first, and the search goes on w
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.students.mistakes import BY_NAME, Changes
-from cltrace.students.rules import RIGHT, Rules
+from cltrace.students.rules import RIGHT, CameraRules
 from cltrace.students.tracer import to_bytes
 
 Levels = NDArray[np.int64]  # (h, w, 3), 0..255
@@ -94,12 +94,12 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
     y, x = np.divmod(np.random.default_rng(0).permutation(where)[:_PROBES], width)
 
     def fits(made: Made) -> float:
-        rules = replace(RIGHT, **{key: value for changes in made.values() for key, value in changes.items()})
-        seen = _seen(right, x, y, rules)
+        rules = RIGHT.changed(**{key: value for changes in made.values() for key, value in changes.items()})
+        seen = _seen(right, x, y, rules.camera)
         if made.keys() <= {"shifted"}:
             return float((np.abs(mine[y, x] - seen).max(axis=1) <= tolerance).mean())
         # A level of the right picture stands for the colours that are nearest to it.
-        ends = [to_bytes(np.maximum(seen + off, 0) / 255, rules) for off in (-0.499, 0.499)]
+        ends = [to_bytes(np.maximum(seen + off, 0) / 255, rules.picture) for off in (-0.499, 0.499)]
         low, high = np.minimum(*ends) - tolerance, np.maximum(*ends) + tolerance
         off = (mine[y, x] < low) | (mine[y, x] > high)
         return 1 - float(off.any(axis=1).mean())
@@ -125,7 +125,7 @@ def _tried(square: bool) -> Iterator[Made]:
         yield {"shifted": {"sample": (0.5 + dx, 0.5 - dy)}}
 
 
-def _seen(right: Levels, x: NDArray[np.intp], y: NDArray[np.intp], rules: Rules) -> Levels:
+def _seen(right: Levels, x: NDArray[np.intp], y: NDArray[np.intp], rules: CameraRules) -> Levels:
     """What pixels show of the right picture, (n, 3)."""
     height, width = right.shape[:2]
     x, y = (y, x) if rules.transposed else (x, y)
