@@ -176,14 +176,16 @@ class PictureRules:
     """How colours become bytes.
 
     gamma: the exponent 1/gamma is applied at the end, 0 for sRGB's curve; channels: which of red, green and blue are
-    written for each; grey: the weights of the three in their mean; inverted: whether black is white; rounding: how a
-    colour becomes a byte.
+    written for each; grey: the weights of the three in their mean; inverted: whether black is white; profile: rows of
+    the matrix that takes light of a screen by sRGB's curve to that of another one; rounding: how a colour becomes a
+    byte.
     """
 
     gamma: float = 1.0
     channels: tuple[int, int, int] = (0, 1, 2)
     grey: tuple[float, float, float] | None = None
     inverted: bool = False
+    profile: tuple[float, ...] | None = None
     rounding: Literal["nearest", "down", "256", "whole", "wrapped", "unscaled"] = "nearest"
 
 

@@ -416,6 +416,16 @@ def refracted(d: Floats, normal: Floats, eta: Floats) -> tuple[Floats, NDArray[n
     return np.where((eta == 1)[:, None], d, bent), k < 0
 
 
+def encoded(c: Floats) -> Floats:
+    """sRGB's curve of linear colours, 0..1 (IEC 61966-2-1)."""
+    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+
+
+def decoded(c: Floats) -> Floats:
+    """The inverse of `encoded`."""
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
 def to_bytes(colors: Floats, rules: PictureRules = RIGHT.picture) -> NDArray[np.int64]:
     """(..., 3): the levels of linear colours, 0..255."""
     c = np.clip(colors, 0.0, _BRIGHT if rules.rounding == "wrapped" else 1.0)[..., list(rules.channels)]
@@ -423,9 +433,11 @@ def to_bytes(colors: Floats, rules: PictureRules = RIGHT.picture) -> NDArray[np.
         c = np.repeat((c @ np.array(rules.grey))[..., None], 3, axis=-1)
     c = 1 - c if rules.inverted else c
     if rules.gamma == 0:
-        c = np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+        c = encoded(c)
     elif rules.gamma != 1:
         c = c ** (1 / rules.gamma)
+    if rules.profile:
+        c = encoded(np.clip(decoded(c) @ np.array(rules.profile).reshape(3, 3).T, 0, 1))
     scale, offset = {"nearest": (255, 0.5), "wrapped": (255, 0.5), "256": (255.999, 0)}.get(rules.rounding, (255, 0))
     if rules.rounding in ("whole", "unscaled"):
         return np.asarray(np.floor(c) * (255 if rules.rounding == "whole" else 1), np.int64)

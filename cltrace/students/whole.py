@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cltrace.students.mistakes import BY_NAME, Changes
 from cltrace.students.rules import RIGHT, CameraRules
-from cltrace.students.tracer import to_bytes
+from cltrace.students.tracer import decoded, to_bytes
 
 Levels = NDArray[np.int64]  # (h, w, 3), 0..255
 Bits = NDArray[np.bool_]
@@ -24,6 +24,7 @@ _STEP = 8  # levels by which these differ from a neighbour: where all is alike, 
 _FAR = 8  # pixels, by which a picture may be shifted
 _HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a sure change makes right
 _SOME = 0.2  # of what is otherwise wrong, at least that a change makes right which is worth a look
+_FITTED = 8  # rounds in which a colour profile is fitted to the pixels that are nearest to it, wrong ones left out
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
     {name: BY_NAME[name].variants[0] for name in names}
@@ -109,8 +110,24 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
         fit = fits(tried)
         if fit > best:
             best, made = fit, tried
+    if best < _HALF:
+        profile = _profile(mine[y, x], right[y, x])
+        fit = fits(profile)
+        if fit > best:
+            best, made = fit, profile
     gain = (best - before) / (1 - before) if before < 1 else 0.0
     return made if gain >= _SOME else {}, min(best, gain) >= _HALF
+
+
+def _profile(mine: Levels, right: Levels) -> Made:
+    """The colour profile that is nearest to what pixels, (n, 3), show."""
+    light, shown = decoded(right / 255), decoded(mine / 255)
+    rows = np.arange(len(light))
+    for _ in range(_FITTED):
+        matrix = np.linalg.lstsq(light[rows], shown[rows], rcond=None)[0]
+        off = np.abs(light @ matrix - shown).max(axis=1)
+        rows = np.argsort(off, kind="stable")[: max(len(off) // 2, 3)]
+    return {"colour-profile": {"profile": tuple(matrix.T.ravel().tolist())}}
 
 
 def _tried(square: bool) -> Iterator[Made]:

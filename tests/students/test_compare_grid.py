@@ -26,11 +26,11 @@ def test_the_table_has_all_names() -> None:
     assert {name for pair in PAIRS for name in pair} <= set(BY_NAME)
 
 
-# What was once called by another mistake's name: (scene, mistake).
+# What was once called by another mistake's name, or by none: (scene, mistake).
 CALLED_OTHERWISE = [
     ("spot", "spot-angle"), ("spot", "aspect-inverted"), ("step3-shadows", "camera-transposed"),
     ("step2-parallel", "degrees-for-radians"), ("step2-parallel", "no-highlights"),
-    ("step2-parallel", "highlight-reversed"), ("step2-parallel", "shifted"),
+    ("step2-parallel", "highlight-reversed"), ("step2-parallel", "shifted"), ("transforms", "colour-profile"),
     *(
         pytest.param(*case, marks=pytest.mark.slow)
         for case in (
