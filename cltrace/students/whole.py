@@ -120,14 +120,21 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
 
 
 def _profile(mine: Levels, right: Levels) -> Made:
-    """The colour profile that is nearest to what pixels, (n, 3), show."""
-    light, shown = decoded(right / 255), decoded(mine / 255)
+    """The colour profile that is nearest to what pixels, (n, 3), show.
+
+    White stays white, as profiles are adapted to it: each row of the matrix has the sum 1. So what a pixel has beside
+    its green is shown beside its green.
+    """
+    right_light, shown = decoded(right / 255), decoded(mine / 255)
+    green = right_light[:, 1:2]
+    light = (right_light - green)[:, ::2]
     rows = np.arange(len(light))
     for _ in range(_FITTED):
-        matrix = np.linalg.lstsq(light[rows], shown[rows], rcond=None)[0]
-        off = np.abs(light @ matrix - shown).max(axis=1)
+        matrix = np.linalg.lstsq(light[rows], (shown - green)[rows], rcond=None)[0]
+        off = np.abs(light @ matrix + green - shown).max(axis=1)
         rows = np.argsort(off, kind="stable")[: max(len(off) // 2, 3)]
-    return {"colour-profile": {"profile": tuple(matrix.T.ravel().tolist())}}
+    red, blue = matrix
+    return {"colour-profile": {"profile": tuple(np.stack([red, 1 - red - blue, blue], axis=1).ravel().tolist())}}
 
 
 def _tried(square: bool) -> Iterator[Made]:
