@@ -188,12 +188,10 @@ def pack_lights(
 
 def dim_highlights(packed: NDArray[np.void], lights: NDArray[np.void], precision: Precision, brightest: float) -> None:
     """Sets which highlights of lights (m,) are too faint to be seen. packed, brightest: as of pack_lights()."""
-    packed["cone"][:, 2] = -np.inf
-    if shade_dtype(precision).itemsize == 4:
-        # The logarithm of the lobe that makes a highlight of 2^-20 of a byte's level: fainter ones are left out. Not so
-        # in double, which follows the reference's formula throughout.
-        color = finite32(lights["color"])
-        packed["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
+    # The logarithm of the lobe that makes a highlight of this part of a byte's level: fainter ones are left out.
+    level = 2.0**-20 if shade_dtype(precision).itemsize == 4 else 2.0**-40
+    color = finite32(lights["color"])
+    packed["cone"][:, 2] = np.log(level / (255 * np.maximum(color.max(axis=1, initial=0) * brightest, 1)))
 
 
 def lamp_places(lights: NDArray[np.void], middle: Array, exponent: int | None) -> Array:

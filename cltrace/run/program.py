@@ -50,6 +50,7 @@ SOURCES = (
     "shapes/sphere/leaves.cl",
     "shapes/triangle/leaves.cl",
     "find/tree.cl",
+    "turns.cl",
     "lights/shadow_ray.cl",
     "lights/parallel.cl",
     "lights/point.cl",
