@@ -50,10 +50,34 @@ typedef struct {
     MASK within;     /* which pixels are wanted: those of the region */
 } Packet;
 
+/* The colours of a packet in the lights of launches before this one, and those in these and its own lights. first:
+ * index of the packet's first pixel. */
+static Shade3 colors_so_far(const Outputs out, const int first) {
+    shade_t red[W], green[W], blue[W];
+    for (int j = 0; j < W; j++) {
+        const shade4 color = out.so_far[first + (j >> 2) * out.pitch + (j & 3)];
+        red[j] = color.x;
+        green[j] = color.y;
+        blue[j] = color.z;
+    }
+    const Shade3 all = {LOAD_LANES(red), LOAD_LANES(green), LOAD_LANES(blue)};
+    return all;
+}
+
+static void keep_colors(const Shade3 color, const Outputs out, const int first) {
+    shade_t red[W], green[W], blue[W];
+    STORE_LANES(color.x, red);
+    STORE_LANES(color.y, green);
+    STORE_LANES(color.z, blue);
+    for (int j = 0; j < W; j++)
+        out.so_far[first + (j >> 2) * out.pitch + (j & 3)] = (shade4)(red[j], green[j], blue[j], 0);
+}
+
 /* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
 static void write(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, const Work *work,
                   const Outputs out, const int first) {
     const int pitch = out.pitch;
+    if (HAS(WITH_PASSES)) keep_colors(pixels.color, out, first);
     if (HAS(OUT_RGB8)) {
         const shade_t rounding = frame.quantize.x;
         store_rgb8(out.rgb8, first, pitch, byte_of(pixels.color.x, rounding), byte_of(pixels.color.y, rounding),

@@ -81,6 +81,7 @@ typedef struct {
 } Float3;
 #if SHADE_BYTES == 8
 typedef double shade_t;
+typedef double4 shade4;
 typedef double8 shade8;
 typedef LANES(double) SHADE;
 typedef Real3 Shade3;
@@ -89,6 +90,7 @@ typedef Real3 Shade3;
 #define TO_SHADE_INT(x) TO(long, x)
 #else
 typedef float shade_t;
+typedef float4 shade4;
 typedef float8 shade8;
 typedef LANES(float) SHADE;
 typedef Float3 Shade3;

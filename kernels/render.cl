@@ -87,6 +87,8 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     if (is_given_up(scene, packet)) return;
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = within;
+    const int at = place.y * out.pitch + place.x;
+    if (HAS(WITH_PASSES) && scene.started) pixels.color = colors_so_far(out, at);
     Work *work = &known->work;
     if (tile_has_any(scene.lists, packet.tile)) {
         pixels = seen_by(frame, scene, packet, pixels, known);
@@ -98,7 +100,7 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
         }
         COUNT(BACKGROUND, ALL_LANES);
     }
-    write(frame, scene, packet, pixels, work, out, place.y * out.pitch + place.x);
+    write(frame, scene, packet, pixels, work, out, at);
     note_overgrown(scene, packet, pixels);
 }
 

@@ -108,12 +108,13 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, const 
     return color_with_branches(frame, scene, ray, at, own, pixels, work);
 }
 
-/* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`. tile: the packet's place in the
- * picture, in units of TILE x TILE pixels. */
+/* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`, which is what other lights have
+ * made of them, if there were any before. tile: the packet's place in the picture, in units of TILE x TILE pixels. */
 static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
     if (!HAS(WITH_INTERSECTION) || !ANY(hit.id >= 0)) return pixels;
-    const Intersection at = intersection_at(frame, scene, ray, hit);
+    Intersection at = intersection_at(frame, scene, ray, hit);
+    if (HAS(WITH_PASSES) && scene.started) at.ambient = pixels.color;
     if (HAS(WITH_SHADING)) show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
     show_points(frame, at, &pixels);
     return pixels;

@@ -56,9 +56,16 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
+SOFT = "tests/kernels/test_soft_lights.py"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
+    Mutation(
+        "scene.started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
+    ),
+    Mutation(
+        "const SHADE cosine = -DOT(axis, l);", "const SHADE cosine = 1;", "a panel's cosine", f"{SOFT} -k reference"
+    ),
     Mutation("(INT)scene->lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
     Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),

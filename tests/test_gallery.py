@@ -48,6 +48,11 @@ def test_textures_are_what_their_script_writes(name: str, tmp_path: Path, monkey
 _TEXTURES = ROOT / "scenes" / "textures"
 
 
+def test_the_walk_is_drawn_in_soft_light(device: Device) -> None:
+    script = importlib.import_module("studio")
+    _draw(script.walk(300, (120, 80)), device)
+
+
 def test_the_lamp_is_closed_and_drawn(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = importlib.import_module("sculpture")
     monkeypatch.setattr(sys, "argv", ["sculpture.py", str(tmp_path), "--grid", "16"])

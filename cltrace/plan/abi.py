@@ -403,6 +403,19 @@ ARGUMENTS = (
         ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
         needs="WITH_CEILING",
     ),
+    *_values(
+        "Scene",
+        ("started", "int", "whether `so_far` has colours of lights that have been added before"),
+        needs="WITH_PASSES",
+    ),
+    Argument(
+        "so_far",
+        "shade4",
+        "note",
+        group="Outputs",
+        text="rgb: a pixel's colour in the lights so far, not clamped",
+        needs="WITH_PASSES",
+    ),
     # The kernel writes a pixel of more than MOST_RAYS rays. The host writes a number below 0 where it wants no more.
     Argument(
         "last",
@@ -447,6 +460,7 @@ FLAGS = {
     **{f"WITH_{kind.upper()}": f"there is a {kind} light" for kind in LIGHT_KINDS},
     "WITH_SHADOWS": "something may stand between a sphere and a light",
     "WITH_UNSTOPPABLE": "it may be known of triangles that nothing stands between them and a light",
+    "WITH_PASSES": "lights are added to the picture a few at a time, each time by a launch",
     "WITH_SPECULAR": "some sphere shines",
     "WITH_BLACK": "some sphere reflects no light at all",
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",

@@ -46,16 +46,23 @@ class Plan:
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, world: World, view: View, request: Request) -> Plan:
-        """The plan of a view. request: the one that world and view were made for, or the same with other outputs."""
+    def of(cls, world: World, view: View, request: Request, number: int | None = None) -> Plan:
+        """The plan of a view. request: the one that world and view were made for, or the same with other outputs.
+
+        number: of the pass, where there are several, of which the view has some of the world's lights; else None.
+        """
         camera = view.camera
         values = view.values | _means(request) | limits(world.bounces, world.peak, request)
+        flags = features(world, camera, view.inside, request)
+        if number is not None:
+            flags = (flags | {"WITH_PASSES"}) - {"WITH_UNSTOPPABLE"}
+            values |= {"started": int(number > 0)}
         return cls(
             request=request,
             size=camera.resolution,
             region=view.region,
             exponent=view.exponent,
-            features=features(world, camera, view.inside, request),
+            features=flags,
             branches=world.bounces.branches(camera.max_bounces),
             arrays=view.arrays,
             values=values | {"frame": _frame(world, view, request), "size": camera.resolution},

@@ -35,10 +35,10 @@ class World:
 
     shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
-    surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS;
-    bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where no ray does; background:
-    linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0; skipped:
-    what the scene does not need, in words, and how often; seconds: what took how long: "tree".
+    surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
+    whether any light is soft, and so stands for many; bounces: what surfaces do with rays; paths: what rays need that
+    leave surfaces, None where no ray does; background: linear (r, g, b); peak: (3,), brightest() where a ray may become
+    two, else 0; skipped: what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
     shapes: tuple[Shape, ...]
@@ -47,6 +47,7 @@ class World:
     materials: Materials
     textures: Textures
     lights: NDArray[np.void]
+    soft: bool
     bounces: Bounces
     paths: Paths | None
     background: Vector
@@ -108,6 +109,7 @@ class World:
             materials=materials,
             textures=textures,
             lights=lights,
+            soft=scene.lamps is not scene.lights,
             bounces=bounces,
             paths=paths,
             background=scene.background,

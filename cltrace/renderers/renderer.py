@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
@@ -17,12 +18,14 @@ from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
+from cltrace.plan.passes import passes_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor, Frame
+from cltrace.run.light_passes import LightPasses, Made
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, colors_given, share_all_but_camera, with_spheres
 
@@ -256,21 +259,37 @@ class Renderer:
         """Makes view, plan and executor. before, start: what this one is derived from, and when, see _derived()."""
         near = before if before and before.device is self.device else None
         known = before if before and before.plan.request == self.request and (near or not before._made) else None
-        if known and (view := known._view_of(self._world, self.scene.camera)):
+        worlds = passes_of(self._world, self.request)
+        if len(worlds) == 1 and known and (view := known._view_of(self._world, self.scene.camera)):
             self._view, self._made, self._packer = view, known._made, known._packer if near else None
         else:
             packer = known._packer if known and near else None
             if packer is None or not packer.fits(self._world):
                 packer = packer_of(self._world, self.request, self.device, near._packer if near else None)
             self._packer = packer
-            self._view, self._made = packer.view(self._world, self.scene.camera)
-        self.plan = Plan.of(self._world, self._view, self.request)
+            self._view, self._made = packer.view(worlds[0], self.scene.camera)
+        self.plan = Plan.of(self._world, self._view, self.request, 0 if len(worlds) > 1 else None)
         packed = time.perf_counter() - start
-        self._executor = Executor(self.plan, self.device, self.width, near._executor if near else None, self._made)
+        self._executor = self._executor_for(worlds, near)
         if near and near._world is self._world:
             self._executor.know(near._executor)
         seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
+
+    def _executor_for(self, worlds: list[World], near: Renderer | None) -> Executor:
+        """What draws the plan, and after it the passes of the other worlds. near: as in _see(), on the same device."""
+        known = near._executor if near else None
+        if len(worlds) == 1:
+            return Executor(self.plan, self.device, self.width, known, self._made)
+        first, packer, camera, request = self._world, self._packer, self.scene.camera, self.plan.request
+        assert packer is not None
+
+        def later(number: int) -> Made:
+            view, made = packer.view(worlds[number], camera)
+            return Plan.of(first, view, request, number), made
+
+        makers = [partial(later, number) for number in range(1, len(worlds))]
+        return LightPasses((self.plan, self._made), makers, self.device, self.width, known)
 
     def _view_of(self, world: World, camera: AnyCamera) -> View | None:
         """This one's view if it is that of a world and a camera, but for materials; else None."""

@@ -184,6 +184,9 @@ class Executor:
             else cl.Buffer(self._context, write, a.nbytes)
             for n, a in arrays.items()
         }
+        if "WITH_PASSES" in self.plan.features:
+            size = height * width * dtype_of("shade4", precision).itemsize
+            buffers["so_far"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, size)
         return Frame(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
     def draw(
@@ -360,7 +363,8 @@ class Executor:
         proved = self._unstoppable.lights if self._unstoppable else 0
         of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin, "proved": proved}
         # An output that nobody asked for is never written, but must be some buffer.
-        buffers = self.buffers | {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
+        outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
+        buffers = self.buffers | outputs | {name: frame.buffers[name] for name in frame.buffers.keys() - OUTPUTS}
         values = self._values | {
             a.name: self._value(a.type, of_launch[a.name]) for a in self._arguments if a.name in of_launch
         }

@@ -46,7 +46,7 @@ def _studio(at: Place) -> Lights:
     # The lamp shines to the side of across x along, which is towards itself from the scene: so `across` is turned.
     lamp = panel_light(at.middle + at.radius * towards, (0.7, 0.7, 0.7), -across, along)
     rim = sun_light(-at.world(EDGE), (0.35, 0.35, 0.35), angle=10, directions=8)
-    return [sky_light((2.0, 2.0, 2.0), at.axes[1], (1.0, 1.0, 1.0)), lamp, rim]
+    return [sky_light((2.8, 2.8, 2.8), at.axes[1], (1.4, 1.4, 1.4)), lamp, rim]
 
 
 def _flat(at: Place) -> Lights:

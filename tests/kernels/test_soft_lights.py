@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import cltrace
+from cltrace.plan import passes
 from cltrace.scene import Scene
 from cltrace.students.check import check
 from cltrace.students.lit import lighting
@@ -197,3 +198,67 @@ def test_a_picture_without_a_soft_light_s_shadows_is_found_out() -> None:
 def test_lattices_are_nearer_than_random_directions() -> None:
     for n, (lattice, drawn) in table(4096, (16, 64, 256)).items():
         assert lattice < 0.6 * drawn, n
+
+
+@pytest.fixture
+def few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seven lights of a crowd in each pass."""
+    monkeypatch.setattr(passes, "WHOLE", 0)
+    monkeypatch.setattr(passes, "PAIRS", 61 * 7)
+
+
+@pytest.mark.parametrize("precision", ["accurate", "single", "double"])
+def test_no_bit_depends_on_how_many_lights_are_added_at_once(
+    precision: Any, few_at_a_time: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, outputs = crowd(every_kind()), ("rgb8", "color", "depth", "id")
+    renderer = cltrace.Renderer(scene, precision=precision, outputs=outputs)  # type: ignore[arg-type]
+    assert "WITH_PASSES" in renderer.plan.features
+    few = renderer.render()
+    again = renderer.render()
+    monkeypatch.setattr(passes, "WHOLE", 2**24)
+    whole = cltrace.Renderer(scene, precision=precision, outputs=outputs)  # type: ignore[arg-type]
+    assert "WITH_PASSES" not in whole.plan.features
+    image = whole.render()
+    for name in outputs:
+        assert getattr(few, name).tobytes() == getattr(image, name).tobytes() == getattr(again, name).tobytes()
+    kinds = "shadow rays traced", "highlights computed"
+    assert [renderer.work()[kind] for kind in kinds] == [whole.work()[kind] for kind in kinds]
+
+
+@pytest.mark.usefixtures("few_at_a_time")
+def test_passes_draw_parts_updates_and_what_several_devices_share() -> None:
+    scene = crowd(every_kind())
+    renderer = cltrace.Renderer(scene)
+    whole = renderer.render().rgb8.copy()
+    assert (renderer.cropped((17, 9, 50, 41)).render().rgb8 == whole[9:41, 17:50]).all()
+    assert (renderer.rows(16, 48).render().rgb8 == whole[16:48]).all()
+    assert (cltrace.render(scene, device="all").rgb8 == whole).all()
+    assert (cltrace.Renderer(scene, width=4, crop=(17, 9, 50, 41)).render().rgb8 == whole[9:41, 17:50]).all()
+    camera = replace(CAMERA, position=(2, 3, 8))
+    assert (renderer.look(camera).render().rgb8 == cltrace.render(scene.seen_by(camera)).rgb8).all()
+    renderer.update(colors=(0.2, 0.4, 0.6))
+    assert (renderer.render().rgb8 == cltrace.render(renderer.scene).rgb8).all()
+
+
+@pytest.mark.usefixtures("few_at_a_time")
+def test_rows_are_told_once_and_whoever_looks_on_may_stop_it() -> None:
+    scene = crowd(every_kind())
+    told: list[int] = []
+    renderer = cltrace.Renderer(scene)
+    renderer.draw(told.append)
+    assert sum(told) == 64
+    with pytest.raises(KeyboardInterrupt):
+        renderer.draw(_interrupt)
+    assert (renderer.render().rgb8 == cltrace.render(scene).rgb8).all()
+
+
+def _interrupt(rows: int) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.usefixtures("few_at_a_time")
+@pytest.mark.parametrize("how", [{"antialias": True}, {"outputs": ("shadow_rays",)}, {"outputs": ("id",)}])
+def test_what_is_no_sum_over_lights_is_one_pass(how: Any) -> None:
+    assert "WITH_PASSES" not in cltrace.Renderer(crowd(every_kind()), **how).plan.features
+    assert "WITH_PASSES" not in cltrace.Renderer(crowd([cltrace.point_light((1, 9, 3))] * 9)).plan.features

@@ -1,0 +1,31 @@
+"""Draws studio.png: a random walk of 10,000 steps in the light of lights="studio".
+
+python scenes/studio.py [FILE.png]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import cltrace
+
+
+def walk(steps: int = 10_000, resolution: tuple[int, int] = (640, 400)) -> cltrace.Scene:
+    """Balls on the way, blue where it starts and orange where it ends."""
+    x = np.cumsum(np.random.default_rng(0).normal(size=(steps, 3)), axis=0)
+    colors = np.linspace((0.1, 0.4, 1.0), (1.0, 0.6, 0.1), steps)
+    bare = cltrace.Scene.from_spheres(cltrace.Camera(), [], x, 1.5, colors, ks=0.2, background=(1, 1, 1))
+    camera = cltrace.Camera.fit(bare, view=(1, 0.3, 1), resolution=resolution)
+    return bare.seen_by(camera).lit_by("studio")
+
+
+def main() -> None:
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_name("studio.png")
+    cltrace.render(walk(), antialias=True).save(path)
+
+
+if __name__ == "__main__":
+    main()
