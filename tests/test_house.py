@@ -169,6 +169,8 @@ WIDE: dict[tuple[str, str], str] = {
     ("cltrace/scene/camera.py", "__init__"): PUBLIC,
     ("cltrace/scene/camera.py", "fit"): PUBLIC,
     ("cltrace/scene/materials.py", "__init__"): PUBLIC,
+    ("cltrace/scene/meshes.py", "__init__"): PUBLIC,
+    ("cltrace/scene/meshes.py", "of"): PUBLIC,
     ("cltrace/scene/scene.py", "__init__"): PUBLIC,
     ("cltrace/scene/scene.py", "from_spheres"): PUBLIC,
 }

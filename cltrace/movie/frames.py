@@ -12,13 +12,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, colors_given, with_spheres
+from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, with_spheres
 from cltrace.scene.rules import LARGEST, Vector, is_whole, vector
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # What a frame may change of the one before it, beside its camera: the arguments of Renderer.update().
 CHANGES = (
-    *("centers", "radii", "colors", "values", "cmap", "clim", "ka", "kd", "ks", "exponent"),
+    *("centers", "radii", "colors", "values", "cmap", "clim", "norm", "ka", "kd", "ks", "exponent"),
     *("reflectance", "transmittance", "index"),
 )
 # Digits of a frame's number, so that no counting goes on for ever.
@@ -89,9 +89,7 @@ def _after(scene: Scene | None, item: object) -> Scene:
     if unknown:
         raise ValueError(f"must be of camera, {', '.join(CHANGES)}, got {unknown[0]!r}")
     if given:
-        n = len(scene.columns if "centers" not in given else np.atleast_1d(given["centers"]))
-        colors = colors_given(n, **{name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim")})
-        scene = with_spheres(scene, given if colors is None else {**given, "colors": colors})
+        scene = with_spheres(scene, given)
     return scene.seen_by(item["camera"]) if item.get("camera") is not None else scene
 
 

@@ -15,10 +15,10 @@ from cltrace.scene.lights import (
     spot_light,
 )
 from cltrace.scene.maps import uniform_scales
-from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
+from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, colors_given, share_all_but_camera
+from cltrace.scene.scene import Scene, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -27,6 +27,7 @@ __all__ = [
     "ANY",
     "CONE",
     "FOV",
+    "FULL",
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",
@@ -40,6 +41,7 @@ __all__ = [
     "PARALLEL",
     "POINT",
     "POSITIVE",
+    "SIGNED_FULL",
     "SPHERE",
     "SPOT",
     "AnyCamera",
@@ -57,7 +59,6 @@ __all__ = [
     "Vector",
     "ambient_light",
     "check_resolution",
-    "colors_given",
     "extent_faults",
     "inverse_faults",
     "parallel_light",
