@@ -21,6 +21,9 @@ MATTE: dict[str, Any] = {"ka": 0, "kd": 1, "ks": 0}
 CAMERA = cltrace.Camera((0, 3, 9), (0, 0, 0), horizontal_fov=20, resolution=(96, 64))
 
 
+PRECISIONS = ["accurate", *(pytest.param(name, marks=pytest.mark.slow) for name in ("single", "double"))]
+
+
 def floor(y: float = 0.0, size: float = 1e4) -> cltrace.Mesh:
     corners = [(-size, y, -size), (-size, y, size), (size, y, size), (size, y, -size)]
     return cltrace.Mesh(corners, [(0, 1, 2), (0, 2, 3)], material=cltrace.Material((1, 1, 1), ka=0, kd=1, ks=0))
@@ -110,7 +113,7 @@ def test_bytes_are_those_of_the_members() -> None:
     assert whole.shadow_rays.max() > 24
 
 
-@pytest.mark.parametrize("precision", ["accurate", "single", "double"])
+@pytest.mark.parametrize("precision", PRECISIONS)
 def test_the_reference_traces_the_same_members(precision: Any) -> None:
     scene = crowd(every_kind())
     image = cltrace.render(scene, precision=precision, outputs=("rgb8", "id"))
@@ -125,6 +128,7 @@ def test_parts_and_all_devices_have_the_same_bytes() -> None:
     assert (cltrace.render(scene, device="all").rgb8 == whole).all()
 
 
+@pytest.mark.slow
 def test_look_and_update_are_new_pictures() -> None:
     lights = [sky(32)]
     scene = crowd(lights, **MATTE)
@@ -148,6 +152,7 @@ def in_boxes(scene: Scene, k: int) -> np.ndarray:
     return np.asarray(colors.reshape(height, k, width, k, 3).mean(axis=(1, 3)))
 
 
+@pytest.mark.slow
 def test_smooth_edges_average_the_members_shadows() -> None:
     scene = crowd(every_kind())
     truth = in_boxes(scene, 8)
@@ -157,6 +162,7 @@ def test_smooth_edges_average_the_members_shadows() -> None:
     assert np.sqrt(np.mean((plain - truth) ** 2)) > 4 / 255
 
 
+@pytest.mark.slow
 def test_proved_means_hold_under_a_panel() -> None:
     scene = crowd(every_kind()[-1:])
     proved = cltrace.render(scene, antialias="proved", outputs=("color", "error"))
@@ -207,7 +213,7 @@ def few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(passes, "PAIRS", 61 * 7)
 
 
-@pytest.mark.parametrize("precision", ["accurate", "single", "double"])
+@pytest.mark.parametrize("precision", PRECISIONS)
 def test_no_bit_depends_on_how_many_lights_are_added_at_once(
     precision: Any, few_at_a_time: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -226,6 +232,7 @@ def test_no_bit_depends_on_how_many_lights_are_added_at_once(
     assert [renderer.work()[kind] for kind in kinds] == [whole.work()[kind] for kind in kinds]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_at_a_time")
 def test_passes_draw_parts_updates_and_what_several_devices_share() -> None:
     scene = crowd(every_kind())
