@@ -65,12 +65,6 @@ MUTATIONS = [
     Mutation(
         "own - size * h - 0x1p-19f", "own - 0x1p-19f", "spheres that cover a pixel's middle cover it all", SAMPLES
     ),
-    Mutation(
-        "own * (1 - 0x1p-19f) - h - 0x1p-20f",
-        "own",
-        "discs that cover a pixel's middle cover it all",
-        f"-m slow {SAMPLES.replace('exact_rays', 'parallel')}",
-    ),
     Mutation("GRAIN_SCATTER 0.3f", "GRAIN_SCATTER 0.1f", "estimates of fine textures", ESTIMATES),
     Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),

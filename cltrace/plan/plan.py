@@ -21,11 +21,10 @@ from cltrace.plan.world import World
 from cltrace.scene import Scene
 
 # What 95 of 100 means over N rays are off by at most, where a pixel's colours differ by 1, each in the worst of three
-# channels. Rays that know nothing of each other, as on a fine texture, are the worst case; these are the quantiles where
-# their colours are normal (4e4 pixels each), as Student's t would be, if the deviation were measured by the range. With
-# 8 rays it is 0.261. Means over a lattice are better where an edge goes through the pixel: 1.96 of their standard
-# deviations, see LATTICES, are 0.075, 0.041 and 0.026 of the contrast with 16, 32 and 64 rays. Of one ray nothing is
-# known but its colour.
+# channels. Rays that know nothing of each other, as on a fine texture, are the worst case. These are quantiles where
+# their colours are normal: what Student's t would be if the deviation were measured by the range. With 8 rays it is
+# 0.261. Means over a lattice are better where an edge goes through the pixel: 1.96 of their standard deviations, see
+# LATTICES, are 0.075, 0.041 and 0.026 of the contrast with 16, 32 and 64 rays. Of one ray its colour alone is known.
 SCATTER = {1: 0.0, 4: 0.511, 16: 0.152, 32: 0.0931, 64: 0.0585, 256: 0.0247, 1024: 0.0108}
 
 
