@@ -1,47 +1,4 @@
-/* texture.cl: where a point is on a texture, u to the right and v downwards, both 1 at the texture's far edge; and the
- * colour there. */
-#ifdef WITH_UV
-/* atan(r) / (2 pi r) for |r| <= tan(pi / 8), by powers of r^2: a Chebyshev interpolant of (atan(r) - r) / r^3 on that
- * range, behind the 1 of the series. Without rounding of what is computed from them, its relative error is 2^-53 in
- * double and 2^-24 in float. */
-#if REAL_BYTES == 8
-#define TAN_PI_8 0.41421356237309503
-#define TURNS 12
-__constant double turn_parts[TURNS] = {0.15915494309189535,    -0.053051647697298442, 0.031830988618371941,
-                                       -0.022736420440031799,  0.017683882413208576,  -0.014468624007851604,
-                                       0.012242489779883597,   -0.010606899401433589, 0.0093235335684088427,
-                                       -0.0080937446363857617, 0.0062439123434348629, -0.0030520963781140546};
-#else
-#define TAN_PI_8 0.41421357f
-#define TURNS 6
-__constant float turn_parts[TURNS] = {0.15915494f,    -0.0530516468f, 0.0318302587f,
-                                      -0.0227017906f, 0.0170991793f,  -0.0102685625f};
-#endif
-
-/* The angle of the vector (x, y) from the x axis in turns, -1/2 .. 1/2: what atan2(y, x) / (2 pi) is, by operations
- * that are rounded the same everywhere. Of multiples of an eighth turn it is exactly that; of (0, 0) it is 0.
- *
- * It is off by less than 2^-51, or in float 2^-21. With u = 2^-53: the quotient r is off by 3 u r, which is as much of
- * the angle at most; the sum of the series by 2 u for its last steps and what is said above, as its later terms are
- * small; the product by u. That is less than 8 u of an angle of 1/16 turn at most. Each of the three sums that follow
- * adds u/2 of a number up to 1/2. So all of it is below 2 u; in float likewise. */
-static REAL turns_of(const REAL y, const REAL x) {
-    const REAL h = fabs(y), w = fabs(x);
-    const REAL_MASK steep = h > w;
-    const REAL low = steep ? w : h, high = steep ? h : w;
-    const REAL_MASK large = low > high * TAN_PI_8;
-    const REAL over = large ? low + high : high;
-    const REAL r = (large ? low - high : low) / (over > 0 ? over : (REAL)1);
-    const REAL square = r * r;
-    REAL sum = turn_parts[TURNS - 1];
-    for (int k = TURNS - 2; k >= 0; k--) sum = sum * square + turn_parts[k];
-    const REAL octant = r * sum + (large ? (REAL)0.125f : (REAL)0);
-    const REAL quadrant = steep ? (REAL)0.25f - octant : octant;
-    const REAL angle = x < 0 ? (REAL)0.5f - quadrant : quadrant;
-    return y < 0 ? -angle : angle;
-}
-#endif
-
+/* texture.cl: the colour of a texture at a point: u to the right and v downwards, both 1 at its far edge. */
 #ifdef WITH_TEXTURES
 /* The two texels between which a point is, along one side of a texture, and its share of the way from the first. */
 typedef struct {
@@ -63,7 +20,7 @@ static Between between(const REAL c, const INT size) {
 }
 
 /* What is in memory from a texel on: red, green and blue, in 8 or 16 bits each from the lowest, and then something
- * else. */
+ * else. Textures of which SIGNED_FULL is a full colour may go below 0, and have each number larger by as much. */
 typedef LANES(ulong) Texel;
 
 static Texel texels_at(const Scene scene, const INT place) {
@@ -74,14 +31,14 @@ static Texel texels_at(const Scene scene, const INT place) {
     return LOAD_LANES(bytes);
 }
 
-/* Red, green or blue between four texels: the upper two, then the lower two. full: the number of a full colour, whose
- * bits are all set; shift: what is below the wanted number. These numbers are exact, and so are their differences: at a
- * texel the colour is the texel's own, and nowhere is it beyond those of all four. */
-static SHADE blended(const Texel four[4], const Texel shift, const Texel full, const SHADE across, const SHADE down) {
-    const SHADE a = TO_SHADE(four[0] >> shift & full), b = TO_SHADE(four[1] >> shift & full);
-    const SHADE c = TO_SHADE(four[2] >> shift & full), d = TO_SHADE(four[3] >> shift & full);
+/* The number for red, green or blue between four texels: the upper two, then the lower two. bits: all those that a
+ * number may have; shift: what is below the wanted one. These numbers are exact, and so are their differences: at a
+ * texel the number is the texel's own, and nowhere is it beyond those of all four. */
+static SHADE blended(const Texel four[4], const Texel shift, const Texel bits, const SHADE across, const SHADE down) {
+    const SHADE a = TO_SHADE(four[0] >> shift & bits), b = TO_SHADE(four[1] >> shift & bits);
+    const SHADE c = TO_SHADE(four[2] >> shift & bits), d = TO_SHADE(four[3] >> shift & bits);
     const SHADE top = a + across * (b - a), bottom = c + across * (d - c);
-    return (top + down * (bottom - top)) / TO_SHADE(full);
+    return top + down * (bottom - top);
 }
 
 /* Multiplies the colours of points with those of their textures there, if they have one. id: what was hit. */
@@ -104,9 +61,11 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
     const Texel four[4] = {
         texels_at(scene, first + size * (top + u.first)), texels_at(scene, first + size * (top + u.second)),
         texels_at(scene, first + size * (bottom + u.first)), texels_at(scene, first + size * (bottom + u.second))};
-    const Texel limit = TO(ulong, most), green = TO(ulong, most > 255 ? (INT)16 : (INT)8);
-    const Shade3 color = {blended(four, 0, limit, u.share, v.share), blended(four, green, limit, u.share, v.share),
-                          blended(four, 2 * green, limit, u.share, v.share)};
+    const Texel bits = TO(ulong, most > 255 ? (INT)65535 : (INT)255), green = TO(ulong, most > 255 ? (INT)16 : (INT)8);
+    const SHADE white = TO_SHADE(most), none = TO_SHADE(most == SIGNED_FULL ? (INT)1 : (INT)0);
+    const Shade3 color = {blended(four, 0, bits, u.share, v.share) / white - none,
+                          blended(four, green, bits, u.share, v.share) / white - none,
+                          blended(four, 2 * green, bits, u.share, v.share) / white - none};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
     if (HAS(WITH_MARKS)) at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
     PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);
