@@ -56,7 +56,7 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
-ESTIMATES = "-m slow tests/kernels/test_samples.py -k where_edges_are"
+ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [

@@ -142,10 +142,9 @@ static INT contrast_of(const Totals *totals) {
     return contrast;
 }
 
-/* The sums over corners. Returns the pixels in which these are not the mean. doubtful: those of them of which that is
- * known by colours alone, and by what these are made of. */
+/* The sums over corners. Returns the pixels in which these are not the mean. */
 static MASK add_corners(const Scene scene, const Packet packet, const PixelCorners *corners, Outlook *view,
-                        Totals *totals, MASK *doubtful) {
+                        Totals *totals) {
     const int i = (packet.first.x - corners->origin.x) / PACKET_WIDTH,
               j = (packet.first.y - corners->origin.y) / PACKET_HEIGHT;
     const Found *upper = &corners->of[j][i], *lower = &corners->of[j + 1][i];
@@ -177,7 +176,7 @@ static MASK add_corners(const Scene scene, const Packet packet, const PixelCorne
     view->far = far;
     const MASK asked = packet.within & !mixed;
     if (ANY(asked)) mixed = mixed | crowded(scene, packet.tile, *view, asked);
-    *doubtful = packet.within & !mixed & rough;
+    view->doubtful = packet.within & !mixed & rough;
     return packet.within & (mixed | rough);
 }
 
@@ -281,14 +280,15 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
     return doubtful & (contrast_of(totals) > MOST_GRAIN);
 }
 
-/* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns.
- * doubtful: those of which four rays are tried first. */
+/* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
+ * doubtful ones four rays are tried first. */
 static MASK add_samples(const Frame frame, const Scene scene, const Packet packet, const Outlook view, MASK mixed,
-                        const MASK doubtful, Totals *totals, Work *work) {
+                        Totals *totals, Work *work) {
     Frame finer = frame;
     finer.pixel.x /= 1 << scene.lattice.x;
     finer.pixel.y /= 1 << scene.lattice.x;
-    if (ANY(doubtful)) mixed = (mixed & !doubtful) | try_few(&finer, &scene, packet, doubtful, totals, work);
+    if (ANY(view.doubtful))
+        mixed = (mixed & !view.doubtful) | try_few(&finer, &scene, packet, view.doubtful, totals, work);
     if (!ANY(mixed)) return mixed;
     Crowd crowd;
     gather_crowd(scene, packet.tile, view, mixed, &crowd);
@@ -320,8 +320,8 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
                           Pixels *pixels, Work *work) {
     Totals totals = NO_TOTALS;
     Outlook view = outlook_of(frame, scene, packet);
-    MASK doubtful, mixed = add_corners(scene, packet, corners, &view, &totals, &doubtful);
-    if (ANY(mixed)) mixed = add_samples(frame, scene, packet, view, mixed, doubtful, &totals, work);
+    MASK mixed = add_corners(scene, packet, corners, &view, &totals);
+    if (ANY(mixed)) mixed = add_samples(frame, scene, packet, view, mixed, &totals, work);
     const FLOAT over = 1 / TO_FLOAT(totals.count);
     const SHADE share = TO_SHADE(over) * (shade_t)(1.0f / ONE);
     pixels->color.x = TO_SHADE(totals.sum[0]) * share;

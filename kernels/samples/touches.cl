@@ -15,13 +15,15 @@ static Margins margins_of(const Frame frame, const Scene scene) {
 }
 
 /* The middle rays of pixels, and of what these show the surface's number in the scene file, and t at the corners:
- * within near .. far, in the float buffers' unit. */
+ * within near .. far, in the float buffers' unit. doubtful: where colours alone tell that the corners are not enough.
+ */
 typedef struct {
     Ray ray;
     EyeLine line;
     Margins margins;
     INT object;
     FLOAT near, far;
+    MASK doubtful;
 } Outlook;
 
 /* Which of the pixels a sphere may be seen in.
