@@ -16,7 +16,16 @@ from cltrace.scene.lights import (
 )
 from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
-from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
+from cltrace.scene.meshes import (
+    INSTANCES,
+    MAX_MESHES,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
+    Geometry,
+    Mesh,
+    PlacedMesh,
+    place_faults,
+)
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene, colors_given, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
@@ -27,6 +36,7 @@ __all__ = [
     "ANY",
     "CONE",
     "FOV",
+    "INSTANCES",
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",

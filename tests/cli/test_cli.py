@@ -210,6 +210,10 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
         (["{scene}", "--crop", "0,0,482,9"], "crop: must be within 0,0,481,361 and not empty, got 0,0,482,9"),
         (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
+        (
+            ["{scene}", "--instances", "1e6"],
+            "argument --instances: must be a whole number within 0..67108864, got '1e6';",
+        ),
         (["{scene}", "--repeat", "0"], "argument --repeat: must be a whole number >= 1, got '0';"),
         (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
