@@ -33,9 +33,13 @@ from cltrace.scene import (
     Orthographic,
     Scene,
     ambient_light,
+    ball_light,
+    panel_light,
     parallel_light,
     point_light,
+    sky_light,
     spot_light,
+    sun_light,
 )
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Cause, Comparison
@@ -64,6 +68,7 @@ __all__ = [
     "UsageError",
     "ambient_light",
     "animate",
+    "ball_light",
     "colorbar",
     "compare",
     "devices",
@@ -71,10 +76,13 @@ __all__ = [
     "lit",
     "load",
     "orbit",
+    "panel_light",
     "parallel_light",
     "point_light",
     "render",
+    "sky_light",
     "spot_light",
+    "sun_light",
     "trace_rays",
 ]
 

@@ -19,6 +19,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from cltrace.scene import SIGNED_FULL
+
 Precision = Literal["accurate", "single", "double"]
 
 
@@ -45,8 +47,8 @@ STRUCTS = {
         Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
     ),
     "Light": (
-        Field("position", "real4", "point, spot: xyz in camera space; parallel: unit vector towards the light"),
-        Field("axis", "real4", "spot: unit vector along which it points, w: cos(alpha2); parallel: u axis across it"),
+        Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards the light"),
+        Field("axis", "real4", "spot, lambert: unit vector along which it points, w: cos(alpha2); parallel: u axis"),
         Field("across", "real4", "parallel: v axis across it"),
         Field("color", "float4", "rgb, linear; w: its kind, a number of LIGHT_KINDS"),
         Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see phong()"),
@@ -185,7 +187,7 @@ COUNTERS = {
 
 # The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
 # named after it, and a flag WITH_<KIND>. ASK_LIGHT() of the header calls that one of them which a light's kind has.
-LIGHT_KINDS = ("parallel", "point", "spot")
+LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
 class Shape(NamedTuple):
@@ -319,7 +321,7 @@ ARGUMENTS = (
             "int4",
             "x, y: its width and height in texels; z: where in texel it begins; w: the number of a full colour",
         ),
-        ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is 65535, not 255"),
+        ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is not 255"),
         needs="WITH_TEXTURES",
     ),
     *_values(
@@ -429,6 +431,7 @@ CONSTANTS = {
     "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
+    "SIGNED_FULL": SIGNED_FULL,  # a full colour in textures that may go below 0, where each number is larger by as much
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
 }
 

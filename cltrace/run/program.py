@@ -55,6 +55,7 @@ SOURCES = (
     "lights/parallel.cl",
     "lights/point.cl",
     "lights/spot.cl",
+    "lights/lambert.cl",
     "lights/kinds.cl",
     "shapes/sphere/stops.cl",
     "shapes/triangle/stops.cl",

@@ -4,18 +4,30 @@ from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, c
 from cltrace.scene.changes import with_spheres
 from cltrace.scene.lights import (
     AMBIENT,
+    BALL,
+    LAMBERT,
     LIGHT,
     MAX_LIGHTS,
+    PANEL,
     PARALLEL,
     POINT,
+    SKY,
+    SOFT,
     SPOT,
+    SUN,
     ambient_light,
+    ball_light,
+    panel_light,
     parallel_light,
     point_light,
+    sky_light,
+    spans_no_area,
     spot_light,
+    sun_light,
 )
 from cltrace.scene.maps import uniform_scales
-from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
+from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
+from cltrace.scene.members import members_of
 from cltrace.scene.meshes import (
     INSTANCES,
     MAX_MESHES,
@@ -27,16 +39,19 @@ from cltrace.scene.meshes import (
     place_faults,
 )
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, colors_given, share_all_but_camera
+from cltrace.scene.scene import Scene, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
 __all__ = [
     "AMBIENT",
     "ANY",
+    "BALL",
     "CONE",
     "FOV",
+    "FULL",
     "INSTANCES",
+    "LAMBERT",
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",
@@ -47,11 +62,16 @@ __all__ = [
     "MAX_TRIANGLES",
     "MAX_VERTICES",
     "NOT_NEGATIVE",
+    "PANEL",
     "PARALLEL",
     "POINT",
     "POSITIVE",
+    "SIGNED_FULL",
+    "SKY",
+    "SOFT",
     "SPHERE",
     "SPOT",
+    "SUN",
     "AnyCamera",
     "Camera",
     "Geometry",
@@ -66,16 +86,21 @@ __all__ = [
     "Texture",
     "Vector",
     "ambient_light",
+    "ball_light",
     "check_resolution",
-    "colors_given",
     "extent_faults",
     "inverse_faults",
+    "members_of",
+    "panel_light",
     "parallel_light",
     "place_faults",
     "point_light",
     "reaches",
     "share_all_but_camera",
+    "sky_light",
+    "spans_no_area",
     "spot_light",
+    "sun_light",
     "texels",
     "uniform_scales",
     "with_spheres",

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
-from cltrace.scene.colormaps import colors_of
+from cltrace.scene.colormaps import Scale, values_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.lights import check_lights, joined
@@ -31,7 +31,8 @@ from cltrace.scene.materials import (
     linear_texels,
     records,
 )
-from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
+from cltrace.scene.members import lamps_of
+from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import (
     ANY,
     POSITIVE,
@@ -40,6 +41,7 @@ from cltrace.scene.rules import (
     described,
     numbers,
 )
+from cltrace.scene.settings import check_setting, setting
 from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
     SPHERE,
@@ -65,8 +67,8 @@ class Scene:
     it the picture shows, from 0, nothing, to 1; a fourth number of background is the same; output_file: the picture's
     name, without a folder; to_object: (k, 3, 3), the linear maps of the ellipsoids from the world to their own axes, of
     which a sphere's `to_object` is the index; meshes: of PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of
-    uint8 or uint16, of which a material's `texture` is the index. The arrays are copied, but for textures that are
-    read-only and own their memory.
+    uint8 or uint16, or as Mesh makes them of colours int16, of which a material's `texture` is the index. The arrays
+    are copied, but for textures that are read-only and own their memory.
 
     transfer: how the picture's colours become bytes, "linear" or "srgb", see from_spheres(). The colours here are
     linear with either.
@@ -74,8 +76,8 @@ class Scene:
     Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
     mesh knows its number, and the spheres have those that the meshes leave.
 
-    source: the lines of the file that it was read from, a cltrace.scene.Source; None of a scene that is made otherwise,
-    as dataclasses.replace() does.
+    source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
+    colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
 
     Raises ValueError, which names the field and the index, where a value is not allowed, and TypeError where an
     argument is something else altogether.
@@ -93,6 +95,7 @@ class Scene:
     background_alpha: float
     transfer: Transfer
     source: Source | None = field(default=None, init=False)
+    scale: Scale | None = field(default=None, init=False)
 
     def __init__(
         self,
@@ -128,7 +131,7 @@ class Scene:
         if not isinstance(state["output_file"], str):
             raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
         check_lights(state["lights"])
-        self.__setstate__(state | {"source": None})
+        self.__setstate__({"scale": None} | state | {"source": None})
 
     def seen_by(self, camera: AnyCamera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -146,6 +149,34 @@ class Scene:
         color, alpha = background_of(background, 1.0, self.transfer)
         return self._with(background=color, background_alpha=alpha)
 
+    def lit_by(self, lights: Lights | str) -> Scene:
+        """The same scene in other lights, those of a list or of a setting: see from_spheres(). It shares the arrays.
+
+        Raises what from_spheres() raises.
+        """
+        if isinstance(lights, str):
+            check_setting(lights)
+            lights = setting(lights, self)
+        found = joined(lights)
+        check_lights(found)
+        other = self._with(lights=found, source=None)
+        other.__dict__.pop("_lamps", None)
+        return other
+
+    @property
+    def lamps(self) -> NDArray[np.void]:
+        """(m,): the lights, each soft one as its members."""
+        return self._lamps[0]
+
+    @property
+    def lamp_of(self) -> NDArray[np.intp]:
+        """(m,): the index in `lights` of the light that each of `lamps` is or belongs to."""
+        return self._lamps[1]
+
+    @functools.cached_property
+    def _lamps(self) -> tuple[NDArray[np.void], NDArray[np.intp]]:
+        return lamps_of(self.lights)
+
     def read_from(self, source: Source) -> Scene:
         """The same scene, which knows the file that it was read from. It shares the arrays."""
         return self._with(source=source)
@@ -155,10 +186,16 @@ class Scene:
         other.__setstate__({**self.__dict__, **changes})
         return other
 
-    def with_columns(self, columns: Columns, meshes: tuple[PlacedMesh, ...]) -> Scene:
-        """The same scene with other spheres, materials and meshes, which are taken as they are."""
+    def with_columns(self, columns: Columns, meshes: tuple[PlacedMesh, ...], scale: Scale | None = None) -> Scene:
+        """The same scene with other spheres, materials and meshes, which are taken as they are. scale: None for its."""
         other = object.__new__(type(self))
-        state = {**self.__getstate__(), "columns": columns, "meshes": meshes, "source": None}
+        state = {
+            **self.__getstate__(),
+            "columns": columns,
+            "meshes": meshes,
+            "source": None,
+            "scale": scale or self.scale,
+        }
         other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
         return other
 
@@ -209,7 +246,7 @@ class Scene:
     def from_spheres(
         cls,
         camera: AnyCamera,
-        lights: Lights,
+        lights: Lights | str,
         centers: ArrayLike,
         radii: ArrayLike,
         colors: ArrayLike | None = None,
@@ -217,6 +254,7 @@ class Scene:
         values: ArrayLike | None = None,
         cmap: Any = None,
         clim: ArrayLike | None = None,
+        norm: Any = None,
         ka: ArrayLike | None = None,
         kd: ArrayLike = 0.8,
         ks: ArrayLike = 0.5,
@@ -232,16 +270,19 @@ class Scene:
     ) -> Scene:
         """A scene of plain arrays.
 
-        camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
+        camera: a Camera; lights: a list of what ambient_light(), point_light(), sky_light() and the like return, or a
+        setting by its name: "studio", "sky", "rim" or "flat", which is placed about the surfaces as the camera sees
+        them; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
         colour, linear, 1 = full, white if there are none; background, output_file: see Scene. A colour may be a text:
         a name of CSS or #rrggbb, whose bytes are divided by 255, and colors may be a list of such. The background may
         have a fourth number, its alpha: with (r, g, b, 0) or "#rrggbb00" it is transparent.
 
         values: (n,) numbers that are shown as colours, instead of colors; cmap: the colour map, by its name in
         matplotlib, viridis if it is None, or a callable, or an array of colours; clim: (low, high), the values at its
-        two ends, which values beyond have, too; the least and the largest value if it is None. See
-        cltrace.scene.colormaps.map_of, and cltrace.colorbar for the bar beside the picture.
+        two ends, which values beyond have, too; the least and the largest value if it is None; norm: a function of the
+        values, such as numpy.log, or a norm of matplotlib, such as LogNorm(). See Scale.of and map_of in
+        cltrace.scene.colormaps, and cltrace.colorbar for the bar beside the picture. The scene remembers all three for
+        values that come later, as of Renderer.update().
 
         ka, kd, ks: how strongly a surface shows ambient light, diffuse light and highlights; exponent: the larger, the
         smaller the highlight; each (n,) or one number >= 0. Without ka it is kd: ambient light stands for light that
@@ -267,11 +308,11 @@ class Scene:
         a map's name needs a package that is not there.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
-        lights = joined(lights)
+        lights = _joined(lights)
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
-        shown = colors_given(n, colors, values=values, cmap=cmap, clim=clim)
+        shown, scale = colors_given(n, colors, values=values, cmap=cmap, clim=clim, norm=norm)
         given = {"color": (1.0, 1.0, 1.0) if shown is None else shown, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
@@ -282,14 +323,14 @@ class Scene:
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
-        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps}
+        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps, "scale": scale}
         return cls._made(known, found, shapes, background, transfer)
 
     @classmethod
     def from_meshes(
         cls,
         camera: AnyCamera,
-        lights: Lights,
+        lights: Lights | str,
         meshes: Iterable[Mesh] | Mesh,
         *,
         background: ArrayLike = (0.0, 0.0, 0.0),
@@ -298,8 +339,7 @@ class Scene:
     ) -> Scene:
         """A scene of meshes; with spheres, too, from_spheres makes it.
 
-        camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; meshes: a cltrace.Mesh or several; background, output_file: see Scene; transfer: see
+        camera: a Camera; meshes: a cltrace.Mesh or several; background, output_file: see Scene; lights, transfer: see
         from_spheres().
 
         Raises ValueError and TypeError, which name the argument and the index.
@@ -307,7 +347,7 @@ class Scene:
         _check_camera(camera, "camera, lights, meshes")
         none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
         shapes, maps = mesh_list(meshes), np.empty((0, 3, 3))
-        given = {"camera": camera, "lights": joined(lights), "output_file": output_file, "to_object": maps}
+        given = {"camera": camera, "lights": _joined(lights), "output_file": output_file, "to_object": maps}
         return cls._made(given, none, shapes, background, transfer)
 
     @classmethod
@@ -316,10 +356,12 @@ class Scene:
     ) -> Scene:
         """A scene of spheres and their materials, and of meshes after them with theirs.
 
-        given: other fields, as they are; transfer: how the colours of materials, textures and background are given.
+        given: other fields, as they are, lights by the name of a setting, too; transfer: how the colours of materials,
+        textures and background are given.
         """
         check_transfer(transfer)
-        kinds = {id(mesh.material): mesh.material for mesh in meshes}
+        shown = materials_shown(meshes, transfer)
+        kinds = {id(material): material for material in shown}
         place = {key: columns.count + i for i, key in enumerate(kinds)}
         more, textures = records(kinds.values())
         check_texels(textures)
@@ -327,36 +369,51 @@ class Scene:
         shade = {**columns.shade, "color": decoded(columns.shade["color"], transfer)}
         images = tuple(linear_texels(image, transfer) for image in textures)
         n = len(columns)
-        placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
+        placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
         state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
-        scene._fill(state)
-        return scene
+        named = isinstance(given["lights"], str)
+        scene._fill(state | {"lights": joined(())} if named else state)
+        return scene.lit_by(given["lights"]) if named else scene
 
 
 def share_all_but_camera(old: Scene, new: Scene) -> bool:
     """Whether two scenes share all but the camera."""
-    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "spheres", "materials"}
+    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "scale", "spheres", "materials"}
     return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
 
 
 def colors_given(
-    n: int, colors: ArrayLike | None, values: ArrayLike | None, cmap: Any, clim: ArrayLike | None
-) -> ArrayLike | None:
-    """The colours of n spheres that have either colors or values, None if neither. Raises ValueError."""
+    n: int, colors: ArrayLike | None, before: Scale | None = None, **shown: Any
+) -> tuple[ArrayLike | None, Scale | None]:
+    """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
+
+    before: how earlier values did, which later ones do, too, but for what is given; shown: values, cmap, clim, norm.
+    Raises ValueError.
+    """
+    values = shown.pop("values", None)
     if values is None:
-        for name, given in (("cmap", cmap), ("clim", clim)):
+        for name, given in shown.items():
             if given is not None:
                 raise ValueError(f"{name}: goes with values, which are not given")
-        return colors
+        return colors, before
     if colors is not None:
         raise ValueError("values: must not be given together with colors")
-    found = colors_of(values, cmap, clim)
-    if len(found) != n:
-        raise ValueError(f"values: must have shape {(n,)}, got {(len(found),)}")
-    return found
+    array = values_given(values)
+    if len(array) != n:
+        raise ValueError(f"values: must have shape {(n,)}, got {array.shape}")
+    scale = Scale.of(array, before=before, **shown)
+    return scale.colors(array), scale
+
+
+def _joined(lights: Lights | str) -> NDArray[np.void] | str:
+    """One array of lights, or the name of a setting, which is one."""
+    if not isinstance(lights, str):
+        return joined(lights)
+    check_setting(lights)
+    return lights
 
 
 def _check_camera(camera: object, order: str = "") -> None:
