@@ -81,6 +81,13 @@ def test_the_installed_command_is_the_same() -> None:
     assert done.stdout.startswith("cltrace ")
 
 
+def test_meshes_named_again_are_refused_before_anything_is_made(tmp_path: Path) -> None:
+    done = call(FIRST.parent / "step4-meshes.xml", "--instances", 11, cwd=tmp_path)
+    assert done.returncode == 2
+    assert b"surfaces: must have at most 11 triangles of files that are named again; --instances allows" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     whole = pixels(call(FIRST, "-o", "-", "-q", cwd=tmp_path).stdout)
     crop = pixels(call(FIRST, "-o", "-", "-q", "--crop", "100,200,140,230", cwd=tmp_path).stdout)
