@@ -11,7 +11,7 @@ from typing import Literal, TypeVar
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 from cltrace.process.console import positive
-from cltrace.scene import check_resolution
+from cltrace.scene import MAX_TRIANGLES, check_resolution
 
 Name = TypeVar("Name", bound=str)
 
@@ -79,6 +79,13 @@ def _some_of(names: Collection[Name], text: str) -> list[Name]:
         if name not in names:
             raise ArgumentTypeError(f"must be of {', '.join(names)}, got {name!r}")
     return [name for name in names if name in named]
+
+
+def triangles(text: str) -> int:
+    """N of --instances."""
+    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) > MAX_TRIANGLES:
+        raise ArgumentTypeError(f"must be a whole number within 0..{MAX_TRIANGLES}, got {text!r}")
+    return int(text)
 
 
 def repeats(text: str) -> int:

@@ -47,12 +47,16 @@ NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """Which scene, and what of it is other than its file says. size: (width, height) in pixels, None for the file's."""
+    """Which scene, and what of it is other than its file says.
+
+    size: (width, height) in pixels, None for the file's; instances: as of read() in cltrace/formats/xml_reader.py.
+    """
 
     path: str
     size: tuple[int, int] | None
     square_pixels: bool
     transparent: bool
+    instances: int
 
 
 @dataclass(frozen=True)
@@ -294,7 +298,7 @@ class _Given:
 
     def _refuse_others(self, option: str, taken: set[str]) -> None:
         """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
-        own = {"scenes", "watch", "quiet", "verbose", option.removeprefix("--")} | taken
+        own = {"scenes", "watch", "quiet", "verbose", "instances", option.removeprefix("--")} | taken
         if other := self._first(name for name in vars(self._args) if name not in own):
             raise UsageError(f"{option} takes no {other}")
 

@@ -18,6 +18,7 @@ from cltrace.picture.image import SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
 from cltrace.plan.request import LATTICES, PRECISIONS
 from cltrace.process.console import Parser, positive
+from cltrace.scene import INSTANCES
 
 LIT = "lit"  # what --show has beside an image's outputs
 
@@ -94,6 +95,13 @@ def _picture(group: Group) -> None:
         help="axes of normal and direction: world or camera (default: world)",
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
+    group.rare(
+        "--instances",
+        type=arguments.triangles,
+        default=INSTANCES,
+        metavar="N",
+        help=f"triangles of meshes named again (default: up to {INSTANCES})",
+    )
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     group.usual(
         "--antialias",
