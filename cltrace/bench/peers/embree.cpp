@@ -269,7 +269,7 @@ template <int N> struct Tracer {
                 l = l * (1.f / far);
             }
             if (light.kind == SPOT) strength = cone(light, l);
-            if (light.kind == LAMBERT) strength = (F{} - 1) * dot(l, all<F>(light.axis));
+            if (light.kind == LAMBERT) strength = most((F{} - 1) * dot(l, all<F>(light.axis)), F{});
             F cosine = dot(hit.normal, l);
             I lit = hit.there & (cosine > 0) & (strength > 0);
             if (!any(lit)) continue;
