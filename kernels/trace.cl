@@ -108,8 +108,8 @@ static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, const 
     return color_with_branches(frame, scene, ray, at, own, pixels, work);
 }
 
-/* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`, which is what other lights have
- * made of them, if there were any before. tile: the packet's place in the picture, in units of TILE x TILE pixels. */
+/* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`, which other lights may have made.
+ * tile: the packet's place in the picture, in units of TILE x TILE pixels. */
 static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
     if (!HAS(WITH_INTERSECTION) || !ANY(hit.id >= 0)) return pixels;

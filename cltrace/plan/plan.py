@@ -59,7 +59,6 @@ class Plan:
         flags = features(world, camera, view.inside, request)
         if number is not None:
             flags = (flags | {"WITH_PASSES"}) - {"WITH_UNSTOPPABLE"}
-            values |= {"started": int(number > 0)}
         return cls(
             request=request,
             size=camera.resolution,
@@ -68,7 +67,8 @@ class Plan:
             features=flags,
             branches=world.bounces.branches(camera.max_bounces),
             arrays=view.arrays,
-            values=values | {"frame": _frame(world, view, request), "size": camera.resolution},
+            values=values
+            | {"frame": _frame(world, view, request), "size": camera.resolution, "started": int(bool(number))},
             skipped=view.skipped,
             seconds=view.seconds,
         )
