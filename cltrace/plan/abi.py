@@ -216,6 +216,13 @@ TRAITS = {
 SHAPES = (
     Shape("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
     Shape(
+        "cylinder",
+        "WITH_CYLINDERS",
+        first="((spheres)->first_rod)",
+        leaf="0",
+        traits=("ROUND", "FETCHED", "LATE", "PLACED"),
+    ),
+    Shape(
         "triangle",
         "WITH_TRIANGLES",
         first="((spheres).first)",
@@ -339,6 +346,30 @@ ARGUMENTS = (
         ("block", "Block", "its leaves of spheres"),
         needs="WITH_BOUNCES",
     ),
+    *_buffers(
+        "Scene",
+        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
+        needs="WITH_PLACED",
+    ),
+    *_values(
+        "Spheres", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"
+    ),
+    *_buffers(
+        "Spheres",
+        (
+            "rod",
+            "real4",
+            "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. In "
+            "single the start is from the scene's middle, and the second one is its axis, of length 1, w: how long it is",
+        ),
+        needs="WITH_CYLINDERS",
+    ),
+    *_values("Scene", ("rods", "int", "how many cylinders there are"), needs="WITH_CYLINDERS"),
+    *_buffers(
+        "Scene",
+        ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
+        needs="WITH_CYLINDERS",
+    ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
     *_values("Spheres", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
@@ -366,7 +397,6 @@ ARGUMENTS = (
         "Scene",
         ("facet", "float4", "three for each triangle, as the eye sees it: see sides_of()"),
         ("light_facet", "float4", "for each light in turn, the same for all triangles as the light sees them"),
-        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
         ("number_of", "int", "a triangle's number within its mesh"),
         ("mesh", "Mesh", "what the triangles of a mesh have in common"),
         ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
@@ -452,7 +482,8 @@ FLAGS = {
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
     "WITH_BLOCKS": "a cache holds few of the lights' lists: rays to lights start in blocks of the picture",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
-    "WITH_SHAPES": "there are ellipsoids or triangles",
+    "WITH_SHAPES": "there is more than spheres",
+    "WITH_PLACED": "some shape is decided in the world",
     "WITH_LEAVING": "some rays are decided that may start anywhere: those from surfaces, and all that meet ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",
@@ -461,6 +492,7 @@ FLAGS = {
     "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     "WITH_SPHERES": "there are spheres, or no surfaces at all",
+    "WITH_CYLINDERS": "there are cylinders",
     "WITH_TRIANGLES": "there are meshes",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",

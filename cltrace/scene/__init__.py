@@ -2,6 +2,7 @@
 
 from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
+from cltrace.scene.cylinders import CYLINDER, MAX_CYLINDERS, Bonds, axes, box_corners, box_edges
 from cltrace.scene.lights import (
     AMBIENT,
     LIGHT,
@@ -18,7 +19,7 @@ from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, colors_given, share_all_but_camera
+from cltrace.scene.scene import OTHERS, Scene, colors_given, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -26,10 +27,12 @@ __all__ = [
     "AMBIENT",
     "ANY",
     "CONE",
+    "CYLINDER",
     "FOV",
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",
+    "MAX_CYLINDERS",
     "MAX_LIGHTS",
     "MAX_MESHES",
     "MAX_SPHERES",
@@ -37,12 +40,14 @@ __all__ = [
     "MAX_TRIANGLES",
     "MAX_VERTICES",
     "NOT_NEGATIVE",
+    "OTHERS",
     "PARALLEL",
     "POINT",
     "POSITIVE",
     "SPHERE",
     "SPOT",
     "AnyCamera",
+    "Bonds",
     "Camera",
     "Geometry",
     "Material",
@@ -56,6 +61,9 @@ __all__ = [
     "Texture",
     "Vector",
     "ambient_light",
+    "axes",
+    "box_corners",
+    "box_edges",
     "check_resolution",
     "colors_given",
     "extent_faults",
