@@ -195,7 +195,7 @@ class Cylinder(Surface):
     start, end: in the world; axis: from one to the other, rounded; seen_start, seen_end: in camera space.
     """
 
-    shape = "cylinder"
+    shape = kind = "cylinder"
 
     def __init__(self, of: np.void, setting: Setting, material: Material) -> None:
         self.start, self.end = Point(*of["start"].tolist()), Point(*of["end"].tolist())
