@@ -271,12 +271,24 @@ READING: dict[str, Callable[[etree._Element], None]] = {
     "no-spheres": _each("sphere", _gone),
 }
 
+# Light of sRGB's primaries, as a screen of Display P3's shows it (the product of both standards' matrices).
+_P3 = ((0.8225, 0.1775, 0.0), (0.0332, 0.9669, 0.0), (0.0171, 0.0724, 0.9108))
+
+
+def _on_another_screen(picture: Bytes) -> Bytes:
+    c = picture / 255
+    light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ np.array(_P3).T
+    c = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.floor(255 * np.clip(c, 0, 1) + 0.5).astype(np.uint8)
+
+
 PICTURE: dict[str, Callable[[Bytes], Bytes]] = {
     "upside-down": lambda p: p[::-1],
     "mirrored": lambda p: p[:, ::-1],
     "swapped-channels": lambda p: p[..., ::-1],
     "grey": lambda p: np.repeat((p @ (0.299, 0.587, 0.114))[..., None], 3, axis=2).astype(np.uint8),
     "black": np.zeros_like,
+    "colour-profile": _on_another_screen,
     "one-colour": lambda p: np.full_like(p, 128),
     "inverted": lambda p: 255 - p,
     "cut-off": lambda p: np.where(np.arange(len(p))[:, None, None] < 0.6 * len(p), p, 0).astype(np.uint8),

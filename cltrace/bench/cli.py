@@ -6,7 +6,6 @@ import argparse
 import datetime
 import importlib.util
 import math
-import os
 import sys
 import tempfile
 import time
@@ -28,8 +27,9 @@ from cltrace.run.devices import Device, choose, devices
 
 from . import report
 from .measure import Budget, Row, configurations, measure
+from .peers import installed
 from .scenes import GIVEN, Case, Size, few, generated, growing
-from .tracers import Baseline, Embree, Product, Tracer, peers
+from .tracers import Product, Tracer
 
 SIZE, QUICK_SIZE = (960, 540), (320, 180)
 FULL, QUICK = Budget(), Budget(rounds=3, seconds=1, sample=100)
@@ -53,7 +53,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("-o", "--output", default="bench-results", metavar="FOLDER",
                    help="where results.json, table.md and the plots go (default: %(default)s)")  # fmt: skip
     p.add_argument("--no-plots", action="store_true", help="tables and results.json only; needs no matplotlib")
-    p.add_argument("--embree", metavar="PATH", help="the program of the Embree peer (default: embree_spheres on PATH)")
     p.add_argument("--quick", action="store_true", help="three small scenes, in less than half a minute")
     p.add_argument(
         "--stress", action="store_true", help="the stress catalogue instead: required and found, case by case"
@@ -138,25 +137,17 @@ class Bench:
         budget = replace(self.budget, errors=False)
         if math.isfinite(budget.seconds):  # else so many rounds were asked for
             budget = replace(budget, rounds=3, seconds=3)
-        few_tracers = [t for t in tracers if _grows(t)]
+        few_tracers = [t for t in tracers if t.grows]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
             measure(case, few_tracers, None, budget, self.rows, progress.say)
         progress.clear()
 
 
-def _grows(tracer: Tracer) -> bool:
-    """Whether the growth of a tracer's time is measured: of all that are a point of view of their own."""
-    if isinstance(tracer, Product):
-        default = default_precision(tracer.on)
-        return tracer.precision == default and tracer.variant in ("", "no lists")
-    return isinstance(tracer, (Baseline, Embree))
-
-
 def _run(args: argparse.Namespace) -> int:
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    if args.stress and (args.scenes or args.size or args.precision or args.rounds or args.embree):
+    if args.stress and (args.scenes or args.size or args.precision or args.rounds):
         raise UsageError("--stress has scenes of its own, and measures no times")
     chosen = list({d.spec: d for d in map(choose, args.device or [None])}.values())
     if args.stress:
@@ -165,8 +156,6 @@ def _run(args: argparse.Namespace) -> int:
         return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.chosen(args.quick))))
     if not args.no_plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
-    if args.embree and not os.access(args.embree, os.X_OK):
-        raise UsageError(f"--embree: cannot be run: {args.embree!r}")
     folder = _folder(args.output)
 
     size = args.size or (QUICK_SIZE if args.quick else SIZE)
@@ -192,7 +181,10 @@ def _run(args: argparse.Namespace) -> int:
     finished = False
     try:
         with tempfile.TemporaryDirectory() as scratch:
-            bench.run(peers(args.embree, Path(scratch)), progress)
+            peers, missing = installed(Path(scratch))
+            for reason in missing:
+                tell(f"cltrace-bench: without {reason}")
+            bench.run(peers, progress)
         finished = True
     finally:
         # What was measured is kept, whatever ended it.

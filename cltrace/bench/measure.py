@@ -17,8 +17,9 @@ from cltrace.scene import Scene
 from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
 
 from .errors import Errors, bytes_apart, compare
+from .peers import PeerError
 from .scenes import Case
-from .tracers import ACCELERATION, SKIPS, Baseline, PeerError, Product, Tracer
+from .tracers import ACCELERATION, SKIPS, Baseline, Product, Tracer
 from .truth import Answer, answer, can_thin
 
 # Short frames are repeated until a measurement takes about this long, in seconds.

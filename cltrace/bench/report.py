@@ -119,28 +119,30 @@ def complete(rows: Sequence[Row], group: Sequence[Row]) -> bool:
 
 
 def summary(rows: Sequence[Row], about: dict[str, Any]) -> str:
-    """The table of the README, in Markdown: for each tracer time and error in each class, and its worst errors."""
+    """The table of docs/benchmark.md, in Markdown: time and error of each tracer by class, and its worst errors."""
     rows = [row for row in rows if row.kernel and not row.variant and row.case.group in GROUPS]
     groups = by_group(rows)
-    head = ["", *groups, "wrong spheres", "distance off by", "false shadows, leaks"]
-    lines = []
     devices = list(dict.fromkeys(row.device for row in rows if row.device))
+    columns = [["", *groups, "wrong surfaces", "distance off by", "false shadows, leaks"]]
     for (label, device), mine in tracers_of(rows).items():
-        line = [f"{label}, {device}" if len(devices) > 1 and device else label]
+        column = [f"{label}, {device}" if len(devices) > 1 and device else label]
         for group in groups.values():
             here = [row for row in mine if row in group]
             ok = here and complete(here, group)
-            line.append(f"{number(1e3 * mean_time(here))} ms, {percent(worst_share(here))}" if ok else "")
-        known = [row.errors for row in mine if row.errors]
-        ulp = worst(mine, "t_ulp")
-        line += (
-            [f"{sum(e.wrong_ids for e in known):,}", f"{number(ulp)} ulp",
-             f"{sum(e.false_shadows for e in known):,}, {sum(e.leaks for e in known):,}"]
-            if known else [""] * 3
-        )  # fmt: skip
-        lines.append(line)
-    out = ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *lines)]
+            column.append(f"{number(1e3 * mean_time(here))} ms, {percent(worst_share(here))}" if ok else "")
+        columns.append(column + _worst_errors(mine))
+    lines = list(zip(*columns, strict=True))
+    out = ["| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(columns), *lines[1:])]
     return "\n".join([*out, "", machine_line(about)]) + "\n"
+
+
+def _worst_errors(rows: Sequence[Row]) -> list[str]:
+    """Of one tracer, in all scenes: wrong surfaces, the largest error of a distance, false shadows and leaks."""
+    known = [row.errors for row in rows if row.errors]
+    if not known:
+        return [""] * 3
+    shadows, leaks = (sum(getattr(e, name) for e in known) for name in ("false_shadows", "leaks"))
+    return [f"{sum(e.wrong_ids for e in known):,}", f"{number(worst(rows, 't_ulp'))} ulp", f"{shadows:,}, {leaks:,}"]
 
 
 def machine_line(about: dict[str, Any]) -> str:

@@ -1,32 +1,21 @@
-"""What is measured: cltrace in each precision with and without what it skips, the textbook's tracer, and the peers."""
+"""What is measured: cltrace in each precision with and without what it skips, and the textbook's tracer."""
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import re
-import shutil
-import struct
-import subprocess
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Picture
 
-from cltrace.base.arrays import processors
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import KEEPS, Keep
-from cltrace.renderers.renderer import Renderer
+from cltrace.renderers.renderer import Renderer, default_precision
 from cltrace.run.devices import Device
-from cltrace.scene import AMBIENT, POINT, Scene
+from cltrace.scene import AMBIENT, Scene
 
 from .textbook import Textbook
 from .truth import Answer, lamps
@@ -37,8 +26,6 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
-
-PEER_SECONDS = 120
 
 
 @dataclass(frozen=True)
@@ -57,11 +44,15 @@ class Run:
 
 
 class Tracer(ABC):
-    """Something that draws scenes. Tables and plots call it by name, variant and device."""
+    """Something that draws scenes. Tables and plots call it by name, variant and device.
+
+    grows: whether the growth of its time with the scene is measured, as of all that are a point of view of their own.
+    """
 
     name: str
     variant: str = ""
     device: str = ""
+    grows: bool = False
 
     def refuses(self, scene: Scene) -> str:
         """Why this scene is not measured; empty if it is."""
@@ -83,6 +74,7 @@ class Product(Tracer):
         self.on, self.precision, self.keep = device, precision, keep
         self.name, self.variant, self.device = precision, variant, device.label
         self.mode = (device.spec, precision)
+        self.grows = precision == default_precision(device) and variant in ("", "no lists")
 
     def refuses(self, scene: Scene) -> str:
         return too_much(scene) if ACCELERATION in self.keep else ""
@@ -115,6 +107,7 @@ class Baseline(Tracer):
     """The textbook's tracer on a device."""
 
     name = "textbook"
+    grows = True
 
     def __init__(self, device: Device) -> None:
         self._device, self.device = device, device.label
@@ -171,186 +164,3 @@ def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
         color=np.asarray(image.color).reshape(-1, 3),
         rgb8=image.rgb8.reshape(-1, 3),
     )
-
-
-# ------------------------------------------------------------------------------------------------------------- peers
-
-
-def _one_light(scene: Scene) -> str:
-    """Why a scene cannot be handed to the peers; empty if it can. Embree's program knows one kind of scene."""
-    lights = _shining(scene)
-    used = scene.materials[np.unique(scene.spheres["material"])]
-    if len(lights) != 1 or lights["kind"][0] != POINT or (lights["color"] != 1).any():
-        return "not one white point light"
-    if not len(used) or any((used[name] != used[name][0]).any() for name in ("ka", "kd", "ks", "exponent")):
-        return "materials that differ"
-    if used["exponent"][0] != 50 or (used["ka"][0] > 0 and (_ambient(scene) != 1).any()):
-        return "another exponent than 50, or another ambient light than 1"
-    return ""
-
-
-def _shining(scene: Scene) -> NDArray[np.void]:
-    """The lights that are neither ambient nor black."""
-    lights: NDArray[np.void] = scene.lights[(scene.lights["kind"] != AMBIENT) & scene.lights["color"].any(axis=1)]
-    return lights
-
-
-def _ambient(scene: Scene) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
-    return total
-
-
-def _seen_from_the_eye(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 3) in camera space: what a careful user of a float32 tracer hands over."""
-    moved: NDArray[np.float64] = (points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T
-    return moved
-
-
-class _Peer(Tracer):
-    """A program that reads a scene from a file, which is written once for each scene."""
-
-    def __init__(self, program: str, folder: Path) -> None:
-        self._program, self._folder = program, folder
-        self._scene: Scene | None = None
-
-    def refuses(self, scene: Scene) -> str:
-        return too_rich(scene) or _one_light(scene)
-
-    def _file(self, scene: Scene, suffix: str) -> Path:
-        path = self._folder / f"scene{suffix}"
-        if self._scene is not scene:
-            self._scene = None
-            self._write(scene, path)
-            self._scene = scene
-        return path
-
-    @abstractmethod
-    def _write(self, scene: Scene, path: Path) -> None: ...
-
-
-class Embree(_Peer):
-    """Embree's spheres in float32, as packets of 16 or as single rays, whichever is faster.
-
-    The program is called with a scene as _write() makes it, a number of frames, and a file for the picture's bytes. It
-    prints {"best_ms": milliseconds of the best frame, "build_ms": of building the tree}. whole: both together.
-    """
-
-    name = "Embree"
-
-    def run(self, scene: Scene, frames: int) -> Run:
-        path, out = self._file(scene, ".bin"), self._folder / "embree.rgb"
-        done = _call([self._program, str(path), str(frames), str(out)])
-        width, height = scene.camera.resolution
-        with _understood(self._program):
-            report = json.loads(done.stdout)
-            best, build = _seconds(report["best_ms"]) / 1e3, _seconds(report["build_ms"]) / 1e3
-            rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
-        return Run([best], best + build, rgb8)
-
-    def _write(self, scene: Scene, path: Path) -> None:
-        """Size, count, image plane, light, background, ka, kd, ks; (x, y, z, r) of all spheres; (r, g, b, 1)."""
-        width, height = scene.camera.resolution
-        spheres, material = scene.spheres, scene.materials[scene.spheres["material"]]
-        head = (
-            *scene.camera.image_plane(),
-            *_seen_from_the_eye(scene, _shining(scene)["position"])[0],
-            *scene.background,
-            *(material[name][0] for name in ("ka", "kd", "ks")),
-        )
-        centers = _seen_from_the_eye(scene, spheres["center"])
-        colors = np.column_stack([material["color"], np.ones(len(spheres))])
-        with path.open("wb") as file:
-            file.write(struct.pack("<3i11f", width, height, len(spheres), *head))
-            file.write(np.column_stack([centers, spheres["radius"]]).astype("<f4").tobytes())
-            file.write(colors.astype("<f4").tobytes())
-
-
-class PovRay(_Peer):
-    """POV-Ray. kernel: what it calls trace time; whole: the whole process, which reads the scene and writes a PNG."""
-
-    name = "POV-Ray"
-
-    def refuses(self, scene: Scene) -> str:
-        many = "too many spheres to write as text" if len(scene.spheres) > 20_000 else ""
-        return super().refuses(scene) or many
-
-    def run(self, scene: Scene, frames: int) -> Run:
-        path, out = self._file(scene, ".pov"), self._folder / "povray.png"
-        width, height = scene.camera.resolution
-        options = [f"+W{width}", f"+H{height}", "-A", "-D", f"+WT{processors()}", "File_Gamma=1.0"]
-        start = time.perf_counter()
-        done = _call([self._program, f"+I{path}", f"+O{out}", *options])
-        whole = time.perf_counter() - start
-        with _understood(self._program):
-            with Picture.open(out) as picture:
-                rgb8 = np.asarray(picture.convert("RGB")).reshape(height, width, 3)
-            traced = re.findall(r"Trace Time:.*\(([0-9.]+) seconds\)", done.stderr)
-            return Run([_seconds(traced[-1])], whole, rgb8)
-
-    def _write(self, scene: Scene, path: Path) -> None:
-        x, y = scene.camera.image_plane()
-        material = scene.materials[scene.spheres["material"]]
-        light = _seen_from_the_eye(scene, _shining(scene)["position"])[0]
-        centers = _seen_from_the_eye(scene, scene.spheres["center"])
-
-        def vector(v: NDArray[np.float64]) -> str:
-            return f"<{','.join(map(repr, v.tolist()))}>"
-
-        with path.open("w", encoding="ascii") as file:
-            file.write(
-                "#version 3.7; global_settings{assumed_gamma 1 ambient_light rgb 1}\n"
-                f"background{{rgb {vector(np.array(scene.background))}}}\n"
-                f"camera{{perspective location 0 direction -z right x*{2 * x!r} up y*{2 * y!r}}}\n"
-                f"light_source{{{vector(light)} rgb 1}}\n"
-            )
-            for center, radius, m in zip(centers, scene.spheres["radius"].tolist(), material, strict=True):
-                finish = f"ambient {m['ka']} diffuse {m['kd']} phong {m['ks']} phong_size {m['exponent']}"
-                look = f"pigment{{rgb {vector(m['color'])}}} finish{{{finish}}}"
-                file.write(f"sphere{{{vector(center)},{radius!r} {look}}}\n")
-
-
-class PeerError(Exception):
-    """A peer's program failed; str() is one line."""
-
-
-@contextlib.contextmanager
-def _understood(program: str) -> Iterator[None]:
-    """Turns what goes wrong while reading what a peer has written into a PeerError."""
-    try:
-        yield
-    except (ValueError, LookupError, TypeError, OSError) as error:
-        raise PeerError(f"{Path(program).name}: cannot read what it wrote: {error}") from None
-
-
-def _seconds(text: Any) -> float:
-    """A time that a peer has measured; ValueError if it is none that can be compared."""
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise ValueError(f"a time of {text}")
-    return value
-
-
-def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
-    name = Path(command[0]).name
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=PEER_SECONDS, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise PeerError(f"{name} took more than {PEER_SECONDS} s") from None
-    except OSError as error:
-        raise PeerError(f"{name}: {error.strerror}") from None
-    if done.returncode:
-        last = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
-        raise PeerError(f"{name} failed with status {done.returncode}: {last}")
-    return done
-
-
-def peers(embree: str | None, folder: Path) -> list[Tracer]:
-    """The peers that are installed. embree: path of its program, None to look on the PATH, as for POV-Ray."""
-    found: list[Tracer] = []
-    if program := embree or shutil.which("embree_spheres"):
-        found.append(Embree(program, folder))
-    if program := shutil.which("povray"):
-        found.append(PovRay(program, folder))
-    return found

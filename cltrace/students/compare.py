@@ -25,10 +25,11 @@ from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
 from cltrace.students.places import places
-from cltrace.students.rules import Rules
+from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
+from cltrace.students.window import LARGEST, Window, place_within
 
 _RAYS = 3  # across a pixel and upwards, by which mistakes are judged in smooth pictures
 # Files that hold every pixel as it was written. JPEG does not.
@@ -49,9 +50,10 @@ def compare(
 
     picture: an Image with rgb8; an array of uint8, (h, w, 3), (h, w, 4) with alpha, which is ignored, or (h, w) grey;
     or the name of a PNG, BMP, PPM or TGA file; row 0 is the top; one that is larger or smaller than the scene's by a
-    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may differ; device, precision:
-    what renders the right picture; truncate: whether that rounds bytes down; antialias: whether both are smooth, so
-    that along outlines any mixture of the colours around is right.
+    factor is compared at its own size, and of a screenshot that part which is the picture; tolerance: by how many
+    levels, 0..255, a channel may differ; device, precision: what renders the right picture; truncate: whether that
+    rounds bytes down; antialias: whether both are smooth, so that along outlines any mixture of the colours around is
+    right.
 
     Raises ValueError, which names the argument, where one is not allowed or the picture has other proportions than
     the scene's, TypeError where the scene or the picture is something else altogether, UsageError where the file is no
@@ -63,15 +65,20 @@ def compare(
         raise ValueError("scene: must have the transfer 'linear', as scene files have, got 'srgb'")
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
-    mine = pixels_of(picture, scene.camera.resolution)
-    asked, size = scene.camera.resolution, (mine.shape[1], mine.shape[0])
+    asked = scene.camera.resolution
+    mine = pixels_of(picture, asked, or_window=True)
+    window = None
+    if any(size_faults(mine.shape[1::-1], asked)):
+        right = render(scene, device, precision, truncate=truncate).rgb8
+        mine, window = _unwrapped(picture, mine, right)
+    size = mine.shape[1], mine.shape[0]
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
-    right = render(scene, device, precision, truncate=truncate).rgb8
+    right = right if window else render(scene, device, precision, truncate=truncate).rgb8
     if antialias:
         smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
         right = _smoothed(mine, right, smooth, int(tolerance))
-    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
-    base = Rules(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
+    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window)
+    base = RIGHT.changed(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
     result = _judged(scene, result, base)
     if result.same or not result.error.any():
         return result
@@ -150,37 +157,54 @@ def question(scene: Scene, truncate: bool, x: int, y: int) -> str:
     return " ".join(["cltrace", shlex.quote(printable(source.path)), *options])
 
 
-def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:
-    """(h, w, 3) uint8: the pixels of an Image, an array or a file of this width and height; see compare()."""
+def _unwrapped(picture: Any, mine: Bytes, right: Bytes) -> tuple[Bytes, Window]:
+    """The part of a screenshot that shows the right picture, and where it is."""
+    height, width = right.shape[:2]
+    place = place_within(mine, right)
+    if place is None:
+        name = printable(os.fspath(picture)) if isinstance(picture, (str, os.PathLike)) else "picture"
+        fault = next(size_faults(mine.shape[1::-1], (width, height)))
+        raise (ValueError if name == "picture" else UsageError)(f"{name}: {fault}")
+    x, y = place
+    return mine[y : y + height, x : x + width], Window(mine.shape[1], mine.shape[0], x=x, y=y)
+
+
+def pixels_of(picture: Any, size: tuple[int, int], or_window: bool = False) -> Bytes:
+    """(h, w, 3) uint8: the pixels of an Image, an array or a file of this width and height; see compare().
+
+    or_window: whether it may be larger on both sides, which may be a window's.
+    """
     if isinstance(picture, (str, os.PathLike)):
-        return _read(os.fspath(picture), size)
+        return _read(os.fspath(picture), size, or_window)
     if not isinstance(picture, (Image, np.ndarray)):
         raise TypeError(f"picture: must be a cltrace.Image, an array of uint8 or the name of a file, got {picture!r}")
     pixels = picture.as_rgb8() if isinstance(picture, Image) else picture
     if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] in (3, 4))):
         shape = f"got {pixels.shape} of {pixels.dtype}"
         raise ValueError(f"picture: must have shape (h, w, 3), (h, w, 4) or (h, w) and be of uint8, {shape}")
-    for fault in size_faults(pixels.shape[1::-1], size):
+    for fault in size_faults(pixels.shape[1::-1], size, or_window):
         raise ValueError(f"picture: {fault}")
     return np.array(np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3])
 
 
-def size_faults(found: tuple[int, ...], size: tuple[int, int]) -> Iterator[str]:
+def size_faults(found: tuple[int, ...], size: tuple[int, int], or_window: bool = False) -> Iterator[str]:
     """What is wrong with a picture's width and height, in words for behind its name. A multiple or a part is not."""
     (width, height), (w, h) = found, size
+    if or_window and width >= w and height >= h and width * height <= LARGEST:
+        return
     if width * h != height * w or not width:
         advice = "are width and height exchanged?" if (height, width) == (w, h) else "--size compares at another size"
         yield f"has {width}x{height} pixels, but the scene's picture has {w}x{h}; {advice}"
 
 
-def _read(path: str, size: tuple[int, int]) -> Bytes:
+def _read(path: str, size: tuple[int, int], or_window: bool) -> Bytes:
     """The pixels of a file, as they are stored. Raises UsageError, which begins with its name."""
     try:
         check_regular(path)
         with warnings.catch_warnings(), Path(path).open("rb") as file:
             warnings.simplefilter("ignore")  # of many pixels, which are counted here
             with Picture.open(file, formats=FORMATS) as image:
-                for fault in size_faults(image.size, size):
+                for fault in size_faults(image.size, size, or_window):
                     raise UnreadableError(fault)
                 return _bytes_of(image)
     except UnreadableError as error:

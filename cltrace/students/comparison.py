@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cltrace.picture.image import Image
 from cltrace.students.mistakes import BY_NAME, ENOUGH
 from cltrace.students.places import Place
+from cltrace.students.window import Window
 
 Bytes = NDArray[np.uint8]
 _GAP = 4  # columns between pictures that stand side by side
@@ -54,9 +55,10 @@ class Comparison:
     mine, right: (h, w, 3) uint8; tolerance: by how many levels a channel may differ; same: whether no pixel differs by
     more, and nothing else is wrong; differing: the share of those that do, 0..1; causes: the mistakes that explain
     them, the one that explains most first; explained: the share of the differing pixels that these explain together,
-    0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves or
-    spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
-    one's; places: pixels to look at, the worst one first, none where the pictures are the same.
+    0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves
+    or spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
+    one's; window: where the picture is in a screenshot of its window; places: pixels to look at, the worst one first,
+    none where the pictures are the same.
     """
 
     mine: Bytes
@@ -66,6 +68,7 @@ class Comparison:
     explained: float = 0.0
     likely: Cause | None = None
     asked: tuple[int, int] | None = None
+    window: Window | None = None
     places: tuple[Place, ...] = ()
 
     @property
@@ -75,7 +78,7 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        return not self.causes and not self.asked and not (self.error > self.tolerance).any()
+        return not self.causes and not self.asked and not self.window and not (self.error > self.tolerance).any()
 
     @property
     def differing(self) -> float:
@@ -118,6 +121,9 @@ class Comparison:
         if self.asked:
             sizes = "{}x{} instead of {}x{}".format(*self.mine.shape[1::-1], *self.asked)
             lines.insert(0, f"the picture has another size, {sizes} pixels: it is compared at its own")
+        if self.window:
+            width, height, x, y = self.window
+            lines.insert(0, f"the picture is in a window of {width}x{height} pixels, {x},{y} from its left and top")
         lines += [line for cause in self.causes for line in self._words(cause)]
         if not self.same:
             lines += self._rest()

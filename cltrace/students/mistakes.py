@@ -547,6 +547,13 @@ MISTAKES = (
         whole=True,
     ),
     Mistake(
+        "colour-profile",
+        "the colours are those of another screen: a colour profile, or a screenshot",
+        "write the bytes yourself, instead of copying them from a window, and into a file without a profile",
+        (),
+        whole=True,
+    ),
+    Mistake(
         "inverted",
         "black is white",
         "write 255 c, not 255 - 255 c",

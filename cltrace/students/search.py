@@ -167,10 +167,10 @@ class Fit:
 
     def levels(self, changes: Changes) -> Levels:
         """(n, 3): what the pixels show. Where rules leave open which lights reach a point, what fits best."""
-        rules = replace(self.base, **changes)
-        if rules.reaching is not None:
-            return to_bytes(self._linear(rules), rules)
-        choices = np.stack([to_bytes(colors, rules) for colors in self._with_lights(rules)])
+        rules = self.base.changed(**changes)
+        if rules.lights.reaching is not None:
+            return to_bytes(self._linear(rules), rules.picture)
+        choices = np.stack([to_bytes(colors, rules.picture) for colors in self._with_lights(rules)])
         best = np.abs(choices - self.sample.mine).max(axis=2).argmin(axis=0)
         return np.asarray(choices[best, np.arange(len(best))])
 
@@ -182,7 +182,7 @@ class Fit:
 
     def _with_lights(self, rules: Rules) -> Iterator[NDArray[np.float64]]:
         """The colours with each choice of lights that reach what is seen first, and what mirrors and glass show."""
-        whole = self._linear(replace(rules, reaching=(-1, -1)))
+        whole = self._linear(rules.changed(reaching=(-1, -1)))
         yield whole
         deeper = list(self._missing(rules, 1)) if self.tracer.bounces else []
         for loss in self._missing(rules, 0):
@@ -195,7 +195,7 @@ class Fit:
         count = len(self.tracer.lights)
         without = (-1, *(~(1 << k) for k in range(count)))
         sides = [(-1, bits) if place else (bits, -1) for bits in without]
-        whole, *others = (self._linear(replace(rules, reaching=side)) for side in sides)
+        whole, *others = (self._linear(rules.changed(reaching=side)) for side in sides)
         parts = np.array([whole - other for other in others])
         for bits in range(1, 2**count) if count <= _LIGHTS else (*(1 << k for k in range(count)), -1):
             yield parts[[bits >> k & 1 == 1 for k in range(count)]].sum(axis=0)
@@ -245,7 +245,7 @@ class Search:
     def _sample(self, counts: tuple[int, int]) -> Sample:
         """Without the pixels where doubles see something else than is there, of which they cannot judge."""
         sample = Sample.of(*self._samples, counts=counts, free=self.free)
-        off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base) - sample.right).max(axis=1)
+        off = np.abs(to_bytes(self.tracer.colors(sample.pixels), self.base.picture) - sample.right).max(axis=1)
         return sample.at(np.flatnonzero(off <= 1))
 
     @cached_property
@@ -341,10 +341,11 @@ class Search:
 
     def _surroundings(self, fit: Fit, changes: Changes, rows: Ints) -> tuple[Levels, Levels]:
         """The least and the greatest levels within a pixel's square and what is next to it, (n, 3) each."""
-        x, y = replace(self.base, **changes).sample
+        rules = self.base.changed(**changes)
+        x, y = rules.camera.sample
         pixels, offsets = fit.sample.pixels[rows], (-0.7, 0.0, 0.7)
-        around = [replace(self.base, **{**changes, "sample": (x + dx, y + dy)}) for dx in offsets for dy in offsets]
-        seen = np.array([to_bytes(self.tracer.colors(pixels, rules), rules) for rules in around])
+        around = [rules.changed(sample=(x + dx, y + dy)) for dx in offsets for dy in offsets]
+        seen = np.array([to_bytes(self.tracer.colors(pixels, place), place.picture) for place in around])
         return seen.min(axis=0), seen.max(axis=0)
 
     def _is_clear(self, fit: Fit, one: tuple[Trial, Bits], other: tuple[Trial, Bits]) -> bool:
@@ -467,7 +468,7 @@ class Search:
 
     def _epsilons(self, fit: Fit, others: Mapping[str, Changes]) -> list[Changes]:
         """Of each way to measure an epsilon, the one that fits best beside other mistakes."""
-        scale = 10.0 ** math.ceil(math.log10(self.tracer.shapes(self.base).size))
+        scale = 10.0 ** math.ceil(math.log10(self.tracer.shapes(self.base.surfaces).size))
         ladder = [scale * 10.0**-k * x for k in range(5, 0, -1) for x in (1, 2, 5)]
         found = []
         for kind in BY_NAME["large-epsilon"].variants:
@@ -506,12 +507,12 @@ class Search:
         height, width = self.mine.shape[:2]
         around = self.fit.sample.pixels[rows, None] + np.array([(0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)])
         around = around[((around >= 0) & (around < (width, height))).all(axis=(1, 2))]
-        rules = replace(self.base, **rest)
+        rules = self.base.changed(**rest)
         pixels = around.reshape(-1, 2)
         lit = self.tracer.colors(pixels, rules)
-        light = (lit - self.tracer.colors(pixels, replace(rules, reaching=(0, -1)))).sum(axis=1).reshape(-1, 5)
+        light = (lit - self.tracer.colors(pixels, rules.changed(reaching=(0, -1)))).sum(axis=1).reshape(-1, 5)
         alike = (np.abs(light[:, 1:] - light[:, :1]) <= 0.25 * light[:, :1]) & (light[:, :1] > 0)
-        off = np.abs(to_bytes(lit, rules) - self.mine[pixels[:, 1], pixels[:, 0]]).max(axis=1).reshape(-1, 5)
+        off = np.abs(to_bytes(lit, rules.picture) - self.mine[pixels[:, 1], pixels[:, 0]]).max(axis=1).reshape(-1, 5)
         free = (off[:, 1:] <= self.tolerance)[alike]
         if not free.any() or free.mean() < _FREE:
             return False
@@ -519,7 +520,7 @@ class Search:
 
     def _cut_off(self, trial: Trial) -> Trial:
         """With bytes that are rounded down, where those fit that this makes a difference to; else the same."""
-        if self.base.rounding == "down" or "rounding" in trial.changes:
+        if self.base.picture.rounding == "down" or "rounding" in trial.changes:
             return trial
         nearest = self.fit.levels(trial.changes)
         near = np.abs(nearest - self.fit.sample.mine) <= max(self.tolerance, 1)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.scene import Scene
-from cltrace.students.rules import Rules
+from cltrace.students.rules import SurfaceRules
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -92,7 +92,7 @@ class Points:
 class Shapes:
     """The surfaces of a scene, with what the rules say of transforms and normals."""
 
-    def __init__(self, scene: Scene, rules: Rules) -> None:
+    def __init__(self, scene: Scene, rules: SurfaceRules) -> None:
         self.rules = rules
         self._spheres(scene)
         self._triangles(scene)

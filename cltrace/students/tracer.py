@@ -7,20 +7,24 @@ whose rays rounding decides may come out otherwise than in the right picture.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.scene import AMBIENT, PARALLEL, SPOT, AnyCamera, Camera, Scene
-from cltrace.students.rules import RIGHT, Rules
+from cltrace.students.rules import (
+    RIGHT,
+    BounceRules,
+    CameraRules,
+    LightRules,
+    PictureRules,
+    Rules,
+    SurfaceRules,
+    TextureRules,
+)
 from cltrace.students.shapes import Floats, Ints, Points, Rays, Shapes, cross, dot, unit
 
-# What the surfaces themselves depend on.
-_SHAPES = (
-    "transforms", "missing", "hits", "roots", "culled", "clear_shadows",
-    "normals", "normals_of", "sided_by_normal", "flat_normals", "long_normals",
-)  # fmt: skip
 # Rays that count for less show nothing: half a level at most.
 _FAINT = 2.0**-13
 _BRIGHT = 2.0**40  # times 255 is still a whole number of 64 bits
@@ -48,61 +52,59 @@ class Tracer:
         self.lights = scene.lights[scene.lights["kind"] != AMBIENT]
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / np.iinfo(texture.dtype).max for texture in scene.textures]
-        self._shapes: dict[tuple[object, ...], Shapes] = {}
+        self._shapes: dict[SurfaceRules, Shapes] = {}
         used = scene.materials
         self.bounces = bool((used["reflectance"] > 0).any() or (used["transmittance"] > 0).any())
 
-    def shapes(self, rules: Rules) -> Shapes:
-        key = tuple(getattr(rules, name) for name in _SHAPES)
-        if key not in self._shapes:
-            self._shapes[key] = Shapes(self.scene, rules)
-        return self._shapes[key]
+    def shapes(self, rules: SurfaceRules) -> Shapes:
+        if rules not in self._shapes:
+            self._shapes[rules] = Shapes(self.scene, rules)
+        return self._shapes[rules]
 
     def colors(self, pixels: Ints, rules: Rules = RIGHT) -> Floats:
         """(n, 3): the linear colours of pixels (n, 2), column and row, of which row 0 is the top; not clamped."""
-        if rules.samples > 1:
+        if rules.camera.samples > 1:
             return self._mean(pixels, rules)
-        origins, directions, lengths = camera_rays(self.scene.camera, pixels, rules)
+        origins, directions, lengths = camera_rays(self.scene.camera, pixels, rules.camera)
         rays = Rays(origins, directions, np.full(len(directions), -1), lengths)
         # Some mistakes divide by 0, as the programs do that make them.
         return np.nan_to_num(self._trace(rays, np.ones(len(rays)), 0, rules), nan=0.0, posinf=_MUCH, neginf=-_MUCH)
 
     def _mean(self, pixels: Ints, rules: Rules) -> Floats:
         """Of rays on a grid within each pixel."""
-        places = (np.arange(rules.samples) + 0.5) / rules.samples
-        one = replace(rules, samples=1)
-        colors = [self.colors(pixels, replace(one, sample=(x, y))) for x in places for y in places]
+        places = (np.arange(rules.camera.samples) + 0.5) / rules.camera.samples
+        colors = [self.colors(pixels, rules.changed(samples=1, sample=(x, y))) for x in places for y in places]
         return np.asarray(np.mean([np.clip(c, 0, 1) for c in colors], axis=0))
 
     def _trace(self, rays: Rays, weights: Floats, depth: int, rules: Rules) -> Floats:
         """The tutorial's trace(): what rays see, (n, 3). weights: (n,), how much of that counts in the picture."""
-        shapes, seen_far = self.shapes(rules), rules.far_background or depth == 0
+        shapes, seen_far = self.shapes(rules.surfaces), rules.bounces.far_background or depth == 0
         colors = np.tile(self.background * seen_far, (len(rays), 1))
-        near = rules.epsilon if depth and not rules.spared and rules.measured != "normal" else 0.0
+        near = rules.lights.epsilon_of_bounces if depth and rules.lights.measured != "normal" else 0.0
         hit, at = shapes.seen(rays, near)
         if at is None:
             return colors
         seen, weights = rays.at(hit), weights[hit]
-        most = self.scene.camera.max_bounces if rules.deepest is None else rules.deepest
-        last = depth > most + rules.more_bounces
-        mirror, clear = self._shares(at, rules)
-        taken = {"right": mirror + clear, "whole": 0 * mirror, "but r": clear, "but t": mirror}[rules.own_share]
+        most = self.scene.camera.max_bounces if rules.bounces.deepest is None else rules.bounces.deepest
+        last = depth > most + rules.bounces.more_bounces
+        mirror, clear = self._shares(at, rules.bounces)
+        taken = {"right": mirror + clear, "whole": 0 * mirror, "but r": clear, "but t": mirror}[rules.bounces.own_share]
         share = np.maximum(0.0, 1 - taken)
         if last:
-            share = {"local": np.ones(len(hit)), "weighted": share, "black": np.zeros(len(hit))}[rules.last]
+            share = {"local": np.ones(len(hit)), "weighted": share, "black": np.zeros(len(hit))}[rules.bounces.last]
         sums, lit = np.zeros((len(hit), 3)), np.flatnonzero(share > 0)
         if len(lit):
             local = np.maximum(
                 self._local(_rows(at, lit), _View(seen.directions[lit], depth, seen.lengths[lit]), rules), 0.0
             )
-            sums[lit] = share[lit, None] * (np.minimum(local, 1) if rules.clamped in ("local", "both") else local)
+            sums[lit] = share[lit, None] * (np.minimum(local, 1) if rules.phong.clamped in ("local", "both") else local)
         if not last:
             for further, rows, part in self._bounces(seen, at, weights, rules):
                 np.add.at(sums, rows, part[:, None] * self._trace(further, weights[rows] * part, depth + 1, rules))
-        colors[hit] = np.minimum(sums, 1) if rules.clamped in ("traced", "both") else sums
+        colors[hit] = np.minimum(sums, 1) if rules.phong.clamped in ("traced", "both") else sums
         return colors
 
-    def _shares(self, at: Points, rules: Rules) -> tuple[Floats, Floats]:
+    def _shares(self, at: Points, rules: BounceRules) -> tuple[Floats, Floats]:
         """r and t as they count."""
         material = self.scene.materials[at.materials]
         r, t = material["reflectance"], material["transmittance"]
@@ -114,31 +116,31 @@ class Tracer:
         """Phong's formula for all lights together, (n, 3)."""
         material, color = self.scene.materials[at.materials], self._surface_color(at, rules)
         normal = at.outward
-        normal = np.where(self._turned(at, rules.turned_for_light, rules)[:, None], -normal, normal)
+        normal = np.where(self._turned(at, rules.phong.turned_for_light, rules)[:, None], -normal, normal)
         ka = material["ka"]
         ka = {"right": ka, "none": 0 * ka, "one": 0 * ka + 1, "twice": ka * ka, "bare": 0 * ka, "double": 2 * ka}[
-            rules.ka
+            rules.phong.ka
         ]
         ambient = ka[:, None] * self.ambient
         matte, shine, times = np.zeros_like(ambient), np.zeros_like(ambient), np.zeros(len(ambient))
-        reaching = -1 if rules.reaching is None else rules.reaching[min(view.depth, 1)]
+        reaching = -1 if rules.lights.reaching is None else rules.lights.reaching[min(view.depth, 1)]
         for k, light in enumerate(self.lights):
             if not reaching >> k & 1:
                 continue
             diffuse, highlight, counted = self._illuminate(at, view, normal, material, light, rules)
-            power = np.minimum(light["color"], 1) if rules.clamped == "lights" else light["color"]
+            power = np.minimum(light["color"], 1) if rules.phong.clamped == "lights" else light["color"]
             matte += power * diffuse[:, None]
             shine += power * highlight[:, None]
             times += counted
-        if rules.ambient != "once":
-            ambient *= (times + (rules.ambient == "one more"))[:, None]
-        light = np.minimum(ambient + matte, 1) if rules.clamped == "light" else ambient + matte
-        bare = material["ka"][:, None] * self.ambient * (rules.ka == "bare")
-        return np.asarray(light * color + bare + shine * (color if rules.tinted else 1.0))
+        if rules.phong.ambient != "once":
+            ambient *= (times + (rules.phong.ambient == "one more"))[:, None]
+        light = np.minimum(ambient + matte, 1) if rules.phong.clamped == "light" else ambient + matte
+        bare = material["ka"][:, None] * self.ambient * (rules.phong.ka == "bare")
+        return np.asarray(light * color + bare + shine * (color if rules.phong.tinted else 1.0))
 
     def _turned(self, at: Points, turns: bool, rules: Rules) -> NDArray[np.bool_]:
         """(n,): whether the normals of points are turned against rays that come from inside."""
-        return at.inside & (turns | (rules.turned_meshes & (at.parts >= len(self.scene.spheres))))
+        return at.inside & (turns | (rules.surfaces.turned_meshes & (at.parts >= len(self.scene.spheres))))
 
     def _illuminate(
         self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], light: np.void, rules: Rules
@@ -147,55 +149,56 @@ class Tracer:
 
         And whether ambient light is counted for it.
         """
-        l, strength, w = to_light(light, at.places, rules)  # noqa: E741
-        n_l = np.abs(dot(normal, l)) if rules.facing == "absolute" else dot(normal, l)
+        l, strength, w = to_light(light, at.places, rules.lights)  # noqa: E741
+        n_l = np.abs(dot(normal, l)) if rules.phong.facing == "absolute" else dot(normal, l)
         v = -view.directions * view.lengths[:, None]
         faces = n_l > 0
-        lit = {"lit": faces}.get(rules.facing, np.ones(len(l), np.bool_))
-        wanted = np.flatnonzero((lit & (strength > 0)) | (rules.ambient in ("reaching", "facing", "shining")))
+        lit = {"lit": faces}.get(rules.phong.facing, np.ones(len(l), np.bool_))
+        wanted = np.flatnonzero((lit & (strength > 0)) | (rules.phong.ambient in ("reaching", "facing", "shining")))
         reached = np.ones(len(l), np.bool_)
-        if rules.shadows and len(wanted):
+        if rules.lights.shadows and len(wanted):
             reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w=w[wanted], light=light, rules=rules)
-        cosine = {"negative": n_l, "both": np.abs(n_l)}.get(rules.facing, np.maximum(0.0, n_l))
-        r_v = dot(normal, unit(l + v)) if rules.halfway else dot(normal * (2 * n_l)[:, None] - l, v)
-        r_v = -r_v if rules.highlight == "reversed" else r_v
+        cosine = {"negative": n_l, "both": np.abs(n_l)}.get(rules.phong.facing, np.maximum(0.0, n_l))
+        r_v = dot(normal, unit(l + v)) if rules.phong.halfway else dot(normal * (2 * n_l)[:, None] - l, v)
+        r_v = -r_v if rules.phong.highlight == "reversed" else r_v
         with np.errstate(over="ignore"):
-            lobe = np.minimum(np.maximum(r_v, 0.0) ** (material["exponent"] * (rules.halfway or 1.0)), _MUCH)
-        lobe = lobe * (n_l if rules.highlight == "cosine" else rules.ks == "right")
+            lobe = np.minimum(np.maximum(r_v, 0.0) ** (material["exponent"] * (rules.phong.halfway or 1.0)), _MUCH)
+        lobe = lobe * (n_l if rules.phong.highlight == "cosine" else rules.phong.ks == "right")
         share = np.where(lit & reached, strength, 0.0)
         every = np.ones(len(l), np.bool_)
-        facing, shining = faces if rules.ambient in ("facing", "lit") else every, strength > 0
-        counted = reached & facing & (shining if rules.ambient in ("shining", "lit") else every)
-        counted = every if rules.ambient in ("each", "one more") else counted
-        return share * material["kd"] * cosine * (rules.kd == "right"), share * material["ks"] * lobe, counted
+        facing, shining = faces if rules.phong.ambient in ("facing", "lit") else every, strength > 0
+        counted = reached & facing & (shining if rules.phong.ambient in ("shining", "lit") else every)
+        counted = every if rules.phong.ambient in ("each", "one more") else counted
+        return share * material["kd"] * cosine * (rules.phong.kd == "right"), share * material["ks"] * lobe, counted
 
     def _shadowed(self, at: Points, normal: Floats, w: Floats, light: np.void, rules: Rules) -> NDArray[np.bool_]:
         """(n,): whether anything stands on the way w to the light, which for a parallel light has no end."""
         distance = np.sqrt(dot(w, w))
         origins, parts = at.places, at.parts
-        least = np.full(len(w), rules.epsilon)
-        if rules.epsilon and rules.measured == "light":
-            least = rules.epsilon * distance
-        elif rules.epsilon and rules.measured == "normal":
-            origins, parts, least = origins + rules.epsilon * normal, np.full_like(parts, -1), np.zeros(len(w))
-        endless = light["kind"] == PARALLEL or rules.past_lights
+        rule = rules.lights
+        least = np.full(len(w), rule.epsilon)
+        if rule.epsilon and rule.measured == "light":
+            least = rule.epsilon * distance
+        elif rule.epsilon and rule.measured == "normal":
+            origins, parts, least = origins + rule.epsilon * normal, np.full_like(parts, -1), np.zeros(len(w))
+        endless = light["kind"] == PARALLEL or rule.past_lights
         most = np.full(len(w), np.inf) if endless else distance
         direction = w / np.where(distance > 0, distance, 1.0)[:, None]
-        if is_reversed(light, rules, "shadows") != is_reversed(light, rules, "shading"):
+        if is_reversed(light, rule, "shadows") != is_reversed(light, rule, "shading"):
             direction = -direction
         rays = Rays(origins, direction, parts, np.ones(len(parts)))
-        return self.shapes(rules).stopped(rays, least, most, rules.own_shadow)
+        return self.shapes(rules.surfaces).stopped(rays, least, most, rule.own_shadow)
 
     def _surface_color(self, at: Points, rules: Rules) -> Floats:
         """The colour of the material, (n, 3), times its texture's."""
         material = self.scene.materials[at.materials]
         color = material["color"].copy()
-        if rules.texture in ("white", "black"):
-            return np.asarray(np.where(material["texture"][:, None] >= 0, rules.texture == "white", color))
+        if rules.textures.texture in ("white", "black"):
+            return np.asarray(np.where(material["texture"][:, None] >= 0, rules.textures.texture == "white", color))
         for k, texels in enumerate(self.textures):
             rows = np.flatnonzero(material["texture"] == k)
             if len(rows):
-                color[rows] *= looked_up(texels, at.uv[rows], rules)
+                color[rows] *= looked_up(texels, at.uv[rows], rules.textures)
         return color
 
     # Mirrors and glass
@@ -203,16 +206,19 @@ class Tracer:
     def _bounces(self, rays: Rays, at: Points, weights: Floats, rules: Rules) -> list[tuple[Rays, Ints, Floats]]:
         """The rays that go on from points, together: which of them each comes from, and how much of it that sees."""
         d, n = rays.directions * rays.lengths[:, None], at.outward
-        inside = self._turned(at, rules.turned_for_rays, rules)
+        inside = self._turned(at, rules.bounces.turned_for_rays, rules)
         facing = np.where(inside[:, None], -n, n)
-        through, mirror, clear = self._through(d, facing, at, rules)
-        reflected = mirrored(d, n, rules)
+        through, mirror, clear = self._through(d, facing, at, rules.bounces)
+        reflected = mirrored(d, n, rules.bounces)
         directions, rows, parts, lengths = [], [], [], []
-        for further, share in (reflected, counted(mirror, rules.mirrors)), (through, counted(clear, rules.clear)):
+        for further, share in (
+            (reflected, counted(mirror, rules.bounces.mirrors)),
+            (through, counted(clear, rules.bounces.clear)),
+        ):
             on = np.flatnonzero(weights * share > _FAINT)
             directions.append(unit(further[on]))
             # Only mistakes make others than unit vectors, and only mirrored ones: Snell's law ends with one.
-            is_long = further is reflected and not rules.unit_mirrored
+            is_long = further is reflected and not rules.bounces.unit_mirrored
             lengths.append(np.sqrt(dot(further[on], further[on])) if is_long else np.ones(len(on)))
             rows.append(on)
             parts.append(share[on])
@@ -220,12 +226,12 @@ class Tracer:
         if not len(on):
             return []
         direction, origins, start = np.concatenate(directions), at.places[on], at.parts[on]
-        if rules.epsilon and rules.measured == "normal" and not rules.spared:
+        if rules.lights.epsilon_of_bounces and rules.lights.measured == "normal":
             side = np.sign(dot(direction, facing[on]))
-            origins, start = origins + (rules.epsilon * side)[:, None] * facing[on], np.full_like(start, -1)
+            origins, start = origins + (rules.lights.epsilon * side)[:, None] * facing[on], np.full_like(start, -1)
         return [(Rays(origins, direction, start, np.concatenate(lengths)), on, np.concatenate(parts))]
 
-    def _through(self, d: Floats, facing: Floats, at: Points, rules: Rules) -> tuple[Floats, Floats, Floats]:
+    def _through(self, d: Floats, facing: Floats, at: Points, rules: BounceRules) -> tuple[Floats, Floats, Floats]:
         """Where light goes in glass, and how much is mirrored and how much goes there, with Fresnel's share if so."""
         mirror, clear = self._shares(at, rules)
         index = np.where(clear > 0, self.scene.materials["index"][at.materials], 1.0)
@@ -249,7 +255,7 @@ def counted(share: Floats, how: str) -> Floats:
     return np.asarray({"dark": 0 * share, "double": 2 * share, "squared": share * share}.get(how, share))
 
 
-def mirrored(d: Floats, n: Floats, rules: Rules) -> Floats:
+def mirrored(d: Floats, n: Floats, rules: BounceRules) -> Floats:
     """d - 2 (n.d) n, or what a mistake makes of it."""
     along = dot(d, n)[:, None] * n
     wrong = {"right": d - 2 * along, "reversed": 2 * along - d, "once": d - along, "sign": d + 2 * along, "back": -d}
@@ -271,7 +277,7 @@ def _rows(at: Points, rows: Ints) -> Points:
     return Points(*(array[rows] for array in vars(at).values()))
 
 
-def camera_rays(camera: AnyCamera, pixels: Ints, rules: Rules) -> tuple[Floats, Floats, Floats]:
+def camera_rays(camera: AnyCamera, pixels: Ints, rules: CameraRules) -> tuple[Floats, Floats, Floats]:
     """Origins, directions of length 1 in the world, (n, 3) each, and lengths, (n,), of the rays of pixels (n, 2)."""
     width, height = camera.resolution
     pixels = pixels[:, ::-1] if rules.transposed else pixels
@@ -289,7 +295,7 @@ def camera_rays(camera: AnyCamera, pixels: Ints, rules: Rules) -> tuple[Floats, 
     return np.broadcast_to(eye, place.shape), unit(d), lengths
 
 
-def axes_of(camera: AnyCamera, rules: Rules) -> tuple[Floats, Floats, Floats]:
+def axes_of(camera: AnyCamera, rules: CameraRules) -> tuple[Floats, Floats, Floats]:
     """The camera's x, y and z in the world."""
     x, y, z = (np.array(axis) for axis in camera.basis())
     up, view = np.array(camera.up), np.array(camera.position) - camera.lookat
@@ -313,7 +319,7 @@ def across(number: Ints, count: int, sample: float, columns: str) -> Floats:
     return np.asarray(2 * share - 1, np.float64)
 
 
-def image_plane(camera: AnyCamera, rules: Rules) -> tuple[float, float]:
+def image_plane(camera: AnyCamera, rules: CameraRules) -> tuple[float, float]:
     """Half of the width and of the height of the image plane, at distance 1, or of an orthographic camera's picture."""
     if not isinstance(camera, Camera):
         return camera.image_plane()
@@ -341,7 +347,7 @@ def _tan(degrees: float) -> float:
     return math.tan(math.radians(degrees))
 
 
-def to_light(light: np.void, places: Floats, rules: Rules) -> tuple[Floats, Floats, Floats]:
+def to_light(light: np.void, places: Floats, rules: LightRules) -> tuple[Floats, Floats, Floats]:
     """Of points (n, 3): the unit vector to the light, how strong it is there, and the whole way to it."""
     turn = -1 if is_reversed(light, rules, "shading") else 1
     if light["kind"] == PARALLEL:
@@ -358,7 +364,7 @@ def to_light(light: np.void, places: Floats, rules: Rules) -> tuple[Floats, Floa
     return turn * (w if "o" in rules.long_lights else l), strength, turn * w
 
 
-def cone(light: np.void, l: Floats, rules: Rules) -> Floats:  # noqa: E741
+def cone(light: np.void, l: Floats, rules: LightRules) -> Floats:  # noqa: E741
     """How strong a spot light is along its rays to l, (n,)."""
     axis = unit(light["direction"][None])[0] * (-1 if "a" in rules.reversed else 1)
     if "s" in rules.long_lights:
@@ -378,12 +384,12 @@ def cone(light: np.void, l: Floats, rules: Rules) -> Floats:  # noqa: E741
     return np.asarray(share * share * (3 - 2 * share) if rules.spot == "smooth" else share)
 
 
-def is_reversed(light: np.void, rules: Rules, use: str) -> bool:
+def is_reversed(light: np.void, rules: LightRules, use: str) -> bool:
     """Whether the vector to a light is, for shading or for shadows."""
     return ("p" if light["kind"] == PARALLEL else "o") in rules.reversed and rules.reversed_for in (use, "both")
 
 
-def looked_up(texels: Floats, uv: Floats, rules: Rules) -> Floats:
+def looked_up(texels: Floats, uv: Floats, rules: TextureRules) -> Floats:
     """The colours of a texture (h, w, 3) at (n, 2), mixed of four texels each."""
     height, width = texels.shape[:2]
     u, v = uv[:, ::-1].T if rules.swapped_uv else uv.T
@@ -410,16 +416,28 @@ def refracted(d: Floats, normal: Floats, eta: Floats) -> tuple[Floats, NDArray[n
     return np.where((eta == 1)[:, None], d, bent), k < 0
 
 
-def to_bytes(colors: Floats, rules: Rules = RIGHT) -> NDArray[np.int64]:
+def encoded(c: Floats) -> Floats:
+    """sRGB's curve of linear colours, 0..1 (IEC 61966-2-1)."""
+    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+
+
+def decoded(c: Floats) -> Floats:
+    """The inverse of `encoded`."""
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def to_bytes(colors: Floats, rules: PictureRules = RIGHT.picture) -> NDArray[np.int64]:
     """(..., 3): the levels of linear colours, 0..255."""
     c = np.clip(colors, 0.0, _BRIGHT if rules.rounding == "wrapped" else 1.0)[..., list(rules.channels)]
     if rules.grey:
         c = np.repeat((c @ np.array(rules.grey))[..., None], 3, axis=-1)
     c = 1 - c if rules.inverted else c
     if rules.gamma == 0:
-        c = np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+        c = encoded(c)
     elif rules.gamma != 1:
         c = c ** (1 / rules.gamma)
+    if rules.profile:
+        c = encoded(np.clip(decoded(c) @ np.array(rules.profile).reshape(3, 3).T, 0, 1))
     scale, offset = {"nearest": (255, 0.5), "wrapped": (255, 0.5), "256": (255.999, 0)}.get(rules.rounding, (255, 0))
     if rules.rounding in ("whole", "unscaled"):
         return np.asarray(np.floor(c) * (255 if rules.rounding == "whole" else 1), np.int64)

@@ -6,14 +6,14 @@ Such mistakes hide all others. So they are found first, and the search goes on w
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.students.mistakes import BY_NAME, Changes
-from cltrace.students.rules import RIGHT, Rules
-from cltrace.students.tracer import to_bytes
+from cltrace.students.rules import RIGHT, CameraRules
+from cltrace.students.tracer import decoded, to_bytes
 
 Levels = NDArray[np.int64]  # (h, w, 3), 0..255
 Bits = NDArray[np.bool_]
@@ -24,6 +24,7 @@ _STEP = 8  # levels by which these differ from a neighbour: where all is alike, 
 _FAR = 8  # pixels, by which a picture may be shifted
 _HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a sure change makes right
 _SOME = 0.2  # of what is otherwise wrong, at least that a change makes right which is worth a look
+_FITTED = 8  # rounds in which a colour profile is fitted to the pixels that are nearest to it, wrong ones left out
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
     {name: BY_NAME[name].variants[0] for name in names}
@@ -94,12 +95,12 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
     y, x = np.divmod(np.random.default_rng(0).permutation(where)[:_PROBES], width)
 
     def fits(made: Made) -> float:
-        rules = replace(RIGHT, **{key: value for changes in made.values() for key, value in changes.items()})
-        seen = _seen(right, x, y, rules)
+        rules = RIGHT.changed(**{key: value for changes in made.values() for key, value in changes.items()})
+        seen = _seen(right, x, y, rules.camera)
         if made.keys() <= {"shifted"}:
             return float((np.abs(mine[y, x] - seen).max(axis=1) <= tolerance).mean())
         # A level of the right picture stands for the colours that are nearest to it.
-        ends = [to_bytes(np.maximum(seen + off, 0) / 255, rules) for off in (-0.499, 0.499)]
+        ends = [to_bytes(np.maximum(seen + off, 0) / 255, rules.picture) for off in (-0.499, 0.499)]
         low, high = np.minimum(*ends) - tolerance, np.maximum(*ends) + tolerance
         off = (mine[y, x] < low) | (mine[y, x] > high)
         return 1 - float(off.any(axis=1).mean())
@@ -109,8 +110,31 @@ def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
         fit = fits(tried)
         if fit > best:
             best, made = fit, tried
+    if best < _HALF:
+        profile = _profile(mine[y, x], right[y, x])
+        fit = fits(profile)
+        if fit > best:
+            best, made = fit, profile
     gain = (best - before) / (1 - before) if before < 1 else 0.0
     return made if gain >= _SOME else {}, min(best, gain) >= _HALF
+
+
+def _profile(mine: Levels, right: Levels) -> Made:
+    """The colour profile that is nearest to what pixels, (n, 3), show.
+
+    White stays white, as profiles are adapted to it: each row of the matrix has the sum 1. So what a pixel has beside
+    its green is shown beside its green.
+    """
+    right_light, shown = decoded(right / 255), decoded(mine / 255)
+    green = right_light[:, 1:2]
+    light = (right_light - green)[:, ::2]
+    rows = np.arange(len(light))
+    for _ in range(_FITTED):
+        matrix = np.linalg.lstsq(light[rows], (shown - green)[rows], rcond=None)[0]
+        off = np.abs(light @ matrix + green - shown).max(axis=1)
+        rows = np.argsort(off, kind="stable")[: max(len(off) // 2, 3)]
+    red, blue = matrix
+    return {"colour-profile": {"profile": tuple(np.stack([red, 1 - red - blue, blue], axis=1).ravel().tolist())}}
 
 
 def _tried(square: bool) -> Iterator[Made]:
@@ -125,7 +149,7 @@ def _tried(square: bool) -> Iterator[Made]:
         yield {"shifted": {"sample": (0.5 + dx, 0.5 - dy)}}
 
 
-def _seen(right: Levels, x: NDArray[np.intp], y: NDArray[np.intp], rules: Rules) -> Levels:
+def _seen(right: Levels, x: NDArray[np.intp], y: NDArray[np.intp], rules: CameraRules) -> Levels:
     """What pixels show of the right picture, (n, 3)."""
     height, width = right.shape[:2]
     x, y = (y, x) if rules.transposed else (x, y)

@@ -22,7 +22,7 @@ from wrong_tracers import MISTAKES, RIGHT, Bytes, Tracer, both
 import cltrace
 from cltrace import cli
 from cltrace.students.places import look_at
-from cltrace.students.rules import Rules
+from cltrace.students.rules import RIGHT as RULES
 from cltrace.students.tracer import Tracer as Textbook
 from cltrace.students.tracer import to_bytes
 
@@ -271,7 +271,7 @@ def test_smooth_pictures_are_compared(pictures: Pictures) -> None:
     width, height = scene.camera.resolution
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=2).reshape(-1, 2)
     for changes, names in (({}, []), ({"shadows": False}, ["no-shadows"])):
-        colors = tracer.colors(pixels, Rules(samples=3, **changes))  # type: ignore[arg-type]
+        colors = tracer.colors(pixels, RULES.changed(samples=3, **changes))
         mine = to_bytes(colors).reshape(height, width, 3).astype(np.uint8)
         result = cltrace.compare(scene, mine, antialias=True)
         assert [cause.name for cause in result.causes] == names

@@ -26,11 +26,11 @@ def test_the_table_has_all_names() -> None:
     assert {name for pair in PAIRS for name in pair} <= set(BY_NAME)
 
 
-# What was once called by another mistake's name: (scene, mistake).
+# What was once called by another mistake's name, or by none: (scene, mistake).
 CALLED_OTHERWISE = [
     ("spot", "spot-angle"), ("spot", "aspect-inverted"), ("step3-shadows", "camera-transposed"),
     ("step2-parallel", "degrees-for-radians"), ("step2-parallel", "no-highlights"),
-    ("step2-parallel", "highlight-reversed"), ("step2-parallel", "shifted"),
+    ("step2-parallel", "highlight-reversed"), ("step2-parallel", "shifted"), ("transforms", "colour-profile"),
     *(
         pytest.param(*case, marks=pytest.mark.slow)
         for case in (
@@ -99,3 +99,25 @@ def judged(answers: list[Answer]) -> None:
 )
 def test_false_names_are_rare(grid: Grid, share: int) -> None:
     judged([asked(grid, case) for case in chosen(share)])
+
+
+@pytest.mark.parametrize("name", [(), ("no-shadows",)])
+def test_a_screenshot_of_the_window_is_cut_out(grid: Grid, name: tuple[str, ...]) -> None:
+    """What is around a picture, here a title, a frame and another window, is taken away before it is compared."""
+    case = Case("vector", "step3-shadows", (60, 45), name)
+    picture = grid.draw(case)
+    screen = np.random.default_rng(4).integers(0, 256, (90, 100, 3), dtype=np.uint8)
+    screen[20:80, 8:72] = 230
+    screen[32:77, 10:70] = picture
+    result = cltrace.compare(grid.scene(case.scene, case.size), screen)
+    assert result.window == (100, 90, 10, 32)
+    assert not result.same
+    np.testing.assert_array_equal(result.mine, picture)
+    assert [cause.name for cause in result.causes] == list(name)
+    assert "in a window of 100x90 pixels, 10,32 from" in str(result)
+
+
+def test_a_larger_picture_of_something_else_is_refused(grid: Grid) -> None:
+    screen = np.random.default_rng(5).integers(0, 256, (90, 100, 3), dtype=np.uint8)
+    with pytest.raises(ValueError, match="picture: has 100x90 pixels, but the scene's picture has 60x45"):
+        cltrace.compare(grid.scene("step3-shadows", (60, 45)), screen)
