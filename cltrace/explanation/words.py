@@ -237,7 +237,9 @@ def _cylinder(c: CylinderTest) -> Iterator[str]:
     )
     if not math.isnan(c.planes[0]):
         yield f"    t = {number(c.planes[0])} in the plane of S, t = {number(c.planes[1])} in that of E"
-    yield f"    within both from t = {number(c.inside[0])} to {number(c.inside[1])}" if c.inside else "    never in both"
+    yield (
+        f"    within both from t = {number(c.inside[0])} to {number(c.inside[1])}" if c.inside else "    never in both"
+    )
 
 
 def _hit(h: Hit) -> Iterator[str]:

@@ -203,7 +203,7 @@ class _Reader:
         if self.faults.count or self._files.faults:
             raise SceneError(self.path, [*self.faults.in_order(), *self._files.faults], self._files.named())
         rows = np.concatenate([np.empty((0, ROW)), *self._rows])
-        others = [*self._meshes, *self._cylinders]
+        others: list[_Mesh | _Cylinder] = [*self._meshes, *self._cylinders]
         finishes = np.concatenate([rows[:, FINISH], *(other.finish[None] for other in others)])
         with_texture = finishes[:, -1] >= 0
         finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]

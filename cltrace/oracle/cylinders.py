@@ -76,7 +76,7 @@ class Cylinders(Kind):
         assert rays.rough is not None
         rough, zero = rays.rough.at(ray), np.zeros(len(ray))
         f = minus(
-            tuple(Fine(*two_sum(self.starts[item, i], -rough.anchor[:, i]), zero) for i in range(3)),  # type: ignore[arg-type]
+            tuple(Fine(*two_sum(self.starts[item, i], -rough.anchor[:, i]), zero) for i in range(3)),
             rough.step,
         )
         u = tuple(Fine(*two_sum(self.ends[item, i], -self.starts[item, i]), zero) for i in range(3))
@@ -126,7 +126,7 @@ class Cylinders(Kind):
 
         def order(N: Surds, sign: int) -> Signs:
             """The sign of N / g less the root of this sign."""
-            return signs_with_root((N * a - b * g) * turn, g * turn * -sign, D)
+            return signs_with_root((N * a - b * g) * turn, g * (-sign * turn), D)
 
         # Where there is only one pair of ends, the other one does not count.
         by_flat = steep & (~round_ | (order(low, -1) >= 0)), steep & (~round_ | (order(high, 1) <= 0))

@@ -218,7 +218,7 @@ SHAPES = (
     Shape(
         "cylinder",
         "WITH_CYLINDERS",
-        first="((spheres)->first_rod)",
+        first="((spheres).first_rod)",
         leaf="0",
         traits=("ROUND", "FETCHED", "LATE", "PLACED"),
     ),
@@ -351,16 +351,14 @@ ARGUMENTS = (
         ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
         needs="WITH_PLACED",
     ),
-    *_values(
-        "Spheres", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"
-    ),
+    *_values("Spheres", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"),
     *_buffers(
         "Spheres",
         (
             "rod",
             "real4",
-            "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. In "
-            "single the start is from the scene's middle, and the second one is its axis, of length 1, w: how long it is",
+            "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. "
+            "In single, the start is from the scene's middle, and the second is the axis, of length 1, w: the length",
         ),
         needs="WITH_CYLINDERS",
     ),
@@ -582,6 +580,15 @@ def header() -> str:
         nested = [(f".{part.lower()} = {part.upper()}_OF_PARAMETERS", needs[part]) for part in parts]
         lines += _list_macro(f"{name.upper()}_OF_PARAMETERS", values + (nested if name == "Scene" else []), "{", "}")
     return "\n".join(lines) + "\n"
+
+
+def for_its_shape(name: str, text: str) -> str:
+    """A kernel's file, of a shape's folder only where there are such: but for the first one, of whose parts others are
+    made."""
+    for shape in SHAPES[1:]:
+        if name.startswith(f"shapes/{shape.name}/"):
+            return f"#ifdef {shape.flag}\n#line 1\n{text}#endif\n"
+    return text
 
 
 def arguments_of(features: frozenset[str]) -> list[Argument]:

@@ -111,9 +111,9 @@ class Nodes:
 
     sides: (6, nodes, 8) float32, of the children's boxes, from the surfaces' middle, times 2^exponent; child: (nodes,
     8), a node, or ~ a leaf, 0 for none; depth: how many nodes a walk may have to come back to. Leaves are `blocks` of
-    spheres and cylinders, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4, blocks, 8),
-    centres and outer radii; patches: (11, leaves - blocks, 8), corners, both edges from there, and the sum and the
-    product of the edges' sizes.
+    spheres and cylinders, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4,
+    blocks, 8), centres and outer radii; patches: (11, leaves - blocks, 8), corners, both edges from there, and the sum
+    and the product of the edges' sizes.
     """
 
     exponent: int

@@ -251,7 +251,9 @@ class Cylinder(Surface):
         """The point of this part that is nearest to the ray's at t, but for rounding."""
         way = way_of(ray, self.frame, self.eye)
         if way is None:
-            way = Way(self.eye, self.frame.B.T @ ray.direction, 0.0, step=self.frame.B.T @ (ray.at(0.0) - Point(0, 0, 0)))
+            way = Way(
+                self.eye, self.frame.B.T @ ray.direction, 0.0, step=self.frame.B.T @ (ray.at(0.0) - Point(0, 0, 0))
+            )
         p = way.w * t - way.to(self.end if part == "end" else self.start)
         u = self.axis
         k = p.dot(u) / u.dot(u)
@@ -259,7 +261,7 @@ class Cylinder(Surface):
         if part == "side":
             m = m * (1 / math.sqrt(m.dot(m)))
         a, b = m.dot(self.e1) / self.e1.dot(self.e1), m.dot(self.e2) / self.e2.dot(self.e2)
-        return OnCylinder(self, part, max(0.0, min(1.0, k)), a, b)
+        return OnCylinder(self, part, k=max(0.0, min(1.0, k)), a=a, b=b)
 
     def outward(self, at: OnCylinder) -> Direction:
         """The outward unit normal at a point, in the world."""

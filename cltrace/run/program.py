@@ -63,6 +63,7 @@ SOURCES = (
     "shapes/cylinder/stops.cl",
     "shapes/triangle/stops.cl",
     "shapes/shadow.cl",
+    "find/proved.cl",
     "find/stopped.cl",
     "shade/phong.cl",
     "shade/lights.cl",
@@ -127,6 +128,7 @@ def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text, with `#line`s, so that the compiler's messages name the file they are about."""
     folder = kernel_folder()
     texts = (abi.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
+    texts = (abi.for_its_shape(name, text) for name, text in zip(files, texts, strict=True))
     return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
 
 

@@ -92,7 +92,7 @@ def _shaded(scene: Scene, given: Shade) -> Scene:
     count, material = (1, np.zeros((), np.int32)) if one else (n, None)
     # Who has a material of its own: meshes, cylinders that are no bonds, and bonds that have not those of their ends.
     rest, bound = columns.rest, bonds.count if bonds else 0
-    of_bonds = bonds.material.reshape(-1) if bonds else np.zeros(0, np.int32)
+    of_bonds: NDArray[Any] = bonds.material.reshape(-1) if bonds else np.zeros(0, np.int32)
     parts = [np.array([mesh.material for mesh in meshes], np.int64), cylinders["material"][bound:], of_bonds]
     of = was = np.concatenate(parts).astype(np.int64)
     if (of < columns.count).any():  # those of a file are in no order

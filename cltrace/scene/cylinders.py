@@ -1,7 +1,7 @@
 """Cylinders with flat ends: what a scene holds of them, bonds between spheres, and the edges of simulation boxes.
 
-The solid is { x : |(x - start) x u| <= radius |u|, 0 <= (x - start).u <= u.u } with u = end - start, all of these numbers
-as they are: no axis is normalised.
+The solid is { x : |(x - start) x u| <= radius |u|, 0 <= (x - start).u <= u.u } with u = end - start, all of these
+numbers as they are: no axis is normalised.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def halved(cylinders: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def box_of(box: ArrayLike) -> Floats:
-    """(3, 3): the edges of a box, which is three lengths or three vectors as rows. Raises ValueError, which names it."""
+    """(3, 3): the edges of a box of three lengths, or of three vectors as rows. Raises ValueError, which names it."""
     given = numbers("box", box)
     if given.shape not in ((3,), (3, 3)):
         raise ValueError(f"box: must be 3 lengths or a (3, 3) matrix of its edges, got shape {given.shape}")
@@ -150,7 +150,8 @@ def box_edges(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floa
 
 
 def box_corners(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """The corners, (8, 3), of a box, where spheres make the ends of its edges round. The arguments are box_edges()'s."""
+    """The corners, (8, 3), of a box, where spheres make the ends of its edges round. The arguments are those of
+    box_edges()."""
     edges, corner = box_of(box), np.array(vector("origin", origin))
     return corner + np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ edges
 
@@ -168,11 +169,11 @@ def axes(length: float = 1.0, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floa
 class Bonds(Frozen):
     """Cylinders between the centres of spheres, which follow these.
 
-    pairs: (k, 2) int32, which spheres; radius: (k,); material: (k, 2), of each half, or none, (0, 2), where each has that
-    of its end; box: (3, 3), the edges of a periodic box, or none, (0, 3); count: how many cylinders
-    they are in their scene. A bond is whole where both its halves have one
-    material, else it is two halves that meet in the middle. Across the box's boundary it is two halves
-    also, each from its end to the middle of the way to the nearest image of the other one.
+    pairs: (k, 2) int32, which spheres; radius: (k,); material: (k, 2), of each half, or none, (0, 2), where each has
+    that of its end; box: (3, 3), the edges of a periodic box, or none, (0, 3); count: how many cylinders they are in
+    their scene. A bond is whole where both its halves have one material, else it is two halves that meet in the middle.
+    Across the box's boundary it is two halves also, each from its end to the middle of the way to the nearest image of
+    the other one.
     """
 
     pairs: NDArray[np.int32]

@@ -34,6 +34,7 @@ from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
+    Material,
     Texture,
     check_materials,
     check_texels,

@@ -332,9 +332,7 @@ class Shapes:
         n = len(rays)
         outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         ball, rod = parts < len(self.radii), parts >= self.first_rod
-        self._on_rods(
-            places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside
-        )
+        self._on_rods(places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside)
         self._on_spheres(
             places, rays.directions, k=parts, rows=np.flatnonzero(ball), outward=outward, uv=uv, inside=inside
         )

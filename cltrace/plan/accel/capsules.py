@@ -66,7 +66,7 @@ class Capsules(Silhouettes):
 
     def member(self, which: NDArray[np.intp], block: slice) -> Ints:
         """The indices of some of a block as surfaces."""
-        return (which + (self.first + block.start)).astype(np.int32)
+        return np.asarray(which + (self.first + block.start), np.int32)
 
     def nearest(self, block: slice) -> Array:
         """(n,): how far the capsules are from the point, 0 from inside."""

@@ -52,7 +52,9 @@ class Cylinders(Shape):
         of, middle = of[row], middle[row]
         half = np.sqrt(((of["end"] / 2 - of["start"] / 2) ** 2).sum(axis=1))
         outer = np.hypot(half, of["radius"]) * (1 + ROOM) + ROOM * np.abs(middle).max(axis=1, initial=0)
-        inner = np.maximum(np.minimum(half, of["radius"]) * (1 - ROOM) - ROOM * np.abs(middle).max(axis=1, initial=0), 0)
+        inner = np.maximum(
+            np.minimum(half, of["radius"]) * (1 - ROOM) - ROOM * np.abs(middle).max(axis=1, initial=0), 0
+        )
         tree = {"center": middle, "outer": outer, "inner": inner, "member": np.ones(len(of), bool)}
         parts = {name: np.ascontiguousarray(of[name]) for name in ("start", "end", "radius")}
         flags = FLAGS if len(of) else {}

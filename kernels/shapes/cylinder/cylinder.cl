@@ -4,16 +4,16 @@
  * from there to the middle E of the other one, and the radius r, exactly the numbers of the file. With f = S - O, a ray
  * from O along w is within the endless cylinder where a t^2 - 2 b t + c <= 0, with
  *
- *     F = f x u,  G = w x u,  a = G.G,  b = F.G,  c = F.F - r^2 u.u,  D = b^2 - a c = u.u (r^2 a - V^2),  V = u.(f x w),
+ *     F = f x u,  G = w x u,  a = G.G,  b = F.G,  c = F.F - r^2 u.u,  D = b^2 - a c = u.u (r^2 a - V^2),  V = u.(f x
+ * w),
  *
- * and between the planes of the ends where 0 <= t g - h <= u.u, with g = w.u and h = f.u. Where it passes a plane, g t =
- * N with N = h or k = h + u.u, it is on the disc there if q = |N G - g F|^2 - r^2 u.u g^2 <= 0. The middle of the way
+ * and between the planes of the ends where 0 <= t g - h <= u.u, with g = w.u and h = f.u. Where it passes a plane, g t
+ * = N with N = h or k = h + u.u, it is on the disc there if q = |N G - g F|^2 - r^2 u.u g^2 <= 0. The middle of the way
  * through the endless cylinder, t = b / a, is between the planes if g b - a h >= 0 and a k - g b >= 0. So these signs
  * say all: a ray meets the solid if it meets a disc, or the endless cylinder with that middle between the planes; it
  * enters by the first disc if it meets that, else by the side, and leaves likewise. On the rim, it is the disc that is
  * met. cltrace/reference/cylinder.py has the same in exact numbers.
  */
-#ifdef WITH_CYLINDERS
 
 /* One cylinder in all lanes, or each lane's own one. Lengths of the world. Where `real` is float, u is of length 1. */
 typedef struct {
@@ -21,8 +21,8 @@ typedef struct {
     REAL r, span;        /* span: u.u; where `real` is float, |E - S| */
 } Rod;
 
-static Rod rod_at(const Spheres *spheres, const int number) {
-    const real4 s = spheres->rod[2 * number], e = spheres->rod[2 * number + 1];
+static Rod rod_at(const Spheres spheres, const int number) {
+    const real4 s = spheres.rod[2 * number], e = spheres.rod[2 * number + 1];
     Rod rod = {{s.x, s.y, s.z}, {e.x, e.y, e.z}, {e.x, e.y, e.z}, s.w, e.w};
     if (REAL_BYTES == 4) return rod;
     rod.u.x = e.x - s.x;
@@ -33,7 +33,7 @@ static Rod rod_at(const Spheres *spheres, const int number) {
 }
 
 /* Each lane's cylinder. Lanes with a negative number get any one. */
-static Rod rods_of(const Spheres *spheres, const INT number) {
+static Rod rods_of(const Spheres spheres, const INT number) {
     int one = LARGEST(number);
     Rod own = rod_at(spheres, max(one, 0));
     INT left = number == one ? (INT)-1 : number;
@@ -94,14 +94,7 @@ typedef struct {
 } RodRay;
 
 static RodRay rod_ray_of(const Leaving ray, const INT index) {
-    const RodRay way = {ray.center,
-                        ray.p,
-                        ray.w,
-                        ray.reach,
-                        ray.w1,
-                        TO_REAL_MASK(ray.own == index),
-                        ray.inner,
-                        ray.q};
+    const RodRay way = {ray.center, ray.p, ray.w, ray.reach, ray.w1, TO_REAL_MASK(ray.own == index), ray.inner, ray.q};
     return way;
 }
 
@@ -116,10 +109,10 @@ typedef struct {
 
 #define ROD_SIZE(v) ((fabs((v).x) + fabs((v).y)) + fabs((v).z))
 
-static REAL rod_disc(const Real3 F, const Real3 G, const REAL N, const REAL g, const REAL rim, REAL *size) {
+/* N G - g F, of which q is the square less that of the rim. */
+static Real3 rod_disc(const Real3 F, const Real3 G, const REAL N, const REAL g) {
     const Real3 v = {N * G.x - g * F.x, N * G.y - g * F.y, N * G.z - g * F.z};
-    *size = ROD_SIZE(v);
-    return DOT(v, v) - rim * (g * g);
+    return v;
 }
 
 static RodValues rod_values(const RodRay ray, const Rod rod) {
@@ -145,8 +138,12 @@ static RodValues rod_values(const RodRay ray, const Rod rod) {
     const REAL_MASK on_side = ray.own & !ON_START(ray.q) & !ON_END(ray.q);
     e.c = on_side ? (REAL)0 : DOT(F, F) - e.rr * e.uu;
     e.D = on_side ? e.b * e.b : e.uu * (e.a * e.rr - e.V * e.V);
-    e.first = rod_disc(F, G, e.h, e.g, e.rr * e.uu, &e.v1);
-    e.second = rod_disc(F, G, e.k, e.g, e.rr * e.uu, &e.v2);
+    const Real3 v1 = rod_disc(F, G, e.h, e.g), v2 = rod_disc(F, G, e.k, e.g);
+    const REAL rim = e.rr * e.uu * (e.g * e.g);
+    e.v1 = ROD_SIZE(v1);
+    e.v2 = ROD_SIZE(v2);
+    e.first = DOT(v1, v1) - rim;
+    e.second = DOT(v2, v2) - rim;
     e.after = e.g * e.b - e.a * e.h;
     e.before = e.a * e.k - e.g * e.b;
     return e;
@@ -162,14 +159,14 @@ static REAL rod_sign(const REAL value) {
 }
 
 static RodSigns signs_of_values(const RodValues e) {
-    const RodSigns signs = {rod_sign(e.a), rod_sign(e.b), rod_sign(e.c), rod_sign(e.D),
-                            rod_sign(e.g), rod_sign(e.h), rod_sign(e.k), rod_sign(e.first),
+    const RodSigns signs = {rod_sign(e.a),      rod_sign(e.b),     rod_sign(e.c),     rod_sign(e.D),
+                            rod_sign(e.g),      rod_sign(e.h),     rod_sign(e.k),     rod_sign(e.first),
                             rod_sign(e.second), rod_sign(e.after), rod_sign(e.before)};
     return signs;
 }
 
-/* What follows from them. out: it starts outside, and enters where it is met; else it leaves there. flat: it is met on a
- * disc; last: which is the one at E. */
+/* What follows from them. out: it starts outside, and enters where it is met; else it leaves there. flat: it is met on
+ * a disc; last: which is the one at E. */
 typedef struct {
     REAL_MASK hit, out, flat, last;
 } RodVerdict;
@@ -200,8 +197,8 @@ static REAL rod_t(const RodValues e, const RodVerdict is) {
 #if REAL_BYTES == 8
 /* What the numbers are off by.
  *
- * With v = 2^-53, each coordinate of f is off by 2^-48 s, see RodRay, u by v of itself. So each coordinate of F is off by
- * 2^-47 s u1, of G by 2^-48 w1 u1, V by 2^-46 s w1 u1, g by 2^-48 w1 u1 and h by 2^-47 s u1. All others follow from
+ * With v = 2^-53, each coordinate of f is off by 2^-48 s, see RodRay, u by v of itself. So each coordinate of F is off
+ * by 2^-47 s u1, of G by 2^-48 w1 u1, V by 2^-46 s w1 u1, g by 2^-48 w1 u1 and h by 2^-47 s u1. All others follow from
  * these: a product of two numbers is off by each one's error times the other one, by both errors' product, and by
  * roundings, which for sums of up to four products are below 2^-50 of all magnitudes. In pairs, f is off by 2^-99 s and
  * w by 2^-101 w1, and what is computed by less than 2^-100: with small = 2^-49, all of that is less than so many times
@@ -210,9 +207,14 @@ typedef struct {
     REAL a, b, c, D, g, h, k, first, second, after, before;
 } RodErrors;
 
-/* Of x y, of which x and y are off by these. */
-static REAL rod_product_error(const REAL x, const REAL x_error, const REAL y, const REAL y_error, const REAL round) {
-    return fabs(x) * y_error + fabs(y) * x_error + x_error * y_error + round * fabs(x * y);
+/* A number and what it is off by. */
+typedef struct {
+    REAL value, error;
+} RodNumber;
+
+/* What x y is off by; round: roundings as a share. */
+static REAL rod_product_error(const RodNumber x, const RodNumber y, const REAL round) {
+    return fabs(x.value) * y.error + fabs(y.value) * x.error + x.error * y.error + round * fabs(x.value * y.value);
 }
 
 /* What F and G in each coordinate, a disc's N, and g are off by; and roundings as a share. */
@@ -246,9 +248,10 @@ static RodErrors rod_errors(const RodValues e, const REAL small) {
     by.first = rod_disc_error(e, e.h, e.v1, off);
     off.N = by.k;
     by.second = rod_disc_error(e, e.k, e.v2, off);
-    const REAL gb = rod_product_error(e.g, by.g, e.b, by.b, round);
-    by.after = gb + rod_product_error(e.a, by.a, e.h, by.h, round);
-    by.before = gb + rod_product_error(e.a, by.a, e.k, by.k, round);
+    const RodNumber a = {e.a, by.a}, b = {e.b, by.b}, g = {e.g, by.g}, h = {e.h, by.h}, k = {e.k, by.k};
+    const REAL gb = rod_product_error(g, b, round);
+    by.after = gb + rod_product_error(a, h, round);
+    by.before = gb + rod_product_error(a, k, round);
     return by;
 }
 
@@ -264,9 +267,9 @@ static RodErrors rod_errors_at(const RodRay ray, const RodValues e, const REAL s
 
 /* Within its error, a number's sign counts as 0. */
 static RodSigns signs_within(const RodValues e, const RodErrors by) {
-    const RodSigns signs = {sign_from(e.a, by.a), sign_from(e.b, by.b), sign_from(e.c, by.c),
-                            sign_from(e.D, by.D), sign_from(e.g, by.g), sign_from(e.h, by.h),
-                            sign_from(e.k, by.k), sign_from(e.first, by.first), sign_from(e.second, by.second),
+    const RodSigns signs = {sign_from(e.a, by.a),         sign_from(e.b, by.b),          sign_from(e.c, by.c),
+                            sign_from(e.D, by.D),         sign_from(e.g, by.g),          sign_from(e.h, by.h),
+                            sign_from(e.k, by.k),         sign_from(e.first, by.first),  sign_from(e.second, by.second),
                             sign_from(e.after, by.after), sign_from(e.before, by.before)};
     return signs;
 }
@@ -302,10 +305,11 @@ typedef struct {
     Pair a, b, c, D, g, h, k;
 } RodPairs;
 
-static Pair rod_fine_disc(const Pair3 F, const Pair3 G, const Pair N, const Pair g, const Pair rim) {
+/* |N G - g F|^2. */
+static Pair rod_fine_disc(const Pair3 F, const Pair3 G, const Pair N, const Pair g) {
     const Pair3 v = {minus(times(N, G.x), times(g, F.x)), minus(times(N, G.y), times(g, F.y)),
                      minus(times(N, G.z), times(g, F.z))};
-    return minus(dot_pairs(v, v), times(rim, times(g, g)));
+    return dot_pairs(v, v);
 }
 
 /* A ray in pairs, as FinePath. */
@@ -341,8 +345,9 @@ static __attribute__((noinline)) RodPairs rod_pairs(const RodRay ray, const RodF
     e->g = p.g.hi;
     e->h = p.h.hi;
     e->k = p.k.hi;
-    e->first = rod_fine_disc(F, G, p.h, p.g, rim).hi;
-    e->second = rod_fine_disc(F, G, p.k, p.g, rim).hi;
+    const Pair edge = times(rim, times(p.g, p.g));
+    e->first = minus(rod_fine_disc(F, G, p.h, p.g), edge).hi;
+    e->second = minus(rod_fine_disc(F, G, p.k, p.g), edge).hi;
     const Pair gb = times(p.g, p.b);
     e->after = minus(gb, times(p.a, p.h)).hi;
     e->before = minus(times(p.a, p.k), gb).hi;
@@ -410,9 +415,9 @@ static RodMeeting rod_meet(const RodRay ray, const Rod rod, const REAL_MASK want
     return at;
 }
 
-/* The same of a ray that leaves a point or comes from the eye, where pairs decide what double cannot. index: each lane's
- * surface, number: the same among cylinders. */
-static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres *spheres, const Leaving ray, const INT index,
+/* The same of a ray that leaves a point or comes from the eye, where pairs decide what double cannot. index: each
+ * lane's surface, number: the same among cylinders. */
+static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres, const Leaving ray, const INT index,
                                                           const REAL_MASK wanted) {
     const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
     const RodRay way = rod_ray_of(ray, index);
@@ -430,4 +435,3 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres *spheres
 #endif
     return at;
 }
-#endif

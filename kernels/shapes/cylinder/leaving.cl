@@ -1,9 +1,8 @@
 /* leaving.cl: cylinders and rays that start on surfaces.
  *
- * A point of a cylinder is named by q: q.x is how far along the axis it is, 0 .. 1 of the side, -1 of the disc at S and 2
- * of that at E. With m = q.y e1 + q.z e2 (see across_of()), it is exactly S + q.x u + r m / |m| on the side, and S + m or
- * E + m on a disc. */
-#ifdef WITH_CYLINDERS
+ * A point of a cylinder is named by q: q.x is how far along the axis it is, 0 .. 1 of the side, -1 of the disc at S and
+ * 2 of that at E. With m = q.y e1 + q.z e2 (see across_of()), it is exactly S + q.x u + r m / |m| on the side, and S +
+ * m or E + m on a disc. */
 
 /* From S, or from E on the disc there, to the point q; and how far that is at most. */
 typedef struct {
@@ -31,7 +30,7 @@ static RodPlace rod_place(const Rod rod, const Real3 q) {
 }
 
 /* Puts where rays leave cylinders into their lanes. */
-static void cylinder_leave(const Frame frame, const Spheres *spheres, Leaving *ray) {
+static void cylinder_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray->own));
     const RodPlace place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
     PUT_OF_SHAPE(here, ray->center.x, place.anchor.x);
@@ -45,26 +44,26 @@ static void cylinder_leave(const Frame frame, const Spheres *spheres, Leaving *r
 }
 
 /* What shadow rays start with is known since the point was met. */
-static void cylinder_place(const Spheres *spheres, Start *start) {
+static void cylinder_place(const Spheres spheres, Start *start) {
 }
 
 /* Puts where the lanes' rays meet the cylinders that `index` names into their lanes. */
-static void cylinder_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(&scene->spheres, index));
-    const RodMeeting met = rod_encounter(&scene->spheres, ray, index, here);
+static void cylinder_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene.spheres, index));
+    const RodMeeting met = rod_encounter(scene.spheres, ray, index, here);
     PUT_OF_SHAPE(here, at->t, met.t);
     PUT_OF_SHAPE(here, at->inside, !met.is.out);
 }
 
 /* A cylinder is no part of anything. */
-static int cylinder_primitive(const Scene *scene, const int index) {
+static int cylinder_primitive(const Scene scene, const int index) {
     return -1;
 }
 
 #if REAL_BYTES == 8
 /* Puts the way from the anchor to the point that rays leave into their lanes, in pairs. With v = 2^-53, u is exact, e1
  * and e2 are off by 10 v^2 of their sizes, m by 30 v^2 and m / |m| by 60 v^2. */
-static void cylinder_fine_start(const Spheres *spheres, const Leaving ray, Pair3 *step) {
+static void cylinder_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray.own));
     const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, ray.own));
     const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
@@ -89,7 +88,7 @@ static void cylinder_fine_start(const Spheres *spheres, const Leaving ray, Pair3
 }
 
 /* Puts t of rays that meet cylinders into their lanes, in pairs, and a bound of what it is off by. */
-static void cylinder_fine_t(const Spheres *spheres, const Leaving ray, const INT index, FineT *t) {
+static void cylinder_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, index));
     const RodFineRay way = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const FineRod fine = fine_rod(rod_ray_of(ray, index), way, rods_of(spheres, CYLINDER_OR_NONE(spheres, index)));
@@ -97,13 +96,7 @@ static void cylinder_fine_t(const Spheres *spheres, const Leaving ray, const INT
     t->error = here ? fine.t.error : t->error;
 }
 
-/* Of cylinders no such thing is known. */
-static void cylinder_leave_out_tied(const Spheres *spheres, const INT A, const INT B, REAL_MASK *open) {
-}
-
-/* Cylinders break no tie by themselves. */
-static void cylinder_break_tie(const Spheres *spheres, const Leaving ray, const INT A, const INT B,
-                               const REAL_MASK close, REAL_MASK *first) {
-}
-#endif
+/* Of cylinders no such thing is known, and they break no tie by themselves. */
+#define cylinder_leave_out_tied(spheres, A, B, open)
+#define cylinder_break_tie(spheres, ray, A, B, close, first)
 #endif

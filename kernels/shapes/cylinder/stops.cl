@@ -1,20 +1,19 @@
 /* stops.cl: cylinders between a point and a light. */
-#ifdef WITH_CYLINDERS
 
 /* The way from a start to a light, which is at a point, or in the direction `to`. */
 static RodRay rod_ray_to(const real4 lamp, const int at_point, const Start P) {
     const Real3 L = {lamp.x, lamp.y, lamp.z}, A = P.anchor, none = {0, 0, 0};
     const Real3 way = {L.x - A.x, L.y - A.y, L.z - A.z};
     const Real3 w = {way.x - P.step.x, way.y - P.step.y, way.z - P.step.z};
-    const RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L),
-                        0, 0, none};
+    const RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L), 0,
+                        0, none};
     return ray;
 }
 
 #if REAL_BYTES == 8
 /* As decide_rod(), in pairs. */
-static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres *spheres, const real4 lamp,
-                                                            const int at_point, const Start *P, const Rod rod) {
+static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres spheres, const real4 lamp, const int at_point,
+                                                            const Start *P, const Rod rod) {
     const Real3 to = {lamp.x, lamp.y, lamp.z};
     const Leaving point = leaving_to(*P, to);
     const Pair3 step = fine_start(spheres, point);
@@ -31,7 +30,7 @@ static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres *spher
 #endif
 
 /* The lanes of `wanted` in which a cylinder, which is not the own surface, stands between P and the light. */
-static __attribute__((noinline)) MASK decide_rod(const Spheres *spheres, const real4 lamp, const int at_point,
+static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const real4 lamp, const int at_point,
                                                  const Start *from, const int number, const MASK wanted) {
     Start P = *from;
     place_start(spheres, &P);
@@ -49,17 +48,16 @@ static __attribute__((noinline)) MASK decide_rod(const Spheres *spheres, const r
     return wanted & TO_MASK(stops);
 }
 
-/* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it does
- * if and only if the light is outside of it. */
-static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
+/* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
+ * does if and only if the light is outside of it. */
+static MASK cylinder_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK may,
                             const MASK lit, Work *work) {
-    const int number = index - FIRST_CYLINDER(&scene->spheres);
+    const int number = index - FIRST_CYLINDER(scene.spheres);
     const MASK own = may & (ray.own == index), rest = may & (ray.own != index);
     MASK stops = own & TO_MASK(start.side < 0);
-    if (ANY(stops) && scene->rod_side[(long)ray.number * scene->rods + number] <= 0) stops = 0;
+    if (ANY(stops) && scene.rod_side[(long)ray.number * scene.rods + number] <= 0) stops = 0;
     if (!ANY(rest)) return stops;
     COUNT(DECIDED, rest);
     if (is_over(scene)) return stops;
-    return stops | decide_rod(&scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, rest);
+    return stops | decide_rod(scene.spheres, scene.lamp[ray.number], ray.at_point, &start, number, rest);
 }
-#endif

@@ -1,5 +1,4 @@
 /* surface.cl: points of cylinders that rays have met: their normals, and what starts there. */
-#ifdef WITH_CYLINDERS
 /* A point: from S, or E on the disc there; what names it; and the outward unit normal in the world. */
 typedef struct {
     Real3 q, n;
@@ -7,12 +6,13 @@ typedef struct {
 
 /* That of lanes whose rays meet their cylinders at t, by the part of the verdict. */
 static RodPoint rod_point(const Leaving ray, const Rod rod, const REAL t, const RodVerdict is) {
-    const REAL_MASK on_end = is.flat & is.last, by_end = on_end & (REAL_BYTES == 8 ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0);
+    const REAL_MASK on_end = is.flat & is.last,
+                    by_end = on_end & (REAL_BYTES == 8 ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0);
     const Real3 A = {by_end ? rod.end.x : rod.start.x, by_end ? rod.end.y : rod.start.y,
                      by_end ? rod.end.z : rod.start.z};
-    const Real3 u = rod.u, p = {t * ray.w.x - ((A.x - ray.center.x) - ray.p.x),
-                                t * ray.w.y - ((A.y - ray.center.y) - ray.p.y),
-                                t * ray.w.z - ((A.z - ray.center.z) - ray.p.z)};
+    const Real3 u = rod.u,
+                p = {t * ray.w.x - ((A.x - ray.center.x) - ray.p.x), t * ray.w.y - ((A.y - ray.center.y) - ray.p.y),
+                     t * ray.w.z - ((A.z - ray.center.z) - ray.p.z)};
     const REAL k = DOT(p, u) / DOT(u, u);
     Real3 m = {p.x - k * u.x, p.y - k * u.y, p.z - k * u.z};
     const REAL over = 1 / sqrt(DOT(m, m)), by = is.flat ? (REAL)1 : over;
@@ -49,13 +49,14 @@ static void map_rods(const REAL_MASK here, const Rod rod, const Real3 q, Interse
 #define map_rods(here, rod, q, at)
 #endif
 
-/* Puts the points of cylinders into an intersection. id: what the rays met, at t; P: the point, rounded, in camera space.
+/* Puts the points of cylinders into an intersection. id: what the rays met, at t; P: the point, rounded, in camera
+ * space.
  */
-static __attribute__((always_inline)) void round_off(const Frame frame, const Scene *scene, const Leaving ray,
+static __attribute__((always_inline)) void round_off(const Frame frame, const Scene scene, const Leaving ray,
                                                      const INT id, const REAL t, const Real3 P, Intersection *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(&scene->spheres, id));
-    const Rod rod = rods_of(&scene->spheres, CYLINDER_OR_NONE(&scene->spheres, id));
-    const RodVerdict is = rod_encounter(&scene->spheres, ray, id, here).is;
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene.spheres, id));
+    const Rod rod = rods_of(scene.spheres, CYLINDER_OR_NONE(scene.spheres, id));
+    const RodVerdict is = rod_encounter(scene.spheres, ray, id, here).is;
     const RodPoint point = rod_point(ray, rod, t, is);
     const Real3 n = turned_to_camera(frame, point.n);
     PUT_OF_SHAPE(here, at->normal.x, n.x);
@@ -80,16 +81,15 @@ static __attribute__((always_inline)) void round_off(const Frame frame, const Sc
 }
 
 /* Puts what a ray from the eye has met into an intersection. */
-static __attribute__((always_inline)) void cylinder_put(const Frame frame, const Scene *scene, const Ray ray,
+static __attribute__((always_inline)) void cylinder_put(const Frame frame, const Scene scene, const Ray ray,
                                                         const Hit hit, Intersection *at) {
-    round_off(frame, scene, from_eye(&scene->spheres, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
+    round_off(frame, scene, from_eye(scene.spheres, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
 }
 
 #ifdef WITH_BOUNCES
 /* The same of a ray that left a surface. */
-static void cylinder_put_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met,
+static void cylinder_put_from(const Frame frame, const Scene scene, const Leaving ray, const Met met,
                               Intersection *at) {
     round_off(frame, scene, ray, met.id, met.at.t, point_from(frame, scene, ray, met), at);
 }
-#endif
 #endif
