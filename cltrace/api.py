@@ -34,11 +34,15 @@ from cltrace.scene import (
     Scene,
     ambient_light,
     axes,
+    ball_light,
     box_corners,
     box_edges,
+    panel_light,
     parallel_light,
     point_light,
+    sky_light,
     spot_light,
+    sun_light,
 )
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Cause, Comparison
@@ -68,6 +72,7 @@ __all__ = [
     "ambient_light",
     "animate",
     "axes",
+    "ball_light",
     "box_corners",
     "box_edges",
     "colorbar",
@@ -77,10 +82,13 @@ __all__ = [
     "lit",
     "load",
     "orbit",
+    "panel_light",
     "parallel_light",
     "point_light",
     "render",
+    "sky_light",
     "spot_light",
+    "sun_light",
     "trace_rays",
 ]
 

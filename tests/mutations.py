@@ -195,6 +195,7 @@ MUTATIONS = [
     Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", SCENES),
     Mutation("MASK tiny = ray.a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
     Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", ENDS),
+    Mutation("g = g * w + 0.09091444562630861", "g = g * w + 0.19091444562630861", "the highlight in double", SCENES),
     Mutation("at.exponent * z >= (shade_t)light.cone.z", "at.exponent * z >= (shade_t)-1", "highlights", STRESS),
     Mutation("{p[0] | (p[1] << 24)", "{p[0] | (p[1] << 16)", "bytes", SCENES),
     Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),

@@ -121,9 +121,9 @@ class Bench:
         return chosen
 
     def reference(self) -> Product | None:
-        """In double precision, on the first device that has it, or on any other."""
+        """In double precision, without filters, on the first device that has it, or on any other."""
         able = next((d for d in [*self.devices, *devices()] if d.has_double), None)
-        return Product(able, "double") if able else None
+        return Product(able, "double", ("filter",)) if able else None
 
     def run(self, peers: list[Tracer], progress: Progress) -> None:
         """Measures everything. Prints a table as soon as its scene is done."""

@@ -84,13 +84,13 @@ def _setup(scene: Scene) -> Any:
     vectors = {"eye": camera.position, "right": right * (x / width), "up": up * (y / height), "back": back}
     for name, value in {**vectors, "background": scene.background}.items():
         setup[name][:3] = value
-    setup["size"] = width, height, len(scene.spheres), len(scene.lights)
+    setup["size"] = width, height, len(scene.spheres), len(scene.lamps)
     return setup[()]
 
 
 def _lamps(scene: Scene) -> NDArray[np.void]:
-    lamps = np.zeros(len(scene.lights), LAMP)
-    for lamp, light in zip(lamps, scene.lights, strict=True):
+    lamps = np.zeros(len(scene.lamps), LAMP)
+    for lamp, light in zip(lamps, scene.lamps, strict=True):
         direction = light["direction"] / (np.linalg.norm(light["direction"]) or 1.0)
         lamp["position"] = *(-direction if light["kind"] == PARALLEL else light["position"]), light["kind"]
         lamp["color"][:3] = light["color"]

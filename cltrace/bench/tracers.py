@@ -153,7 +153,7 @@ def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
     image: rgb8 and color; dull: color, normal, depth and id.
     """
     first = dull[0]
-    count = int((scene.lights["kind"] != AMBIENT).sum())
+    count = int((scene.lamps["kind"] != AMBIENT).sum())
     light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]
     return Answer(
         id=first.id.ravel(),

@@ -82,8 +82,8 @@ def reached(scene: Scene, seen: Hits, rows: NDArray[np.intp]) -> tuple[NDArray[n
 
     A spot light is taken for a point light: its cone is not looked at.
     """
-    spheres, out = scene.spheres, np.zeros((2, len(rows), int((scene.lights["kind"] != AMBIENT).sum())), bool)
-    for k, light in enumerate(scene.lights[scene.lights["kind"] != AMBIENT]):
+    spheres, out = scene.spheres, np.zeros((2, len(rows), int((scene.lamps["kind"] != AMBIENT).sum())), bool)
+    for k, light in enumerate(scene.lamps[scene.lamps["kind"] != AMBIENT]):
         kind: Literal["point", "parallel"] = "parallel" if light["kind"] == PARALLEL else "point"
         where, hits = light["direction" if kind == "parallel" else "position"], (seen.d[rows], seen.index[rows])
         out[:, :, k] = lit(scene.camera.position, *hits, spheres["center"], spheres["radius"], where, kind)
@@ -119,7 +119,7 @@ def lamps(scene: Scene) -> list[Scene]:
     So a pixel is red by n.l of the first light if that light reaches it, and else not at all. Of a scene without lights
     there is one, too.
     """
-    lights = scene.lights[scene.lights["kind"] != AMBIENT].copy()
+    lights = scene.lamps[scene.lamps["kind"] != AMBIENT].copy()
     lights["color"] = np.resize(np.eye(3), (len(lights), 3))
     white = np.zeros(1, MATERIAL)
     white["color"], white["kd"], white["texture"] = 1, 1, -1
@@ -176,7 +176,7 @@ def _near(scene: Scene, pixel: int) -> NDArray[np.intp]:
     p = eye + t[0] * d
     ways = [
         -light["direction"] if light["kind"] == PARALLEL else light["position"] - p
-        for light in scene.lights[scene.lights["kind"] != AMBIENT]
+        for light in scene.lamps[scene.lamps["kind"] != AMBIENT]
     ]
     return np.unique(np.concatenate([chosen, *(_along(p, way, center, radius) for way in ways)]))
 

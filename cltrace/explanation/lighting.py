@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 
 from cltrace.explanation.names import Names
-from cltrace.explanation.record import AmbientTerm, LightTerm, Met
+from cltrace.explanation.record import AmbientTerm, LightTerm, Met, SoftTerm, total
 from cltrace.explanation.space import Space, triple
 from cltrace.reference import Direction, Intersection, Light, World
 from cltrace.reference.lights import SpotLight
 from cltrace.reference.records import Illumination, Shading
 from cltrace.reference.ways import Meeting, behind, blockers
-from cltrace.scene import AMBIENT, Scene
+from cltrace.scene import AMBIENT, SOFT, Scene
 
 FEW = 3  # surfaces that are listed between a point and a light
 
@@ -28,11 +29,20 @@ def ambient_terms(scene: Scene, names: Names, at: Intersection) -> tuple[Ambient
 
 def light_terms(
     scene: Scene, world: World, space: Space, names: Names, at: Intersection, shading: Shading
-) -> tuple[LightTerm, ...]:
+) -> tuple[LightTerm | SoftTerm, ...]:
     """One for each light but the ambient ones, in the order of the file."""
-    numbers = [i for i, light in enumerate(scene.lights) if light["kind"] != AMBIENT]
+    numbers = scene.lamp_of[scene.lamps["kind"] != AMBIENT].tolist()
     lamp = _Lamp(world, space, names, at)
-    return tuple(lamp.term(number, of) for number, of in zip(numbers, shading.lights, strict=True))
+    terms = [lamp.term(number, of) for number, of in zip(numbers, shading.lights, strict=True)]
+    return tuple(_whole(scene, tuple(some)) for _, some in groupby(terms, key=lambda term: term.light.number))
+
+
+def _whole(scene: Scene, terms: tuple[LightTerm, ...]) -> LightTerm | SoftTerm:
+    """What one light adds. terms: of its members, or of itself if it is not soft."""
+    light = terms[0].light
+    if scene.lights["kind"][light.number] not in SOFT:
+        return terms[0]
+    return SoftTerm(light, total(term.L for term in terms), terms)
 
 
 class _Lamp:

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from cltrace.explanation.record import LightName, SurfaceName
 from cltrace.reference import Mesh, Surface, Triangle
-from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, Scene
+from cltrace.scene import AMBIENT, BALL, LAMBERT, PANEL, PARALLEL, POINT, SKY, SPOT, SUN, Scene
 
-KINDS = {AMBIENT: "ambient_light", PARALLEL: "parallel_light", POINT: "point_light", SPOT: "spot_light"}
+KINDS = {
+    AMBIENT: "ambient_light",
+    PARALLEL: "parallel_light",
+    POINT: "point_light",
+    SPOT: "spot_light",
+    LAMBERT: "lambert_light",
+    SKY: "sky_light",
+    SUN: "sun_light",
+    BALL: "ball_light",
+    PANEL: "panel_light",
+}
 
 
 class Names:

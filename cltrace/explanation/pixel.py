@@ -21,11 +21,13 @@ from cltrace.explanation.record import (
     Hit,
     LightTerm,
     Placement,
+    SoftTerm,
     Term,
     Texel,
     TextureLookup,
     TracedRay,
     Triple,
+    total,
 )
 from cltrace.explanation.space import Space, triple
 from cltrace.explanation.words import number as written
@@ -250,7 +252,7 @@ class _Way:
     behind: float = 0.0
 
 
-def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm, ...]) -> tuple[Term, ...]:
+def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm | SoftTerm, ...]) -> tuple[Term, ...]:
     terms = [Term(f"{term.light.kind} {term.light.number}", term.color) for term in ambient]
     for light in lights:
         if light.fate == "lit":
@@ -274,10 +276,7 @@ def _times(share: float, color: Triple) -> Triple:
 
 
 def _sum(terms: Iterable[Term]) -> Triple:
-    red, green, blue = 0.0, 0.0, 0.0
-    for term in terms:
-        red, green, blue = red + term.color[0], green + term.color[1], blue + term.color[2]
-    return (red, green, blue)
+    return total(term.color for term in terms)
 
 
 def _angle(a: Direction, b: Direction) -> float:

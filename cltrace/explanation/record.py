@@ -6,8 +6,9 @@ Colours are linear, 1 = full, and not clamped.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from cltrace.scene.colors import Transfer
 
@@ -254,6 +255,44 @@ class LightTerm:
 
 
 @dataclass(frozen=True)
+class SoftTerm:
+    """What a soft light adds at a point: what its members add.
+
+    L: the sum of their colours; members: one term each.
+    """
+
+    light: LightName
+    L: Triple
+    members: tuple[LightTerm, ...]
+
+    @property
+    def fates(self) -> dict[Fate, int]:
+        """How many of the members reach the point, and how many do not for each reason; "lit" comes first."""
+        return {fate: count for fate in get_args(Fate) if (count := sum(one.fate == fate for one in self.members))}
+
+    @property
+    def fate(self) -> Fate:
+        """That of a light of which any member reaches the point is lit; else it is what most members have."""
+        return max(self.fates, key=lambda fate: (fate == "lit", self.fates[fate]))
+
+    @property
+    def diffuse(self) -> Triple:
+        return total(one.diffuse for one in self.members)
+
+    @property
+    def specular(self) -> Triple:
+        return total(one.specular for one in self.members)
+
+
+def total(colors: Iterable[Triple]) -> Triple:
+    """The sum of colours, in their order."""
+    red, green, blue = 0.0, 0.0, 0.0
+    for color in colors:
+        red, green, blue = red + color[0], green + color[1], blue + color[2]
+    return (red, green, blue)
+
+
+@dataclass(frozen=True)
 class AmbientTerm:
     """ka L C of an ambient light of the colour L."""
 
@@ -312,7 +351,7 @@ class TracedRay:
     missed: tuple[SurfaceTest, ...]
     hit: Hit | None
     ambient: tuple[AmbientTerm, ...]
-    lights: tuple[LightTerm, ...]
+    lights: tuple[LightTerm | SoftTerm, ...]
     local_terms: tuple[Term, ...]
     local: Triple
     share: float

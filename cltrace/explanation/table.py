@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from cltrace.explanation.record import Facts, Hit, LightTerm, TracedRay
+from cltrace.explanation.record import Facts, Hit, LightTerm, SoftTerm, TracedRay
 from cltrace.explanation.words import number
 
 Row = tuple[str, Iterable[float]]
@@ -35,7 +35,7 @@ def _ray(ray: TracedRay) -> Iterator[Row]:
     for term in ray.ambient:
         yield f"light {term.light.number} ambient", term.color
     for light in ray.lights:
-        yield from _light(light)
+        yield from _soft(light) if isinstance(light, SoftTerm) else _light(light)
     if ray.bounces:
         yield "local color", ray.local
     yield "color", ray.color
@@ -50,6 +50,15 @@ def _hit(hit: Hit) -> Iterator[Row]:
     if hit.texture:
         yield "u v", hit.texture.uv
     yield "C", hit.color
+
+
+def _soft(term: SoftTerm) -> Iterator[Row]:
+    """How a soft light reaches the point is a share of its members."""
+    name = f"light {term.light.number}"
+    yield f"{name} reaches", (term.fates.get("lit", 0) / len(term.members),)
+    if term.fate == "lit":
+        yield f"{name} diffuse", term.diffuse
+        yield f"{name} specular", term.specular
 
 
 def _light(term: LightTerm) -> Iterator[Row]:

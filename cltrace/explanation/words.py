@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,6 +19,7 @@ from cltrace.explanation.record import (
     LightTerm,
     Met,
     Placement,
+    SoftTerm,
     SphereTest,
     SurfaceName,
     SurfaceTest,
@@ -42,6 +44,14 @@ FATES = {
     "in shadow": "does not reach the point",
     "at the point": "touches the point, and shines past it",
 }
+# The same of members of a soft light.
+PLURALS = {
+    "behind": "are behind the surface",
+    "beside the cone": "do not shine this way",
+    "in shadow": "are in shadow",
+    "at the point": "touch the point, and shine past it",
+}
+FEW_BLOCKERS = 3  # surfaces that are listed of those between a point and a soft light
 DEEPEST = 12  # bounces, after which rays are not indented further
 LABEL = 44  # width of what is before the numbers of a sum
 
@@ -80,6 +90,9 @@ def line(e: Facts) -> str:
     parts = [f"{start} meets {surface(ray.hit.surface)} at t = {number(ray.hit.t)}"]
     for term in ray.lights:
         name = f"{term.light.kind} {term.light.number}"
+        if isinstance(term, SoftTerm):
+            parts.append(f"of {name}, {_counts(term)}")
+            continue
         hider = f": {surface(term.between[0].surface, whole=True)} is between" if term.between else ""
         parts.append(f"{name} {FATES[term.fate]}{hider}")
     parts += [f"{number(bounce.share)} of it is {bounce.kind}" for bounce in ray.bounces]
@@ -284,8 +297,26 @@ def _lights(ray: TracedRay) -> Iterator[str]:
         yield f"  ka L C = {vector(ambient.color)}"
         yield ""
     for term in ray.lights:
-        yield from _light(term, ray.hit)
+        yield from _soft(term) if isinstance(term, SoftTerm) else _light(term, ray.hit)
         yield ""
+
+
+def _counts(term: SoftTerm) -> str:
+    """Such as "12 of 64 members reach the point, 32 are behind the surface, 20 are in shadow"."""
+    reach = term.fates.get("lit", 0)
+    rest = "".join(f", {n} {PLURALS[fate]}" for fate, n in term.fates.items() if fate != "lit")
+    return f"{reach} of {len(term.members)} members reach the point{rest}"
+
+
+def _soft(term: SoftTerm) -> Iterator[str]:
+    """A soft light: what all members do, and what they add together."""
+    yield f"{light(term.light)}, L = {vector(term.L)} together: {_counts(term)}"
+    between = [one.between[0] for one in term.members if one.between]
+    for name, count in Counter(surface(met.surface) for met in between).most_common(FEW_BLOCKERS):
+        yield f"  first between the point and {count} of them: {name}"
+    if term.fate == "lit":
+        yield f"  diffuse, the sum of F kd L C (n.l) = {vector(term.diffuse)}"
+        yield f"  specular, the sum of F ks L max(0, r.v)^exponent = {vector(term.specular)}"
 
 
 def _light(term: LightTerm, hit: Hit) -> Iterator[str]:

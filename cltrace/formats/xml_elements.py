@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.formats.xml_values import Kind, bounces, file_name, integer, relative_path
+from cltrace.formats.xml_values import Kind, bounces, file_name, integer, members, relative_path
 from cltrace.scene import (
     ANY,
     CONE,
@@ -18,10 +18,15 @@ from cltrace.scene import (
     NOT_NEGATIVE,
     POSITIVE,
     ambient_light,
+    ball_light,
     check_resolution,
+    panel_light,
     parallel_light,
     point_light,
+    sky_light,
+    spans_no_area,
     spot_light,
+    sun_light,
 )
 
 Values = dict[str, Any]  # attribute -> value, child -> its Values; of a transform: "steps" -> [(element, Values), ...]
@@ -94,6 +99,18 @@ def _index_of_glass(v: Values) -> str | None:
     return f"refraction iof must be > 0 where t > 0, got {iof:g}" if v["transmittance"]["t"] > 0 and iof <= 0 else None
 
 
+def _up_with_below(v: Values) -> str | None:
+    return "<below> goes with <up>, which is missing" if "below" in v and "up" not in v else None
+
+
+def _spans(v: Values) -> str | None:
+    across, along = (np.array(list(v[name].values())) for name in ("across", "along"))
+    return "across and along must not be along one line" if spans_no_area(across, along) else None
+
+
+# Soft lights are an extension: the course has the plain ones.
+PLAIN = ("ambient_light", "parallel_light", "point_light", "spot_light")
+SOFT = ("sky_light", "sun_light", "ball_light", "panel_light")
 _RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
 _XYZ = dict.fromkeys("xyz", ANY)
 _ANGLE = {"theta": ANY}
@@ -109,15 +126,24 @@ ELEMENTS = {
     "horizontal_fov": Element({"angle": FOV}),
     "resolution": Element({"horizontal": integer, "vertical": integer}, check=_size),
     "max_bounces": Element({"n": bounces}),
-    "lights": Element(many=("ambient_light", "parallel_light", "point_light", "spot_light")),
+    "lights": Element(many=(*PLAIN, *SOFT)),
     "ambient_light": Element(children=("color",)),
     "parallel_light": Element(children=("color", "direction")),
     "point_light": Element(children=("color", "position")),
     "spot_light": Element(children=("color", "position", "direction", "falloff")),
+    "sky_light": Element(children=("color",), optional=("up", "below", "directions"), check=_up_with_below),
+    "sun_light": Element({"angle": CONE}, ("color", "direction"), ("directions",)),
+    "ball_light": Element({"radius": POSITIVE}, ("color", "position"), ("points",)),
+    "panel_light": Element(children=("color", "position", "across", "along"), optional=("points",), check=_spans),
     "color": Element(_RGB),
     "position": Element(_XYZ),
     "direction": Element(_XYZ, check=_not_zero),
     "falloff": Element({"alpha1": CONE, "alpha2": CONE}, check=_ordered),
+    "below": Element(_RGB),
+    "across": Element(_XYZ, check=_not_zero),
+    "along": Element(_XYZ, check=_not_zero),
+    "directions": Element({"n": members}),
+    "points": Element({"n": members}),
     "surfaces": Element(many=("sphere", "mesh", "cylinder")),
     "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
     "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",)),
@@ -154,4 +180,21 @@ LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
     "parallel_light": parallel_light,
     "point_light": point_light,
     "spot_light": spot_light,
+    "sky_light": sky_light,
+    "sun_light": sun_light,
+    "ball_light": ball_light,
+    "panel_light": panel_light,
 }
+
+
+def light_of(name: str, values: Values) -> NDArray[np.void]:
+    """The light of an element with this name, as LIGHTS makes it: its attributes, vectors, and numbers of children."""
+    given: Values = {}
+    for child, value in values.items():
+        if not isinstance(value, dict):
+            given[child] = value
+        elif child == "falloff":
+            given |= value
+        else:
+            given[child] = value["n"] if "n" in value else tuple(value.values())
+    return LIGHTS[name](**given)

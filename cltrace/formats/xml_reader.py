@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from cltrace.base.errors import SceneError, located
 from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest
 from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, SHARES, bulk, packed_materials, packed_spheres
-from cltrace.formats.xml_elements import ELEMENTS, LIGHTS, MEANT, SECTIONS, Values, rotations
+from cltrace.formats.xml_elements import ELEMENTS, MEANT, SECTIONS, Values, light_of, rotations
 from cltrace.formats.xml_files import Contents, Files
 from cltrace.formats.xml_source import Document, LinesNeededError
 from cltrace.formats.xml_transforms import Maps, Steps, maps_of, to_world, transformed
@@ -159,6 +159,7 @@ class _Reader:
         self._background: Vector = (0.0, 0.0, 0.0)
         self._camera: Values = {}
         self._lights: list[NDArray[np.void]] = []
+        self._members = 0  # of all lights: those that are not soft are one
         self._rows: list[NDArray[np.float64]] = []
         self._maps: dict[bytes, int] = {}  # of the ellipsoids, each once -> its index
         self._sphere_count = 0
@@ -363,14 +364,19 @@ class _Reader:
         for child in children:
             if not self._sections[lights].claim(child):
                 continue
-            if len(self._lights) >= MAX_LIGHTS:
+            if self._members >= MAX_LIGHTS:
                 raise FatalError(self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}")
             values, whole = self._element(child)
+            self._members += 1
             if whole:
-                vectors = {k: _vector(values[k]) for k in ("color", "position", "direction") if k in values}
+                light = light_of(child.tag, values)
+                self._members += max(0, int(light["members"][0]) - 1)
                 self._light_lines.append(self.document.line_if_known(child))
-                self._lights.append(LIGHTS[child.tag](**vectors, **values.get("falloff", {})))
-                self._doubt([child], self._lights[-1]["color"])
+                self._lights.append(light)
+                self._doubt([child], light["color"])
+                if self._members > MAX_LIGHTS:
+                    message = f"lights: must be at most {MAX_LIGHTS} with all members of soft lights"
+                    raise FatalError(self.document.line_of(child), f"{message}, got {self._members}")
 
     def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
         spheres, numbers = [], []

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import CONE, FOV, MAX_BOUNCES, Rule
+from cltrace.scene import CONE, FOV, MAX_BOUNCES, MAX_LIGHTS, Rule
 
 Kind = Rule | Callable[[str], Any]
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -64,6 +64,14 @@ def bounces(text: str) -> int:
     n = integer(text)
     if not 0 <= n <= MAX_BOUNCES:
         raise ValueError(f"must be within 0..{MAX_BOUNCES}, got {n}")
+    return n
+
+
+def members(text: str) -> int:
+    """How many lights a soft light stands for."""
+    n = integer(text)
+    if not 1 <= n <= MAX_LIGHTS:
+        raise ValueError(f"must be within 1..{MAX_LIGHTS}, got {n}")
     return n
 
 

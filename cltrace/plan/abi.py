@@ -45,8 +45,8 @@ STRUCTS = {
         Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
     ),
     "Light": (
-        Field("position", "real4", "point, spot: xyz in camera space; parallel: unit vector towards the light"),
-        Field("axis", "real4", "spot: unit vector along which it points, w: cos(alpha2); parallel: u axis across it"),
+        Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards the light"),
+        Field("axis", "real4", "spot, lambert: unit vector along which it points, w: cos(alpha2); parallel: u axis"),
         Field("across", "real4", "parallel: v axis across it"),
         Field("color", "float4", "rgb, linear; w: its kind, a number of LIGHT_KINDS"),
         Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see phong()"),
@@ -185,7 +185,7 @@ COUNTERS = {
 
 # The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
 # named after it, and a flag WITH_<KIND>. ASK_LIGHT() of the header calls that one of them which a light's kind has.
-LIGHT_KINDS = ("parallel", "point", "spot")
+LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
 class Shape(NamedTuple):

@@ -37,7 +37,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     textures = shading and len(world.textures.place) > 0
     sampled = shading and request.means
     uv = textures or "uv" in request.outputs
-    bounded = request.precision == "accurate" and KEPT.isdisjoint(request.keep)
+    bounded = request.precision != "single" and KEPT.isdisjoint(request.keep)
     proof = sampled and request.antialias is not None
     points = lit and (at_points or full) and bounded
     needed = {"shape": True, "bounces": bounces, "points": points, "proof": proof}
@@ -45,7 +45,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
     flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
     flags |= {
-        "WITH_FILTER": request.precision != "double" and "filter" not in request.keep,
+        "WITH_FILTER": "filter" not in request.keep,
         "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
         "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
         "WITH_UV": uv,

@@ -90,6 +90,15 @@ class Spot(AtPoint):
         out["cone"][:2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
 
 
+class Lambert(AtPoint):
+    """A light at a point, as bright as the cosine of the angle from its axis."""
+
+    @staticmethod
+    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
+        AtPoint.fill(out, light, position, basis)
+        out["axis"][:3] = _direction(light, basis)
+
+
 class Parallel(_Light):
     """A light along a direction, with the methods of one at a point."""
 
@@ -126,11 +135,11 @@ class Parallel(_Light):
 
 Lamp = AtPoint | Parallel
 # By the names of LIGHT_KINDS.
-LAMPS: dict[str, type[Lamp]] = {"parallel": Parallel, "point": AtPoint, "spot": Spot}
+LAMPS: dict[str, type[Lamp]] = {"parallel": Parallel, "point": AtPoint, "spot": Spot, "lambert": Lambert}
 
 
 def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) -> NDArray[np.void]:
-    """The lights of a scene that can add to a colour, (m,) in the order parallel, point, spot.
+    """The lights of a scene that can add to a colour, (m,) in the order of LIGHT_KINDS.
 
     reflected: whether some surface reflects any. Without all_of_them, black lights are left out, and all of them where
     no surface does.
@@ -179,12 +188,10 @@ def pack_lights(
 
 def dim_highlights(packed: NDArray[np.void], lights: NDArray[np.void], precision: Precision, brightest: float) -> None:
     """Sets which highlights of lights (m,) are too faint to be seen. packed, brightest: as of pack_lights()."""
-    packed["cone"][:, 2] = -np.inf
-    if shade_dtype(precision).itemsize == 4:
-        # The logarithm of the lobe that makes a highlight of 2^-20 of a byte's level: fainter ones are left out. Not so
-        # in double, which follows the reference's formula throughout.
-        color = finite32(lights["color"])
-        packed["cone"][:, 2] = -np.log(255 * 2.0**20 * np.maximum(color.max(axis=1, initial=0) * brightest, 1))
+    # The logarithm of the lobe that makes a highlight of this part of a byte's level: fainter ones are left out.
+    level = 2.0**-20 if shade_dtype(precision).itemsize == 4 else 2.0**-40
+    color = finite32(lights["color"])
+    packed["cone"][:, 2] = np.log(level / (255 * np.maximum(color.max(axis=1, initial=0) * brightest, 1)))
 
 
 def lamp_places(lights: NDArray[np.void], middle: Array, exponent: int | None) -> Array:

@@ -35,7 +35,7 @@ class World:
 
     shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
-    surfaces have; lights: (m,) of the scene's records, those that can add to a colour, in the order of LIGHT_KINDS;
+    surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS;
     bounces: what surfaces do with rays; paths: what rays need that leave surfaces, None where no ray does; background:
     linear (r, g, b); peak: (3,), brightest() where a ray may become two, else 0; skipped:
     what the scene does not need, in words, and how often; seconds: what took how long: "tree".
@@ -84,8 +84,8 @@ class World:
         # The number and the place of each surface are those that they were.
         same = before.world if before and all(a is b for a, b in zip(shapes, old, strict=True)) else None
         materials, of = _materials(scene, request, shapes, before)
-        lights = useful_lights(scene.lights, materials.reflect(of), "lights" in request.keep)
-        useless = int((scene.lights["kind"] != AMBIENT).sum()) - len(lights)
+        lights = useful_lights(scene.lamps, materials.reflect(of), "lights" in request.keep)
+        useless = int((scene.lamps["kind"] != AMBIENT).sum()) - len(lights)
         skipped = {f"{shape.words} equal to others": shape.left_out for shape in shapes if shape.left_out}
         bounces, textures, peak = NO_BOUNCES, NO_TEXTURES, np.zeros(3)
         if request.needs_colors:

@@ -35,7 +35,7 @@ def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     setting = Setting(scene, eye, frame, _materials(scene))
     surfaces = [surface for made in kinds.values() for surface in made(setting)]
     surfaces.sort(key=lambda surface: surface.number)
-    shining = scene.lights[scene.lights["kind"] != AMBIENT]
+    shining = scene.lamps[scene.lamps["kind"] != AMBIENT]
     lamps = [lights.KINDS[int(light["kind"])](light, eye, frame) for light in shining]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(

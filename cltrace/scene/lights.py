@@ -1,6 +1,7 @@
 """Lights: one record each, and the functions that make them.
 
 Colours are linear and may exceed 1. They may be texts, such as "white" or "#ffe0c0", whose bytes are divided by 255.
+A soft light stands for many, its members: see members.py beside this file.
 """
 
 from __future__ import annotations
@@ -11,21 +12,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.colors import color_numbers
-from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, numbers
+from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
 
-# A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap.
+# A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each
+# member of a soft light counts.
 MAX_LIGHTS = 1024
 LIGHT = np.dtype(
     [
-        ("kind", "i4"),  # one of the four constants below
-        ("color", "f8", (3,)),  # linear
-        ("position", "f8", (3,)),  # point, spot: scene units
-        ("direction", "f8", (3,)),  # parallel, spot: in which the light travels; any length but 0
+        ("kind", "i4"),  # one of the constants below
+        ("color", "f8", (3,)),  # linear; of a sky: of what comes along `direction`
+        ("position", "f8", (3,)),  # point, spot, lambert: scene units; ball, panel: of the middle
+        ("direction", "f8", (3,)),  # parallel, spot, lambert, sky, sun: in which the light travels; any length but 0
         ("alpha1", "f8"),  # spot: degrees from the axis, full light within
-        ("alpha2", "f8"),  # spot: degrees from the axis, no light beyond
+        ("alpha2", "f8"),  # spot, sky, sun: degrees from the axis, no light beyond
+        ("members", "i4"),  # of a soft light: how many it has; 0 of others
+        ("below", "f8", (3,)),  # sky, sun: the linear colour of what comes against `direction`
+        ("radius", "f8"),  # ball: scene units
+        ("edges", "f8", (2, 3)),  # panel: scene units; it shines to the side of edges[0] x edges[1]
     ]
 )
-AMBIENT, PARALLEL, POINT, SPOT = range(4)
+# A lambert light is at a point, as bright as the cosine of the angle from its direction: a small flat lamp.
+AMBIENT, PARALLEL, POINT, SPOT, LAMBERT, SKY, SUN, BALL, PANEL = range(9)
+SOFT = (SKY, SUN, BALL, PANEL)
 
 
 def ambient_light(color: ArrayLike = (0.25, 0.25, 0.25)) -> NDArray[np.void]:
@@ -67,18 +75,102 @@ def spot_light(
     return _light(SPOT, color, position=position, direction=direction, alpha1=alpha1, alpha2=alpha2)
 
 
-def _light(
-    kind: int,
-    color: ArrayLike,
-    position: ArrayLike = (0, 0, 0),
-    direction: ArrayLike = (0, 0, -1),
-    alpha1: ArrayLike = 0,
-    alpha2: ArrayLike = 0,
+def sky_light(
+    color: ArrayLike = (1, 1, 1), up: ArrayLike | None = None, below: ArrayLike | None = None, directions: int = 64
 ) -> NDArray[np.void]:
-    """Their values are checked by the scene that they become part of, which knows the light's index."""
-    color = color_numbers("light.color", color)
-    given = {"color": color, "position": position, "direction": direction, "alpha1": alpha1, "alpha2": alpha2}
-    light = np.empty(1, LIGHT)
+    """A (1,) LIGHT array: a soft light from all around, or from half a sky.
+
+    What a white matte surface (kd = 1) that sees all of it shows: with `color` alone, which comes evenly from all
+    around, color / 4; with `up`, evenly from the half of the sky in that direction (any length but 0), color / 2 if it
+    faces up; with `below`, too, from all around, `color` from straight above, `below` from straight below, and between
+    these mixed by height, (5 color + below) / 24 if it faces up.
+
+    It is that many parallel lights, whose directions are a Fibonacci lattice and whose colours are the sky's there over
+    their number: so they add up to `color`, or with `below` to the mean of both, and each casts an exact shadow. With a
+    material's ka = 0, this is ambient occlusion. directions: 1 to 1,024.
+
+    Raises ValueError if an argument is not 3 numbers, if below comes without up, or directions is not such a number.
+    """
+    if up is None and below is not None:
+        raise ValueError("light.below: goes with up, which is not given")
+    down = -_three("up", (0, 1, 0) if up is None else up)
+    alpha2 = 90 if up is not None and below is None else 180
+    more = {"below": color if below is None else below, "members": members_given("directions", directions)}
+    return _light(SKY, color, direction=down, alpha2=alpha2, **more)
+
+
+def sun_light(
+    direction: ArrayLike, color: ArrayLike = (1, 1, 1), angle: float = 5.0, directions: int = 16
+) -> NDArray[np.void]:
+    """A (1,) LIGHT array: a soft light that travels along `direction` (any length but 0), from a disc in the sky.
+
+    What a white matte surface (kd = 1) that faces the middle of the disc shows: color * (1 + cos(angle)) / 2. angle: in
+    degrees from the disc's middle to its rim, within 0..180; that of the real sun is 0.27. It is that many parallel
+    lights of color / directions each, in a Fibonacci lattice. directions: 1 to 1,024.
+
+    Raises ValueError if an argument is not 3 numbers or one, or directions is not such a number; a direction of 0 is
+    refused by the Scene.
+    """
+    more = {"below": color, "members": members_given("directions", directions)}
+    return _light(SUN, color, direction=direction, alpha2=angle, **more)
+
+
+def ball_light(
+    position: ArrayLike, color: ArrayLike = (1, 1, 1), radius: float = 1.0, points: int = 16
+) -> NDArray[np.void]:
+    """A (1,) LIGHT array: a soft light from a ball that looks like an evenly bright disc from everywhere.
+
+    What a white matte surface (kd = 1) that faces a distant ball shows: `color`. There is no attenuation, as of a
+    point_light(). position: of the middle, scene units; radius: > 0, scene units. It is that many point lights of
+    color / points each, which fill the ball so that, seen from any side, they are spread evenly over its disc: what
+    stands within the ball casts shadows, too. points: 1 to 1,024.
+
+    Raises ValueError if an argument is not 3 numbers or one, or points is not such a number; a radius that is not
+    positive is refused by the Scene.
+    """
+    return _light(BALL, color, position=position, radius=radius, members=members_given("points", points))
+
+
+def panel_light(
+    position: ArrayLike, color: ArrayLike, across: ArrayLike, along: ArrayLike, points: int = 16
+) -> NDArray[np.void]:
+    """A (1,) LIGHT array: a soft light from a flat parallelogram, which shines to the side of across x along.
+
+    What a white matte surface (kd = 1) shows that faces a distant panel from straight before it: `color`; elsewhere,
+    that times the cosine of the angle between the panel's normal and the way to the point, and nothing behind it. There
+    is no attenuation. position: of the middle; across, along: its edges; all in scene units. It is that many points of
+    color / points each, in a Fibonacci lattice. points: 1 to 1,024.
+
+    Raises ValueError if an argument is not 3 numbers, or points is not such a number; edges along one line are refused
+    by the Scene.
+    """
+    edges = [_three("across", across), _three("along", along)]
+    return _light(PANEL, color, position=position, edges=edges, members=members_given("points", points))
+
+
+def _three(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    array = numbers(f"light.{name}", value)
+    if array.shape != (3,):
+        raise ValueError(f"light.{name}: must be 3 numbers, got {described(value)}")
+    return array
+
+
+def members_given(name: str, count: int) -> int:
+    """A number of members. Raises ValueError, which names the argument, if it is none."""
+    if not is_whole(count) or not 1 <= count <= MAX_LIGHTS:
+        raise ValueError(f"light.{name}: must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}")
+    return int(count)
+
+
+def _light(kind: int, color: ArrayLike, **given: ArrayLike) -> NDArray[np.void]:
+    """Its values are checked by the scene that it becomes part of, which knows the light's index.
+
+    given: by the names of LIGHT; what is missing is 0, but for the direction.
+    """
+    given = {"color": color_numbers("light.color", color), "direction": (0, 0, -1), **given}
+    if "below" in given:
+        given["below"] = color_numbers("light.below", given["below"])
+    light = np.zeros(1, LIGHT)
     light["kind"] = kind
     for name, value in given.items():
         array = numbers(f"light.{name}", value)
@@ -86,7 +178,9 @@ def _light(
             wanted = "3 numbers" if LIGHT[name].shape else "one number"
             raise ValueError(f"light.{name}: must be {wanted}, got {described(value)}")
         light[name] = array
-    check_not_bytes("light.color", color)
+    for name in ("color", "below"):
+        if name in given:
+            check_not_bytes(f"light.{name}", given[name])
     return light
 
 
@@ -99,24 +193,51 @@ def joined(lights: Iterable[NDArray[np.void]] | NDArray[np.void]) -> NDArray[np.
     for array in arrays:
         if not isinstance(array, np.ndarray) or array.dtype != LIGHT or array.ndim > 1:
             raise TypeError(
-                "lights: must be a list of what ambient_light(), parallel_light(), point_light() and spot_light() "
-                f"return, got {described(array)}{'' if array is lights else ' among them'}"
+                "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
+                f"got {described(array)}{'' if array is lights else ' among them'}"
             )
     return np.concatenate([np.zeros(0, LIGHT), *map(np.atleast_1d, arrays)])
 
 
 def check_lights(lights: NDArray[np.void]) -> None:
     """Raises ValueError, which names field and index, where a LIGHT array holds what is not allowed."""
-    if len(lights) > MAX_LIGHTS:
-        raise ValueError(f"lights: must be at most {MAX_LIGHTS}, got {len(lights)}")
-    for name, rule in (("color", NOT_NEGATIVE), ("position", ANY), ("direction", ANY)):
+    soft = np.isin(lights["kind"], SOFT)
+    count = int(np.where(soft, lights["members"], 1).sum())
+    if count > MAX_LIGHTS:
+        members = " with all members of soft lights" if soft.any() else ""
+        raise ValueError(f"lights: must be at most {MAX_LIGHTS}{members}, got {count}")
+    vectors = (("color", NOT_NEGATIVE), ("position", ANY), ("direction", ANY), ("below", NOT_NEGATIVE))
+    for name, rule in vectors:
         checked(f"lights.{name}", rule, lights[name], (-1, 3))
-    for name in ("alpha1", "alpha2"):
-        checked(f"lights.{name}", CONE, lights[name], (-1,))
+    for name, rule in (("alpha1", CONE), ("alpha2", CONE), ("radius", NOT_NEGATIVE)):
+        checked(f"lights.{name}", rule, lights[name], (-1,))
+    checked("lights.edges", ANY, lights["edges"], (-1, 2, 3))
     for i, light in enumerate(lights):
-        if light["kind"] not in (AMBIENT, PARALLEL, POINT, SPOT):
-            raise ValueError(f"lights.kind[{i}]: must be within 0..3, got {light['kind']}")
-        if light["kind"] in (PARALLEL, SPOT) and not light["direction"].any():
-            raise ValueError(f"lights.direction[{i}]: must not be 0")
-        if light["kind"] == SPOT and light["alpha1"] > light["alpha2"]:
-            raise ValueError(f"lights.alpha1[{i}]: must be <= alpha2, got {light['alpha1']:g} > {light['alpha2']:g}")
+        _check_light(i, light)
+
+
+def _check_light(i: int, light: np.void) -> None:
+    """The same of what makes no sense together. i: its index."""
+    kind = light["kind"]
+    if kind not in range(PANEL + 1):
+        raise ValueError(f"lights.kind[{i}]: must be within 0..{PANEL}, got {kind}")
+    if kind in (PARALLEL, SPOT, LAMBERT, SKY, SUN) and not light["direction"].any():
+        raise ValueError(f"lights.direction[{i}]: must not be 0")
+    if kind == SPOT and light["alpha1"] > light["alpha2"]:
+        raise ValueError(f"lights.alpha1[{i}]: must be <= alpha2, got {light['alpha1']:g} > {light['alpha2']:g}")
+    if kind in SOFT and light["members"] < 1:
+        raise ValueError(f"lights.members[{i}]: must be at least 1, got {light['members']}")
+    if kind == BALL and not light["radius"] > 0:
+        raise ValueError(f"lights.radius[{i}]: must be > 0, got {light['radius']:g}")
+    if kind in (BALL, PANEL):
+        reach = np.abs(light["position"]) + light["radius"] + np.abs(light["edges"]).sum(axis=0)
+        if not ANY.admits_all(reach):
+            raise ValueError(f"lights.position[{i}]: all of the light must not exceed 3.4e38 in magnitude")
+    if kind == PANEL and spans_no_area(*light["edges"]):
+        raise ValueError(f"lights.edges[{i}]: must not be along one line")
+
+
+def spans_no_area(across: NDArray[np.float64], along: NDArray[np.float64]) -> bool:
+    """Whether two vectors (3,) have no normal, as far as doubles can tell."""
+    sizes = np.abs(across).max(), np.abs(along).max()
+    return not all(sizes) or not np.cross(across / sizes[0], along / sizes[1]).any()

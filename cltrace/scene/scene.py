@@ -43,6 +43,7 @@ from cltrace.scene.materials import (
     packed,
     records,
 )
+from cltrace.scene.members import lamps_of
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
 from cltrace.scene.rules import (
     ANY,
@@ -54,6 +55,7 @@ from cltrace.scene.rules import (
     described,
     numbers,
 )
+from cltrace.scene.settings import check_setting, setting
 from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
     SPHERE,
@@ -175,6 +177,34 @@ class Scene:
         color, alpha = background_of(background, 1.0, self.transfer)
         return self._with(background=color, background_alpha=alpha)
 
+    def lit_by(self, lights: Lights | str) -> Scene:
+        """The same scene in other lights, those of a list or of a setting: see from_spheres(). It shares the arrays.
+
+        Raises what from_spheres() raises.
+        """
+        if isinstance(lights, str):
+            check_setting(lights)
+            lights = setting(lights, self)
+        found = joined(lights)
+        check_lights(found)
+        other = self._with(lights=found, source=None)
+        other.__dict__.pop("_lamps", None)
+        return other
+
+    @property
+    def lamps(self) -> NDArray[np.void]:
+        """(m,): the lights, each soft one as its members."""
+        return self._lamps[0]
+
+    @property
+    def lamp_of(self) -> NDArray[np.intp]:
+        """(m,): the index in `lights` of the light that each of `lamps` is or belongs to."""
+        return self._lamps[1]
+
+    @functools.cached_property
+    def _lamps(self) -> tuple[NDArray[np.void], NDArray[np.intp]]:
+        return lamps_of(self.lights)
+
     def read_from(self, source: Source) -> Scene:
         """The same scene, which knows the file that it was read from. It shares the arrays."""
         return self._with(source=source)
@@ -267,7 +297,7 @@ class Scene:
     def from_spheres(
         cls,
         camera: AnyCamera,
-        lights: Lights,
+        lights: Lights | str,
         centers: ArrayLike,
         radii: ArrayLike,
         colors: ArrayLike | None = None,
@@ -294,8 +324,9 @@ class Scene:
     ) -> Scene:
         """A scene of plain arrays.
 
-        camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
+        camera: a Camera; lights: a list of what ambient_light(), point_light(), sky_light() and the like return, or a
+        setting by its name: "studio", "sky", "rim" or "flat", which is placed about the surfaces as the camera sees
+        them; centers: (n, 3), or [] for no spheres, and radii: (n,) or one number, scene units; colors: (n, 3) or one
         colour, linear, 1 = full, white if there are none; background, output_file: see Scene. A colour may be a text:
         a name of CSS or #rrggbb, whose bytes are divided by 255, and colors may be a list of such. The background may
         have a fourth number, its alpha: with (r, g, b, 0) or "#rrggbb00" it is transparent.
@@ -336,7 +367,7 @@ class Scene:
         a map's name needs a package that is not there.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
-        lights = joined(lights)
+        lights = _joined(lights)
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
@@ -359,7 +390,7 @@ class Scene:
     def from_meshes(
         cls,
         camera: AnyCamera,
-        lights: Lights,
+        lights: Lights | str,
         meshes: Iterable[Mesh] | Mesh,
         *,
         background: ArrayLike = (0.0, 0.0, 0.0),
@@ -368,8 +399,7 @@ class Scene:
     ) -> Scene:
         """A scene of meshes; with spheres, too, from_spheres makes it.
 
-        camera: a Camera; lights: a list of what ambient_light(), parallel_light(), point_light() and spot_light()
-        return; meshes: a cltrace.Mesh or several; background, output_file: see Scene; transfer: see
+        camera: a Camera; meshes: a cltrace.Mesh or several; background, output_file: see Scene; lights, transfer: see
         from_spheres().
 
         Raises ValueError and TypeError, which name the argument and the index.
@@ -377,7 +407,7 @@ class Scene:
         _check_camera(camera, "camera, lights, meshes")
         none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
         shapes, maps = mesh_list(meshes), np.empty((0, 3, 3))
-        given = {"camera": camera, "lights": joined(lights), "output_file": output_file, "to_object": maps}
+        given = {"camera": camera, "lights": _joined(lights), "output_file": output_file, "to_object": maps}
         return cls._made(given, none, shapes, background, transfer)
 
     @classmethod
@@ -386,7 +416,8 @@ class Scene:
     ) -> Scene:
         """A scene of spheres and their materials, and of meshes after them with theirs.
 
-        given: other fields, as they are; transfer: how the colours of materials, textures and background are given.
+        given: other fields, as they are, lights by the name of a setting, too; transfer: how the colours of materials,
+        textures and background are given.
         """
         check_transfer(transfer)
         kinds = {id(mesh.material): mesh.material for mesh in meshes}
@@ -402,8 +433,10 @@ class Scene:
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
         state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
-        scene._fill(state | {"cylinders": np.zeros(0, CYLINDER), "bonds": None})
-        return scene
+        state |= {"cylinders": np.zeros(0, CYLINDER), "bonds": None}
+        named = isinstance(given["lights"], str)
+        scene._fill(state | {"lights": joined(())} if named else state)
+        return scene.lit_by(given["lights"]) if named else scene
 
     def with_cylinders(
         self,
@@ -509,6 +542,14 @@ def colors_given(
     if len(found) != n:
         raise ValueError(f"values: must have shape {(n,)}, got {(len(found),)}")
     return found
+
+
+def _joined(lights: Lights | str) -> NDArray[np.void] | str:
+    """One array of lights, or the name of a setting, which is one."""
+    if not isinstance(lights, str):
+        return joined(lights)
+    check_setting(lights)
+    return lights
 
 
 def _check_camera(camera: object, order: str = "") -> None:

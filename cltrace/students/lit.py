@@ -77,8 +77,9 @@ def lit(
 ) -> NDArray[np.bool_]:
     """Whether each light of a scene reaches the point that a pixel sees: (h, w, n) for its n lights, in their order.
 
-    It does if the surface faces it there, the point is within its cone and nothing stands between. An ambient light
-    reaches every surface. Where a pixel sees none, all is False. What mirrors and glass show is not asked about.
+    It does if the surface faces it there, the point is within its cone and nothing stands between; a soft light if any
+    of its members does. An ambient light reaches every surface. Where a pixel sees none, all is False. What mirrors and
+    glass show is not asked about.
 
     The arguments and what is raised are those of render(). It renders one picture for every three lights.
     """
@@ -95,5 +96,5 @@ def _matte(scene: Scene, three: NDArray[np.intp]) -> Scene:
         materials[name] = 0
     materials["color"], materials["kd"], materials["texture"] = 1, 1, -1
     lights = scene.lights[three]
-    lights["color"] = np.eye(3)[: len(three)]
+    lights["color"] = lights["below"] = np.eye(3)[: len(three)]
     return replace(scene, materials=materials, lights=lights, background=(0.0, 0.0, 0.0), textures=())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.pixel import Explainer
-from cltrace.explanation.record import LightTerm, Triple
+from cltrace.explanation.record import LightTerm, SoftTerm, Triple, total
 from cltrace.reference import byte_of
 from cltrace.scene.colors import encoded
 
@@ -94,7 +94,7 @@ def look_at(e: Explanation, mine: tuple[int, ...]) -> str:
         if any(term.color) and fits(term.color):
             return f"{term.label}: it is as if that were added twice"
     for light in ray.lights:
-        if light.fate == "in shadow" and fits(_unhidden(e, light)):
+        if light.fate == "in shadow" and fits(total(_unhidden(e, one) for one in members(light))):
             return f"the shadow ray of {light.light.kind} {light.light.number}: it is as if nothing were between"
     if ray.bounces and fits():
         return "the rays that go on: it is as if there were none"
@@ -103,8 +103,15 @@ def look_at(e: Explanation, mine: tuple[int, ...]) -> str:
     return "the texture: u, v and the four texels" if ray.hit.texture else "P, n, and l of each light"
 
 
+def members(light: LightTerm | SoftTerm) -> tuple[LightTerm, ...]:
+    """A light that is not soft is its own member."""
+    return light.members if isinstance(light, SoftTerm) else (light,)
+
+
 def _unhidden(e: Explanation, light: LightTerm) -> Triple:
-    """What a light would add, were there nothing between."""
+    """What a light in shadow would add, were there nothing between; of any other, nothing."""
+    if light.fate != "in shadow":
+        return (0.0, 0.0, 0.0)
     hit = e.rays[0].hit
     assert hit is not None
     lobe = hit.ks * max(0.0, light.r_v) ** hit.exponent

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import AMBIENT, PARALLEL, SPOT, AnyCamera, Camera, Scene
+from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, members_of
 from cltrace.students.rules import (
     RIGHT,
     BounceRules,
@@ -127,11 +127,14 @@ class Tracer:
         for k, light in enumerate(self.lights):
             if not reaching >> k & 1:
                 continue
-            diffuse, highlight, counted = self._illuminate(at, view, normal, material, light, rules)
-            power = np.minimum(light["color"], 1) if rules.phong.clamped == "lights" else light["color"]
-            matte += power * diffuse[:, None]
-            shine += power * highlight[:, None]
-            times += counted
+            reached = np.zeros(len(ambient), np.bool_)
+            for lamp in members_of(light):
+                diffuse, highlight, counted = self._illuminate(at, view, normal, material, lamp, rules)
+                power = np.minimum(lamp["color"], 1) if rules.phong.clamped == "lights" else lamp["color"]
+                matte += power * diffuse[:, None]
+                shine += power * highlight[:, None]
+                reached |= counted
+            times += reached
         if rules.phong.ambient != "once":
             ambient *= (times + (rules.phong.ambient == "one more"))[:, None]
         light = np.minimum(ambient + matte, 1) if rules.phong.clamped == "light" else ambient + matte
@@ -358,6 +361,8 @@ def to_light(light: np.void, places: Floats, rules: LightRules) -> tuple[Floats,
     strength = np.ones(len(w))
     if light["kind"] == SPOT and rules.spot != "none":
         strength = cone(light, w if "s" in rules.long_lights else l, rules)
+    if light["kind"] == LAMBERT:
+        strength = np.maximum(0.0, -(l @ unit(light["direction"][None])[0]))
     if rules.attenuation != "1":
         powers = {"1": 0.0, "D": 0.5, "D2": 1.0}
         strength = strength / sum(dot(w, w) ** powers[term] for term in rules.attenuation.split("+"))

@@ -1,7 +1,8 @@
 /* light.cl: the mean colour of a patch, within the window of the cell in which it is seen. */
 #ifdef WITH_AVERAGE
-/* The number of that kind of light. */
+/* The numbers of these kinds of lights. */
 #define SPOT 2
+#define LAMBERT 3
 
 /* Of a colour, for red, green and blue: v, its mean over the cell within a window and 0 elsewhere, off by at most e,
  * and what it is within at all points of the cell, as far as the window shows them. odd: where nothing is known of it.
@@ -92,6 +93,14 @@ static void narrow_to_cone(const Area *patch, Beam *beam) {
     beam->blocked.most = beam->cut[1] ? (FLOAT)0 : 1 - lit.least;
 }
 
+/* Of a light that is as bright as the cosine of the angle from its axis. */
+static void fade_by_cosine(Beam *beam) {
+    const Real3 axis = {-beam->light.axis.x, -beam->light.axis.y, -beam->light.axis.z};
+    const Model cosine = dot_models(beam->l, constant_vector_in(axis, 1));
+    beam->on = beam->on & !(most_of(cosine) < 0);
+    beam->strength = positive_part(cosine);
+}
+
 /* A light, as a patch's points see it. */
 static Beam beam_to(const Scene scene, const int number, const Area *patch, const Moments *moments) {
     Beam beam;
@@ -120,6 +129,7 @@ static Beam beam_to(const Scene scene, const int number, const Area *patch, cons
     beam.cut[0] = beam.on & (least_of(beam.cosine) < 0) &
                   (2 * beam.line[0].r < fabs(beam.line[0].x) + fabs(beam.line[0].y));
     if (HAS(WITH_SPOT) && kind == SPOT) narrow_to_cone(patch, &beam);
+    if (HAS(WITH_LAMBERT) && kind == LAMBERT) fade_by_cosine(&beam);
     return beam;
 }
 

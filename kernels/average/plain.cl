@@ -188,6 +188,17 @@ static MASK shade_of(const Scene scene, const int number, const Middle m, const 
     return here & !dark & ((blocking.blocked.most > 0) | blocking.odd);
 }
 
+/* The same of a light that is as bright as the cosine of the angle from its axis: `here` is where that is positive.
+ * bends: of l, as Gentle has it. */
+static MASK fade_of(const Light light, const Float3 l, const Gentle bends, MASK *here, Gentle *strength) {
+    const Float3 axis = {(FLOAT)(float)light.axis.x, (FLOAT)(float)light.axis.y, (FLOAT)(float)light.axis.z};
+    const Gentle cosine = {-DOT(axis, l), bends.slope, bends.bend, bends.off + 0x1p-21f};
+    const MASK crossed = *here & !(fabs(cosine.at) > (cosine.slope + cosine.off) * (1 + 16 * ROUNDING));
+    *here = *here & (cosine.at > 0);
+    *strength = cosine;
+    return crossed;
+}
+
 /* What one light gives. here: the lanes that ask; returns those of them in which it is known. */
 static MASK gift_of(const Scene scene, const int number, const Middle m, const Intersection at, const MASK here,
                     Gift *gift) {
@@ -212,6 +223,8 @@ static MASK gift_of(const Scene scene, const int number, const Middle m, const I
     if (HAS(WITH_BLACK)) on = on & !at.black;
     Gentle strength = {1, 0, 0, 0};
     if (HAS(WITH_SPOT) && kind == SPOT && ANY(on)) known = known & !cone_of(light, l, l1, l2, off, &on, &strength);
+    const Gentle bends = {0, l1, l2, off};
+    if (HAS(WITH_LAMBERT) && kind == LAMBERT) known = known & !fade_of(light, l, bends, &on, &strength);
     on = on & known;
     const MASK unsure = HAS(WITH_SHADOWS) ? on & may_be_stopped(scene, number, m.id) : (MASK)0;
     if (ANY(unsure)) {

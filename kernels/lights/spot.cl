@@ -17,7 +17,8 @@ static SHADE spot_strength(const Light light, const Shade3 l) {
     if (!(light.cone.y > 0)) return 1;
     const Shade3 axis = {(shade_t)light.axis.x, (shade_t)light.axis.y, (shade_t)light.axis.z};
     const Shade3 cross = {axis.y * l.z - axis.z * l.y, axis.z * l.x - axis.x * l.z, axis.x * l.y - axis.y * l.x};
-    const SHADE angle = atan2(sqrt(DOT(cross, cross)), -DOT(axis, l));
+    const REAL turns = turns_of(TO_REAL(sqrt(DOT(cross, cross))), TO_REAL(-DOT(axis, l)));
+    const SHADE angle = TO_SHADE(turns * TURN);
     const SHADE fall = 1 - (angle - light.cone.x) * light.cone.y;
     return fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
 }

@@ -17,6 +17,7 @@ import mpmath
 import numpy as np
 import pytest
 
+import cltrace
 from cltrace.base.errors import SceneError
 from cltrace.formats import xml_bulk, xml_reader, xml_source
 from cltrace.formats.faults import closest
@@ -128,7 +129,8 @@ def test_everything_arrives() -> None:
         (POINT, (1, 1, 1), (5, 8, 2), (0, 0, -1), 0, 0),
         (SPOT, (1, 1, 0), (1, 2, 3), (0, 0, -3), 20, 25.5),
     ]
-    assert scene.lights.tobytes() == np.array(lights, LIGHT).tobytes()
+    none = (0, (0, 0, 0), 0, ((0, 0, 0), (0, 0, 0)))  # of what soft lights have
+    assert scene.lights.tobytes() == np.array([(*light, *none) for light in lights], LIGHT).tobytes()
     assert scene.spheres.tobytes() == np.array([((4, 5, 6), 1.5, 0, -1)], SPHERE).tobytes()
     materials = [((0.5, 0.25, 1), 0.3, 0.9, 1, 200, 0, 0, 1, -1)]
     assert scene.materials.tobytes() == np.array(materials, MATERIAL).tobytes()
@@ -640,12 +642,12 @@ def test_one_of_equal_faults_has_a_hint() -> None:
 def test_what_is_unknown_is_ignored_with_a_warning() -> None:
     text = changed("<camera>", '<camera>\n<dof on="1"><position/></dof>')
     text = changed('<sphere radius="1.5">', '<sphere radius="1.5" foo="7" y="1">', text)
-    text = changed("<lights>", "<lights>\n<sun/>", text)
+    text = changed("<lights>", "<lights>\n<lamp/>", text)
     text = changed("</scene>", "<supersampling/></scene>", text)
     text = changed("</surfaces>", '<cylinder/><sfere/>\n<e:x xmlns:e="http://e"/></surfaces>', text)
     assert warnings_of(text) == [
         "6: camera: unknown element <dof> ignored",
-        "15: lights: unknown element <sun> ignored",
+        "15: lights: unknown element <lamp> ignored",
         "27: sphere: unknown attribute 'foo' ignored",
         "27: sphere: unknown attribute 'y' ignored",
         "37: surfaces: unknown element <cylinder> ignored",
@@ -1394,6 +1396,50 @@ def test_namespaces_are_limited(name: str) -> None:
     assert same(read_text(declaring(100, 247))[0], scene_of(SCENE))
     assert f"{line}: must not declare more than 100 namespaces" in faults_of(declaring(101, 1))
     assert f"{line}: must not declare a namespace of more than 250 characters" in faults_of(declaring(1, 248))
+
+
+COLOR = '<color r="1" g="0.5" b="2"/>'
+SOFT_LIGHTS = f"""<sky_light>{COLOR}</sky_light>
+<sky_light>{COLOR}<up x="0" y="2" z="0"/><below r="0" g="0" b="0.5"/><directions n="9"/></sky_light>
+<sun_light angle="7">{COLOR}<direction x="1" y="-2" z="0"/><directions n="8"/></sun_light>
+<ball_light radius="0.5">{COLOR}<position x="1" y="9" z="0"/></ball_light>
+<panel_light>{COLOR}<position x="1" y="9" z="0"/><across x="2" y="0" z="0"/><along x="0" y="0" z="3"/></panel_light>
+"""
+
+
+def test_soft_lights_are_those_of_python() -> None:
+    scene = scene_of(changed("<lights>", f"<lights>{SOFT_LIGHTS}"))
+    color = (1, 0.5, 2.0)
+    wanted = [
+        cltrace.sky_light(color),
+        cltrace.sky_light(color, (0, 2, 0), (0, 0, 0.5), 9),
+        cltrace.sun_light((1, -2, 0), color, 7, 8),
+        cltrace.ball_light((1, 9, 0), color, 0.5),
+        cltrace.panel_light((1, 9, 0), color, (2, 0, 0), (0, 0, 3)),
+    ]
+    assert scene.lights[:5].tobytes() == np.concatenate(wanted).tobytes()
+    assert len(scene.lights) == 9
+    assert len(scene.lamps) == 64 + 9 + 8 + 16 + 16 + 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('<up x="0" y="2" z="0"/>', "", "14: sky_light: <below> goes with <up>, which is missing"),
+        ('n="9"', 'n="0"', "14: sky_light directions: n must be within 1..1024, got 0"),
+        ('n="8"', 'n="8.5"', "15: sun_light directions: n must be an integer, got '8.5'"),
+        ('angle="7"', 'angle="400"', "15: sun_light: angle must be within [0, 180], got 400"),
+        ('radius="0.5"', "", "16: ball_light: attribute radius is missing"),
+        ('radius="0.5"', 'radius="0"', "16: ball_light: radius must be > 0, got 0"),
+        ('<along x="0" y="0" z="3"/>', "", "17: panel_light: <along> is missing"),
+        ('z="3"', 'z="0"', "17: panel_light along: must not be 0"),
+        ('x="0" y="0" z="3"', 'x="9" y="0" z="0"', "17: panel_light: across and along must not be along one line"),
+        ('n="9"', 'n="1000"', "14: lights: must be at most 1024 with all members of soft lights, got 1064"),
+    ],
+)
+def test_faults_of_soft_lights(old: str, new: str, fault: str) -> None:
+    found = faults_of(changed("<lights>", f"<lights>{changed(old, new, SOFT_LIGHTS)}"))
+    assert fault in found
 
 
 def test_a_prefix_may_be_declared_often() -> None:

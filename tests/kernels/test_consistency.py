@@ -132,6 +132,22 @@ def test_drivers_agree_on_ids_and_distances() -> None:
             assert np.array_equal(images[0].depth, other.depth), name
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["first", "spot", "step6-textures", *map(str, RANDOM)])
+def test_drivers_agree_on_every_byte_in_double(name: str) -> None:
+    """Colours in double are rounded the same everywhere, too, with highlights, spot lights, textures and bounces."""
+    scene = load(name)
+    images = [
+        picture(scene, device, "double", width)
+        for device in cltrace.devices()
+        if device.has_double
+        for width in {1, device.width}
+    ]
+    for other in images[1:]:
+        assert np.array_equal(images[0].rgb8, other.rgb8)
+        assert np.array_equal(images[0].color, other.color)
+
+
 def test_crop_is_those_pixels_of_the_whole_picture(device: Device, width: int) -> None:
     scene = load("1")
     for precision in ("accurate", "single"):

@@ -191,12 +191,12 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         (lambda: build(lights=5), "lights: must be a list of lights, got 5"),
         (
             lambda: build(lights=[(1, 2, 3)]),
-            "lights: must be a list of what ambient_light(), parallel_light(), point_light() and spot_light() return, "
+            "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
             "got (1, 2, 3) among them",
         ),
         (
             lambda: build(lights=np.zeros((2, 3))),
-            "lights: must be a list of what ambient_light(), parallel_light(), point_light() and spot_light() return, "
+            "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
             "got an array of float64, shape (2, 3)",
         ),
     ],

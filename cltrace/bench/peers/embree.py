@@ -58,7 +58,7 @@ class Embree(Peer):
         camera, spheres = scene.camera, scene.spheres
         mesh = _joined(scene)
         counts = (len(spheres), len(mesh["vertices"]), len(mesh["normals"]), len(mesh["corners"]), len(scene.materials))
-        sizes = (*camera.resolution, self.samples, camera.max_bounces, int(camera.parallel), *counts, len(scene.lights))
+        sizes = (*camera.resolution, self.samples, camera.max_bounces, int(camera.parallel), *counts, len(scene.lamps))
         materials = np.column_stack([scene.materials[name].reshape(len(scene.materials), -1) for name in _COLUMNS])
         balls = np.column_stack([seen_from_the_eye(scene, spheres["center"]), spheres["radius"]])
         parts: list[tuple[NDArray[np.generic], str]] = [
@@ -70,7 +70,7 @@ class Embree(Peer):
             file.write(struct.pack("<11i5f", *sizes, *camera.image_plane(), *scene.background))
             for array, kind in parts:
                 file.write(array.astype(kind).tobytes())
-            file.writelines(_light(scene, light) for light in scene.lights)
+            file.writelines(_light(scene, light) for light in scene.lamps)
 
 
 def _light(scene: Scene, light: np.void) -> bytes:
