@@ -56,11 +56,17 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
+ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
     Mutation("(INT)scene->lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
     Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
+    Mutation(
+        "own - size * h - 0x1p-19f", "own - 0x1p-19f", "spheres that cover a pixel's middle cover it all", SAMPLES
+    ),
+    Mutation("GRAIN_SCATTER 0.3f", "GRAIN_SCATTER 0.1f", "estimates of fine textures", ESTIMATES),
+    Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
     Mutation("!few[k].of_cell && !own->of_cell", "!few[k].of_cell", "large triangles before small triangles", FREE),

@@ -162,6 +162,7 @@ ALIKE_IN_KERNELS = {
 # Functions with more than ARGUMENTS arguments, with the reason.
 WIDE: dict[tuple[str, str], str] = {
     ("cltrace/bench/regimes.py", "limbs"): OPEN,
+    ("cltrace/movie/animate.py", "animate"): PUBLIC,
     ("cltrace/picture/image.py", "__init__"): PUBLIC,
     ("cltrace/renderers/renderer.py", "__init__"): PUBLIC,
     ("cltrace/renderers/all_devices.py", "render"): PUBLIC,
@@ -169,6 +170,8 @@ WIDE: dict[tuple[str, str], str] = {
     ("cltrace/scene/camera.py", "__init__"): PUBLIC,
     ("cltrace/scene/camera.py", "fit"): PUBLIC,
     ("cltrace/scene/materials.py", "__init__"): PUBLIC,
+    ("cltrace/scene/meshes.py", "__init__"): PUBLIC,
+    ("cltrace/scene/meshes.py", "of"): PUBLIC,
     ("cltrace/scene/scene.py", "__init__"): PUBLIC,
     ("cltrace/scene/scene.py", "from_spheres"): PUBLIC,
 }

@@ -11,16 +11,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import Material, Mesh, Orthographic, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace.scene import (
+    Material,
+    Mesh,
+    Orthographic,
+    Scene,
+    ambient_light,
+    panel_light,
+    parallel_light,
+    point_light,
+    sky_light,
+    spot_light,
+)
 
 from .cases import looking
 
 Size = tuple[int, int]
 Floats = NDArray[np.float64]
 
-ORDINARY, LIGHTS, GROUND, FAR, SCALE, MILLION, MESHES, MIRRORS, GLASS, PARALLEL, GIVEN = GROUPS = (
+ORDINARY, LIGHTS, SOFT_LIGHT, GROUND, FAR, SCALE, MILLION, MESHES, MIRRORS, GLASS, PARALLEL, GIVEN = GROUPS = (
     "ordinary",
     "three kinds of lights",
+    "soft light",
     "ground spheres",
     "far from the origin",
     "tiny and huge scales",
@@ -93,6 +105,7 @@ def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) 
 
 
 WHITE_LIGHTS = (ambient_light((1, 1, 1)), point_light((5, 8, 2)))
+SOFT_LIGHTS = (sky_light(directions=32), panel_light((5, 8, 2), (1, 1, 1), (2, 0, 1), (0, 2, 2), points=16))
 OTHER_LIGHTS = (
     parallel_light((-1, -2, -1), (0.4, 0.4, 0.3)),
     spot_light((-4, 5, 0), (4, -5, -7), 10, 25, (0.6, 0.3, 0.2)),
@@ -189,6 +202,7 @@ def generated(size: Size) -> list[Case]:
         *(Case(f"times {scale:.0e}", SCALE, field(size, scale=scale)) for scale in (1e-6, 1e6, 1e20)),
         Case("1,000,000 balls", MILLION, cloud(1_000_000, size)),
         Case("1,000 balls, three lights", LIGHTS, cloud(1000, size, *OTHER_LIGHTS)),
+        Case("100 balls, a sky and a panel", SOFT_LIGHT, cloud(100, size).lit_by(SOFT_LIGHTS)),
         *meshes(size),
         Case("25 balls, 0.5 mirrored", MIRRORS, clear(size, 0.5, 0)),
         Case("25 balls, 0.8 refracted", GLASS, clear(size, 0.1, 0.8)),

@@ -83,8 +83,8 @@ class Files:
     def needed(self) -> tuple[Output, ...]:
         """The outputs that they are made of."""
         shown: tuple[Output, ...] = ("rgb8",) if self.show == "color" else (self.show,)
-        parts = {".png": self.deep or shown, ".npy": shown, ".exr": self.stored, ".npz": self.stored}
-        return tuple(dict.fromkeys(name for target in self.targets for name in parts[suffix_of(target)]))
+        parts = {".png": self.deep or shown, ".exr": self.stored, ".npz": self.stored}
+        return tuple(dict.fromkeys(name for target in self.targets for name in parts.get(suffix_of(target), shown)))
 
     def write(self, image: Image, axes: ArrayLike | None) -> None:
         """Writes them. axes: along which normals and directions are shown, see Image.as_rgb8()."""

@@ -13,7 +13,7 @@ from cltrace.distributed.workers import Part
 from cltrace.movie.animate import FPS, Target
 from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import pattern_of
-from cltrace.movie.pipeline import FrameRenderer, Workers
+from cltrace.movie.pipeline import Each, FrameRenderer, Workers
 from cltrace.picture.image import Image
 from cltrace.scene import Camera, Scene
 
@@ -25,34 +25,39 @@ def animate(
     *,
     scene: Scene | None = None,
     device: str | None = None,
+    each: Each | None = None,
     progress: bool | None = None,
     **options: Any,
 ) -> list[str]:
     """Draws the frames of a movie on the workers of a dask cluster, and writes them here, in order.
 
-    client, device: see render(); the other arguments, fps and skip_existing among them, what is returned, and the files
-    are those of cltrace.animate(). A scene is sent to the workers once, however many cameras look at it. Raises what
-    render() raises; frames that are written by then are whole, and skip_existing continues.
+    client, device: see render(); the other arguments, each, which is called here, fps and skip_existing among them,
+    what is returned, and the files are those of cltrace.animate(). A scene is sent to the workers once, however many
+    cameras look at it. Raises what render() raises; frames that are written by then are whole, and skip_existing
+    continues.
     """
     try:
         pattern = pattern_of(os.fspath(output), "frame", frames=True)
     except ValueError as error:
         raise ValueError(f"output: {error}") from None
-    target = Target(pattern, options.pop("fps", FPS), options.pop("skip_existing", False))
+    target = Target(pattern, options.pop("fps", FPS), options.pop("skip_existing", False), each=each)
     total = len(frames) if isinstance(frames, Sized) else None
-    renderer = OnCluster(client, device, options)
+    renderer = OnCluster(client, device, options, each)
     return target.write(frames_of(frames, scene), renderer, progress=progress, total=total)
 
 
 class OnCluster(FrameRenderer):
-    """Draws on a cluster. client, device: see Farm; options: the Renderer's. It is what takes the frames, too."""
+    """Draws on a cluster. client, device: see Farm; options: the Renderer's; each: see draw_on(). It is what takes the
+    frames, too."""
 
-    def __init__(self, client: Client, device: str | None, options: Mapping[str, Any]) -> None:
+    def __init__(
+        self, client: Client, device: str | None, options: Mapping[str, Any], each: Each | None = None
+    ) -> None:
         # A task has the crop.
         self._farm = Farm(client, device, {name: value for name, value in options.items() if name != "crop"})
         names = sorted(set(self._farm.devices.values()))
         place = f"{len(self._farm.devices)} workers with {', '.join(names)}"
-        super().__init__({**options, "precision": self._farm.precision}, " ".join(names), place)
+        super().__init__({**options, "precision": self._farm.precision}, " ".join(names), place, each)
         self.room, self.close = self._farm.room, self._farm.close
 
     def workers(self) -> Workers[Frame, Image]:

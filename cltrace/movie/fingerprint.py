@@ -21,7 +21,7 @@ from cltrace.scene import Scene
 
 NAME = "cltrace"  # of the text in a PNG
 # What is no part of a picture, or is there twice.
-LEFT_OUT = {"output_file", "source", "spheres", "materials"}
+LEFT_OUT = {"output_file", "source", "scale", "spheres", "materials"}
 
 
 class Fingerprints:

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, colors_given, with_spheres
+from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, with_spheres
 from cltrace.scene.rules import LARGEST, Vector, is_whole, vector
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # What a frame may change of the one before it, beside its camera: the arguments of Renderer.update().
 CHANGES = (
-    *("centers", "radii", "colors", "values", "cmap", "clim", "ka", "kd", "ks", "exponent"),
+    *("centers", "radii", "colors", "values", "cmap", "clim", "norm", "ka", "kd", "ks", "exponent"),
     *("reflectance", "transmittance", "index"),
 )
 # Digits of a frame's number, so that no counting goes on for ever.
@@ -35,22 +35,21 @@ class Frame(NamedTuple):
     scene: Scene
 
 
-def frames_of(
-    items: Iterable[Scene | AnyCamera | Mapping[str, Any]], scene: Scene | None = None, select: slice = slice(None)
-) -> Iterator[Frame]:
+def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice = slice(None)) -> Iterator[Frame]:
     """The frames that `select` picks, each from what was there before it.
 
     items: a Scene takes the place of what was there; a Camera looks at it; a mapping changes its spheres, as
     Renderer.update() takes it, and looks with another camera if it has one called "camera". scene: what is there
     before the first of them; select: of the numbers of the frames, whose parts are None or not negative.
 
-    Raises TypeError for what is none of these, for one of them instead of several, and for a first item that is no
-    Scene where there is no scene, and ValueError where an update has no such name or value. What is about one item
-    begins with the number of the frame.
+    Raises ValueError if there are none, TypeError for what is none of these, for one of them instead of several, and
+    for a first item that is no Scene where there is no scene, and ValueError where an update has no such name or value.
+    What is about one item begins with the number of the frame.
     """
-    if isinstance(items, (Scene, Camera, Orthographic, Mapping)) or not isinstance(items, Iterable):
+    if isinstance(items, (Scene, Camera, Orthographic, Mapping, str)) or not isinstance(items, Iterable):
         raise TypeError(f"frames: must be a list, or another iterable, of Scenes, Cameras and dicts, got {items!r}")
     start, stop, step = select.start or 0, select.stop, select.step or 1
+    number = -1
     for number, item in enumerate(items):
         if stop is not None and number >= stop:
             return
@@ -60,6 +59,8 @@ def frames_of(
             raise type(error)(f"frames[{number}]: {error}") from None
         if number >= start and (number - start) % step == 0:
             yield Frame(number, scene)
+    if number < 0:
+        raise ValueError("frames: must be at least one, got none")
 
 
 def ahead(items: Iterator[T]) -> Generator[T, None, None]:
@@ -89,9 +90,7 @@ def _after(scene: Scene | None, item: object) -> Scene:
     if unknown:
         raise ValueError(f"must be of camera, {', '.join(CHANGES)}, got {unknown[0]!r}")
     if given:
-        n = len(scene.columns if "centers" not in given else np.atleast_1d(given["centers"]))
-        colors = colors_given(n, **{name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim")})
-        scene = with_spheres(scene, given if colors is None else {**given, "colors": colors})
+        scene = with_spheres(scene, given)
     return scene.seen_by(item["camera"]) if item.get("camera") is not None else scene
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from cltrace.base.errors import DeviceError
 from cltrace.movie.frames import Frame
-from cltrace.movie.pipeline import FrameRenderer, Workers
+from cltrace.movie.pipeline import Each, FrameRenderer, Workers
 from cltrace.picture.image import Image
 from cltrace.renderers.all_devices import all_devices, names_of
 from cltrace.renderers.renderer import Renderer, default_precision
@@ -27,12 +27,13 @@ AHEAD = 8
 
 
 class OnDevices(FrameRenderer):
-    """Draws on this machine. device: as Renderer has it, or "all" for all devices; options: the Renderer's.
+    """Draws on this machine. device: as Renderer has it, or "all" for all devices; options: the Renderer's; each: see
+    draw_on().
 
     Raises DeviceError if there is no such device.
     """
 
-    def __init__(self, device: str | Device | None, options: Mapping[str, Any]) -> None:
+    def __init__(self, device: str | Device | None, options: Mapping[str, Any], each: Each | None = None) -> None:
         precision = options.get("precision")
         if is_all(device):
             self._devices, precision = all_devices(precision)
@@ -40,7 +41,7 @@ class OnDevices(FrameRenderer):
             self._devices = [device if isinstance(device, Device) else choose(device)]
         self._options = {**options, "precision": precision or default_precision(self._devices[0])}
         names = names_of(self._devices)
-        super().__init__(self._options, names, names)
+        super().__init__(self._options, names, names, each)
 
     def workers(self) -> Workers[Frame, Image]:
         if len(self._devices) > 1:

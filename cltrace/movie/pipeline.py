@@ -74,22 +74,46 @@ class Shown(NamedTuple):
     of: Callable[[Image, Scene], NDArray[np.uint8]]
 
 
+# What is called with the number of a frame and its Image, see draw_on().
+Each = Callable[[int, Image], Any]
+
+
+def draw_on(image: Image, number: int, each: Each) -> None:
+    """Lets a function draw on the image of a frame.
+
+    What it returns, if that is not None, is the picture instead: what numpy takes for (h, w, 3) or (h, w, 4) uint8 of
+    the same size. Raises ValueError for anything else.
+    """
+    found = each(number, image)
+    if found is None:
+        return
+    size, pixels = np.asarray(image).shape[:2], np.asarray(found)
+    if pixels.dtype != np.uint8 or pixels.shape not in ((*size, 3), (*size, 4)):
+        wanted = f"None or uint8 of shape {(*size, 3)} or {(*size, 4)}"
+        raise ValueError(f"each: must return {wanted}, returned {pixels.dtype} of shape {pixels.shape}")
+    image.rgb8 = np.array(pixels[..., :3])
+    image.__dict__.pop("rgba8", None)
+    if pixels.shape[2] == 4:
+        image.rgba8 = np.array(pixels)
+
+
 COLORS = Shown("", lambda image, scene: np.asarray(image))
 
 
 class FrameRenderer(ABC):
     """Draws the frames of movies.
 
-    options: the Renderer's, with the precision; names: of the devices; place: those, for messages. how: the precision
-    and the place.
+    options: the Renderer's, with the precision; names: of the devices; place: those, for messages; each: None, or what
+    is done with each Image. how: the precision and the place.
     """
 
-    def __init__(self, options: Mapping[str, Any], names: str, place: str) -> None:
+    def __init__(self, options: Mapping[str, Any], names: str, place: str, each: Each | None = None) -> None:
         precision = options["precision"]
         # In single, the device decides some bits.
         self._bits = {**options, "device": names if precision == "single" else ""}
         self.how = f"{precision} precision, on {place}"
         self.crop: Crop | None = options.get("crop")
+        self.each = each
 
     @abstractmethod
     def workers(self) -> Workers[Frame, Image]:
@@ -97,7 +121,11 @@ class FrameRenderer(ABC):
 
     def images(self, frames: Iterable[Frame]) -> Generator[tuple[Frame, Image], None, None]:
         """Each frame with its Image, in order."""
-        yield from in_order(frames, self.workers())
+        with closing(in_order(frames, self.workers())) as drawn:
+            for frame, image in drawn:
+                if self.each:
+                    draw_on(image, frame.number, self.each)
+                yield frame, image
 
     def pictures(self, frames: Iterable[Frame], shown: Shown) -> Generator[tuple[Frame, NDArray[np.uint8]], None, None]:
         """Each frame with what of its Image is shown, in order."""

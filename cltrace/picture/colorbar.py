@@ -11,7 +11,7 @@ from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
 from cltrace.scene import check_resolution
-from cltrace.scene.colormaps import limits_of, map_of, mapped
+from cltrace.scene.colormaps import Scale, map_of, mapped
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import NOT_NEGATIVE, vector
 
@@ -20,28 +20,30 @@ TEXT, TICK, GAP = 13, 4, 3  # sizes of numbers, of the lines beside the bar, and
 
 def colorbar(
     cmap: Any = None,
-    clim: ArrayLike = (0.0, 1.0),
+    clim: ArrayLike | None = None,
     size: tuple[int, int] = (80, 256),
     *,
+    norm: Any = None,
     ticks: bool = True,
     color: ArrayLike | str = "black",
 ) -> NDArray[np.uint8]:
     """(h, w, 4) uint8: the bar of a colour map, to put beside a picture; straight alpha, without gamma.
 
-    cmap, clim: as in Scene.from_spheres; size: (width, height) in pixels. It stands upright, low values at the bottom,
-    where it is at least as high as wide, and else lies, low values on the left. ticks: whether there are numbers beside
-    or below it, in this color, round ones within clim; the rest of the array is transparent. Without ticks all of it is
-    bar: of a map of 256 colours, 256 pixels have one each.
+    cmap, clim, norm: as in Scene.from_spheres; without clim it is of 0 to 1, or of the norm's own limits; size:
+    (width, height) in pixels. It stands upright, low values at the bottom, where it is at least as high as wide, and
+    else lies, low values on the left. ticks: whether there are numbers beside or below it, in this color, round ones
+    within clim, or where a norm spans some decades the powers of ten; the rest of the array is transparent. Without
+    ticks all of it is bar: of a map of 256 colours, 256 pixels have one each.
 
     Raises ValueError, which names the argument, also where there is no room for the numbers, and MissingPackageError as
     Scene.from_spheres does.
     """
     width, height = check_resolution(size)
-    low, high = limits_of(np.zeros(0), clim)
+    scale = Scale.of(np.zeros(0), cmap, clim, norm)
     ink = vector("color", color_numbers("color", color), NOT_NEGATIVE)
     upright = height >= width
     length, across = (height, width) if upright else (width, height)
-    marks = _ticks(low, high, max(2, length // 50)) if ticks else []
+    marks = _ticks(scale, max(2, length // 50)) if ticks else []
     layout = _Layout(upright, length, across, [f"{m:g}" for m in marks])
     if layout.bar < 1:
         raise ValueError(f"size: must have room for the numbers, {layout.margin} pixels, got {width}x{height}")
@@ -49,7 +51,8 @@ def colorbar(
     colors = np.rint(mapped(map_of(cmap), shares) * 255).astype(np.uint8)
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[..., :3] = np.rint(np.minimum(ink, 1) * 255)
-    pixels[..., 3] = layout.drawn([(m - low) / (high - low) if high > low else 0.5 for m in marks])
+    places = scale.shares(np.array(marks)).tolist() if scale.high > scale.low else [0.5] * len(marks)
+    pixels[..., 3] = layout.drawn(places)
     if upright:
         rows = slice(height - layout.end, height - layout.begin)
         pixels[rows, : layout.bar, :3], pixels[rows, : layout.bar, 3] = colors[::-1, None], 255
@@ -97,10 +100,18 @@ class _Layout:
         return np.asarray(page)
 
 
-def _ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers within [low, high], at most so many: whole multiples of 1, 2 or 5 times a power of ten."""
+def _ticks(scale: Scale, most: int) -> list[float]:
+    """Round numbers within a scale, at most so many: whole multiples of 1, 2 or 5 times a power of ten.
+
+    Where there is a norm, and the upper end is at least 100 times the lower one, they are powers of ten.
+    """
+    low, high = scale.low, scale.high
     if not high > low:
         return [low]
+    if scale.norm is not None and low > 0 and high >= 100 * low:
+        first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+        every = math.ceil((last - first + 1) / most)
+        return [min(max(10.0**k, low), high) for k in range(first, last + 1, every)]
     power = 10.0 ** math.floor(math.log10((high - low) / most))
     for step in (power, 2 * power, 5 * power, 10 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

@@ -16,7 +16,17 @@ from cltrace.base.arrays import by_rows
 from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
 from cltrace.picture.png import write_png
-from cltrace.picture.storing import CHANNELS, check_format, levels16, write_exr, write_npy, write_npz
+from cltrace.picture.storing import (
+    CHANNELS,
+    FORMATS,
+    SIZED,
+    check_format,
+    levels16,
+    write_exr,
+    write_npy,
+    write_npz,
+    write_pillow,
+)
 from cltrace.scene.colors import Transfer
 
 Output = Literal[
@@ -235,17 +245,21 @@ class Image:
         *,
         bits: int = 8,
         outputs: Sequence[Output] | None = None,
+        dpi: float | None = None,
     ) -> None:
         """Writes a file, completely or not at all, in the format that its name ends in. A link is written through.
 
             .png    one output as colours, see as_rgb8(); with alpha if that is the picture and the image has rgba8
+            .tif    the same as a TIFF, or .tiff
+            .jpg    the same as a JPEG, with a loss and without alpha, or .jpeg
             .npy    the array of one output, such as depth; of color, rgba8 or else rgb8
             .npz    the arrays of outputs, by their names, not compressed
             .exr    outputs as channels of an OpenEXR file, see cltrace.picture.storing; takes the extra `exr`
 
-        path: a name in a folder that is there; show: which output a PNG or NPY has, and axes, along which it has
+        path: a name in a folder that is there; show: which output a picture or NPY has, and axes, along which it has
         normals and directions; bits: of a PNG's channels, 8 or 16; 16 are made of the outputs color and, if it is
-        there, alpha; outputs: which ones an EXR or NPZ has, None for all. An EXR of all leaves out bytes and counts,
+        there, alpha; dpi: pixels an inch, by which programs for print know the picture's size, of PNG, TIFF and JPEG;
+        outputs: which ones an EXR or NPZ has, None for all. An EXR of all leaves out bytes and counts,
         and the image must have color, if it has bytes.
 
         Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end so or the image
@@ -264,7 +278,7 @@ class Image:
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no folder {str(target.parent)!r}; mkdir() of a Path makes one")
         with whole_file(target) as file:
-            self.write(file, target.suffix.lower(), show, axes, bits=bits, outputs=outputs)
+            self.write(file, target.suffix.lower(), show, axes, bits=bits, outputs=outputs, dpi=dpi)
 
     def write(
         self,
@@ -275,12 +289,19 @@ class Image:
         *,
         bits: int = 8,
         outputs: Sequence[Output] | None = None,
+        dpi: float | None = None,
     ) -> None:
         """Writes what save() writes into a file with this suffix to an open binary one."""
         if bits not in (8, 16) or (bits == 16 and (suffix != ".png" or show != "color")):
             raise ValueError(f"bits: must be 8, or 16 in a PNG of color, got {bits!r}")
+        if dpi is not None and (isinstance(dpi, bool) or not isinstance(dpi, (int, float)) or not 0.1 <= dpi <= 1e6):
+            raise ValueError(f"dpi: must be a number within 0.1..1000000, got {dpi!r}")
+        if dpi is not None and suffix not in SIZED:
+            raise ValueError(f"dpi: goes with {', '.join(SIZED)}, got {suffix}")
         if suffix == ".png":
-            write_png(file, self._levels16() if bits == 16 else self._pixels(show, axes))
+            write_png(file, self._levels16() if bits == 16 else self._pixels(show, axes), dpi=dpi)
+        elif suffix in FORMATS:
+            write_pillow(file, suffix, self._pixels(show, axes), dpi)
         elif suffix == ".npy":
             write_npy(file, self._array(show, axes))
         elif suffix == ".npz":

@@ -43,13 +43,14 @@ class Packed(NamedTuple):
     adler: int
 
 
-def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None) -> None:
+def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None, dpi: float | None = None) -> None:
     """Writes a picture to an open binary file.
 
     pixels: (h, w), (h, w, 3) or (h, w, 4) of uint8 or uint16; the fourth is alpha, not multiplied. text: Latin-1, by
-    names of at most 79 letters, which say something of the picture.
+    names of at most 79 letters, which say something of the picture; dpi: pixels an inch, which the file has as whole
+    ones a metre.
     """
-    rows = Rows(file, pixels.shape, pixels.dtype, text)
+    rows = Rows(file, pixels.shape, pixels.dtype, text, dpi=dpi)
     for i in range(0, len(pixels), BAND):
         rows.add(packed(pixels[i : i + BAND]))
     rows.close()
@@ -58,14 +59,21 @@ def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None
 class Rows:
     """A PNG that is written rows by rows, from the top. How they are cut does not change a byte of the file.
 
-    shape, dtype, text: of the whole, see write_png(). close() ends it.
+    shape, dtype, text, dpi: of the whole, see write_png(). close() ends it.
     """
 
     def __init__(
-        self, file: BinaryIO, shape: tuple[int, ...], dtype: DTypeLike, text: dict[str, str] | None = None
+        self,
+        file: BinaryIO,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        text: dict[str, str] | None = None,
+        dpi: float | None = None,
     ) -> None:
         self._file, self._ready, self._adler = file, bytearray(HEAD), 1
         file.write(SIGNATURE + _header(shape, np.dtype(dtype)))
+        if dpi is not None:
+            file.write(_chunk(b"pHYs", struct.pack(">IIB", *[round(dpi / 0.0254)] * 2, 1)))
         for name, value in (text or {}).items():
             file.write(_chunk(b"tEXt", name.encode("latin-1") + b"\0" + value.encode("latin-1")))
 

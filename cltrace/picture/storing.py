@@ -23,7 +23,15 @@ from cltrace.base.errors import MissingPackageError
 from cltrace.base.waiting import aside
 from cltrace.scene.colors import Transfer, encoded
 
-SUFFIXES = (".png", ".exr", ".npy", ".npz")
+# Formats of Pillow, by the ends of names.
+FORMATS = {".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
+SUFFIXES = (".png", *FORMATS, ".exr", ".npy", ".npz")
+# Those that say how large a picture is in print.
+SIZED = (".png", *FORMATS)
+QUALITY: dict[str, dict[str, Any]] = {
+    "TIFF": {"compression": "tiff_deflate"},
+    "JPEG": {"quality": 95, "subsampling": 0},
+}
 # The channels of an EXR, by the output that they hold. R, G, B: linear light, 1 = full, times A if there is an A, as
 # the format has it; A: alpha, 0..1; Z: distance from the eye, scene units; N: unit normal in the world; D: direction of
 # the pixel's ray in the world; id, primitive: unsigned 32 bit, of which 4294967295 is what -1 is in the image, where
@@ -67,6 +75,19 @@ def levels16(color: NDArray[np.float32], transfer: Transfer, alpha: NDArray[Any]
         return np.asarray(np.rint(values * 65535))
 
     return by_rows(levels, (*color.shape[:2], 3 if alpha is None else 4), np.uint16)
+
+
+def write_pillow(file: BinaryIO, suffix: str, pixels: NDArray[np.uint8], dpi: float | None) -> None:
+    """Writes (h, w, 3) or (h, w, 4) to an open binary file: TIFF exactly, JPEG with a loss and without alpha.
+
+    suffix: one of FORMATS; dpi: pixels an inch, None to say nothing of that.
+    """
+    from PIL import Image as Picture
+
+    kind = FORMATS[suffix]
+    buffer, picture = io.BytesIO(), Picture.fromarray(pixels[..., :3] if kind == "JPEG" else pixels)
+    picture.save(buffer, kind, **QUALITY[kind], **({} if dpi is None else {"dpi": (dpi, dpi)}))
+    file.write(buffer.getbuffer())  # at once: Pillow goes back and forth in what it writes
 
 
 def write_npy(file: BinaryIO, array: NDArray[Any]) -> None:

@@ -19,6 +19,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from cltrace.scene import SIGNED_FULL
+
 Precision = Literal["accurate", "single", "double"]
 
 
@@ -326,7 +328,7 @@ ARGUMENTS = (
             "int4",
             "x, y: its width and height in texels; z: where in texel it begins; w: the number of a full colour",
         ),
-        ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is 65535, not 255"),
+        ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is not 255"),
         needs="WITH_TEXTURES",
     ),
     *_values(
@@ -457,6 +459,7 @@ CONSTANTS = {
     "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "MOST_RAYS": 2**20,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
+    "SIGNED_FULL": SIGNED_FULL,  # a full colour in textures that may go below 0, where each number is larger by as much
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
 }
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.materials import used
-from cltrace.scene import Texture
+from cltrace.scene import FULL, Texture
 
 # The kernel reads so many bytes from where a texel begins, so as many follow the last one.
 BYTES_READ = 8
@@ -50,8 +51,11 @@ class Textures:
         for i in np.flatnonzero(mask).tolist():
             height, width = images[i].shape[:2]
             # MAX_TEXELS of 6 bytes each are less than 2^31.
-            places.append((width, height, begin, np.iinfo(images[i].dtype).max))
-            texels.append(images[i].reshape(-1).view(np.uint8))
+            full = FULL[images[i].dtype]
+            places.append((width, height, begin, full))
+            # The kernel reads numbers without a sign, so those that have one are so much larger.
+            stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
+            texels.append(stored.reshape(-1).view(np.uint8))
             begin += images[i].nbytes
         texel = np.concatenate([*texels, np.zeros(BYTES_READ, np.uint8)])
         return cls(texel, np.array(places, np.int32).reshape(-1, 4), new[of_material])

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cltrace.reference.vectors import Color
+from cltrace.scene import FULL
+from cltrace.scene import Texture as Texels
 
 UV = tuple[float, float]
 
@@ -30,11 +29,11 @@ class Texture:
     u = i / W is exactly column i of W, and v = j / H row j. In between, the four pixels around are mixed by how near
     they are: bilinear interpolation.
 
-    texels: (H, W, 3), of uint8 or uint16; their largest number is full colour.
+    texels: (H, W, 3), of uint8, uint16 or int16, of which FULL says what full colour is.
     """
 
-    def __init__(self, texels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-        self.texels, self.full = texels, int(np.iinfo(texels.dtype).max)
+    def __init__(self, texels: Texels) -> None:
+        self.texels, self.full = texels, FULL[texels.dtype]
 
     def lookup(self, uv: UV) -> Lookup:
         """The colour at (u, v), 1 = full in each channel, and how it comes about."""

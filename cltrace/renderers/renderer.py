@@ -24,7 +24,7 @@ from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor, Frame
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
-from cltrace.scene import AnyCamera, Scene, colors_given, share_all_but_camera, with_spheres
+from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
 SAMPLES = 16
@@ -188,6 +188,7 @@ class Renderer:
         values: ArrayLike | None = None,
         cmap: Any = None,
         clim: ArrayLike | None = None,
+        norm: Any = None,
         ka: ArrayLike | None = None,
         kd: ArrayLike | None = None,
         ks: ArrayLike | None = None,
@@ -199,7 +200,7 @@ class Renderer:
         """Gives the scene's spheres other places, sizes or materials, and returns this Renderer.
 
         The arguments are those of Scene.from_spheres; what is None stays as it is, and so do camera, lights and meshes.
-        cmap and clim go with values; those of earlier values are not remembered.
+        Values have the map, the limits and the norm of those before, but for what is given of cmap, clim and norm.
         Where ka was not given at first, it follows kd. If `centers` are another number of spheres, all that is an array
         of as many as there were must be given, too. Radii of ellipsoids are those before their linear map.
 
@@ -212,9 +213,8 @@ class Renderer:
         changed then.
         """
         check_process()
-        n = len(self.scene.columns if centers is None else np.atleast_1d(centers))
-        shown = colors_given(n, colors, values, cmap, clim=clim)
-        places = {"centers": centers, "radii": radii, "colors": shown, "ka": ka, "kd": kd, "ks": ks}
+        places = {"centers": centers, "radii": radii, "ka": ka, "kd": kd, "ks": ks}
+        places |= {"colors": colors, "values": values, "cmap": cmap, "clim": clim, "norm": norm}
         others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
         given = {name: value for name, value in (places | others).items() if value is not None}
         with self._lock:

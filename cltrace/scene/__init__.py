@@ -27,11 +27,11 @@ from cltrace.scene.lights import (
     sun_light,
 )
 from cltrace.scene.maps import uniform_scales
-from cltrace.scene.materials import MATERIAL, MAX_TEXELS, Material, Texture, texels
+from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
 from cltrace.scene.members import members_of
 from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import OTHERS, Scene, colors_given, share_all_but_camera
+from cltrace.scene.scene import OTHERS, Scene, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -42,6 +42,7 @@ __all__ = [
     "CONE",
     "CYLINDER",
     "FOV",
+    "FULL",
     "LAMBERT",
     "LIGHT",
     "MATERIAL",
@@ -59,6 +60,7 @@ __all__ = [
     "PARALLEL",
     "POINT",
     "POSITIVE",
+    "SIGNED_FULL",
     "SKY",
     "SOFT",
     "SPHERE",
@@ -84,7 +86,6 @@ __all__ = [
     "box_corners",
     "box_edges",
     "check_resolution",
-    "colors_given",
     "extent_faults",
     "inverse_faults",
     "members_of",

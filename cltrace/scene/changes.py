@@ -13,22 +13,30 @@ from cltrace.scene.colors import decoded
 from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
 from cltrace.scene.materials import check_index, packed
 from cltrace.scene.rules import POSITIVE
-from cltrace.scene.scene import Scene
+from cltrace.scene.scene import Scene, colors_given
 from cltrace.scene.surfaces import extent_faults, reaches
 
 
 def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     """A scene with other spheres. What is not changed is the same arrays.
 
-    given: by the names of Scene.from_spheres, some of centers, radii, colors, ka, kd, ks, exponent, reflectance,
-    transmittance and index. Where ka was not given at first, it follows kd. The numbers of meshes that come after all
-    spheres stay those after all spheres.
+    given: by the names of Scene.from_spheres, some of centers, radii, colors, values, cmap, clim, norm, ka, kd, ks,
+    exponent, reflectance, transmittance and index. Where ka was not given at first, it follows kd. Values have the map,
+    the limits and the norm of those before, but for what is given. The numbers of meshes that come after all spheres
+    stay those after all spheres.
 
     Raises ValueError, which names the argument and the index, also where the number of spheres changes and an array of
     as many as there were is not given, where there are ellipsoids, or meshes between the spheres.
     """
     columns, meshes = scene.columns, scene.meshes
     n = len(columns)
+    given = dict(given)
+    shown = {name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim", "norm")}
+    colors, scale = colors_given(
+        len(np.atleast_1d(given["centers"])) if "centers" in given else n, before=scene.scale, **shown
+    )
+    if colors is not None:
+        given["colors"] = colors
     if "centers" in given:
         center = points(given["centers"], given.get("radii", 1.0))
         if len(center) != n:
@@ -44,9 +52,10 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
-    if len(columns) == len(scene.columns) and not shade:
-        return scene.with_columns(columns, meshes).with_bonds_placed()
-    return _shaded(scene.with_columns(columns, meshes), shade).with_bonds_placed()
+    made = scene.with_columns(columns, meshes, scale=scale)
+    if len(columns) != len(scene.columns) or shade:
+        made = _shaded(made, shade)
+    return made.with_bonds_placed()
 
 
 def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:

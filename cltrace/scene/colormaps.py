@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import pickle
 from collections.abc import Callable
-from typing import Any
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,26 +24,95 @@ Map = Callable[[NDArray[np.float64]], NDArray[Any]]
 DEFAULT_MAP = "viridis"
 
 
-def limits_of(values: NDArray[np.float64], clim: ArrayLike | None) -> tuple[float, float]:
-    """The values at a map's two ends: `clim`, or the least and the largest of the values.
+@dataclass(frozen=True)
+class Scale:
+    """How values become colours, so that more of them become the same.
 
-    Raises ValueError if they are not two rising numbers.
+    cmap: see map_of(); low, high: the values at its two ends, whose colours values beyond have, too; norm: None, or
+    what the values go through first, see Scale.of().
     """
-    if clim is None:
-        return (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
-    low, high = checked("clim", ANY, clim, (2,)).tolist()
-    if low > high:
-        raise ValueError(f"clim: must be two rising numbers, got {low:g}, {high:g}")
-    return low, high
+
+    cmap: Any
+    low: float
+    high: float
+    norm: Any = None
+
+    @classmethod
+    def of(
+        cls,
+        values: NDArray[np.float64],
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
+        norm: Any = None,
+        before: Scale | None = None,
+    ) -> Scale:
+        """For (n,) values. What is None is that of `before`, and without one the default.
+
+        clim: (low, high), the least and the largest value by default; norm: a function of (n,) values, such as
+        numpy.log, whose results between those of the two ends are spread evenly over the map; or a norm of matplotlib,
+        such as LogNorm(), which says itself what 0..1 is, and whose own limits count where there is no clim.
+
+        Raises ValueError, which names the argument.
+        """
+        if norm is not None and not callable(norm):
+            raise ValueError(f"norm: must be a function, such as numpy.log or LogNorm(), got {described(norm)}")
+        limits = None if clim is None else _rising(clim)
+        chosen = norm if norm is not None or before is None else before.norm
+        if hasattr(chosen, "autoscale_None"):
+            chosen, (low, high) = _scaled(chosen, values, limits)
+        elif limits is None and before is not None:
+            low, high = before.low, before.high
+        else:
+            low, high = limits or ((float(values.min()), float(values.max())) if values.size else (0.0, 1.0))
+        return cls(before.cmap if cmap is None and before else cmap, low, high, norm=chosen)
+
+    def shares(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where (n,) values are on the map, 0..1; all 0 where its two ends are one value. Raises ValueError."""
+        with np.errstate(all="ignore"):  # what becomes of a logarithm of 0 is said below
+            if hasattr(self.norm, "autoscale_None"):
+                found = np.ma.filled(np.ma.asarray(self.norm(values), np.float64), np.nan)
+            else:
+                ends, found = np.array([self.low, self.high]), values
+                if self.norm is not None:
+                    ends, found = (np.asarray(self.norm(x), np.float64) for x in (ends, values))
+                found = (found - ends[0]) / (ends[1] - ends[0]) if ends[1] != ends[0] else 0 * found
+        if found.shape != values.shape:
+            raise ValueError(f"norm: must make {values.shape} of {values.shape} values, made {found.shape}")
+        if not np.isfinite(found).all():
+            i = int(np.argmin(np.isfinite(found)))
+            raise ValueError(f"norm: must make a finite number of values[{i}], {values[i]:g}, within clim")
+        return np.clip(found, 0.0, 1.0)
+
+    def colors(self, values: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(n, 3) float32, the map's colours of (n,) values, 1 being full. Raises ValueError."""
+        return mapped(map_of(self.cmap), self.shares(values))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Functions that cannot be pickled, as lambdas cannot, are not part of a pickle, and are missed when needed."""
+        state = dict(self.__dict__)
+        for name in ("cmap", "norm"):
+            try:
+                pickle.dumps(state[name])
+            except (pickle.PicklingError, AttributeError, TypeError):
+                state[name] = Lost(name)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
 
 
-def colors_of(values: ArrayLike, cmap: Any = None, clim: ArrayLike | None = None) -> NDArray[np.float32]:
-    """(n, 3) float32, the map's colours of (n,) values, 1 being full.
+@dataclass(frozen=True)
+class Lost:
+    """In place of a function that could not be pickled."""
 
-    cmap: see `map_of`; clim: see `limits_of`; values beyond it have the colours of the ends. What a map says of
-    transparency does not count. Raises ValueError, which names the argument, MissingPackageError if a map's name needs
-    a package that is not there.
-    """
+    name: str
+
+    def __call__(self, *values: object, **options: object) -> NoReturn:
+        raise ValueError(f"{self.name}: must be given again, as the scene's is a function that could not be pickled")
+
+
+def values_given(values: ArrayLike) -> NDArray[np.float64]:
+    """(n,) values to be shown as colours. Raises ValueError for others, with advice where one is nan."""
     given = numbers("values", values)
     if given.ndim != 1:
         raise ValueError(f"values: must have shape (n,), got {given.shape}")
@@ -48,15 +120,33 @@ def colors_of(values: ArrayLike, cmap: Any = None, clim: ArrayLike | None = None
         i = int(np.argmax(np.isnan(given)))
         raise ValueError(f"values[{i}]: must not be nan, which has no colour; leave it out, or give colors instead")
     check_rule("values", ANY, given)
-    low, high = limits_of(given, clim)
-    return mapped(map_of(cmap), shares(given, low, high))
+    return given
 
 
-def shares(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """Where values are between two ends, 0..1; all 0 where there is nothing between."""
-    if not high > low:
-        return np.zeros(values.shape)
-    return np.clip((values - low) / (high - low), 0.0, 1.0)
+def _rising(clim: ArrayLike) -> tuple[float, float]:
+    """Raises ValueError if these are not two rising numbers."""
+    low, high = checked("clim", ANY, clim, (2,)).tolist()
+    if low > high:
+        raise ValueError(f"clim: must be two rising numbers, got {low:g}, {high:g}")
+    return low, high
+
+
+def _scaled(
+    norm: Any, values: NDArray[np.float64], limits: tuple[float, float] | None
+) -> tuple[Any, tuple[float, float]]:
+    """A copy of a norm of matplotlib that has its limits, and which: these, its own, or those of the values."""
+    own = copy(norm)
+    try:
+        if limits is not None:
+            own.vmin, own.vmax = limits
+        own.autoscale_None(values)
+        own(values[:1])
+    except ValueError as error:
+        raise ValueError(f"norm: {error}") from None
+    low, high = float(own.vmin), float(own.vmax)
+    if not high > low and values.size and values.max() > values.min():  # as a logarithm of negative values only
+        raise ValueError(f"norm: must have two limits for values that differ, and has {low:g}, {high:g}: say clim")
+    return own, (low, high)
 
 
 def mapped(colormap: Map, share: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -96,6 +186,12 @@ def map_of(cmap: Any) -> Map:
             f"got {described(cmap if table.dtype == object else table)}"
         )
     return lambda share: table[np.minimum((share * len(table)).astype(np.intp), len(table) - 1)]
+
+
+def count_of(cmap: Any) -> int:
+    """Of how many colours a map consists, 256 where it does not say. cmap: as of map_of()."""
+    found = _named(DEFAULT_MAP if cmap is None else cmap) if cmap is None or isinstance(cmap, str) else cmap
+    return int(getattr(found, "N", 256)) if callable(found) else len(found)
 
 
 def _bytes_of(cmap: Any) -> Map:

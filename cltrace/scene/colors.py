@@ -18,8 +18,9 @@ def color_numbers(name: str, value: Any, alpha: bool = False) -> Any:
     """`value` where no text is in it, else numbers: 3 of a text, (n, 3) of a list or an array of texts.
 
     A text is what CSS calls a colour: a name, #rgb, #rrggbb, or rgb() and hsl() with their arguments. Each byte of it
-    is divided by 255. alpha: whether one text may have a fourth number, as #rrggbbaa. Raises ValueError, which begins
-    with the name, for a text that is none.
+    is divided by 255. Of numbers, a fourth one of each colour is left out where it is 1, as maps of matplotlib have it.
+    alpha: whether there may be a fourth number, as #rrggbbaa, which is then kept. Raises ValueError, which begins with
+    the name, for a text that is none, and for an alpha below 1.
     """
     if isinstance(value, str):
         return _of_text(name, value, alpha)
@@ -31,7 +32,24 @@ def color_numbers(name: str, value: Any, alpha: bool = False) -> Any:
         place = {text: k for k, text in enumerate(dict.fromkeys(value))}
         table = np.array([_of_text(f"{name}[{value.index(text)}]", text) for text in place])
         return table[[place[text] for text in value]]
-    return value
+    return value if alpha else _without_alpha(name, value)
+
+
+def _without_alpha(name: str, value: Any) -> Any:
+    """Colours without their fourth number. Raises ValueError where one of those is not full."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of several lengths, which are refused elsewhere
+        return value
+    if array.dtype.kind not in "iuf" or array.ndim not in (1, 2) or array.shape[-1] != 4:
+        return value
+    full = 255 if array.dtype.kind in "iu" and array.max(initial=0) > 1 else 1
+    see_through = array[..., 3] != full
+    if see_through.any():
+        place = f"[{int(np.argmax(see_through))}]" if array.ndim == 2 else ""
+        got = float(array[..., 3][see_through].flat[0])
+        raise ValueError(f"{name}{place}: must have no alpha below {full}, as surfaces are opaque, got {got:g}")
+    return array[..., :3]
 
 
 def check_transfer(transfer: object) -> None:

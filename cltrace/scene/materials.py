@@ -35,7 +35,11 @@ MATERIAL = np.dtype(
         ("texture", "i4"),  # index into the scene's textures, by which the colour is multiplied; -1: none
     ]
 )
-Texture = NDArray[np.uint8] | NDArray[np.uint16]
+Texture = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.int16]
+# The number of a texel that is full. Those of int16 are made of the colours of meshes, which need -1 to 2 times that,
+# and are linear with any transfer curve. A multiple of 255, so that bytes are exact.
+SIGNED_FULL = 42 * 255
+FULL = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535, np.dtype(np.int16): SIGNED_FULL}
 MAX_TEXELS = 2**27  # in all textures of a scene
 COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
@@ -112,23 +116,30 @@ class Material(Frozen):
         values |= {"index": float(number), "texture": None if texture is None else texels("material.texture", texture)}
         self.__setstate__(values)
 
+    def with_texture(self, texture: Texture) -> Material:
+        """The same with another texture, which is taken as it is."""
+        other = object.__new__(Material)
+        other.__setstate__({**self.__dict__, "texture": texture})
+        return other
+
     def __repr__(self) -> str:
         image = None if self.texture is None else f"<{described(self.texture)}>"
         values = {**self.__dict__, "texture": image}
         return f"Material({', '.join(f'{name}={value}' for name, value in values.items())})"
 
 
-def texels(name: str, image: Any) -> Texture:
+def texels(name: str, image: Any, signed: bool = False) -> Texture:
     """An image as a read-only (h, w, 3) array of uint8 or uint16; see `Material`. ValueError begins with the name.
 
-    An array that is just that, and owns its memory, is taken as it is.
+    signed: whether int16 is allowed, too. An array that is just that, and owns its memory, is taken as it is.
     """
     mode = getattr(image, "mode", None)
     if isinstance(mode, str) and mode not in ("L", "RGB", "RGBA") and not mode.startswith("I;16"):
         raise ValueError(f"{name}: must have the mode L, RGB, RGBA or I;16, got {mode}; convert('RGB') makes it one")
     array = np.asarray(image)
     # Of either order of bytes: 16-bit images come in both.
-    if array.dtype.newbyteorder("=") not in (np.uint8, np.uint16) or is_masked(image):
+    kinds = (np.uint8, np.uint16, np.int16) if signed else (np.uint8, np.uint16)
+    if array.dtype.newbyteorder("=") not in kinds or is_masked(image):
         raise ValueError(f"{name}: must be an array of uint8 or uint16, got {described(image)}")
     if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)):
         raise ValueError(f"{name}: must have shape (h, w, 3), (h, w, 4) or (h, w), got {array.shape}")
@@ -147,7 +158,7 @@ def checked_textures(textures: object) -> tuple[Texture, ...]:
     """The textures of a scene. Raises ValueError and TypeError, which name the index."""
     if not isinstance(textures, Iterable):
         raise TypeError(f"textures: must be a list of arrays, got {described(textures)}")
-    found = tuple(texels(f"textures[{i}]", image) for i, image in enumerate(textures))
+    found = tuple(texels(f"textures[{i}]", image, signed=True) for i, image in enumerate(textures))
     check_texels(found)
     return found
 
@@ -174,9 +185,9 @@ def records(materials: Iterable[Material]) -> tuple[NDArray[np.void], tuple[Text
 
 def linear_texels(image: Texture, transfer: Transfer) -> Texture:
     """A texture whose numbers are linear: of sRGB 16 bits each, read-only."""
-    if transfer == "linear":
+    if transfer == "linear" or image.dtype == np.int16:
         return image
-    full = np.iinfo(image.dtype).max
+    full = FULL[image.dtype]
     table = np.rint(decoded(np.arange(full + 1) / full, transfer) * 65535).astype(np.uint16)
     linear: Texture = table[image]
     linear.flags.writeable = False

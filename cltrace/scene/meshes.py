@@ -16,8 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arrays import blockwise
 from cltrace.numbers.inverses import inverses, whole_inverse
+from cltrace.scene.colors import Transfer
 from cltrace.scene.maps import affine
 from cltrace.scene.materials import Frozen, Material
+from cltrace.scene.mesh_colors import MeshColors
+from cltrace.scene.mesh_sources import Found
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
 from cltrace.scene.surfaces import inverse_faults
 
@@ -172,6 +175,12 @@ class Mesh(Frozen):
     a Material; transform: (3, 3), (3, 4) or (4, 4), an affine map to the world, whose last row is 0 0 0 1 if it has
     four.
 
+    colors: (v, 3) or (f, 3), or as many texts, for each vertex or for each triangle, as in Scene.from_spheres but
+    within 0..1; values: (v,) or (f,) numbers that are shown as colours instead, with cmap, clim and norm, also as
+    there. A vertex has exactly its colour, and between vertices, colours and values are interpolated. The material's
+    colour, white as a rule, is multiplied with them. They take the place of uv and a texture, so the output uv is where
+    they are stored.
+
     Both sides of a triangle are seen. Its front, which matters to glass, is the side that its normals point to; without
     normals it is the one from which the corners go round counter-clockwise. `Mesh.of` takes other libraries' objects.
 
@@ -181,6 +190,7 @@ class Mesh(Frozen):
     geometry: Geometry
     material: Material
     placed: PlacedMesh
+    colors: MeshColors | None
 
     def __init__(
         self,
@@ -190,22 +200,45 @@ class Mesh(Frozen):
         uv: ArrayLike | None = None,
         material: Material = Material(),  # noqa: B008 (it is immutable)
         transform: ArrayLike | None = None,
+        *,
+        colors: ArrayLike | None = None,
+        values: ArrayLike | None = None,
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
+        norm: Any = None,
     ) -> None:
         points = _rows("mesh.vertices", vertices, 3)
         corners = _indices("mesh.faces", faces, len(points), "a vertex")
         directions, normal_of = _given("mesh.normals", normals, corners, vertices=len(points), width=3)
         places, uv_of = _given("mesh.uv", uv, corners, vertices=len(points), width=2)
-        self._fill(
-            Geometry(points, corners, normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of),
-            material,
-            transform,
-        )
+        shown = {"colors": colors, "values": values, "cmap": cmap, "clim": clim, "norm": norm}
+        found = MeshColors.of(corners, len(points), **shown)
+        if found:
+            if uv is not None:
+                raise ValueError("mesh.uv: must not be given together with colors or values")
+            places, uv_of = found.uv, found.uv_of
+        geometry = Geometry(points, corners, normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of)
+        self._fill(geometry, material, transform, found)
 
-    def _fill(self, geometry: Geometry, material: Material, transform: ArrayLike | None) -> None:
+    def _fill(
+        self, geometry: Geometry, material: Material, transform: ArrayLike | None, colors: MeshColors | None
+    ) -> None:
         if not isinstance(material, Material):
             raise TypeError(f"mesh.material: must be a cltrace.Material, got {described(material)}")
+        if colors and material.texture is not None:
+            raise ValueError("mesh.material: must have no texture where there are colors or values")
         placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
-        self.__setstate__({"geometry": geometry, "material": material, "placed": placed})
+        self.__setstate__({"geometry": geometry, "material": material, "placed": placed, "colors": colors})
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """(v, 3), as they were given: before the transform. Read-only."""
+        return self.geometry.vertices
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(f, 3), the indices of each triangle's corners. Read-only."""
+        return self.geometry.faces
 
     @classmethod
     def of(
@@ -213,25 +246,36 @@ class Mesh(Frozen):
         thing: Any,
         material: Material = Material(),  # noqa: B008
         transform: ArrayLike | None = None,
+        *,
+        colors: ArrayLike | None = None,
+        values: ArrayLike | str | None = None,
+        cmap: Any = None,
+        clim: ArrayLike | None = None,
+        norm: Any = None,
     ) -> Mesh:
         """A mesh of what another library calls one.
 
-        thing: an object with `vertices` and `faces`, as trimesh's; or with `points` and `cells`, as meshio's, of which
-        the cells of type triangle, quad and polygon are taken, those of more than three corners as fans; or another
-        Mesh, whose arrays are then shared. Other objects' normals and texture coordinates are left alone: they go into
-        `Mesh` as arrays. material, transform: as of Mesh.
+        thing: an object with `vertices` and `faces`, as trimesh's, or a Scene of these; with `points` and `cells`, as
+        meshio's, of which the cells of type triangle, quad and polygon are taken; a PolyData of pyvista, or one of its
+        grids, of which the surface is taken; or another Mesh, whose arrays are then shared. Polygons of more than three
+        corners become fans. Colours of vertices, and in trimesh of faces, are taken along, as a PLY has them, unless
+        colors or values are given here. Other objects' normals and texture coordinates are left alone: they go into
+        `Mesh` as arrays. material, transform and the others: as of Mesh; values may be the name of one of the thing's
+        `point_data`.
 
         Raises TypeError if it is none of these, and ValueError as Mesh does.
         """
+        shown = {"colors": colors, "values": values, "cmap": cmap, "clim": clim, "norm": norm}
         if isinstance(thing, Mesh):
+            if any(given is not None for given in shown.values()):
+                raise ValueError("mesh.colors: must not be given with a Mesh, which has its own")
             mesh = cls.__new__(cls)
-            mesh._fill(thing.geometry, material, transform)
+            mesh._fill(thing.geometry, material, transform, thing.colors)
             return mesh
-        if hasattr(thing, "vertices") and hasattr(thing, "faces"):
-            return cls(thing.vertices, thing.faces, material=material, transform=transform)
-        if hasattr(thing, "points") and hasattr(thing, "cells"):
-            return cls(thing.points, _triangles(thing.cells), material=material, transform=transform)
-        raise TypeError(f"mesh: must have vertices and faces, or points and cells, got {described(thing)}")
+        found = Found.of(thing)
+        own = found.colors if colors is None and values is None else colors
+        shown |= {"colors": own, "values": found.values(values)}
+        return cls(found.vertices, found.faces, material=material, transform=transform, **shown)
 
     def __repr__(self) -> str:
         return f"<cltrace.Mesh: {len(self.geometry.faces)} triangles, {len(self.geometry.vertices)} vertices>"
@@ -288,6 +332,22 @@ def mesh_list(meshes: Iterable[Mesh] | Mesh) -> list[Mesh]:
     return found
 
 
+def materials_shown(meshes: Iterable[Mesh], transfer: Transfer) -> list[Material]:
+    """The material of each mesh, with a texture of its own colours if it has some; the same object for equal ones.
+
+    transfer: how the colours are given.
+    """
+    made: dict[tuple[int, int], Material] = {}
+    found = []
+    for mesh in meshes:
+        key = (id(mesh.material), id(mesh.colors))
+        if key not in made:
+            own = mesh.colors
+            made[key] = mesh.material if own is None else mesh.material.with_texture(own.texture(transfer))
+        found.append(made[key])
+    return found
+
+
 def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
     matrix = numbers("mesh.transform", transform)
     if matrix.shape not in ((3, 3), (3, 4), (4, 4)):
@@ -301,25 +361,6 @@ def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
         return PlacedMesh(geometry, to_world)
     except ValueError as error:
         raise ValueError(str(error).replace("mesh.to_world", "mesh.transform", 1)) from None
-
-
-def _triangles(blocks: Iterable[Any]) -> NDArray[np.int64]:
-    """The triangles of meshio's blocks of cells, (f, 3), in their order."""
-    fans = []
-    try:
-        pairs = [block if isinstance(block, tuple) else (block.type, block.data) for block in blocks]
-    except (AttributeError, TypeError):
-        raise TypeError(f"mesh.cells: must be a list of blocks with type and data, got {described(blocks)}") from None
-    for kind, data in pairs:
-        if kind in ("triangle", "quad") or kind.startswith("polygon"):
-            corners = np.asarray(data)
-            if corners.ndim != 2 or corners.shape[1] < 3:
-                raise ValueError(f"mesh.cells: must have shape (n, 3) or more, got {corners.shape} of type {kind}")
-            k = np.arange(1, corners.shape[1] - 1)
-            fans.append(corners[:, np.stack([0 * k, k, k + 1], axis=1)].reshape(-1, 3))
-    if not fans:
-        raise ValueError("mesh.cells: must have some of type triangle, quad or polygon, got none")
-    return np.concatenate(fans)
 
 
 def _given(

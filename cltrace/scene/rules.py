@@ -23,6 +23,9 @@ Vector = tuple[float, float, float]
 # A number is 0, or its magnitude is within float32's range. Its square and the square of that then stay within
 # double's range, so that nothing that is computed from it overflows or vanishes.
 SMALLEST, LARGEST = 2.0**-149, (2.0 - 2.0**-23) * 2.0**127
+# Colours of surfaces above this are taken for bytes. No surface returns so many times the light that falls on it, and
+# among bytes only a nearly black picture has none above.
+BYTES = 16
 # So many numbers at a time are copied or checked: they stay in a processor's cache.
 NUMBERS = 2**16
 
@@ -154,19 +157,20 @@ def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:
 
 
 def check_not_bytes(name: str, color: ArrayLike, reflected: bool = False) -> None:
-    """Raises ValueError where colours are whole numbers of 0 to 255 and one of them is above 1.
+    """Raises ValueError where colours look like bytes: 0 to 255, one of them above 1.
 
     Colours are linear with 1 as full. reflected: this is the share of the light that a surface returns, of which more
-    than 1 makes little sense, so whole floats are refused as integers are. A light may be brighter than 1; whoever
-    means that writes a float, such as 2.0.
+    than 1 makes little sense, so whole floats are refused as integers are, and so are others above BYTES, such as
+    means of bytes. A light may be brighter than 1; whoever means that writes a float, such as 2.0.
     """
     array = np.asarray(color)
     if array.dtype.kind not in ("iuf" if reflected else "iu") or not array.size or not 1 < array.max() <= 255:
         return
-    if (array == np.rint(array)).all():
+    whole = (array == np.rint(array)).all()
+    if whole or array.max() > BYTES:
         raise ValueError(
-            f"{name}: must be linear with 1 as full, but whole numbers up to {array.max():g} look like bytes of "
-            "0 to 255; divide by 255"
+            f"{name}: must be linear with 1 as full, but {'whole ' if whole else ''}numbers up to {array.max():g} look "
+            "like bytes of 0 to 255; divide by 255"
         )
 
 

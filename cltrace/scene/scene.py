@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
-from cltrace.scene.colormaps import colors_of
+from cltrace.scene.colormaps import Scale, values_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, color_numbers, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.cylinders import (
@@ -44,7 +44,7 @@ from cltrace.scene.materials import (
     records,
 )
 from cltrace.scene.members import lamps_of
-from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, mesh_list
+from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -83,8 +83,8 @@ class Scene:
     it the picture shows, from 0, nothing, to 1; a fourth number of background is the same; output_file: the picture's
     name, without a folder; to_object: (k, 3, 3), the linear maps of the ellipsoids from the world to their own axes, of
     which a sphere's `to_object` is the index; meshes: of PlacedMesh, by rising numbers; textures: (h, w, 3) arrays of
-    uint8 or uint16, of which a material's `texture` is the index. The arrays are copied, but for textures that are
-    read-only and own their memory.
+    uint8 or uint16, or as Mesh makes them of colours int16, of which a material's `texture` is the index. The arrays
+    are copied, but for textures that are read-only and own their memory.
 
     transfer: how the picture's colours become bytes, "linear" or "srgb", see from_spheres(). The colours here are
     linear with either.
@@ -95,8 +95,8 @@ class Scene:
     All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes
     and cylinders know their numbers, and the spheres have those that these leave.
 
-    source: the lines of the file that it was read from, a cltrace.scene.Source; None of a scene that is made otherwise,
-    as dataclasses.replace() does.
+    source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
+    colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
 
     Raises ValueError, which names the field and the index, where a value is not allowed, and TypeError where an
     argument is something else altogether.
@@ -116,6 +116,7 @@ class Scene:
     cylinders: NDArray[np.void]
     bonds: Bonds | None
     source: Source | None = field(default=None, init=False)
+    scale: Scale | None = field(default=None, init=False)
 
     def __init__(
         self,
@@ -159,7 +160,7 @@ class Scene:
         if not isinstance(state["output_file"], str):
             raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
         check_lights(state["lights"])
-        self.__setstate__(state | {"source": None})
+        self.__setstate__({"scale": None} | state | {"source": None})
 
     def seen_by(self, camera: AnyCamera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -220,15 +221,16 @@ class Scene:
         meshes: tuple[PlacedMesh, ...],
         cylinders: NDArray[np.void] | None = None,
         bonds: Bonds | None = None,
+        scale: Scale | None = None,
     ) -> Scene:
-        """The same scene with other spheres, materials, meshes, cylinders and bonds, which are taken as they are.
+        """The same scene with other spheres, materials, meshes and so on, which are taken as they are.
 
-        cylinders, bonds: None for the same.
+        cylinders, bonds, scale: None for the same.
         """
         other = object.__new__(type(self))
         state = {**self.__getstate__(), "columns": columns, "meshes": meshes, "source": None}
-        state |= {} if cylinders is None else {"cylinders": cylinders}
-        state |= {} if bonds is None else {"bonds": bonds}
+        more = {"cylinders": cylinders, "bonds": bonds, "scale": scale}
+        state |= {name: value for name, value in more.items() if value is not None}
         other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
         return other
 
@@ -305,6 +307,7 @@ class Scene:
         values: ArrayLike | None = None,
         cmap: Any = None,
         clim: ArrayLike | None = None,
+        norm: Any = None,
         ka: ArrayLike | None = None,
         kd: ArrayLike = 0.8,
         ks: ArrayLike = 0.5,
@@ -333,8 +336,10 @@ class Scene:
 
         values: (n,) numbers that are shown as colours, instead of colors; cmap: the colour map, by its name in
         matplotlib, viridis if it is None, or a callable, or an array of colours; clim: (low, high), the values at its
-        two ends, which values beyond have, too; the least and the largest value if it is None. See
-        cltrace.scene.colormaps.map_of, and cltrace.colorbar for the bar beside the picture.
+        two ends, which values beyond have, too; the least and the largest value if it is None; norm: a function of the
+        values, such as numpy.log, or a norm of matplotlib, such as LogNorm(). See Scale.of and map_of in
+        cltrace.scene.colormaps, and cltrace.colorbar for the bar beside the picture. The scene remembers all three for
+        values that come later, as of Renderer.update().
 
         ka, kd, ks: how strongly a surface shows ambient light, diffuse light and highlights; exponent: the larger, the
         smaller the highlight; each (n,) or one number >= 0. Without ka it is kd: ambient light stands for light that
@@ -371,7 +376,7 @@ class Scene:
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
-        shown = colors_given(n, colors, values=values, cmap=cmap, clim=clim)
+        shown, scale = colors_given(n, colors, values=values, cmap=cmap, clim=clim, norm=norm)
         given = {"color": (1.0, 1.0, 1.0) if shown is None else shown, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
@@ -382,7 +387,7 @@ class Scene:
         radius, to_object, maps = _shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
-        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps}
+        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps, "scale": scale}
         made = cls._made(known, found, shapes, background, transfer)
         return _bonded(made, {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box})
 
@@ -420,7 +425,8 @@ class Scene:
         textures and background are given.
         """
         check_transfer(transfer)
-        kinds = {id(mesh.material): mesh.material for mesh in meshes}
+        shown = materials_shown(meshes, transfer)
+        kinds = {id(material): material for material in shown}
         place = {key: columns.count + i for i, key in enumerate(kinds)}
         more, textures = records(kinds.values())
         check_texels(textures)
@@ -428,7 +434,7 @@ class Scene:
         shade = {**columns.shade, "color": decoded(columns.shade["color"], transfer)}
         images = tuple(linear_texels(image, transfer) for image in textures)
         n = len(columns)
-        placed = tuple(mesh.placed.of(place[id(mesh.material)], n + i) for i, mesh in enumerate(meshes))
+        placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
         state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
@@ -523,25 +529,31 @@ def _check_numbers(meshes: Iterable[PlacedMesh], cylinders: NDArray[np.void]) ->
 
 def share_all_but_camera(old: Scene, new: Scene) -> bool:
     """Whether two scenes share all but the camera."""
-    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "spheres", "materials"}
+    names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "scale", "spheres", "materials"}
     return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
 
 
 def colors_given(
-    n: int, colors: ArrayLike | None, values: ArrayLike | None, cmap: Any, clim: ArrayLike | None
-) -> ArrayLike | None:
-    """The colours of n spheres that have either colors or values, None if neither. Raises ValueError."""
+    n: int, colors: ArrayLike | None, before: Scale | None = None, **shown: Any
+) -> tuple[ArrayLike | None, Scale | None]:
+    """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
+
+    before: how earlier values did, which later ones do, too, but for what is given; shown: values, cmap, clim, norm.
+    Raises ValueError.
+    """
+    values = shown.pop("values", None)
     if values is None:
-        for name, given in (("cmap", cmap), ("clim", clim)):
+        for name, given in shown.items():
             if given is not None:
                 raise ValueError(f"{name}: goes with values, which are not given")
-        return colors
+        return colors, before
     if colors is not None:
         raise ValueError("values: must not be given together with colors")
-    found = colors_of(values, cmap, clim)
-    if len(found) != n:
-        raise ValueError(f"values: must have shape {(n,)}, got {(len(found),)}")
-    return found
+    array = values_given(values)
+    if len(array) != n:
+        raise ValueError(f"values: must have shape {(n,)}, got {array.shape}")
+    scale = Scale.of(array, before=before, **shown)
+    return scale.colors(array), scale
 
 
 def _joined(lights: Lights | str) -> NDArray[np.void] | str:

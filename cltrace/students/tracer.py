@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, members_of
+from cltrace.scene import AMBIENT, FULL, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, members_of
 from cltrace.students.rules import (
     RIGHT,
     BounceRules,
@@ -51,7 +51,7 @@ class Tracer:
         self.background = np.array(scene.background)
         self.lights = scene.lights[scene.lights["kind"] != AMBIENT]
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
-        self.textures = [texture / np.iinfo(texture.dtype).max for texture in scene.textures]
+        self.textures = [texture / FULL[texture.dtype] for texture in scene.textures]
         self._shapes: dict[SurfaceRules, Shapes] = {}
         used = scene.materials
         self.bounces = bool((used["reflectance"] > 0).any() or (used["transmittance"] > 0).any())

@@ -1,23 +1,28 @@
 /* samples.cl: mean colours of pixels from rays at fixed places, each of which is decided as any ray is.
  *
  * First the rays through the corners of pixels, which neighbours share. Where the four of a pixel agree and nothing
- * else is in it, their mean is the pixel's. Else it is the mean over N places of a lattice, (i + 1/2, (a i mod N) +
- * 1/2) / N from the upper left corner: these are middles of pixels of a picture that is N times as large. The rays of a
- * pixel are lanes of one packet, and ask only the surfaces that may be seen in it.
+ * else is in it, their mean is the pixel's. Where nothing else is in it and only colours differ, four more rays may do,
+ * see try_few(). Else it is the mean over N places of a lattice, (i + 1/2, (a i mod N) + 1/2) / N from the
+ * upper left corner: these are middles of pixels of a picture that is N times as large. The rays of a pixel are lanes
+ * of one packet, and ask only the surfaces that may be seen in it.
  *
  * Colours count up to 1 each, and are whole numbers of 2^-20 before they are added up. So a mean does not depend on the
  * order, on the width of packets or on what else is drawn.
  */
 #ifdef WITH_SAMPLES
-/* A full colour. What corners may differ by where they have met the same surface, lights and texels, so that what they
- * leave out is the bend of the colour; and where not: an edge between corners moves the mean by a half of that at most.
- * What a plain pixel is off by, mostly, for each 1 by which its corners differ. */
-#define ONE (1 << 20)
+#define ONE (1 << 20) /* a full colour */
+/* Corners that have met the same surface, lights and texels leave out the bend of the colour alone, where they differ
+ * by no more than this; what that puts their mean off by, mostly, for each 1 by which they differ. */
 #define MOST_SLOPE (24 * ONE / 255)
-#define MOST_STEP (8 * ONE / 255)
 #define CORNER_SCATTER 0.25f
-/* From so many rays of a lattice on, a quarter of them come first, and are enough where they differ by no more than
- * this: an edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
+/* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with
+ * the corners these are enough where they differ by no more than MOST_GRAIN. What their mean is off by mostly is 0.26
+ * of that, see SCATTER in cltrace/plan/plan.py, and more where they differ by little by chance. */
+#define TRIED 16
+#define MOST_GRAIN (24 * ONE / 255)
+#define GRAIN_SCATTER 0.3f
+/* From so many on, a quarter of them come first, and are enough where they differ by no more than MOST_CONTRAST: an
+ * edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
 #define STAGED 64
 #define MOST_CONTRAST (48 * ONE / 255)
 #define QUARTER_SCATTER 2.8284271f
@@ -130,6 +135,13 @@ static void add_corner(const INT *found, Totals *totals) {
     totals->late |= found[LATE];
 }
 
+/* The largest difference between colours, of red, green and blue. */
+static INT contrast_of(const Totals *totals) {
+    INT contrast = 0;
+    for (int c = 0; c < 3; c++) contrast = max(contrast, totals->high[c] - totals->low[c]);
+    return contrast;
+}
+
 /* The sums over corners. Returns the pixels in which these are not the mean. */
 static MASK add_corners(const Scene scene, const Packet packet, const PixelCorners *corners, Outlook *view,
                         Totals *totals) {
@@ -145,7 +157,7 @@ static MASK add_corners(const Scene scene, const Packet packet, const PixelCorne
         corner[2].of[k] = FROM_BELOW(own, below);
         corner[3].of[k] = FROM_BELOW(right, beyond);
     }
-    MASK mixed = 0, turns = 0;
+    MASK mixed = 0, rough = 0;
     FLOAT far = 0, near = INFINITY;
     for (int k = 0; k < 4; k++) {
         const INT *found = corner[k].of;
@@ -153,11 +165,10 @@ static MASK add_corners(const Scene scene, const Packet packet, const PixelCorne
         far = t > far ? t : far;
         near = t < near ? t : near;
         mixed = mixed | (found[OBJECT] != corner[0].of[OBJECT]);
-        turns = turns | (found[MET] != corner[0].of[MET]);
+        rough = rough | (found[MET] != corner[0].of[MET]);
         add_corner(found, totals);
     }
-    const INT most = turns ? (INT)MOST_STEP : (INT)MOST_SLOPE;
-    for (int c = 0; c < 3; c++) mixed = mixed | (totals->high[c] - totals->low[c] > most);
+    rough = rough | (contrast_of(totals) > MOST_SLOPE);
     totals->count = 4;
     totals->sum[3] = corner[0].of[OBJECT] >= 0 ? (INT)4 : (INT)0;
     view->object = corner[0].of[OBJECT];
@@ -165,7 +176,8 @@ static MASK add_corners(const Scene scene, const Packet packet, const PixelCorne
     view->far = far;
     const MASK asked = packet.within & !mixed;
     if (ANY(asked)) mixed = mixed | crowded(scene, packet.tile, *view, asked);
-    return packet.within & mixed;
+    view->doubtful = packet.within & !mixed & rough;
+    return packet.within & (mixed | rough);
 }
 
 /* The sums over rays through one pixel, of each lane's. */
@@ -227,12 +239,57 @@ static void sample_pixel(const Frame *finer, const Scene *scene, const Packet pa
     put_totals(&own, lane, totals);
 }
 
-/* Puts the sums over all places into the totals of those pixels that are `mixed`. */
-static void add_samples(const Frame frame, const Scene scene, const Packet packet, const Outlook view, const MASK mixed,
+/* Adds what one lane's ray has found to the sums of a pixel. */
+static void add_ray(const Found *found, const int lane, const int pixel, Totals *totals) {
+    const int *parts = (const int *)found->of + lane;
+    int *sum = (int *)totals->sum + pixel, *low = (int *)totals->low + pixel, *high = (int *)totals->high + pixel;
+    for (int c = 0; c < 3; c++) {
+        const int part = parts[c * W];
+        sum[c * W] += part;
+        low[c * W] = min(low[c * W], part);
+        high[c * W] = max(high[c * W], part);
+    }
+    sum[3 * W] += parts[OBJECT * W] >= 0;
+    ((int *)&totals->late)[pixel] |= parts[LATE * W];
+    ((int *)&totals->count)[pixel]++;
+}
+
+/* Adds 4 rays of the lattice, which are one themselves, to the sums over corners of those pixels that are `doubtful`.
+ * Returns those of them in which colours differ by much still. Rays of different pixels are lanes of one packet. */
+static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet, const MASK doubtful, Totals *totals,
+                    Work *work) {
+    const int n = 1 << scene->lattice.x;
+    if (n < TRIED) return doubtful;
+    int each[W], pixel[W], x[W], y[W], count = 0;
+    STORE_LANES(doubtful, each);
+    for (int lane = 0; lane < W; lane++)
+        if (each[lane]) pixel[count++] = lane;
+    for (int first = 0; first < 4 * count && !is_over(*scene); first += W) {
+        for (int lane = 0; lane < W; lane++) {
+            const int number = min(first + lane, 4 * count - 1), own = pixel[number / 4],
+                      i = number % 4 * (n / 4) + n / 8;
+            x[lane] = (packet.first.x + own % PACKET_WIDTH) * n + i;
+            y[lane] = (packet.first.y + own / PACKET_WIDTH) * n + (scene->lattice.y * i & (n - 1));
+        }
+        const Places places = {packet.size * n, LOAD_LANES(x), LOAD_LANES(y)};
+        Found found;
+        find(finer, scene, &places, packet.tile, 0, &found, work);
+        for (int lane = 0; lane < W && first + lane < 4 * count; lane++)
+            add_ray(&found, lane, pixel[(first + lane) / 4], totals);
+    }
+    return doubtful & (contrast_of(totals) > MOST_GRAIN);
+}
+
+/* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
+ * doubtful ones four rays are tried first. */
+static MASK add_samples(const Frame frame, const Scene scene, const Packet packet, const Outlook view, MASK mixed,
                         Totals *totals, Work *work) {
     Frame finer = frame;
     finer.pixel.x /= 1 << scene.lattice.x;
     finer.pixel.y /= 1 << scene.lattice.x;
+    if (ANY(view.doubtful))
+        mixed = (mixed & !view.doubtful) | try_few(&finer, &scene, packet, view.doubtful, totals, work);
+    if (!ANY(mixed)) return mixed;
     Crowd crowd;
     gather_crowd(scene, packet.tile, view, mixed, &crowd);
     int each[W];
@@ -243,31 +300,35 @@ static void add_samples(const Frame frame, const Scene scene, const Packet packe
         if (!crowd.full) list_few(&crowd, lane, &few);
         sample_pixel(&finer, &scene, packet, lane, crowd.full ? 0 : &few, totals, work);
     }
+    return mixed;
 }
 
-/* Puts the means into a packet of pixels. The error is an estimate: so many levels for each one by which the rays of a
- * pixel differ. */
+/* What means are off by, mostly, in levels: so many for each one by which the rays of a pixel differ. Something that no
+ * ray of a lattice meets may be black or white; mostly it covers no more than an eighth of the area that one ray stands
+ * for. mixed: the pixels that have a lattice. */
+static FLOAT error_of(const Scene scene, const Totals *totals, const MASK mixed) {
+    const INT count = totals->count, lattice = 1 << scene.lattice.x;
+    const FLOAT staged = count < lattice ? (FLOAT)QUARTER_SCATTER : (FLOAT)1.0f,
+                few = count == 4 ? (FLOAT)CORNER_SCATTER : (FLOAT)GRAIN_SCATTER;
+    const FLOAT contrast = TO_FLOAT(contrast_of(totals)), error = contrast * scene.scatter * staged,
+                unseen = (ONE / 8) / TO_FLOAT(count);
+    return (mixed ? (error > unseen ? error : unseen) : contrast * few) * (255.0f / ONE);
+}
+
+/* Puts the means into a packet of pixels. */
 static void sample_pixels(const Frame frame, const Scene scene, const Packet packet, const PixelCorners *corners,
                           Pixels *pixels, Work *work) {
     Totals totals = NO_TOTALS;
     Outlook view = outlook_of(frame, scene, packet);
-    const MASK mixed = add_corners(scene, packet, corners, &view, &totals);
-    if (ANY(mixed)) add_samples(frame, scene, packet, view, mixed, &totals, work);
+    MASK mixed = add_corners(scene, packet, corners, &view, &totals);
+    if (ANY(mixed)) mixed = add_samples(frame, scene, packet, view, mixed, &totals, work);
     const FLOAT over = 1 / TO_FLOAT(totals.count);
     const SHADE share = TO_SHADE(over) * (shade_t)(1.0f / ONE);
-    INT contrast = 0;
-    for (int c = 0; c < 3; c++) contrast = max(contrast, totals.high[c] - totals.low[c]);
     pixels->color.x = TO_SHADE(totals.sum[0]) * share;
     pixels->color.y = TO_SHADE(totals.sum[1]) * share;
     pixels->color.z = TO_SHADE(totals.sum[2]) * share;
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
-    /* Something that no ray of a lattice meets may be black or white. Mostly it covers no more than an eighth of the
-     * area that one ray stands for. */
-    const MASK quartered = totals.count < 1 << scene.lattice.x;
-    const FLOAT scatter = quartered ? (FLOAT)(scene.scatter * QUARTER_SCATTER) : (FLOAT)scene.scatter;
-    const FLOAT unseen = over * (ONE / 8), error = TO_FLOAT(contrast) * scatter;
-    const FLOAT sampled = error > unseen ? error : unseen;
-    pixels->error = (mixed ? sampled : TO_FLOAT(contrast) * CORNER_SCATTER) * (255.0f / ONE);
+    pixels->error = error_of(scene, &totals, mixed);
     pixels->overgrown = totals.late != 0;
     COUNT(SAMPLED, mixed);
 }

@@ -15,13 +15,15 @@ static Margins margins_of(const Frame frame, const Scene scene) {
 }
 
 /* The middle rays of pixels, and of what these show the surface's number in the scene file, and t at the corners:
- * within near .. far, in the float buffers' unit. */
+ * within near .. far, in the float buffers' unit. doubtful: where colours alone tell that the corners are not enough.
+ */
 typedef struct {
     Ray ray;
     EyeLine line;
     Margins margins;
     INT object;
     FLOAT near, far;
+    MASK doubtful;
 } Outlook;
 
 /* Which of the pixels a sphere may be seen in.
@@ -65,19 +67,21 @@ static FLOAT sphere_covers(const Scene scene, const Outlook view, const int inde
     if (HAS(WITH_PARALLEL_RAYS)) {
         const float far = (float)(-scene.spheres.center_radius[index].z * unit),
                     R = own * (1 - 0x1p-19f) - h - 0x1p-20f;
+        if (R <= 0 || far <= 2 * own) return INFINITY;
         const MASK covered = FMA(s.x - x, s.x - x, (s.y - y) * (s.y - y)) < R * R;
-        return (covered & (R > 0) & (far > 2 * own)) ? (FLOAT)(far * REACH_SLACK) : (FLOAT)INFINITY;
+        return covered ? (FLOAT)(far * REACH_SLACK) : (FLOAT)INFINITY;
     }
     const float square = (s.x * s.x + s.y * s.y) + s.z * s.z,
                 power = (float)(scene.spheres.power[index].x * unit * unit);
     const float size = sqrt(square) * (1 + 0x1p-20f);
     const float R = (1 - 0x1p-19f) * own - size * h - 0x1p-19f * ((fabs(s.x) + fabs(s.y)) + fabs(s.z));
+    if (R <= 0 || power <= 0) return INFINITY;
     const Float3 w = {x, y, -1};
     const FLOAT a = FMA(w.y, (FLOAT)s.z, -(w.z * s.y)), b = FMA(w.z, (FLOAT)s.x, -(w.x * s.z)),
                 c = FMA(w.x, (FLOAT)s.y, -(w.y * s.x));
     const MASK covered = FMA(a, a, FMA(b, b, c * c)) < FMA((FLOAT)(R * R), view.line.a, (FLOAT)-0x1p-100f);
     const MASK ahead = dot_float(w, s) > 0;
-    return (covered & ahead & (R > 0) & (power > 0)) ? (FLOAT)(power * REACH_SLACK) : (FLOAT)INFINITY;
+    return (covered & ahead) ? (FLOAT)(power * REACH_SLACK) : (FLOAT)INFINITY;
 }
 
 /* In which pixels a sphere is behind what they show, and nowhere before it. Where the middle's ray meets it from

@@ -20,7 +20,7 @@ static Between between(const REAL c, const INT size) {
 }
 
 /* What is in memory from a texel on: red, green and blue, in 8 or 16 bits each from the lowest, and then something
- * else. */
+ * else. Textures of which SIGNED_FULL is a full colour may go below 0, and have each number larger by as much. */
 typedef LANES(ulong) Texel;
 
 static Texel texels_at(const Scene scene, const INT place) {
@@ -31,14 +31,14 @@ static Texel texels_at(const Scene scene, const INT place) {
     return LOAD_LANES(bytes);
 }
 
-/* Red, green or blue between four texels: the upper two, then the lower two. full: the number of a full colour, whose
- * bits are all set; shift: what is below the wanted number. These numbers are exact, and so are their differences: at a
- * texel the colour is the texel's own, and nowhere is it beyond those of all four. */
-static SHADE blended(const Texel four[4], const Texel shift, const Texel full, const SHADE across, const SHADE down) {
-    const SHADE a = TO_SHADE(four[0] >> shift & full), b = TO_SHADE(four[1] >> shift & full);
-    const SHADE c = TO_SHADE(four[2] >> shift & full), d = TO_SHADE(four[3] >> shift & full);
+/* The number for red, green or blue between four texels: the upper two, then the lower two. bits: all those that a
+ * number may have; shift: what is below the wanted one. These numbers are exact, and so are their differences: at a
+ * texel the number is the texel's own, and nowhere is it beyond those of all four. */
+static SHADE blended(const Texel four[4], const Texel shift, const Texel bits, const SHADE across, const SHADE down) {
+    const SHADE a = TO_SHADE(four[0] >> shift & bits), b = TO_SHADE(four[1] >> shift & bits);
+    const SHADE c = TO_SHADE(four[2] >> shift & bits), d = TO_SHADE(four[3] >> shift & bits);
     const SHADE top = a + across * (b - a), bottom = c + across * (d - c);
-    return (top + down * (bottom - top)) / TO_SHADE(full);
+    return top + down * (bottom - top);
 }
 
 /* Multiplies the colours of points with those of their textures there, if they have one. id: what was hit. */
@@ -61,9 +61,11 @@ static void paint(const Scene scene, const INT id, Intersection *at) {
     const Texel four[4] = {
         texels_at(scene, first + size * (top + u.first)), texels_at(scene, first + size * (top + u.second)),
         texels_at(scene, first + size * (bottom + u.first)), texels_at(scene, first + size * (bottom + u.second))};
-    const Texel limit = TO(ulong, most), green = TO(ulong, most > 255 ? (INT)16 : (INT)8);
-    const Shade3 color = {blended(four, 0, limit, u.share, v.share), blended(four, green, limit, u.share, v.share),
-                          blended(four, 2 * green, limit, u.share, v.share)};
+    const Texel bits = TO(ulong, most > 255 ? (INT)65535 : (INT)255), green = TO(ulong, most > 255 ? (INT)16 : (INT)8);
+    const SHADE white = TO_SHADE(most), none = TO_SHADE(most == SIGNED_FULL ? (INT)1 : (INT)0);
+    const Shade3 color = {blended(four, 0, bits, u.share, v.share) / white - none,
+                          blended(four, green, bits, u.share, v.share) / white - none,
+                          blended(four, 2 * green, bits, u.share, v.share) / white - none};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
     if (HAS(WITH_MARKS)) at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
     PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);

@@ -215,7 +215,10 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
         (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
         (["{scene}", "-o", "."], "-o: '.' is a folder"),
-        (["{scene}", "-o", "x.jpg"], "-o: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
+        (
+            ["{scene}", "-o", "x.bmp"],
+            "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'x.bmp'",
+        ),
         (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
         (["nowhere.xml"], "nowhere.xml: "),
         (
@@ -229,7 +232,7 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ),
         (
             ["{scene}", "-o", "/dev/stdout"],
-            "must end in .png, .exr, .npy or .npz, got '/dev/stdout'; -o - writes it to stdout",
+            ".tiff, .jpg, .jpeg, .exr, .npy or .npz, got '/dev/stdout'; -o - writes it to stdout",
         ),
         (["-"], "a scene is not read from stdin: say the name of its file"),
         (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),

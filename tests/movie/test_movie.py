@@ -279,9 +279,84 @@ def test_files(tmp_path: Path) -> None:
     for name, camera in zip(names, cameras, strict=True):
         assert np.array_equal(pixels(name), cltrace.render(scene.seen_by(camera), truncate=True).rgb8)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["f00.png", "f01.png", "f02.png"]
-    assert cltrace.animate([], tmp_path / "g%d.png", scene=scene) == []
+    for none in ([], iter(())):
+        with pytest.raises(ValueError, match=r"^frames: must be at least one, got none$"):
+            cltrace.animate(none, tmp_path / "g%d.png", scene=scene)
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         cltrace.animate(cameras, tmp_path / "no" / "f%d.png", scene=scene)
+
+
+def test_each_draws_on_frames(tmp_path: Path) -> None:
+    scene = scene_of()
+    cameras = cltrace.orbit(scene, 3)
+    wanted = [want(scene.seen_by(camera)) for camera in cameras]
+    seen: list[int] = []
+
+    def stamp(number: int, image: cltrace.Image) -> None:
+        seen.append(number)
+        image.rgb8[:5, : number + 1] = 255, 0, 0
+
+    def returned(number: int, image: cltrace.Image) -> Picture.Image:
+        picture = np.array(image)
+        stamp(number, cltrace.Image(rgb8=picture))
+        return Picture.fromarray(picture)
+
+    for k, array in enumerate(wanted):
+        array[:5, : k + 1] = 255, 0, 0
+    for each in (stamp, returned):
+        names = cltrace.animate(cameras, tmp_path / "f%d.png", scene=scene, each=each)
+        assert all(np.array_equal(pixels(name), array) for name, array in zip(names, wanted, strict=True))
+        images = cltrace.animate(cameras, scene=scene, each=each)
+        assert all(np.array_equal(image.rgb8, array) for image, array in zip(images, wanted, strict=True))
+    assert seen == [0, 1, 2] * 4
+    # A file that something was drawn on does not say that it shows the scene.
+    cltrace.animate(cameras, tmp_path / "f%d.png", scene=scene, skip_existing=True)
+    assert np.array_equal(pixels(names[0]), want(scene))
+    with pytest.raises(ValueError, match=r"^skip_existing: does not go with each"):
+        cltrace.animate(cameras, tmp_path / "f%d.png", scene=scene, skip_existing=True, each=stamp)
+    for bad in (np.zeros((3, 3, 3), np.uint8), np.zeros((30, 41, 3))):
+        with pytest.raises(ValueError, match=r"^each: must return None or uint8 of shape \(30, 41, 3\) or"):
+            cltrace.animate(cameras, tmp_path / "bad%d.png", scene=scene, each=lambda number, image, bad=bad: bad)
+    transparent = scene.in_front_of("#ffffff00")
+    image = next(iter(cltrace.animate([transparent], each=lambda number, image: image.rgba8 // 2)))
+    assert np.array_equal(np.asarray(image), cltrace.render(transparent).rgba8 // 2)
+
+
+def test_a_movie_of_pictures_that_are_there(tmp_path: Path) -> None:
+    scene = scene_of()
+    names = cltrace.animate(cltrace.orbit(scene, 3), tmp_path / "f%d.png", scene=scene)
+    movie = tmp_path / "a.apng"
+    assert cltrace.animate(sorted(tmp_path.glob("*.png")), movie) == [str(movie)]
+    with Picture.open(movie) as found:
+        assert found.n_frames == 3
+        for k, name in enumerate(names):
+            found.seek(k)
+            assert np.array_equal(np.asarray(found.convert("RGB")), pixels(name))
+
+    def grey(number: int, image: cltrace.Image) -> None:
+        image.rgb8[:] = number
+
+    cltrace.animate(iter(names), movie, each=grey)
+    with Picture.open(movie) as found:
+        found.seek(2)
+        assert set(np.asarray(found.convert("RGB")).ravel()) == {2}
+    before = movie.read_bytes()
+    Picture.new("RGB", (7, 7)).save(tmp_path / "small.png")
+    Path(tmp_path / "text.png").write_text("no picture")
+    for frames, output, kind, words in (
+        ([*names, tmp_path / "small.png"], movie, ValueError, r"frames\[3\]: must be 41x30 pixels, .* got 7x7"),
+        ([*names, CAMERA], movie, TypeError, r"frames\[3\]: must be the name of a picture, as the first one"),
+        ([CAMERA, *names], movie, TypeError, r"frames\[1\]: must be a Scene, a Camera, or a dict"),
+        ([*names, tmp_path / "no.png"], movie, FileNotFoundError, "no.png"),
+        ([tmp_path / "text.png"], movie, OSError, "text.png"),
+        (names, tmp_path / "b%d.png", ValueError, "output: of files the frames make one, whose name ends in .mp4"),
+        (names[0], movie, TypeError, "frames: must be a list"),
+        ([movie], movie, cltrace.UsageError, "which the picture is made from and would replace"),
+    ):
+        with pytest.raises(kind, match=words):
+            cltrace.animate(frames, output, scene=scene)
+    assert movie.read_bytes() == before
+    assert listed(tmp_path) == ["a.apng", "f0.png", "f1.png", "f2.png", "small.png", "text.png"]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib import colormaps
+from matplotlib.colors import LogNorm
 
 import cltrace
 from cltrace.run.devices import Device
@@ -27,6 +28,11 @@ def unlit(n: int, **given: Any) -> cltrace.Scene:
     centers = np.column_stack([places, np.zeros(n)])
     light = [cltrace.ambient_light("white")]
     return cltrace.Scene.from_spheres(CAMERA, light, centers, 0.45, ka=1, kd=0, ks=0, **given)
+
+
+def colors_of(values: Any, *how: Any) -> np.ndarray:
+    given = maps.values_given(values)
+    return maps.Scale.of(given, *how).colors(given)
 
 
 def bytes_shown(scene: cltrace.Scene, device: Device) -> np.ndarray:
@@ -77,14 +83,14 @@ def test_values_and_limits() -> None:
     values = np.array([-5.0, 0.0, 0.25, 1.0, 7.0])
     map_ = colormaps["magma"]
     expected = map_(np.array([0, 0, 0.25, 1, 1]), bytes=True)[:, :3]
-    assert np.array_equal(np.rint(maps.colors_of(values, "magma", (0, 1)) * 255), expected)
+    assert np.array_equal(np.rint(colors_of(values, "magma", (0, 1)) * 255), expected)
     whole = map_((values + 5) / 12, bytes=True)[:, :3]
-    assert np.array_equal(np.rint(maps.colors_of(values, "magma") * 255), whole)
+    assert np.array_equal(np.rint(colors_of(values, "magma") * 255), whole)
     table = np.array([[1, 0, 0], [0, 0.3, 0], [0, 0, 1]], float)
-    assert maps.colors_of([0, 1, 2, 3], table).tolist() == np.float32(table[[0, 1, 2, 2]]).tolist()
-    assert maps.colors_of([0, 1], lambda t: np.column_stack([t, t / 2, 0 * t])).tolist() == [[0, 0, 0], [1, 0.5, 0]]
-    assert maps.colors_of([3, 3], "magma").tolist() == maps.colors_of([0, 0], "magma", (0, 1)).tolist()
-    assert maps.colors_of([]).shape == (0, 3)
+    assert colors_of([0, 1, 2, 3], table).tolist() == np.float32(table[[0, 1, 2, 2]]).tolist()
+    assert colors_of([0, 1], lambda t: np.column_stack([t, t / 2, 0 * t])).tolist() == [[0, 0, 0], [1, 0.5, 0]]
+    assert colors_of([3, 3], "magma").tolist() == colors_of([0, 0], "magma", (0, 1)).tolist()
+    assert colors_of([]).shape == (0, 3)
 
 
 def test_the_package_cmap_has_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,7 +99,7 @@ def test_the_package_cmap_has_the_same_bytes(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(maps.importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
     for name in ("viridis", "magma", "turbo", "gray", "Blues"):
         own = colormaps[name](np.arange(256), bytes=True)[:, :3]
-        assert np.array_equal(np.rint(maps.colors_of(np.arange(256), name) * 255), own)
+        assert np.array_equal(np.rint(colors_of(np.arange(256), name) * 255), own)
 
 
 def test_a_map_without_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,6 +124,81 @@ def test_an_updated_renderer_shows_other_values(device: Device) -> None:
     assert np.array_equal(renderer.render().rgb8, cltrace.render(fresh, device).rgb8)
     with pytest.raises(ValueError, match=r"^values: must have shape \(256,\), got \(3,\)$"):
         renderer.update(values=[1, 2, 3])
+
+
+def test_later_values_have_the_map_and_the_limits_of_those_before(device: Device) -> None:
+    values = np.arange(256.0)
+    scene = unlit(256, values=values, cmap="magma")  # whose limits are those of its values
+    for kept in (scene, scene.seen_by(CAMERA), scene.in_front_of("red"), pickle.loads(pickle.dumps(scene))):
+        renderer = cltrace.Renderer(kept, device).update(kd=0).update(values=values / 2)
+        colors = colormaps["magma"](values / 510, bytes=True)[:, :3] / np.float32(255)
+        assert (renderer.scene.materials["color"] == colors).all()
+        renderer.update(colors="red").update(values=values)
+        assert (renderer.scene.materials["color"] == scene.materials["color"]).all()
+        renderer.update(values=values, cmap="gray")
+        assert renderer.scene.materials["color"][128].tolist() == [np.float32(128 / 255)] * 3
+        renderer.update(values=values, clim=(0, 128))
+        assert renderer.scene.materials["color"][200].tolist() == [1, 1, 1]
+    frames = [{"values": values / 2}, {"values": values / 4, "clim": (0, 100)}, {"values": values / 4}]
+    shown = [image.rgb8 for image in cltrace.animate(frames, scene=scene, device=device)]
+    assert np.array_equal(shown[0], cltrace.render(unlit(256, values=values / 2, cmap="magma", clim=(0, 255))).rgb8)
+    assert np.array_equal(shown[1], cltrace.render(unlit(256, values=values / 4, cmap="magma", clim=(0, 100))).rgb8)
+    assert np.array_equal(shown[1], shown[2])
+
+
+def test_a_function_that_cannot_be_pickled_is_asked_for_again() -> None:
+    scene = pair(values=[1, 2], cmap=lambda t: np.column_stack([t, t, t]))
+    there = pickle.loads(pickle.dumps(scene))
+    assert (there.materials == scene.materials).all()
+    renderer = cltrace.Renderer(there)
+    with pytest.raises(ValueError, match=r"cmap: must be given again, as the scene's is a function that could not"):
+        renderer.update(values=[1, 2])
+    renderer.update(values=[1, 2], cmap="gray")
+
+
+def test_norms() -> None:
+    values = np.array([1.0, 10.0, 100.0, 1000.0])
+    wanted = colormaps["viridis"](np.array([0, 1 / 3, 2 / 3, 1]), bytes=True)[:, :3]
+    for norm, clim in ((np.log10, None), (LogNorm(), None), (LogNorm(1, 1000), None), (LogNorm(3, 30), (1, 1000))):
+        assert np.array_equal(np.rint(colors_of(values, "viridis", clim, norm) * 255), wanted)
+    own = LogNorm()
+    colors_of(values, "viridis", None, own)
+    assert own.vmin is None  # it stays as it was
+    tall = {"size": (200, 300), "color": "red"}
+    bar, plain = (
+        cltrace.colorbar("gray", (1, 1000), norm=LogNorm(), **tall),
+        cltrace.colorbar("gray", (1, 1000), **tall),
+    )
+    assert np.array_equal(cltrace.colorbar("gray", norm=LogNorm(1, 1000), **tall), bar)
+    assert not np.array_equal(bar, plain)
+    # Four decades: their lines are as far from each other, a third of the bar's length.
+    inside = (bar[..., 0] == bar[..., 1]) & (bar[..., 3] == 255)
+    edge = int(inside.any(axis=0).sum())  # the first column beside the bar
+    rows = np.flatnonzero(bar[:, edge, 3] == 255)
+    assert len(rows) == 4
+    assert np.ptp(np.diff(rows)) <= 1
+    assert abs(np.diff(rows)[0] - inside.any(axis=1).sum() / 3) <= 1
+
+
+def test_colors_may_have_an_alpha_of_1() -> None:
+    wanted = colormaps["viridis"](np.array([0.2, 0.7]))
+    assert pair(colors=wanted).materials["color"].tolist() == wanted[:, :3].tolist()
+    assert pair(colors=[tuple(c) for c in wanted]).materials["color"].tolist() == wanted[:, :3].tolist()
+    assert cltrace.Material(tuple(wanted[0])).color == tuple(wanted[0, :3])
+
+
+@pytest.mark.parametrize(
+    ("colors", "words"),
+    [
+        ([(1, 1, 1, 1), (1, 1, 1, 0.25)], r"colors\[1\]: must have no alpha below 1, as surfaces are opaque, got 0.25"),
+        (np.array([(255, 1, 1, 255), (1, 1, 1, 9)]), r"colors\[1\]: must have no alpha below 255, .* got 9"),
+        (np.array([(255, 1, 1, 255)] * 2), "colors: .* whole numbers up to 255 look like bytes"),
+        ([(127.5, 3.5, 1), (1, 1, 1)], "colors: .* but numbers up to 127.5 look like bytes of 0 to 255; divide by 255"),
+    ],
+)
+def test_what_looks_like_bytes_or_alpha(colors: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        pair(colors=colors)
 
 
 @pytest.mark.parametrize(

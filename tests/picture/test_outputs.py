@@ -76,6 +76,35 @@ def test_16_bits(image: Image, tmp_path: Path) -> None:
     assert np.array_equal(png16((tmp_path / "c.png").read_bytes())[..., 3], image.rgba8[..., 3].astype(int) * 257)
 
 
+def test_tiff_jpeg_and_sizes_in_print(image: Image, tmp_path: Path) -> None:
+    for name in ("a.tif", "a.TIFF"):
+        image.save(tmp_path / name, dpi=300)
+        with Picture.open(tmp_path / name) as found:
+            assert found.format == "TIFF"
+            assert np.array_equal(np.asarray(found), image.rgba8)
+            assert tuple(map(float, found.info["dpi"])) == (300, 300)
+    image.save(tmp_path / "id.tif", "id")
+    with Picture.open(tmp_path / "id.tif") as found:
+        assert np.array_equal(np.asarray(found), image.as_rgb8("id"))
+    for name in ("a.jpg", "a.jpeg"):
+        image.save(tmp_path / name, dpi=150)
+        with Picture.open(tmp_path / name) as found:
+            assert (found.format, found.mode, found.info["dpi"]) == ("JPEG", "RGB", (150, 150))
+            assert np.abs(np.asarray(found).astype(int) - image.rgb8).mean() < 4
+    image.save(tmp_path / "a.png", dpi=600)
+    with Picture.open(tmp_path / "a.png") as found:
+        assert np.array_equal(np.asarray(found), image.rgba8)
+        assert found.info["dpi"] == pytest.approx((600, 600), abs=0.02)  # in whole pixels a metre
+    for target, dpi, words in (
+        ("a.npy", 300, r"^dpi: goes with .png, .tif, .tiff, .jpg, .jpeg, got .npy$"),
+        ("b.png", 0, r"^dpi: must be a number within 0.1..1000000, got 0$"),
+        ("b.png", "300", r"^dpi: must be a number within 0.1..1000000, got '300'$"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            image.save(tmp_path / target, dpi=dpi)  # type: ignore[arg-type]
+        assert not (tmp_path / target).exists()
+
+
 def test_an_array_of_what_is_shown(image: Image, tmp_path: Path) -> None:
     target = tmp_path / "a.npy"
     for show in ("depth", "normal", "direction", "id", "primitive", "uv"):
@@ -134,8 +163,12 @@ def test_channels_of_an_exr(image: Image, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("a.jpg", {}, "path: the name of a picture must end in .png, .exr, .npy or .npz, got"),
-        ("a", {}, "path: the name of a picture must end in .png, .exr, .npy or .npz, got"),
+        (
+            "a.bmp",
+            {},
+            "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got",
+        ),
+        ("a", {}, "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got"),
         ("a.png", {"bits": 12}, "bits: must be 8, or 16 in a PNG of color, got 12"),
         ("a.png", {"bits": 16, "show": "depth"}, "bits: must be 8, or 16 in a PNG of color, got 16"),
         ("a.npy", {"bits": 16}, "bits: must be 8, or 16 in a PNG of color, got 16"),
@@ -197,7 +230,10 @@ def test_options_of_files(tmp_path: Path, capfdbinary: pytest.CaptureFixture[byt
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["-o", "a.jpg"], "-o: the name of a picture must end in .png, .exr, .npy or .npz, got 'a.jpg'"),
+        (
+            ["-o", "a.bmp"],
+            "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'a.bmp'",
+        ),
         (["-o", "a.png", "-o", "./a.png"], "-o: './a.png' is there twice"),
         (["-o", "-", "-o", "-"], "-o: '-' is there twice"),
         (["-o", "a.png", "-o", "none/a.npy"], "-o: there is no folder 'none'"),

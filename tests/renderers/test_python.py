@@ -232,8 +232,16 @@ def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "error", "message"),
     [
-        ("x.jpg", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'x.jpg'"),
-        ("depth", ValueError, "path: the name of a picture must end in .png, .exr, .npy or .npz, got 'depth'"),
+        (
+            "x.bmp",
+            ValueError,
+            "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'x.bmp'",
+        ),
+        (
+            "depth",
+            ValueError,
+            "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'depth'",
+        ),
         ("x.png/", ValueError, "path: 'x.png/' is the name of a folder"),
         ("x.png/.", ValueError, "path: 'x.png/.' is the name of a folder"),
         ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),

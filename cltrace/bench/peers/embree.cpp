@@ -33,7 +33,7 @@ constexpr int LANES = 8, LANES_ACROSS = 4;
 constexpr int TILE = 16;          // pixels a side, which a thread takes at once
 constexpr float OFF = 0x1p-20f;   // of the distances, by which new rays start off a surface
 constexpr float FAINT = 0x1p-13f; // rays that count for less show nothing: half a level at most
-enum Kind { AMBIENT, PARALLEL, POINT, SPOT };
+enum Kind { AMBIENT, PARALLEL, POINT, SPOT, LAMBERT };
 
 struct Head {
     int width, height, samples, bounces, orthographic; // samples: across a pixel, and down
@@ -269,6 +269,7 @@ template <int N> struct Tracer {
                 l = l * (1.f / far);
             }
             if (light.kind == SPOT) strength = cone(light, l);
+            if (light.kind == LAMBERT) strength = most((F{} - 1) * dot(l, all<F>(light.axis)), F{});
             F cosine = dot(hit.normal, l);
             I lit = hit.there & (cosine > 0) & (strength > 0);
             if (!any(lit)) continue;

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.bench.tracers import Run
-from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, PlacedMesh, Scene
+from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, POINT, SPOT, PlacedMesh, Scene
 
 from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, understood
 
 # As embree.cpp reads them.
-_KINDS = {AMBIENT: 0, PARALLEL: 1, POINT: 2, SPOT: 3}
+_KINDS = {AMBIENT: 0, PARALLEL: 1, POINT: 2, SPOT: 3, LAMBERT: 4}
 _COLUMNS = ("color", "ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
 # Fast mathematics, but for infinity, which ends shadow rays of parallel lights.
 _FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-std=c++17")

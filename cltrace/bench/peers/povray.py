@@ -78,12 +78,12 @@ def _one_light(scene: Scene) -> str:
 
 def _shining(scene: Scene) -> NDArray[np.void]:
     """The lights that are neither ambient nor black."""
-    lights: NDArray[np.void] = scene.lamps[(scene.lights["kind"] != AMBIENT) & scene.lights["color"].any(axis=1)]
+    lights: NDArray[np.void] = scene.lamps[(scene.lamps["kind"] != AMBIENT) & scene.lamps["color"].any(axis=1)]
     return lights
 
 
 def _ambient(scene: Scene) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = scene.lamps["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
+    total: NDArray[np.float64] = scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0)
     return total
 
 
