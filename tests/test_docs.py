@@ -15,7 +15,7 @@ from cltrace import cli
 from cltrace.bench import cli as bench
 from cltrace.formats import obj, texture, xml_files, xml_reader, xml_source
 from cltrace.plan.request import KEEPS
-from cltrace.scene import MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
+from cltrace.scene import INSTANCES, MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.scene.camera import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
@@ -56,6 +56,7 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         f"spheres | 2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million)",
         f"meshes | {MAX_MESHES:,}",
         f"triangles and vertices of all meshes | 2^{MAX_TRIANGLES.bit_length() - 1} each",
+        f"triangles of meshes whose files are named again | 2^{INSTANCES.bit_length() - 1}",
         f"pixels of all textures | 2^{MAX_TEXELS.bit_length() - 1}",
         f"`max_bounces` | {MAX_BOUNCES}",
         f"pixels a side | {MAX_SIDE:,}",

@@ -8,10 +8,11 @@ from argparse import ArgumentTypeError
 from collections.abc import Collection
 from typing import Literal, TypeVar
 
+from cltrace.picture.effects import Effects
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 from cltrace.process.console import positive
-from cltrace.scene import check_resolution
+from cltrace.scene import MAX_TRIANGLES, check_resolution
 
 Name = TypeVar("Name", bound=str)
 
@@ -62,6 +63,30 @@ def antialias(text: str) -> float | Literal["proved"]:
     return float(text)
 
 
+def outline(text: str) -> tuple[str, float]:
+    """COLOR,WIDTH of --outline."""
+    color, (width,) = _effect("outline", text, 1)
+    return color, width
+
+
+def fog(text: str) -> tuple[str, float, float]:
+    """COLOR,NEAR,FAR of --fog."""
+    color, (near, far) = _effect("fog", text, 2)
+    return color, near, far
+
+
+def _effect(name: str, text: str, numbers: int) -> tuple[str, list[float]]:
+    """A colour and so many numbers; the commas of rgb() do not count."""
+    color, *parts = text.rsplit(",", numbers)
+    try:
+        found = [float(part) for part in parts]
+        Effects.of(**{"outline": None, "fog": None, name: (color, *found)}, transfer="linear")
+    except ValueError as error:
+        fault = str(error).removeprefix(f"{name}: ")
+        raise ArgumentTypeError(f"{fault}, got {text!r}" if "got" not in fault else fault) from None
+    return color, found
+
+
 def keep(text: str) -> list[Keep]:
     """NAME,... of --keep."""
     return _some_of(KEEPS, text)
@@ -79,6 +104,13 @@ def _some_of(names: Collection[Name], text: str) -> list[Name]:
         if name not in names:
             raise ArgumentTypeError(f"must be of {', '.join(names)}, got {name!r}")
     return [name for name in names if name in named]
+
+
+def triangles(text: str) -> int:
+    """N of --instances."""
+    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) > MAX_TRIANGLES:
+        raise ArgumentTypeError(f"must be a whole number within 0..{MAX_TRIANGLES}, got {text!r}")
+    return int(text)
 
 
 def repeats(text: str) -> int:

@@ -47,12 +47,16 @@ NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """Which scene, and what of it is other than its file says. size: (width, height) in pixels, None for the file's."""
+    """Which scene, and what of it is other than its file says.
+
+    size: (width, height) in pixels, None for the file's; instances: as of read() in cltrace/formats/xml_reader.py.
+    """
 
     path: str
     size: tuple[int, int] | None
     square_pixels: bool
     transparent: bool
+    instances: int
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,8 @@ class Drawing:
     truncate: bool
     antialias: Antialias
     samples: int | None
+    outline: tuple[str, float] | None
+    fog: tuple[str, float, float] | None
     keep: tuple[Keep, ...]
 
     def renderer_options(self, outputs: tuple[Output, ...]) -> dict[str, Any]:
@@ -282,8 +288,11 @@ class _Given:
         args = self._args
         if args.space and args.show not in DIRECTED:
             raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
-        if args.transparent and args.show != "color":
-            raise UsageError("--transparent goes with --show color")
+        for name in ("transparent", "outline", "fog"):
+            if getattr(args, name) and args.show != "color":
+                raise UsageError(f"--{name} goes with --show color")
+            if name != "transparent" and getattr(args, name) and args.check is not None:
+                raise UsageError(f"--check does not go with --{name}, which the reference has not")
 
     def _first(self, names: Iterable[str]) -> str | None:
         """The first of these options that is given, as it is written."""
@@ -294,7 +303,7 @@ class _Given:
 
     def _refuse_others(self, option: str, taken: set[str]) -> None:
         """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
-        own = {"scenes", "watch", "quiet", "verbose", option.removeprefix("--")} | taken
+        own = {"scenes", "watch", "quiet", "verbose", "instances", option.removeprefix("--")} | taken
         if other := self._first(name for name in vars(self._args) if name not in own):
             raise UsageError(f"{option} takes no {other}")
 

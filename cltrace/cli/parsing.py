@@ -18,6 +18,7 @@ from cltrace.picture.image import SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
 from cltrace.plan.request import LATTICES, PRECISIONS
 from cltrace.process.console import Parser, positive
+from cltrace.scene import INSTANCES
 
 LIT = "lit"  # what --show has beside an image's outputs
 
@@ -94,6 +95,13 @@ def _picture(group: Group) -> None:
         help="axes of normal and direction: world or camera (default: world)",
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
+    group.rare(
+        "--instances",
+        type=arguments.triangles,
+        default=INSTANCES,
+        metavar="N",
+        help=f"triangles of meshes named again (default: up to {INSTANCES})",
+    )
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     group.usual(
         "--antialias",
@@ -102,6 +110,10 @@ def _picture(group: Group) -> None:
         type=arguments.antialias,
         metavar="LEVELS",
         help="colours are means over pixels; =proved or =LEVELS: proved for spheres",
+    )
+    group.rare("--outline", type=arguments.outline, metavar="COLOR,WIDTH", help="lines of WIDTH pixels around surfaces")
+    group.rare(
+        "--fog", type=arguments.fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances"
     )
     group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 16)")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")

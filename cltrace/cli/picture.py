@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from cltrace.base.errors import UsageError
+from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import Drawing, Picture
 from cltrace.cli.output_files import suffix_of, targets_of, write
 from cltrace.cli.reporter import Reporter
@@ -98,12 +99,14 @@ class Files:
 def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> Renderer:
     """What draws the outputs of a scene. Raises UsageError for options that make no sense."""
     options = drawing.renderer_options(outputs)
+    many = f"{len(scene.columns):,} spheres and {scene.triangles:,} triangles"
     try:
-        if is_all(drawing.device):
-            from cltrace.renderers.all_devices import AllDevicesRenderer
+        with Announcement(f"preparing {many} ...", SLOW):
+            if is_all(drawing.device):
+                from cltrace.renderers.all_devices import AllDevicesRenderer
 
-            return AllDevicesRenderer(scene, **options)
-        return Renderer(scene, choose(drawing.device), **options)
+                return AllDevicesRenderer(scene, **options)
+            return Renderer(scene, choose(drawing.device), **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cltrace.base.errors import SceneError
+from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import SceneOptions
 from cltrace.cli.reporter import Reporter
 from cltrace.formats.xml_reader import read
@@ -20,7 +21,8 @@ def files_of(scene: Scene) -> tuple[Path, ...]:
 def scene_of(asked: SceneOptions, reporter: Reporter, lines: bool = False) -> Scene:
     """The scene to draw; its warnings are said. lines: whether surfaces and lights keep their lines in the file."""
     try:
-        scene, warnings = read(asked.path, lines=lines)
+        with Announcement(f"reading {asked.path} ...", SLOW):
+            scene, warnings = read(asked.path, lines, asked.instances)
     except SceneError as error:
         reporter.files |= set(error.files)
         raise

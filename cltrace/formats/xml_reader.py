@@ -151,8 +151,8 @@ def _label(element: etree._Element) -> str:
 class _Reader:
     """One pass over a file: what it holds so far, and what is wrong with it."""
 
-    def __init__(self, path: str, exact: bool) -> None:
-        self.path, self.document = path, Document(path, exact)
+    def __init__(self, path: str, exact: bool, instances: int) -> None:
+        self.path, self.document, self._instances = path, Document(path, exact), instances
         self.faults, self.warnings = Messages(), Messages()
         self.cut_off: set[etree._Element] = set()  # the elements that may be open where the file ceases to be XML
         self._output_file = ""
@@ -252,7 +252,8 @@ class _Reader:
     def _placed_meshes(self, shapes: Contents[Obj]) -> list[PlacedMesh]:
         """The meshes whose files are right, in the world; complains about those that are not right there."""
         placed: list[PlacedMesh] = []
-        triangles = vertices = 0
+        triangles = vertices = again = 0
+        seen = set[int]()
         for mesh in self._meshes:
             file = shapes.of[mesh.file]
             if file is None:
@@ -262,6 +263,12 @@ class _Reader:
             if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
                 most = f"{MAX_TRIANGLES} triangles and {MAX_VERTICES} vertices"
                 self.faults.add(mesh.line, f"surfaces: must be at most {most} of meshes")
+                break
+            again += len(geometry.faces) if file in seen else 0
+            seen.add(file)
+            if again > self._instances:
+                most = f"at most {self._instances} triangles of files that are named again"
+                self.faults.add(mesh.line, f"surfaces: must have {most}; --instances allows more")
                 break
             try:
                 placed.append(PlacedMesh(geometry, mesh.to_world, 0, mesh.number))
@@ -599,21 +606,22 @@ def _prune(element: etree._Element) -> None:
         element = element[-1]
 
 
-def read(path: str | os.PathLike[str], lines: bool = False) -> tuple[Scene, list[str]]:
+def read(path: str | os.PathLike[str], lines: bool = False, instances: int = MAX_TRIANGLES) -> tuple[Scene, list[str]]:
     """The scene of a file and the warnings, such as "scene.xml:12: sphere: unknown attribute 'foo' ignored".
 
-    lines: whether the scene's `source` is to know the lines beyond 65,534, too, which takes reading them twice. Raises
-    SceneError with every fault of the file.
+    lines: whether the scene's `source` is to know the lines beyond 65,534, too, which takes reading them twice;
+    instances: how many triangles meshes may have whose files are named again. Raises SceneError with every fault of the
+    file.
     """
     name = os.fspath(path)
     with suppress(LinesNeededError):
-        scene, warnings = _read(name, exact=False)
+        scene, warnings = _read(name, False, instances)
         if not lines or (scene.source and scene.source.knows_all_lines):
             return scene, warnings
-    return _read(name, exact=True)
+    return _read(name, True, instances)
 
 
-def _read(path: str, exact: bool) -> tuple[Scene, list[str]]:
-    reader = _Reader(path, exact)
+def _read(path: str, exact: bool, instances: int) -> tuple[Scene, list[str]]:
+    reader = _Reader(path, exact, instances)
     reader.run()
     return reader.result()

@@ -29,7 +29,16 @@ from cltrace.scene.lights import (
 from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
 from cltrace.scene.members import members_of
-from cltrace.scene.meshes import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, Geometry, Mesh, PlacedMesh, place_faults
+from cltrace.scene.meshes import (
+    INSTANCES,
+    MAX_MESHES,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
+    Geometry,
+    Mesh,
+    PlacedMesh,
+    place_faults,
+)
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import OTHERS, Scene, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
@@ -43,6 +52,7 @@ __all__ = [
     "CYLINDER",
     "FOV",
     "FULL",
+    "INSTANCES",
     "LAMBERT",
     "LIGHT",
     "MATERIAL",

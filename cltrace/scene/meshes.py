@@ -27,6 +27,9 @@ from cltrace.scene.surfaces import inverse_faults
 # In all meshes of a scene. A mesh that is placed twice counts twice.
 MAX_TRIANGLES = MAX_VERTICES = 2**26
 MAX_MESHES = 2**16
+# Triangles of files that a scene names again, where nobody allows more: a few bytes ask for them, and to draw one takes
+# about 350 bytes.
+INSTANCES = 2**22
 
 _IDENTITY = np.eye(3, 4)
 

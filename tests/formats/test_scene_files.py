@@ -60,9 +60,9 @@ def ball(material: str = RED, *steps: str) -> str:
     return f'<sphere radius="2"><position x="1" y="2" z="3"/>{material}{transform}</sphere>\n'
 
 
-def read_surfaces(*surfaces: str, path: str = "scene.xml") -> tuple[Scene, list[str]]:
+def read_surfaces(*surfaces: str, path: str = "scene.xml", instances: int = 2**26) -> tuple[Scene, list[str]]:
     Path(path).write_text(HEAD + "".join(surfaces) + "</surfaces></scene>")
-    return read(path)
+    return read(path, instances=instances)
 
 
 def scene_of(*surfaces: str) -> Scene:
@@ -434,6 +434,18 @@ def test_a_mesh_with_a_colour_of_bytes() -> None:
 
 
 # --- Limits
+
+
+def test_a_mesh_named_again_adds_so_many_triangles_only() -> None:
+    named = mesh("a.obj"), mesh("sub/b.obj"), mesh("a.obj")
+    scene, _ = read_surfaces(*named, instances=1)
+    assert len(scene.meshes) == 3
+    with pytest.raises(SceneError) as caught:
+        read_surfaces(*named, instances=0)
+    assert str(caught.value) == (
+        f"scene.xml:{FIRST + 2}: surfaces: must have at most 0 triangles of files that are named again; "
+        "--instances allows more"
+    )
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
