@@ -65,7 +65,7 @@ MUTATIONS = [
     Mutation(
         "own - size * h - 0x1p-19f", "own - 0x1p-19f", "spheres that cover a pixel's middle cover it all", SAMPLES
     ),
-    Mutation("GRAIN_SCATTER 0.3f", "GRAIN_SCATTER 0.1f", "estimates of fine textures", ESTIMATES),
+    Mutation("GRAIN_SCATTER 0.98f", "GRAIN_SCATTER 0.2f", "estimates of fine textures", ESTIMATES),
     Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
     Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),

@@ -16,11 +16,11 @@
 #define MOST_SLOPE (24 * ONE / 255)
 #define CORNER_SCATTER 0.25f
 /* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with
- * the corners these are enough where they differ by no more than MOST_GRAIN. What their mean is off by mostly is 0.26
- * of that, see SCATTER in cltrace/plan/plan.py, and more where they differ by little by chance. */
+ * the corners these are enough where they differ by no more than MOST_GRAIN. 95 of 100 means over n random rays are
+ * within 1.96 standard deviations of one ray, over sqrt(n). */
 #define TRIED 16
 #define MOST_GRAIN (24 * ONE / 255)
-#define GRAIN_SCATTER 0.3f
+#define GRAIN_SCATTER 0.98f
 /* From so many on, a quarter of them come first, and are enough where they differ by no more than MOST_CONTRAST: an
  * edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
 #define STAGED 64
@@ -305,14 +305,16 @@ static MASK add_samples(const Frame frame, const Scene scene, const Packet packe
 
 /* What means are off by, mostly, in levels: so many for each one by which the rays of a pixel differ. Something that no
  * ray of a lattice meets may be black or white; mostly it covers no more than an eighth of the area that one ray stands
- * for. mixed: the pixels that have a lattice. */
-static FLOAT error_of(const Scene scene, const Totals *totals, const MASK mixed) {
+ * for. Where colours alone told that corners are not enough, rays may be like random ones of two colours, whose
+ * standard deviation is half of the difference. mixed: the pixels that have a lattice. */
+static FLOAT error_of(const Scene scene, const Outlook view, const Totals *totals, const MASK mixed) {
     const INT count = totals->count, lattice = 1 << scene.lattice.x;
-    const FLOAT staged = count < lattice ? (FLOAT)QUARTER_SCATTER : (FLOAT)1.0f,
-                few = count == 4 ? (FLOAT)CORNER_SCATTER : (FLOAT)GRAIN_SCATTER;
-    const FLOAT contrast = TO_FLOAT(contrast_of(totals)), error = contrast * scene.scatter * staged,
-                unseen = (ONE / 8) / TO_FLOAT(count);
-    return (mixed ? (error > unseen ? error : unseen) : contrast * few) * (255.0f / ONE);
+    const FLOAT staged = count < lattice ? (FLOAT)QUARTER_SCATTER : (FLOAT)1.0f, rays = TO_FLOAT(count),
+                grain = GRAIN_SCATTER / sqrt(rays), edge = scene.scatter * staged;
+    const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
+                error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
+    const FLOAT few = contrast * (view.doubtful ? grain : (FLOAT)CORNER_SCATTER);
+    return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }
 
 /* Puts the means into a packet of pixels. */
@@ -328,7 +330,7 @@ static void sample_pixels(const Frame frame, const Scene scene, const Packet pac
     pixels->color.y = TO_SHADE(totals.sum[1]) * share;
     pixels->color.z = TO_SHADE(totals.sum[2]) * share;
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
-    pixels->error = error_of(scene, &totals, mixed);
+    pixels->error = error_of(scene, view, &totals, mixed);
     pixels->overgrown = totals.late != 0;
     COUNT(SAMPLED, mixed);
 }
