@@ -8,6 +8,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Collection
 from typing import Literal, TypeVar
 
+from cltrace.picture.effects import Effects
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 from cltrace.process.console import positive
@@ -60,6 +61,30 @@ def antialias(text: str) -> float | Literal["proved"]:
     if not re.fullmatch(r"[0-9]{0,9}(\.[0-9]{0,9})?", text) or text in ("", ".") or not 0 < float(text) <= 255:
         raise ArgumentTypeError(f"must be proved, or levels of 255, above 0, such as 0.5, got {text!r}")
     return float(text)
+
+
+def outline(text: str) -> tuple[str, float]:
+    """COLOR,WIDTH of --outline."""
+    color, (width,) = _effect("outline", text, 1)
+    return color, width
+
+
+def fog(text: str) -> tuple[str, float, float]:
+    """COLOR,NEAR,FAR of --fog."""
+    color, (near, far) = _effect("fog", text, 2)
+    return color, near, far
+
+
+def _effect(name: str, text: str, numbers: int) -> tuple[str, list[float]]:
+    """A colour and so many numbers; the commas of rgb() do not count."""
+    color, *parts = text.rsplit(",", numbers)
+    try:
+        found = [float(part) for part in parts]
+        Effects.of(**{"outline": None, "fog": None, name: (color, *found)}, transfer="linear")
+    except ValueError as error:
+        fault = str(error).removeprefix(f"{name}: ")
+        raise ArgumentTypeError(f"{fault}, got {text!r}" if "got" not in fault else fault) from None
+    return color, found
 
 
 def keep(text: str) -> list[Keep]:

@@ -97,6 +97,8 @@ class Drawing:
     truncate: bool
     antialias: Antialias
     samples: int | None
+    outline: tuple[str, float] | None
+    fog: tuple[str, float, float] | None
     keep: tuple[Keep, ...]
 
     def renderer_options(self, outputs: tuple[Output, ...]) -> dict[str, Any]:
@@ -286,8 +288,11 @@ class _Given:
         args = self._args
         if args.space and args.show not in DIRECTED:
             raise UsageError(f"--space goes with --show {' and --show '.join(DIRECTED)}")
-        if args.transparent and args.show != "color":
-            raise UsageError("--transparent goes with --show color")
+        for name in ("transparent", "outline", "fog"):
+            if getattr(args, name) and args.show != "color":
+                raise UsageError(f"--{name} goes with --show color")
+            if name != "transparent" and getattr(args, name) and args.check is not None:
+                raise UsageError(f"--check does not go with --{name}, which the reference has not")
 
     def _first(self, names: Iterable[str]) -> str | None:
         """The first of these options that is given, as it is written."""

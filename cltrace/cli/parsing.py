@@ -111,6 +111,10 @@ def _picture(group: Group) -> None:
         metavar="LEVELS",
         help="colours are means over pixels; =proved or =LEVELS: proved for spheres",
     )
+    group.rare("--outline", type=arguments.outline, metavar="COLOR,WIDTH", help="lines of WIDTH pixels around surfaces")
+    group.rare(
+        "--fog", type=arguments.fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances"
+    )
     group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 16)")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
+from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.levels import srgb_bytes, srgb_error
 from cltrace.scene import Scene, Vector
 from cltrace.scene.colors import Transfer
@@ -22,7 +23,7 @@ class Composition:
     """How a Renderer makes its images.
 
     outputs: what an image has; background: linear (r, g, b); alpha: the background's, 0..1; transfer: the scene's;
-    truncate: whether bytes are cut instead of rounded.
+    truncate: whether bytes are cut instead of rounded; effects: what is done to the colours.
     """
 
     outputs: tuple[str, ...]
@@ -30,9 +31,10 @@ class Composition:
     alpha: float
     transfer: Transfer
     truncate: bool
+    effects: Effects | None = None
 
     @classmethod
-    def of(cls, outputs: Any, scene: Scene, truncate: bool) -> Composition:
+    def of(cls, outputs: Any, scene: Scene, truncate: bool, effects: Effects | None = None) -> Composition:
         """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too."""
         listed = isinstance(outputs, Sequence) and not isinstance(outputs, str)  # else a Request will complain
         shown = listed and "rgb8" in outputs and scene.background_alpha < 1
@@ -42,6 +44,7 @@ class Composition:
             scene.background_alpha,
             scene.transfer,
             truncate,
+            effects if listed and not {"rgb8", "rgba8", "color", "alpha"}.isdisjoint(outputs) else None,
         )
 
     @property
@@ -51,7 +54,17 @@ class Composition:
             return self.outputs
         curved = self.transfer != "linear" and not {"rgb8", "rgba8", "error"}.isdisjoint(self.outputs)
         straight = self.alpha < 1 and "color" in self.outputs
+        if self.effects:
+            return (*self.outputs, "color", "alpha")
         return (*self.outputs, *(("color",) if curved else ()), *(("alpha",) if straight else ()))
+
+    def with_effects(self, written: Mapping[str, NDArray[Any]], shares: Shares) -> Mapping[str, NDArray[Any]]:
+        """What the kernel has written, with the effects in it. shares: where they are."""
+        assert self.effects
+        covered = written["coverage"] if "coverage" in written else (written["id"] >= 0).astype(np.float32)
+        color, covered = self.effects.applied(written["color"], covered, shares, self.background)
+        found = {**written, "color": color, "coverage": covered}
+        return found | ({"rgb8": self._bytes(np.clip(color, 0, 1))} if "rgb8" in written else {})
 
     def composed(self, written: Mapping[str, NDArray[Any]]) -> Arrays:
         """The arrays of an image. written: those of the kernel, by the names of abi.OUTPUTS."""

@@ -98,6 +98,8 @@ def render(
     progress: bool | None = None,
     antialias: Antialias = False,
     samples: int | None = None,
+    outline: tuple[Any, float] | None = None,
+    fog: tuple[Any, float, float] | None = None,
 ) -> Image:
     """One picture of a scene. The arguments and what is raised are those of Renderer and its render().
 
@@ -105,7 +107,7 @@ def render(
     one device.
     """
     how: dict[str, Any] = {"precision": precision, "outputs": outputs, "crop": crop, "truncate": truncate}
-    how |= {"antialias": antialias, "samples": samples}
+    how |= {"antialias": antialias, "samples": samples, "outline": outline, "fog": fog}
     if is_all(device):
         return AllDevicesRenderer(scene, **how).render(progress=progress)
     return Renderer(scene, device, **how).render(progress=progress)

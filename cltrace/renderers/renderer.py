@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.errors import DeviceError
 from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
+from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Plan
@@ -25,9 +26,14 @@ from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor, Frame
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
+from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 # How many samples antialias=True takes.
 SAMPLES = 16
+# Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit.
+PROBES = (4, 2)
+# So many of these rays are traced at a time, which bounds the memory that they take.
+BAND = 2**22
 
 
 def means_of(antialias: Antialias, samples: int | None) -> dict[str, Any]:
@@ -62,7 +68,11 @@ class Renderer:
     packet, 1, 4, 8 or 16, None for what is best on the device; antialias: whether colours are means over pixels:
     True for those of some rays, "proved" or levels of 255 for means that are off by 1 level or by as many, but for a
     few pixels, with a proof, see Image; samples: with antialias=True, how many rays a pixel has at most, 1, 4, 16, 32,
-    64, 256 or 1024, None for 16; keep: what not to skip, for measuring, see Request.
+    64, 256 or 1024, None for 16; keep: what not to skip, for measuring, see Request; outline: (color, width), lines of
+    so many pixels where a surface ends before another one or before the background; fog: (color, near, far), the colour
+    to which surfaces fade between these distances from the eye, in scene units: depth cueing. Both are made of exact
+    ids and distances, of 16 rays a pixel with antialias, and where a crop ends they are as in the whole picture. Their
+    colours are given as the background's is; without antialias, lines have an odd number of pixels.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
@@ -80,6 +90,7 @@ class Renderer:
     _made: dict[str, Any]  # the buffers that the view's arrays lack
     _packer: Packer | None  # None where the view came from another device
     _executor: Executor
+    _probe: Renderer | None  # what draws the surfaces that effects are made of
 
     def __init__(
         self,
@@ -93,13 +104,15 @@ class Renderer:
         antialias: Antialias = False,
         keep: tuple[Keep, ...] = (),
         samples: int | None = None,
+        outline: tuple[Any, float] | None = None,
+        fog: tuple[Any, float, float] | None = None,
     ) -> None:
         check_process()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
         self.device = device if isinstance(device, Device) else choose(device)
-        self._asked = outputs
-        self._composition = Composition.of(outputs, scene, truncate)
+        self._asked, self._effects = outputs, (outline, fog)
+        self._composition = self._composition_of(scene, truncate)
         means, chosen = means_of(antialias, samples), precision or default_precision(self.device)
         how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep, **means}
         self.request = Request(chosen, self._composition.written, **how)
@@ -142,7 +155,7 @@ class Renderer:
             raise TypeError(f"scene: must be a cltrace.Scene, got {scene!r}")
         start = time.perf_counter()
         # Others are written where, say, only one of the two backgrounds is transparent.
-        written = Composition.of(self._asked, scene, self.request.truncate).written
+        written = self._composition_of(scene, self.request.truncate).written
         return self._now()._derived(scene, replace(self.request, outputs=written), self.device, start)
 
     def cropped(self, crop: Crop | None) -> Renderer:
@@ -241,7 +254,7 @@ class Renderer:
         """
         other = copy(self)
         other.scene, other.request = scene, request
-        other._composition = Composition.of(self._asked, scene, request.truncate)
+        other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
             other.device, other.width = device, device.width
         if not share_all_but_camera(self.scene, scene):
@@ -251,6 +264,50 @@ class Renderer:
             other._world = World.of(scene, request, before, order_on(device, n, self.precision))
         other._see(start, self)
         return other
+
+    def _composition_of(self, scene: Scene, truncate: bool) -> Composition:
+        """How images of a scene are made."""
+        return Composition.of(self._asked, scene, truncate, Effects.of(*self._effects, scene.transfer))
+
+    def _probe_of(self, before: Renderer | None) -> Renderer | None:
+        """What draws the surfaces that effects are made of: with antialiasing, as many pixels as fit of PROBES a side.
+
+        They reach beyond the region as far as lines do. before: of the Renderer that this one is derived from.
+        """
+        effects, (x, y, width, height) = self._composition.effects, self.region
+        if effects is None:
+            return None
+        wide, high = self.scene.camera.resolution
+        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= MAX_PIXELS)
+        k = next(fits, 1) if self.request.means else 1
+        more = effects.reach(k)
+        low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))
+        crop = (k * low[0], k * low[1], k * end[0], k * end[1])
+        scene = self.scene.seen_by(replace(self.scene.camera, resolution=(k * wide, k * high)))
+        if before and before.device is self.device and before.request.crop == crop:
+            return before.following(scene)
+        return Renderer(scene, self.device, self.precision, ("id", "depth"), crop=crop)
+
+    def _shares(self) -> Shares:
+        """Where the effects are in this one's region, worked out by bands of rows, to which as many rows belong above
+        and below as lines reach."""
+        effects, probe = self._composition.effects, self._probe
+        assert effects
+        assert probe
+        (x, y, width, height), (left, top, _, _) = self.region, probe.region
+        k = probe.scene.camera.resolution[0] // self.scene.camera.resolution[0]
+        more, last = effects.reach(k), (top + probe.region[3]) // k
+        found = []
+        rows = max(1, BAND // (k * k * width))
+        for first in range(y, y + height, rows):
+            end = min(first + rows, y + height)
+            begin = max(top // k, first - more)
+            image = probe.rows(k * begin, k * min(last, end + more)).render(progress=False)
+            part = effects.shares(image.id, image.depth, k)
+            here = (slice(first - begin, end - begin), slice(x - left // k, x - left // k + width))
+            found.append([share[here] for share in part])
+        line, fog = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return Shares(line, fog)
 
     def _see(self, start: float, before: Renderer | None = None) -> None:
         """Makes view, plan and executor. before, start: what this one is derived from, and when, see _derived()."""
@@ -269,6 +326,7 @@ class Renderer:
         self._executor = Executor(self.plan, self.device, self.width, near._executor if near else None, self._made)
         if near and near._world is self._world:
             self._executor.know(near._executor)
+        self._probe = self._probe_of(before._probe if before else None)
         seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
 
@@ -353,7 +411,8 @@ class Renderer:
 
     def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
         """An Image of what the kernel has written."""
-        found = self._composition.composed(arrays)
+        written = self._composition.with_effects(arrays, self._shares()) if self._probe else arrays
+        found = self._composition.composed(written)
         return Image(**found, seconds=self.seconds | seconds, frame=frame, transfer=self.scene.transfer)
 
     def work(self) -> dict[str, int]:
