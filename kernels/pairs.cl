@@ -45,4 +45,9 @@ static Pair pair(const REAL hi, const REAL lo) {
     const Pair p = {hi, lo};
     return p;
 }
+
+/* The sign in each lane, -1, 0 or 1; 0 of what is within its error. */
+static REAL sign_from(const REAL value, const REAL error) {
+    return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
+}
 #endif

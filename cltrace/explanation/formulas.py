@@ -10,8 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.explanation.record import SphereTest, TriangleTest
+from cltrace.explanation.record import CylinderTest, SphereTest, TriangleTest
 from cltrace.explanation.space import triple
+from cltrace.reference.cylinder import Cylinder
 from cltrace.reference.round import Round
 from cltrace.reference.triangles import Mesh, Triangle
 from cltrace.reference.vectors import Direction, Point
@@ -40,6 +41,46 @@ def triangle_test(triangle: Triangle, o: Point, d: Direction) -> TriangleTest:
     return TriangleTest(
         (triple(A), triple(B), triple(C)), triple(N), d_n=d_n, t=t, weights=(parts[0], parts[1], parts[2])
     )
+
+
+def cylinder_test(cylinder: Cylinder, o: Point, d: Direction) -> CylinderTest:
+    S, u = cylinder.start, cylinder.axis.normalized()
+    to_start, length, R = o - S, cylinder.axis.length(), cylinder.radius
+    along, speed = to_start.dot(u), d.dot(u)
+    across, way = to_start - u * along, d - u * speed
+    a, b, c = way.dot(way), 2 * way.dot(across), across.dot(across) - R * R
+    disc = (b / 2) * (b / 2) - a * c
+    root = math.sqrt(disc) if disc >= 0 else math.nan
+    t = ((-b / 2 - root) / a, (-b / 2 + root) / a) if disc >= 0 and a > 0 else ()
+    planes = (-along / speed, (length - along) / speed) if speed else (math.nan, math.nan)
+    round_ = t or ((-math.inf, math.inf) if a == 0 and c <= 0 else (math.inf, -math.inf))
+    between = sorted(planes) if speed else [-math.inf, math.inf] if 0 <= along <= length else [math.inf, -math.inf]
+    inside = max(round_[0], between[0]), min(round_[1], between[1])
+    return CylinderTest(
+        triple(S),
+        triple(cylinder.end),
+        R,
+        axis=triple(u),
+        across=triple(across),
+        way=triple(way),
+        a=a,
+        b=b,
+        c=c,
+        t=t,
+        planes=planes,
+        inside=inside if inside[0] <= inside[1] else (),
+    )
+
+
+def cylinder_gap(cylinder: Cylinder, o: Point, d: Direction) -> tuple[float, float]:
+    """How far a ray passes by a cylinder, as if its ends were round, and at which t it is nearest to its axis."""
+    f, u = cylinder.start - o, cylinder.axis
+    g, uu, dd = d.dot(u), u.dot(u), d.dot(d)
+    rest = dd * uu - g * g
+    k = (f.dot(d) * g - f.dot(u) * dd) / rest if rest > 0 else 0.0
+    near = f + u * max(0.0, min(1.0, k))
+    t = near.dot(d) / dd
+    return (near - d * t).length() - cylinder.radius, t
 
 
 def sphere_gap(sphere: Round, o: Point, d: Direction) -> tuple[float, float]:

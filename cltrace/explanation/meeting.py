@@ -7,13 +7,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cltrace.explanation.formulas import mesh_gaps, sphere_gap, sphere_test, triangle_test
+from cltrace.explanation.formulas import (
+    cylinder_gap,
+    cylinder_test,
+    mesh_gaps,
+    sphere_gap,
+    sphere_test,
+    triangle_test,
+)
 from cltrace.explanation.many import Swarm
 from cltrace.explanation.names import Names
-from cltrace.explanation.record import SphereTest, SurfaceTest, TriangleTest
+from cltrace.explanation.record import SurfaceTest, TriangleTest
 from cltrace.explanation.space import Footprint, Space
 from cltrace.explanation.words import number
 from cltrace.reference import Intersection, Mesh, Ray, Round, Start, Surface, Triangle, World
+from cltrace.reference.cylinder import Cylinder
 from cltrace.reference.ways import meetings
 
 MOST = 8  # surfaces that are listed of a ray
@@ -61,6 +69,8 @@ class Meetings:
         """How far the ray passes by, at which distance, and of a mesh the triangle that is nearest to it."""
         if isinstance(surface, Round):
             return *sphere_gap(surface, self.o, self.d), surface
+        if isinstance(surface, Cylinder):
+            return *cylinder_gap(surface, self.o, self.d), surface
         assert isinstance(surface, Mesh)
         gaps, at = mesh_gaps(surface, self.o, self.d)
         k = int(np.argmin(gaps)) if len(gaps) else -1
@@ -73,16 +83,18 @@ class Meetings:
         name, own = self.names.surface(surface), self._starts_on(surface)
         sphere = sphere_test(surface, self.o, self.d) if isinstance(surface, Round) else None
         triangle = triangle_test(surface, self.o, self.d) if isinstance(surface, Triangle) else None
-        textbook = _first(sphere, own) if sphere else _within(triangle) if triangle else math.inf
+        cylinder = cylinder_test(surface, self.o, self.d) if isinstance(surface, Cylinder) else None
+        textbook = _first(sphere.t, own) if sphere else _within(triangle) if triangle else math.inf
+        textbook = _first(cylinder.inside, own) if cylinder else textbook
         remark = TIED if tied else _remark(textbook, distance, own)
-        return SurfaceTest(name, sphere, triangle, distance=distance, gap=gap, remark=remark)
+        return SurfaceTest(name, sphere, triangle, distance=distance, gap=gap, remark=remark, cylinder=cylinder)
 
 
-def _first(test: SphereTest, own: bool) -> float:
-    """Where the textbook has a ray meet a sphere first. On the sphere that it leaves, one of the two is its start."""
-    ahead = [t for t in test.t if t > 0]
-    if own and ahead and test.t:
-        ahead = [t for t in test.t if t != min(test.t, key=abs) and t > 0]
+def _first(ends: tuple[float, ...], own: bool) -> float:
+    """Where the textbook has a ray meet a solid first. On the one that it leaves, one of the two is its start."""
+    ahead = [t for t in ends if t > 0]
+    if own and ahead and ends:
+        ahead = [t for t in ends if t != min(ends, key=abs) and t > 0]
     return min(ahead, default=math.inf)
 
 

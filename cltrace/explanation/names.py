@@ -29,7 +29,7 @@ class Names:
         number = surface.number
         line = int(self.source.surfaces[number]) if self.source else 0
         if not isinstance(surface, (Mesh, Triangle)):
-            return SurfaceName("sphere", number, line)
+            return SurfaceName(surface.kind, number, line)
         file = self.source.meshes.get(number) if self.source else None
         name = file.name if file else ""
         if not isinstance(surface, Triangle):

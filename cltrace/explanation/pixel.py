@@ -98,7 +98,7 @@ class Explainer:
             width=camera.resolution[0],
             height=camera.resolution[1],
             max_bounces=camera.max_bounces,
-            surfaces=len(self.scene.spheres) + len(self.scene.meshes),
+            surfaces=len(self.scene.spheres) + len(self.scene.meshes) + len(self.scene.cylinders),
             camera=self._camera_ray(x, y),
             rays=tuple(self._primary(x, y)),
             color=color,

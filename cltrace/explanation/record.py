@@ -105,8 +105,32 @@ class TriangleTest:
 
 
 @dataclass(frozen=True)
+class CylinderTest:
+    """The endless cylinder, and the planes of the ends, in doubles.
+
+    start, end: the middles of the ends; radius: R; axis: of length 1, from one to the other; across, way: what is left
+    of o - start and of d without their parts along the axis; a, b, c: of a t^2 + b t + c = 0; t: the two solutions, or
+    none; planes: where the ray is in those of the start and of the end, NaN if it is parallel to them; inside: from
+    where to where it is within both, none if it is nowhere.
+    """
+
+    start: Triple
+    end: Triple
+    radius: float
+    axis: Triple
+    across: Triple
+    way: Triple
+    a: float
+    b: float
+    c: float
+    t: tuple[float, ...]
+    planes: tuple[float, float]
+    inside: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class SurfaceTest:
-    """A ray and a surface: one of `sphere` and `triangle` has the textbook's numbers.
+    """A ray and a surface: one of `sphere`, `triangle` and `cylinder` has the textbook's numbers.
 
     distance: where the ray meets it first, by exact arithmetic, inf if it does not; gap: of a ray that passes by, how
     wide, in pixels; remark: where exact arithmetic says something else than the textbook's numbers, "" if it does not.
@@ -118,6 +142,7 @@ class SurfaceTest:
     distance: float
     gap: float = 0.0
     remark: str = ""
+    cylinder: CylinderTest | None = None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from cltrace.base.errors import printable
 from cltrace.explanation.record import (
     Bounce,
     CameraRay,
+    CylinderTest,
     Facts,
     Hit,
     LightName,
@@ -32,6 +33,7 @@ from cltrace.scene.colors import encoded
 NORMALS = {
     "sphere": "(P - C) / |P - C|",
     "ellipsoid": "that of the sphere before the transform, by the inverse transpose, normalized",
+    "cylinder": "what is left of P - S without its part along the axis, or the axis, normalized",
     "flat": "N / |N|",
     "smooth": "the corners' normals by the weights, normalized",
 }
@@ -204,6 +206,8 @@ def _test(test: SurfaceTest, ray: TracedRay) -> Iterator[str]:
         yield from _sphere(test.sphere)
     if test.triangle:
         yield from _triangle(test.triangle)
+    if test.cylinder:
+        yield from _cylinder(test.cylinder)
     if test.remark:
         yield f"    {test.remark}"
 
@@ -233,6 +237,22 @@ def _triangle(t: TriangleTest) -> Iterator[str]:
     inside = "all >= 0: within" if all(weight >= 0 for weight in t.weights) else "one < 0: outside"
     yield f"    t = (A - o).N / d.N = {number(t.t)}"
     yield f"    weights of A, B and C there: {', '.join(map(number, t.weights))}; {inside}"
+
+
+def _cylinder(c: CylinderTest) -> Iterator[str]:
+    yield f"    S = {vector(c.start)}, E = {vector(c.end)}, R = {number(c.radius)}"
+    yield f"    u = E - S, normalized = {vector(c.axis)}"
+    yield "    without their parts along u:"
+    yield f"    o - S is {vector(c.across)}, d is {vector(c.way)}; of these"
+    yield f"    a = d.d = {number(c.a)}, b = 2 d.(o - S) = {number(c.b)}, c = (o - S).(o - S) - R^2 = {number(c.c)}"
+    yield (
+        f"    t1 = {number(c.t[0])}, t2 = {number(c.t[1])} on the side" if c.t else "    no intersection with the side"
+    )
+    if not math.isnan(c.planes[0]):
+        yield f"    t = {number(c.planes[0])} in the plane of S, t = {number(c.planes[1])} in that of E"
+    yield (
+        f"    within both from t = {number(c.inside[0])} to {number(c.inside[1])}" if c.inside else "    never in both"
+    )
 
 
 def _hit(h: Hit) -> Iterator[str]:

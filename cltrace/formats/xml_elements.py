@@ -70,6 +70,10 @@ def _not_singular(v: Values) -> str | None:
     return None if all(factors) else "must not be singular, got a factor of 0"
 
 
+def _long(v: Values) -> str | None:
+    return "end must not be the start" if v["start"] == v["end"] and len(v["start"]) == 3 else None
+
+
 def rotations(attributes: Mapping[str, str]) -> tuple[str, ...]:
     """What a rotation may be meant to be that does not say its axis as the format does: by the axis that it names."""
     turned = [axis for axis in "xyz" if attributes.get(axis, "").strip(" +-0.")]
@@ -140,9 +144,12 @@ ELEMENTS = {
     "along": Element(_XYZ, check=_not_zero),
     "directions": Element({"n": members}),
     "points": Element({"n": members}),
-    "surfaces": Element(many=("sphere", "mesh")),
+    "surfaces": Element(many=("sphere", "mesh", "cylinder")),
     "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
     "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",)),
+    "cylinder": Element({"radius": POSITIVE}, ("start", "end", _MATERIAL), check=_long),
+    "start": Element(_XYZ),
+    "end": Element(_XYZ),
     "material_solid": Element(children=("color", *_FINISH), check=_index_of_glass),
     "material_textured": Element(children=("texture", *_FINISH), check=_index_of_glass),
     "texture": Element({"name": relative_path}),

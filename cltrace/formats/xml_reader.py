@@ -32,7 +32,9 @@ from cltrace.formats.xml_transforms import Maps, Steps, maps_of, to_world, trans
 from cltrace.formats.xml_values import like_bytes, quoted, short, value
 from cltrace.scene import (
     ANY,
+    CYLINDER,
     LIGHT,
+    MAX_CYLINDERS,
     MAX_LIGHTS,
     MAX_MESHES,
     MAX_SPHERES,
@@ -76,6 +78,16 @@ class _Mesh(NamedTuple):
     line: int
     file: int
     to_world: NDArray[np.float64]
+    number: int
+    finish: NDArray[np.float64]
+
+
+class _Cylinder(NamedTuple):
+    """A cylinder as the file has it."""
+
+    start: Vector
+    end: Vector
+    radius: float
     number: int
     finish: NDArray[np.float64]
 
@@ -155,6 +167,7 @@ class _Reader:
         self._light_lines, self._surface_lines = array("i"), array("i")  # of those that are read, in their order
         self._transforms: dict[int, NDArray[np.float64]] = {}
         self._meshes: list[_Mesh] = []
+        self._cylinders: list[_Cylinder] = []
         self._files = Files(path)
         self._sections: dict[etree._Element, _Children] = {}  # of those that have begun
 
@@ -191,11 +204,12 @@ class _Reader:
         if self.faults.count or self._files.faults:
             raise SceneError(self.path, [*self.faults.in_order(), *self._files.faults], self._files.named())
         rows = np.concatenate([np.empty((0, ROW)), *self._rows])
-        finishes = np.concatenate([rows[:, FINISH], *(mesh.finish[None] for mesh in self._meshes)])
+        others: list[_Mesh | _Cylinder] = [*self._meshes, *self._cylinders]
+        finishes = np.concatenate([rows[:, FINISH], *(other.finish[None] for other in others)])
         with_texture = finishes[:, -1] >= 0
         finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]
         materials, material_of = packed_materials(finishes)
-        view = self._view()
+        view, of_meshes = self._view(), material_of[len(rows) : len(rows) + len(placed)]
         scene = Scene(
             view,
             np.concatenate([np.zeros(0, LIGHT), *self._lights]),
@@ -204,8 +218,9 @@ class _Reader:
             background=self._background,
             output_file=self._output_file,
             to_object=np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3),
-            meshes=[mesh.of(int(k), mesh.number) for mesh, k in zip(placed, material_of[len(rows) :], strict=True)],
+            meshes=[mesh.of(int(k), mesh.number) for mesh, k in zip(placed, of_meshes, strict=True)],
             textures=textures.found,
+            cylinders=self._packed_cylinders(material_of[len(rows) + len(placed) :]),
         ).read_from(self._source(view, shapes, textures))
         return scene, [*(located(self.path, w.line, w.message) for w in self.warnings.in_order()), *self._notes(shapes)]
 
@@ -260,6 +275,13 @@ class _Reader:
             except ValueError as error:
                 self.faults.add(mesh.line, f"mesh: after the transform {str(error).partition('in the world, ')[2]}")
         return placed
+
+    def _packed_cylinders(self, materials: NDArray[np.integer[Any]]) -> NDArray[np.void]:
+        out = np.zeros(len(self._cylinders), CYLINDER)
+        for name in ("start", "end", "radius", "number"):
+            out[name] = np.array([getattr(one, name) for one in self._cylinders]).reshape(out[name].shape)
+        out["material"] = materials
+        return out
 
     def _notes(self, shapes: Contents[Obj]) -> Iterator[str]:
         """The warnings of the meshes' files."""
@@ -370,7 +392,7 @@ class _Reader:
                 spheres.append(child)
                 numbers.append(len(self._surface_lines))
             elif self._sections[surfaces].claim(child):
-                self._mesh(child)
+                (self._mesh if child.tag == "mesh" else self._cylinder)(child)
             else:
                 continue
             self._surface_lines.append(self.document.line_if_known(child))
@@ -528,6 +550,21 @@ class _Reader:
             )
             self._doubt([element], np.array([finish[:3]]))
             self._doubt_shares([element], np.array([finish]))
+
+    def _cylinder(self, element: etree._Element) -> None:
+        if len(self._cylinders) >= MAX_CYLINDERS:
+            raise FatalError(self.document.line_of(element), f"surfaces: must be at most {MAX_CYLINDERS} cylinders")
+        values, whole = self._element(element)
+        finish = self._finish(element, values)
+        if not whole or finish is None:
+            return
+        start, end, radius = _vector(values["start"]), _vector(values["end"]), np.array([values["radius"]])
+        self._cylinders.append(
+            _Cylinder(start, end, float(radius[0]), number=len(self._surface_lines), finish=np.array(finish))
+        )
+        self._doubt_sizes([element], radius, radius)
+        self._doubt([element], np.array([finish[:3]]))
+        self._doubt_shares([element], np.array([finish]))
 
     def _steps(self, values: Values, number: int) -> Steps:
         """The steps of the transform of the surface with this number, of which the first surfaces' are kept."""

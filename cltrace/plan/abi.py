@@ -218,6 +218,13 @@ TRAITS = {
 SHAPES = (
     Shape("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
     Shape(
+        "cylinder",
+        "WITH_CYLINDERS",
+        first="((spheres).first_rod)",
+        leaf="0",
+        traits=("ROUND", "FETCHED", "LATE", "PLACED"),
+    ),
+    Shape(
         "triangle",
         "WITH_TRIANGLES",
         first="((spheres).first)",
@@ -341,6 +348,28 @@ ARGUMENTS = (
         ("block", "Block", "its leaves of spheres"),
         needs="WITH_BOUNCES",
     ),
+    *_buffers(
+        "Scene",
+        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
+        needs="WITH_PLACED",
+    ),
+    *_values("Spheres", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"),
+    *_buffers(
+        "Spheres",
+        (
+            "rod",
+            "real4",
+            "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. "
+            "In single, the start is from the scene's middle, and the second is the axis, of length 1, w: the length",
+        ),
+        needs="WITH_CYLINDERS",
+    ),
+    *_values("Scene", ("rods", "int", "how many cylinders there are"), needs="WITH_CYLINDERS"),
+    *_buffers(
+        "Scene",
+        ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
+        needs="WITH_CYLINDERS",
+    ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
     *_values("Spheres", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
@@ -368,7 +397,6 @@ ARGUMENTS = (
         "Scene",
         ("facet", "float4", "three for each triangle, as the eye sees it: see sides_of()"),
         ("light_facet", "float4", "for each light in turn, the same for all triangles as the light sees them"),
-        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
         ("number_of", "int", "a triangle's number within its mesh"),
         ("mesh", "Mesh", "what the triangles of a mesh have in common"),
         ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
@@ -469,7 +497,8 @@ FLAGS = {
     "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
     "WITH_BLOCKS": "a cache holds few of the lights' lists: rays to lights start in blocks of the picture",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
-    "WITH_SHAPES": "there are ellipsoids or triangles",
+    "WITH_SHAPES": "there is more than spheres",
+    "WITH_PLACED": "some shape is decided in the world",
     "WITH_LEAVING": "some rays are decided that may start anywhere: those from surfaces, and all that meet ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_GLASS": "something is transparent",
@@ -478,6 +507,7 @@ FLAGS = {
     "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     "WITH_SPHERES": "there are spheres, or no surfaces at all",
+    "WITH_CYLINDERS": "there are cylinders",
     "WITH_TRIANGLES": "there are meshes",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
@@ -567,6 +597,15 @@ def header() -> str:
         nested = [(f".{part.lower()} = {part.upper()}_OF_PARAMETERS", needs[part]) for part in parts]
         lines += _list_macro(f"{name.upper()}_OF_PARAMETERS", values + (nested if name == "Scene" else []), "{", "}")
     return "\n".join(lines) + "\n"
+
+
+def for_its_shape(name: str, text: str) -> str:
+    """A kernel's file, of a shape's folder only where there are such: but for the first one, of whose parts others are
+    made."""
+    for shape in SHAPES[1:]:
+        if name.startswith(f"shapes/{shape.name}/"):
+            return f"#ifdef {shape.flag}\n#line 1\n{text}#endif\n"
+    return text
 
 
 def arguments_of(features: frozenset[str]) -> list[Argument]:

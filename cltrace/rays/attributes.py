@@ -37,11 +37,15 @@ class Attributes:
 
     @cached_property
     def balls(self) -> Ids:
-        return np.flatnonzero((self.index >= 0) & (self.index < self.surfaces.spheres))
+        return np.flatnonzero(self.surfaces.kinds(self.index)[0])
+
+    @cached_property
+    def rods(self) -> Ids:
+        return np.flatnonzero(self.surfaces.kinds(self.index)[1])
 
     @cached_property
     def flat(self) -> Ids:
-        return np.flatnonzero(self.index >= self.surfaces.spheres)
+        return np.flatnonzero(self.surfaces.kinds(self.index)[2])
 
     @cached_property
     def point(self) -> Floats:
@@ -56,6 +60,7 @@ class Attributes:
         bent = self.surfaces.bent[self.index[self.balls]]
         maps = np.concatenate([self.surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
         out[self.balls] = np.einsum("nji,nj->ni", maps, q)  # normals are turned by the transposed map
+        out[self.rods] = self._rod_points[1]
         flat = self._flat_normals.copy()
         for mesh, rows, faces in self._meshes():
             corners = mesh.geometry.normal_of[faces]
@@ -75,6 +80,7 @@ class Attributes:
         # As _around() of cltrace/reference/surfaces.py.
         around, down = np.arctan2(x + 0.0, z) / (2 * np.pi), np.arctan2(np.hypot(x, z), y) / np.pi
         out[self.balls] = np.stack([0.5 + around, down], axis=1)
+        out[self.rods] = self._rod_points[0]
         for mesh, rows, faces in self._meshes():
             corners = mesh.geometry.uv_of[faces]
             given = corners[:, 0] >= 0
@@ -92,9 +98,34 @@ class Attributes:
         t = self._t(self.balls)
         return _unit(np.stack([(t * x - y).h for x, y in zip(w, f, strict=True)], axis=1))
 
+    @cached_property
+    def _rod_points(self) -> tuple[Floats, Floats]:
+        """(rods, 2): where points of cylinders are on a texture, and (rods, 3): normals outwards, of any length.
+
+        A point is on a flat end if the plane of that is as near as the side: their distances are compared in doubles.
+        """
+        rod = self.index[self.rods] - self.surfaces.spheres
+        start, r, t = self.surfaces.start[rod], self.surfaces.rod_radius[rod], self._t(self.rods)
+        f, w = fine_vector(*differences(start, self.lines.origin[self.rods])), fine_vector(self.lines.w[self.rods])
+        u = self.surfaces.end[rod] - start
+        p = np.stack([(t * x - y).h for x, y in zip(w, f, strict=True)], axis=1)
+        length = np.sqrt((u * u).sum(axis=1, keepdims=True))
+        along = (p * u).sum(axis=1, keepdims=True) / length
+        m = p - along * u / length
+        size = np.sqrt((m * m).sum(axis=1, keepdims=True))
+        gaps = np.abs(np.concatenate([size - r[:, None], along, length - along], axis=1))
+        part = gaps.argmin(axis=1)
+        normal = np.where(part[:, None] == 0, m / np.where(size > 0, size, 1), np.where(part == 1, -1, 1)[:, None] * u)
+        helper = np.eye(3)[np.abs(u).argmin(axis=1)]
+        e1 = np.cross(helper, u)
+        e2 = np.cross(u, e1)
+        x, y = ((m * e).sum(axis=1) / np.sqrt((e * e).sum(axis=1)) for e in (e1, e2))
+        down = np.where(part == 1, 1.0, np.where(part == 2, 0.0, 1 - np.clip(along / length, 0, 1)[:, 0]))
+        return np.stack([0.5 + np.arctan2(y, x) / (2 * np.pi), down], axis=1), normal
+
     def _corners(self, rows: Ids) -> list[FineVector]:
         """Corners of triangles, from where the rays start."""
-        face, o = self.surfaces.face[self.index[rows] - self.surfaces.spheres], self.lines.origin[rows]
+        face, o = self.surfaces.face[self.index[rows] - self.surfaces.solids], self.lines.origin[rows]
         return [fine_vector(*differences(self.surfaces.vertex[face[:, k]], o)) for k in range(3)]
 
     @cached_property
@@ -118,7 +149,7 @@ class Attributes:
         """(flat, 3): N of the triangles, of any length."""
         A, B, C = (
             self.surfaces.vertex[corner]
-            for corner in self.surfaces.face[self.index[self.flat] - self.surfaces.spheres].T
+            for corner in self.surfaces.face[self.index[self.flat] - self.surfaces.solids].T
         )
         e, f = fine_vector(*differences(B, A)), fine_vector(*differences(C, A))
         return np.stack([x.h for x in cross(e, f)], axis=1)

@@ -39,15 +39,16 @@ def _sign(x: Fine) -> Signs:
 
 
 def ends(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
-    """Of pairs all of which are triangles, or none of which is."""
+    """Of pairs all of which are of one kind."""
     with np.errstate(all="ignore"):  # what is not finite is not sure
-        if len(primitive) and primitive[0] >= surfaces.spheres:
-            return _triangles(lines, surfaces, ray, primitive)
-        return _spheres(lines, surfaces, ray, primitive)
+        for rows, kind in zip(surfaces.kinds(primitive[:1]), (_spheres, _rods, _triangles), strict=True):
+            if rows.all():
+                return kind(lines, surfaces, ray, primitive)
+    raise ValueError("primitive: must be some")
 
 
 def _triangles(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
-    face, o = surfaces.face[primitive - surfaces.spheres], lines.origin[ray]
+    face, o = surfaces.face[primitive - surfaces.solids], lines.origin[ray]
     A, B, C = (fine_vector(*differences(surfaces.vertex[face[:, k]], o)) for k in range(3))
     w = fine_vector(lines.w[ray])
     volumes = [dot(w, cross(u, v)) for u, v in ((A, B), (B, C), (C, A))]
@@ -83,6 +84,28 @@ def _spheres(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends
     outer, inner = select(ahead, q, -q) / a, select(ahead, c, -c) / q
     meets = np.where((_sign(D) > 0) & (_sign(b) == 0), 0, _sign(D))
     return Ends(meets.astype(np.int8), select(ahead, inner, outer), select(ahead, outer, inner))
+
+
+def _rods(lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> Ends:
+    """Where lines are within the endless cylinder, and between the planes of the ends: from the later beginning to the
+    earlier end of the two."""
+    rod = primitive - surfaces.spheres
+    start, r, w = surfaces.start[rod], Fine.of(surfaces.rod_radius[rod]), fine_vector(lines.w[ray])
+    f, u = fine_vector(*differences(start, lines.origin[ray])), fine_vector(*differences(surfaces.end[rod], start))
+    F, G, uu = cross(f, u), cross(w, u), dot(u, u)
+    a, b, c, g, h, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(w, u), dot(f, u), dot(u, cross(f, w))
+    D, k = uu * (a * r * r - V * V), h + uu
+    root = Fine(np.maximum(D.h, 0), np.where(D.h > 0, D.l, 0), D.error).root()
+    ahead, forth = b.h > 0, g.h > 0
+    q = select(ahead, b, -b) + root
+    outer, inner = select(ahead, q, -q) / a, select(ahead, c, -c) / q
+    first = select(forth, h, k) / g, select(ahead, inner, outer)
+    last = select(forth, k, h) / g, select(ahead, outer, inner)
+    late, soon = _sign(first[0] - first[1]), _sign(last[0] - last[1])
+    near, far = select(late > 0, *first), select(soon < 0, *last)
+    known = (_sign(D) > 0) & (_sign(a) > 0) & (_sign(b) != 0) & (_sign(g) != 0) & (late != 0) & (soon != 0)
+    meets = np.where(_sign(D) < 0, -1, np.where(known, _sign(far - near), 0))
+    return Ends(meets.astype(np.int8), near, far)
 
 
 def compare(t: Fine, bound: Floats) -> Signs:

@@ -15,17 +15,19 @@ from cltrace.plan.accel.bvh import SIDES, WIDTH, Tree
 from cltrace.plan.paths import Paths
 from cltrace.scene import Scene
 
+Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """n spheres and ellipsoids, which are the primitives 0 to n - 1, and m triangles, which are those from n on.
+    """n spheres and ellipsoids, which are the primitives 0 to n - 1, p cylinders, which follow, and m triangles.
 
     center: (n, 3); radius: (n,); bent: (n,), the index in `maps` of an ellipsoid's, -1 for a sphere; maps: (k, 3, 3),
     from the world to an ellipsoid's own axes; stretch, reach: (n,), bounds of what that map, and its inverse, make of a
-    length; vertex: (v, 3); face: (m, 3). number: (n + m,), of the surface; primitive: (n + m,), of the triangle in its
-    mesh, -1 otherwise; rank: (n + m,), by which of two equally near ones the lower is met.
+    length; vertex: (v, 3); face: (m, 3). start, end: (p, 3), and rod_radius: (p,), of
+    cylinders. number: (n + p + m,), of the surface; primitive: (n + p + m,), of the triangle in its mesh, -1
+    otherwise; rank: (n + p + m,), by which of two equally near ones the lower is met.
 
     middle: (3,), and size: all is within that distance of it; nodes: of the tree.
     """
@@ -38,6 +40,9 @@ class Surfaces:
     reach: Floats
     vertex: Floats
     face: NDArray[np.int32]
+    start: Floats
+    end: Floats
+    rod_radius: Floats
     number: Ids
     primitive: Ids
     rank: Ids
@@ -54,13 +59,18 @@ class Surfaces:
         face = np.concatenate([np.empty((0, 3), np.int32), *faces]).astype(np.int32)
         sizes = (np.linalg.norm(m, 2, axis=(1, 2)) for m in (scene.to_object, inverses(scene.to_object)))
         stretch, reach = (np.append(size * (1 + 2.0**-40), 1)[bent] for size in sizes)
-        number = np.concatenate([scene.sphere_numbers, np.repeat([mesh.number for mesh in scene.meshes], counts)])
-        primitive = np.concatenate([np.full(len(spheres), -1), *map(np.arange, counts)])
-        center, outer = np.ascontiguousarray(spheres["center"]), spheres["radius"] * reach
-        paths = Paths.of(center, outer, outer, np.ones(len(spheres), bool), vertex=vertex, face=face)
+        rods, of_faces = scene.cylinders, np.repeat([mesh.number for mesh in scene.meshes], counts)
+        number = np.concatenate([scene.sphere_numbers, rods["number"], of_faces])
+        primitive = np.concatenate([np.full(len(spheres) + len(rods), -1), *map(np.arange, counts)])
+        # Around each cylinder is a ball.
+        half = rods["end"] / 2 - rods["start"] / 2
+        around = (np.sqrt((half * half).sum(axis=1)) + rods["radius"]) * (1 + 2.0**-40)
+        center = np.concatenate([spheres["center"], rods["start"] / 2 + rods["end"] / 2])
+        outer = np.concatenate([spheres["radius"] * reach, around])
+        paths = Paths.of(center, outer, outer, np.ones(len(center), bool), vertex=vertex, face=face)
         assert paths.tree is not None
         return cls(
-            center=center,
+            center=center[: len(spheres)],
             radius=np.ascontiguousarray(spheres["radius"]),
             bent=bent,
             maps=scene.to_object,
@@ -68,6 +78,9 @@ class Surfaces:
             reach=reach,
             vertex=vertex,
             face=face,
+            start=np.ascontiguousarray(rods["start"]),
+            end=np.ascontiguousarray(rods["end"]),
+            rod_radius=np.ascontiguousarray(rods["radius"]),
             number=number.astype(np.int64),
             primitive=primitive.astype(np.int64),
             rank=(number.astype(np.int64) << 32) + primitive,
@@ -80,6 +93,17 @@ class Surfaces:
     def spheres(self) -> int:
         return len(self.radius)
 
+    @property
+    def solids(self) -> int:
+        """How many primitives come before the triangles."""
+        return len(self.radius) + len(self.rod_radius)
+
+    def kinds(self, primitive: Ids) -> tuple[Bools, Bools, Bools]:
+        """Which primitives are spheres, cylinders and triangles; none of -1."""
+        flat = primitive >= self.solids
+        rods = (primitive >= self.spheres) & ~flat
+        return (primitive >= 0) & ~flat & ~rods, rods, flat
+
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
@@ -87,9 +111,9 @@ class Nodes:
 
     sides: (6, nodes, 8) float32, of the children's boxes, from the surfaces' middle, times 2^exponent; child: (nodes,
     8), a node, or ~ a leaf, 0 for none; depth: how many nodes a walk may have to come back to. Leaves are `blocks` of
-    spheres, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4, blocks, 8),
-    centres and outer radii; patches: (11, leaves - blocks, 8), corners, both edges from there, and the sum and the
-    product of the edges' sizes.
+    spheres and cylinders, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4,
+    blocks, 8), centres and outer radii; patches: (11, leaves - blocks, 8), corners, both edges from there, and the sum
+    and the product of the edges' sizes.
     """
 
     exponent: int

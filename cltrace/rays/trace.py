@@ -164,9 +164,8 @@ def _trace(
 def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
     """What pairs of doubles know of these. Of the rays for which they must not decide, what was known before."""
     far = np.full(len(lines), np.inf)
-    flat = met.primitive >= surfaces.spheres
-    parts = []
-    for rows in (np.flatnonzero(flat), np.flatnonzero(~flat)):
+    parts, flat = [], met.primitive >= surfaces.solids
+    for rows in map(np.flatnonzero, surfaces.kinds(met.primitive)):
         if not len(rows):
             continue
         some = met.at(rows)
@@ -208,7 +207,7 @@ def _by_whole_numbers(lines: Lines, surfaces: Surfaces, met: Met) -> tuple[Ids, 
 def _distances(lines: Lines, surfaces: Surfaces, index: Ids, side: Ids) -> tuple[Floats, Floats, Floats]:
     """Where rays meet these primitives, (n,) each: t, correctly rounded, and T as pairs, inf for none."""
     h, low, sure = np.full(len(index), np.inf), np.zeros(len(index)), index < 0
-    for kind in ((index >= 0) & (index < surfaces.spheres), index >= surfaces.spheres):
+    for kind in surfaces.kinds(index):
         rows = np.flatnonzero(kind)
         if len(rows):
             found = ends(lines, surfaces, rows, index[rows])

@@ -40,6 +40,10 @@ class Roots(NamedTuple):
     def at(self, rows: Ids) -> Roots:
         return Roots._make(x[..., rows] for x in self)
 
+    def where(self, mask: Bools, other: Roots) -> Roots:
+        """Of some rows these, and those of another one elsewhere."""
+        return Roots._make(np.where(mask, x, y) for x, y in zip(self, other, strict=True))
+
     def before(self, other: Roots) -> Bools:
         """Whether it comes before another one of the same ray.
 
@@ -87,29 +91,27 @@ class Exact:
     its range, if anything; their unit is 2^shift."""
 
     def __init__(self, lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> None:
-        flat = primitive >= surfaces.spheres
-        balls, faces = primitive[~flat], surfaces.face[primitive[flat] - surfaces.spheres]
-        corners = surfaces.vertex[faces]
-        self.grid = grid_of(
-            *(x.ravel() for x in (lines.origin[ray], surfaces.center[balls], surfaces.radius[balls], corners))
-        )
+        round_, long, flat = kinds = surfaces.kinds(primitive)
+        balls, rods = primitive[round_], primitive[long] - surfaces.spheres
+        corners = surfaces.vertex[surfaces.face[primitive[flat] - surfaces.solids]]
+        ends = surfaces.start[rods], surfaces.end[rods], surfaces.rod_radius[rods]
+        places = (lines.origin[ray], surfaces.center[balls], surfaces.radius[balls], *ends, corners)
+        self.grid = grid_of(*(x.ravel() for x in places))
         fine = grid_of(lines.direction[ray].ravel())
         self.shift = fine - self.grid
         o, w = whole(lines.origin[ray], self.grid).T, whole(lines.direction[ray], fine).T
         self.t_min, self.t_max = lines.t_min[ray], lines.t_max[ray]
         self.volumes = np.empty((3, len(ray)), object)
         parts: list[tuple[Ids, Roots]] = []
-        for rows, roots in (
-            (np.flatnonzero(flat), self._triangles),
-            (np.flatnonzero(~flat), self._spheres),
-        ):
+        for kind, roots in zip(kinds, (self._spheres, self._rods, self._triangles), strict=True):
+            rows = np.flatnonzero(kind)
             if len(rows):
                 parts.append((rows, roots(surfaces, primitive[rows], rows, o[:, rows], w[:, rows])))
         back = np.argsort(np.concatenate([rows for rows, _ in parts]))
         self.roots = Roots._make(np.concatenate(x, axis=-1) for x in zip(*(r for _, r in parts), strict=True)).at(back)
 
     def _triangles(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
-        face = surfaces.face[primitive - surfaces.spheres]
+        face = surfaces.face[primitive - surfaces.solids]
         A, B, C = (whole(surfaces.vertex[face[:, k]], self.grid).T - o for k in range(3))
         edges = [np.array(cross(u, v), object) for u, v in ((A, B), (B, C), (C, A))]
         D = dot(A, edges[1])
@@ -141,6 +143,29 @@ class Exact:
         )
         first, second = (self._within(roots._replace(side=end), rows) for end in (-side, side))
         return roots._replace(exists=~passes & (first | second), side=np.where(first, -1, 1))
+
+    def _rods(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
+        """The way through the endless cylinder, and that between the planes N = g t, each from -1 to 1; the later
+        beginning and the earlier end of these count."""
+        rod = primitive - surfaces.spheres
+        S, E, r = (whole(x[rod], self.grid) for x in (surfaces.start, surfaces.end, surfaces.rod_radius))
+        f, u = S.T - o, (E - S).T
+        F, G = (np.array(cross(v, u), object) for v in (f, w))
+        uu, g, h = dot(u, u), dot(w, u), dot(f, u)
+        a, b, c = dot(G, G), dot(F, G), dot(F, F) - r * r * uu
+        D, k, forth = b * b - a * c, h + uu, signs(g)
+        steep, curved, real = forth != 0, signs(a) > 0, D >= 0
+        none, one = np.zeros((3, len(rows)), object), np.ones(len(rows), np.int64)
+        sides, flats = [], []
+        for end, N in ((-1, np.where(forth > 0, h, k)), (1, np.where(forth > 0, k, h))):
+            D_or_0, g_or_1, a_or_1 = np.where(real, D, 0), np.where(steep, g, 1), np.where(curved, a, 1)
+            sides.append(Roots(curved & real, a=a_or_1, b=b, side=end * one, D=D_or_0, w=w, normal=none))
+            flats.append(Roots(steep, a=g_or_1 * g_or_1, b=N * g, side=end * one, D=none[0], w=w, normal=none))
+        by_flat = steep & (~curved | ~flats[0].before(sides[0])), steep & (~curved | ~sides[1].before(flats[1]))
+        near, far = (flat.where(by, side) for flat, by, side in zip(flats, by_flat, sides, strict=True))
+        there = np.where(curved, real, c <= 0) & (steep | ((h <= 0) & (k >= 0))) & ~far.before(near)
+        first, second = self._within(near, rows), self._within(far, rows)
+        return near.where(first, far)._replace(exists=there & (first | second))
 
     def _within(self, roots: Roots, rows: Ids) -> Bools:
         low, high = (roots.sign_less(bound[rows], -self.shift) for bound in (self.t_min, self.t_max))

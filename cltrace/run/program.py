@@ -35,19 +35,23 @@ SOURCES = (
     "shapes/sphere/between.cl",
     "shapes/sphere/ellipsoid.cl",
     "shapes/sphere/leaving.cl",
+    "shapes/cylinder/cylinder.cl",
     "shapes/sphere/fetch.cl",
     "shapes/triangle/triangle.cl",
     "shapes/triangle/fetch.cl",
+    "shapes/cylinder/fetch.cl",
     "find/cells.cl",
     "find/fetch.cl",
     "find/closest.cl",
     "shapes/sphere/eye.cl",
+    "shapes/cylinder/eye.cl",
+    "shapes/cylinder/leaving.cl",
     "shapes/triangle/eye.cl",
     "shapes/triangle/leaving.cl",
     "shapes/dispatch.cl",
     "find/leaves.cl",
     "find/bundle.cl",
-    "shapes/sphere/leaves.cl",
+    "find/balls.cl",
     "shapes/triangle/leaves.cl",
     "find/tree.cl",
     "turns.cl",
@@ -58,8 +62,10 @@ SOURCES = (
     "lights/lambert.cl",
     "lights/kinds.cl",
     "shapes/sphere/stops.cl",
+    "shapes/cylinder/stops.cl",
     "shapes/triangle/stops.cl",
     "shapes/shadow.cl",
+    "find/proved.cl",
     "find/stopped.cl",
     "shade/phong.cl",
     "shade/lights.cl",
@@ -67,6 +73,7 @@ SOURCES = (
     "shade/texture.cl",
     "shapes/triangle/attributes.cl",
     "shapes/sphere/surface.cl",
+    "shapes/cylinder/surface.cl",
     "shapes/triangle/surface.cl",
     "shapes/surfaces.cl",
     "shade/bounce.cl",
@@ -74,6 +81,7 @@ SOURCES = (
     "shade/tree_of_rays.cl",
     "trace.cl",
     "output.cl",
+    "shapes/cylinder/touches.cl",
     "samples/touches.cl",
     "samples/samples.cl",
     "average/models.cl",
@@ -83,6 +91,7 @@ SOURCES = (
     "average/quadrics.cl",
     "average/shadows.cl",
     "average/triangles.cl",
+    "shapes/cylinder/average.cl",
     "average/sight.cl",
     "average/blocking.cl",
     "average/light.cl",
@@ -121,6 +130,7 @@ def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text, with `#line`s, so that the compiler's messages name the file they are about."""
     folder = kernel_folder()
     texts = (abi.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
+    texts = (abi.for_its_shape(name, text) for name, text in zip(files, texts, strict=True))
     return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
 
 

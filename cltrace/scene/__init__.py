@@ -2,6 +2,7 @@
 
 from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
+from cltrace.scene.cylinders import CYLINDER, MAX_CYLINDERS, Bonds, axes, box_corners, box_edges
 from cltrace.scene.lights import (
     AMBIENT,
     BALL,
@@ -39,7 +40,7 @@ from cltrace.scene.meshes import (
     place_faults,
 )
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, share_all_but_camera
+from cltrace.scene.scene import OTHERS, Scene, share_all_but_camera
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -48,6 +49,7 @@ __all__ = [
     "ANY",
     "BALL",
     "CONE",
+    "CYLINDER",
     "FOV",
     "FULL",
     "INSTANCES",
@@ -55,6 +57,7 @@ __all__ = [
     "LIGHT",
     "MATERIAL",
     "MAX_BOUNCES",
+    "MAX_CYLINDERS",
     "MAX_LIGHTS",
     "MAX_MESHES",
     "MAX_SPHERES",
@@ -62,6 +65,7 @@ __all__ = [
     "MAX_TRIANGLES",
     "MAX_VERTICES",
     "NOT_NEGATIVE",
+    "OTHERS",
     "PANEL",
     "PARALLEL",
     "POINT",
@@ -73,6 +77,7 @@ __all__ = [
     "SPOT",
     "SUN",
     "AnyCamera",
+    "Bonds",
     "Camera",
     "Geometry",
     "Material",
@@ -86,7 +91,10 @@ __all__ = [
     "Texture",
     "Vector",
     "ambient_light",
+    "axes",
     "ball_light",
+    "box_corners",
+    "box_edges",
     "check_resolution",
     "extent_faults",
     "inverse_faults",

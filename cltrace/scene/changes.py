@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.scene.colors import decoded
 from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
 from cltrace.scene.materials import check_index, packed
-from cltrace.scene.meshes import PlacedMesh
 from cltrace.scene.rules import POSITIVE
 from cltrace.scene.scene import Scene, colors_given
 from cltrace.scene.surfaces import extent_faults, reaches
@@ -53,9 +52,10 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
+    made = scene.with_columns(columns, meshes, scale=scale)
     if len(columns) != len(scene.columns) or shade:
-        columns, meshes = _shaded(columns, meshes, shade)
-    return scene.with_columns(columns, meshes, scale)
+        made = _shaded(made, shade)
+    return made.with_bonds_placed()
 
 
 def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:
@@ -66,6 +66,8 @@ def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:
         raise ValueError(f"centers: must be {was}, as ellipsoids keep their shapes, got {n}")
     if any(mesh.number < was for mesh in scene.meshes):
         raise ValueError(f"centers: must be {was}, as there are meshes between the spheres, got {n}")
+    if len(scene.cylinders):
+        raise ValueError(f"centers: must be {was}, as there are bonds or other cylinders, got {n}")
     lengths = {"radii": columns.radius.ndim > 0}
     shared = columns.material is not None and columns.material.ndim == 0
     for name, argument in ARGUMENTS.items():
@@ -84,8 +86,9 @@ def _check_extents(columns: Columns, to_object: NDArray[np.float64]) -> None:
         raise ValueError(f"radii[{bent[i]}]: {fault}")
 
 
-def _shaded(columns: Columns, meshes: tuple[PlacedMesh, ...], given: Shade) -> tuple[Columns, tuple[PlacedMesh, ...]]:
-    """The spheres with another shade, one value of which is for all or for each, and the meshes with theirs."""
+def _shaded(scene: Scene, given: Shade) -> Scene:
+    """The same with another shade of the spheres, one value of which is for all or for each."""
+    columns, meshes, cylinders, bonds = scene.columns, scene.meshes, scene.cylinders, scene.bonds
     n = len(columns)
     follows = columns.follows and "ka" not in given
     if follows and "kd" in given:
@@ -96,18 +99,26 @@ def _shaded(columns: Columns, meshes: tuple[PlacedMesh, ...], given: Shade) -> t
     one = not any(values.ndim > (name == "color") for name, values in shade.items())
     material: NDArray[np.int32] | None
     count, material = (1, np.zeros((), np.int32)) if one else (n, None)
-    rest = columns.rest
-    of = np.array([mesh.material for mesh in meshes], np.int64)
+    # Who has a material of its own: meshes, cylinders that are no bonds, and bonds that have not those of their ends.
+    rest, bound = columns.rest, bonds.count if bonds else 0
+    of_bonds: NDArray[Any] = bonds.material.reshape(-1) if bonds else np.zeros(0, np.int32)
+    parts = [np.array([mesh.material for mesh in meshes], np.int64), cylinders["material"][bound:], of_bonds]
+    of = was = np.concatenate(parts).astype(np.int64)
     if (of < columns.count).any():  # those of a file are in no order
         kinds = np.unique(of)
         rest = packed(columns.materials_count, columns.every_shade())[kinds]
         of = count + np.searchsorted(kinds, of)
     else:
-        of += count - columns.count
-    if of.tolist() != [mesh.material for mesh in meshes]:
-        meshes = tuple(mesh.of(place, mesh.number) for mesh, place in zip(meshes, of.tolist(), strict=True))
+        of = of + (count - columns.count)
+    if of.tolist() != was.tolist():
+        of_meshes, own, of_bonds = np.split(of, np.cumsum([len(part) for part in parts[:2]]))
+        meshes = tuple(mesh.of(place, mesh.number) for mesh, place in zip(meshes, of_meshes.tolist(), strict=True))
+        cylinders = cylinders.copy()
+        cylinders["material"][bound:] = own
+        if bonds:
+            bonds = replace(bonds, material=of_bonds.reshape(-1, 2).astype(np.int32))
     found = replace(columns, material=material, shade=shade, count=count, rest=rest, follows=follows)
-    return found, meshes
+    return scene.with_columns(found, meshes, cylinders, bonds)
 
 
 def _of_spheres(columns: Columns, name: str) -> NDArray[Any]:

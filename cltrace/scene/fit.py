@@ -39,6 +39,9 @@ class Fitted(Protocol):
     def meshes(self) -> tuple[PlacedMesh, ...]: ...
 
     @property
+    def cylinders(self) -> NDArray[np.void]: ...
+
+    @property
     def columns(self) -> Columns: ...
 
     @property
@@ -81,7 +84,8 @@ def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
     rows = np.asarray(directions, np.float64)
     columns = scene.columns
     n, lengths = len(columns), np.sqrt((rows * rows).sum(axis=1))
-    if not n and not scene.triangles:
+    rods = scene.cylinders
+    if not n and not scene.triangles and not len(rods):
         raise ValueError("scene: must have surfaces, or there is nothing to fit a camera to")
     # An ellipsoid C + r L s, with |s| = 1, reaches d.C + r |L^T d|.
     stretch = np.sqrt((np.einsum("kij,ni->nkj", inverses(scene.to_object), rows) ** 2).sum(axis=2))
@@ -99,7 +103,18 @@ def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
     def corners(block: slice) -> Floats:
         return np.asarray((vertices[block] @ rows.T).max(axis=0))
 
+    def ends(block: slice) -> Floats:
+        """Of flat ends, whose discs reach r sin(angle between d and the axis)."""
+        of = rods[block]
+        axis = of["end"] - of["start"]
+        axis /= np.sqrt((axis * axis).sum(axis=1))[:, None]
+        along = axis @ rows.T
+        across = np.sqrt(np.maximum(lengths**2 - along**2, 0))
+        most = np.maximum(of["start"] @ rows.T, of["end"] @ rows.T) + of["radius"][:, None] * across
+        return np.asarray(most.max(axis=0))
+
     parts = blockwise(n, reach) if n else []
+    parts += blockwise(len(rods), ends) if len(rods) else []
     for mesh in scene.meshes:
         if len(mesh.geometry.faces):
             vertices = mesh.vertices[np.unique(mesh.geometry.faces)]

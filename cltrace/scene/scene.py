@@ -7,7 +7,7 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -17,26 +17,40 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import Scale, values_given
-from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
+from cltrace.scene.colors import Transfer, background_of, check_transfer, color_numbers, decoded
 from cltrace.scene.columns import Columns, column, points, shades
+from cltrace.scene.cylinders import (
+    CYLINDER,
+    MAX_CYLINDERS,
+    Bonds,
+    check_cylinders,
+    cylinders_of,
+    halved,
+    linear,
+    materials_of,
+)
 from cltrace.scene.lights import check_lights, joined
 from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
+    Material,
     Texture,
     check_materials,
     check_texels,
     checked_textures,
     linear_texels,
+    packed,
     records,
 )
 from cltrace.scene.members import lamps_of
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import (
     ANY,
+    NOT_NEGATIVE,
     POSITIVE,
     Vector,
+    check_not_bytes,
     check_rule,
     described,
     numbers,
@@ -53,6 +67,8 @@ from cltrace.scene.surfaces import (
 )
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
+# The fields that hold surfaces beside the spheres.
+OTHERS = ("meshes", "cylinders")
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -73,8 +89,11 @@ class Scene:
     transfer: how the picture's colours become bytes, "linear" or "srgb", see from_spheres(). The colours here are
     linear with either.
 
-    Spheres and meshes are numbered together, from 0, in the order of the file: that is a surface's id in a picture. A
-    mesh knows its number, and the spheres have those that the meshes leave.
+    cylinders: an (n,) array of the dtype CYLINDER, with flat ends; bonds: what moves the first ones of them with the
+    spheres, None for none.
+
+    All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes
+    and cylinders know their numbers, and the spheres have those that these leave.
 
     source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
     colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
@@ -94,6 +113,8 @@ class Scene:
     textures: tuple[Texture, ...]
     background_alpha: float
     transfer: Transfer
+    cylinders: NDArray[np.void]
+    bonds: Bonds | None
     source: Source | None = field(default=None, init=False)
     scale: Scale | None = field(default=None, init=False)
 
@@ -110,6 +131,8 @@ class Scene:
         textures: Iterable[Texture] = (),
         background_alpha: float = 1.0,
         transfer: Transfer = "linear",
+        cylinders: NDArray[np.void] | None = None,
+        bonds: Bonds | None = None,
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
@@ -118,9 +141,15 @@ class Scene:
         check_materials(shades, len(images))
         check_transfer(transfer)
         placed = check_meshes(meshes, len(shades))
+        rods = _records("cylinders", np.zeros(0, CYLINDER) if cylinders is None else cylinders, CYLINDER)
+        check_cylinders(rods, len(shades))
+        _check_numbers(placed, rods)
+        if bonds is not None and bonds.pairs.max(initial=-1) >= len(balls):
+            raise ValueError(f"bonds: must be between {len(balls)} spheres")
         color, alpha = background_of(background, background_alpha)
         state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
         state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
+        state |= {"cylinders": rods, "bonds": bonds}
         self._fill(state | {"to_object": maps, "meshes": placed, "textures": images, "transfer": transfer})
 
     def _fill(self, state: dict[str, Any]) -> None:
@@ -186,16 +215,22 @@ class Scene:
         other.__setstate__({**self.__dict__, **changes})
         return other
 
-    def with_columns(self, columns: Columns, meshes: tuple[PlacedMesh, ...], scale: Scale | None = None) -> Scene:
-        """The same scene with other spheres, materials and meshes, which are taken as they are. scale: None for its."""
+    def with_columns(
+        self,
+        columns: Columns,
+        meshes: tuple[PlacedMesh, ...],
+        cylinders: NDArray[np.void] | None = None,
+        bonds: Bonds | None = None,
+        scale: Scale | None = None,
+    ) -> Scene:
+        """The same scene with other spheres, materials, meshes and so on, which are taken as they are.
+
+        cylinders, bonds, scale: None for the same.
+        """
         other = object.__new__(type(self))
-        state = {
-            **self.__getstate__(),
-            "columns": columns,
-            "meshes": meshes,
-            "source": None,
-            "scale": scale or self.scale,
-        }
+        state = {**self.__getstate__(), "columns": columns, "meshes": meshes, "source": None}
+        more = {"cylinders": cylinders, "bonds": bonds, "scale": scale}
+        state |= {name: value for name, value in more.items() if value is not None}
         other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
         return other
 
@@ -204,6 +239,8 @@ class Scene:
         parts = [f"{len(self.columns)} spheres", f"{len(self.lights)} lights"]
         if self.meshes:
             parts.insert(1, f"{len(self.meshes)} meshes of {self.triangles} triangles")
+        if len(self.cylinders):
+            parts.insert(1, f"{len(self.cylinders)} cylinders")
         return f"<cltrace.Scene {width}x{height}: {', '.join(parts)}>"
 
     @property
@@ -214,11 +251,27 @@ class Scene:
     @functools.cached_property
     def sphere_numbers(self) -> NDArray[np.int32]:
         """(n,): the number of each sphere among all surfaces, rising."""
-        taken = np.array([mesh.number for mesh in self.meshes], np.int64)
+        taken = np.concatenate([np.array([mesh.number for mesh in self.meshes], np.int64), self.cylinders["number"]])
         free = np.setdiff1d(np.arange(len(self.columns) + len(taken)), taken, assume_unique=True)
         numbers = free[: len(self.columns)].astype(np.int32)
         numbers.flags.writeable = False
         return numbers
+
+    def with_bonds_placed(self) -> Scene:
+        """The same scene with bonds where its spheres are now, and as these are."""
+        if self.bonds is None:
+            return self
+        made = self.bonds.placed(self.columns.center, _material_of(self.columns))
+        found = np.concatenate([made, self.cylinders[self.bonds.count :]])
+        found["number"] = len(self.columns) + len(self.meshes) + np.arange(len(found))
+        if found.tobytes() == self.cylinders.tobytes():
+            return self
+        return self._with(cylinders=found, bonds=replace(self.bonds, count=len(made)))
+
+    @property
+    def mixed(self) -> bool:
+        """Whether there are surfaces beside the spheres."""
+        return any(len(getattr(self, name)) for name in OTHERS)
 
     @functools.cached_property
     def columns(self) -> Columns:
@@ -264,6 +317,10 @@ class Scene:
         index: ArrayLike = 1.0,
         transform: ArrayLike | None = None,
         meshes: Iterable[Mesh] | Mesh = (),
+        bonds: ArrayLike | None = None,
+        bond_radius: ArrayLike | None = None,
+        bond_colors: ArrayLike | None = None,
+        box: ArrayLike | None = None,
         background: ArrayLike = (0.0, 0.0, 0.0),
         output_file: str = "scene.png",
         transfer: Transfer = "linear",
@@ -299,6 +356,13 @@ class Scene:
 
         meshes: of cltrace.Mesh, whose numbers follow those of the spheres.
 
+        bonds: (k, 2), pairs of indices of centers, between which cylinders are drawn; bond_radius: (k,) or one number,
+        scene units. Where the ends differ in material, a bond is two cylinders that meet in the middle, each as its
+        end. bond_colors: (k, 3) or one colour for whole bonds, or (k, 2, 3), one for each half; else they are as their
+        ends. box: of a periodic simulation, its three lengths or a (3, 3) matrix of its edges as rows: a bond leads to
+        the nearest image of its other end, and is drawn from both ends to the box's boundary. The numbers of bonds
+        follow those of the meshes.
+
         transfer: "linear" for colours that are linear and become bytes without gamma, as the course has it; "srgb" for
         those that are given and written as sRGB, as other programs have it, while light adds up linearly between:
         colors, the map's, those of meshes' materials and their textures, and the background, but not the lights', which
@@ -324,7 +388,8 @@ class Scene:
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
         known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps, "scale": scale}
-        return cls._made(known, found, shapes, background, transfer)
+        made = cls._made(known, found, shapes, background, transfer)
+        return _bonded(made, {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box})
 
     @classmethod
     def from_meshes(
@@ -374,9 +439,92 @@ class Scene:
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
         state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
+        state |= {"cylinders": np.zeros(0, CYLINDER), "bonds": None}
         named = isinstance(given["lights"], str)
         scene._fill(state | {"lights": joined(())} if named else state)
         return scene.lit_by(given["lights"]) if named else scene
+
+    def with_cylinders(
+        self,
+        starts: ArrayLike,
+        ends: ArrayLike,
+        radius: ArrayLike,
+        colors: ArrayLike | None = None,
+        material: Material | None = None,
+    ) -> Scene:
+        """The same scene with more cylinders, whose numbers follow those of all other surfaces. Their ends are flat;
+        spheres of the same radius at the ends make them round.
+
+        starts, ends: (n, 3), the middles of their ends, and radius: (n,) or one number, scene units; colors: (n, 3) or
+        one colour, as of from_spheres(), or (n, 2, 3), one for each half: then each is two cylinders that meet in the
+        middle; white without. material: a Material without texture, whose colour is that of `colors` if these are
+        given. box_edges() and axes() give starts and ends.
+
+        Raises ValueError, which names the argument and the index, and TypeError if material is none.
+        """
+        made = cylinders_of(starts, ends, radius)
+        kinds, two = materials_of(len(made), colors, material)
+        made = halved(made) if two else made
+        made["material"] = np.arange(len(made)) if len(kinds) == len(made) else 0
+        made["material"] += self.columns.materials_count
+        columns = replace(self.columns, rest=np.concatenate([self.columns.rest, linear(kinds, self.transfer)]))
+        return self.with_columns(columns, self.meshes, _numbered(self, np.concatenate([self.cylinders, made])))
+
+
+def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
+    """A scene with cylinders between its spheres. given: by their names, from_spheres()'s arguments about bonds."""
+    pairs, radius, colors, box = (given[name] for name in ("bonds", "bond_radius", "bond_colors", "box"))
+    if pairs is None:
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(f"{name}: goes with bonds, which are not given")
+        return scene
+    columns = scene.columns
+    bonds = Bonds.of(pairs, radius, box, len(columns))
+    if colors is not None:
+        kinds = _named("bond_colors", len(bonds.pairs), colors)
+        ends = np.broadcast_to(_material_of(columns), (len(columns),))[bonds.pairs]
+        shade = packed(columns.materials_count, columns.every_shade())[ends]
+        shade["color"] = decoded(np.broadcast_to(kinds, shade["color"].shape), scene.transfer)
+        shade["texture"] = -1
+        if kinds.shape[-2:-1] != (2,):  # one colour for both halves is one material, the first end's
+            shade[:, 1] = shade[:, 0]
+        rows, index = np.unique(shade.reshape(-1), return_inverse=True)
+        bonds = replace(bonds, material=(columns.materials_count + index.reshape(-1, 2)).astype(np.int32))
+        columns = replace(columns, rest=np.concatenate([columns.rest, rows]))
+    return scene.with_columns(columns, scene.meshes, bonds=bonds).with_bonds_placed()
+
+
+def _named(name: str, count: int, colors: ArrayLike) -> NDArray[np.float64]:
+    """The colours of bonds: (3,), (k, 1, 3) or (k, 2, 3). Raises ValueError."""
+    shown = np.asarray(color_numbers(name, colors), np.float64)
+    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
+        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
+    check_rule(name, NOT_NEGATIVE, shown)
+    check_not_bytes(name, shown, reflected=True)
+    return shown[:, None] if shown.ndim == 2 else shown
+
+
+def _material_of(columns: Columns) -> NDArray[np.int32]:
+    """(n,) or (): the index of each sphere's material."""
+    return np.arange(len(columns), dtype=np.int32) if columns.material is None else columns.material
+
+
+def _numbered(scene: Scene, cylinders: NDArray[np.void]) -> NDArray[np.void]:
+    """More cylinders than those of a scene, with numbers after all other surfaces."""
+    known = len(scene.cylinders)
+    cylinders["number"][known:] = len(scene.columns) + len(scene.meshes) + np.arange(known, len(cylinders))
+    if len(cylinders) > MAX_CYLINDERS:
+        raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(cylinders)}")
+    return cylinders
+
+
+def _check_numbers(meshes: Iterable[PlacedMesh], cylinders: NDArray[np.void]) -> None:
+    """Raises ValueError if a cylinder has a number that is taken."""
+    taken = np.concatenate([np.array([mesh.number for mesh in meshes], np.int64), cylinders["number"]])
+    found, counts = np.unique(taken, return_counts=True)
+    if (counts > 1).any():
+        raise ValueError(f"cylinders.number: {found[np.argmax(counts)]} is given twice")
 
 
 def share_all_but_camera(old: Scene, new: Scene) -> bool:

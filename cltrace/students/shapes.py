@@ -1,6 +1,6 @@
 """Every surface of a scene in arrays of doubles, and which of them rays meet: by the textbook's equations.
 
-Surfaces are numbered here by part: each sphere is one, and after all spheres each triangle is.
+Surfaces are numbered here by part: each sphere is one, after all spheres each triangle is, and then each cylinder.
 """
 
 from __future__ import annotations
@@ -96,9 +96,11 @@ class Shapes:
         self.rules = rules
         self._spheres(scene)
         self._triangles(scene)
-        self.materials = np.concatenate([scene.spheres["material"].astype(np.intp), self.mesh_materials[self.mesh_of]])
+        self.rods, self.first_rod = scene.cylinders, len(self.radii) + len(self.mesh_of)
+        materials = self.mesh_materials[self.mesh_of], self.rods["material"].astype(np.intp)
+        self.materials = np.concatenate([scene.spheres["material"].astype(np.intp), *materials])
         numbers = np.array([m.number for m in scene.meshes], np.intp)[self.mesh_of]
-        self.numbers = np.concatenate([scene.sphere_numbers, numbers])
+        self.numbers = np.concatenate([scene.sphere_numbers, numbers, self.rods["number"]])
         self.order = np.argsort(self.numbers, kind="stable")
         self.rank = np.argsort(self.order)
         low, high = self._bounds()
@@ -172,8 +174,9 @@ class Shapes:
 
     def _bounds(self) -> tuple[Floats, Floats]:
         reach = self.radii[:, None] * np.sqrt(np.square(self.to_world).sum(axis=2))[self.map_of]
-        low = np.concatenate([self.centers - reach, self.corners.min(axis=1)])
-        return low, np.concatenate([self.centers + reach, self.corners.max(axis=1)])
+        (start, end), r = (self.rods[name] for name in ("start", "end")), self.rods["radius"][:, None]
+        low = np.concatenate([self.centers - reach, self.corners.min(axis=1), np.minimum(start, end) - r])
+        return low, np.concatenate([self.centers + reach, self.corners.max(axis=1), np.maximum(start, end) + r])
 
     def seen(self, rays: Rays, near: float) -> tuple[Ints, Points | None]:
         """Which of the rays meet something further off than `near`, and the points there; kept as `crossings` are."""
@@ -250,10 +253,12 @@ class Shapes:
         else:
             r = np.repeat(np.arange(len(block)), len(self.materials))
             k = np.tile(np.arange(len(self.materials)), len(block))
-        of_sphere = k < len(self.radii)
+        of_sphere, of_rod = k < len(self.radii), k >= self.first_rod
+        flat = ~of_sphere & ~of_rod
         for i, j, t in (
             *self._spheres_crossed(block, r[of_sphere], k[of_sphere]),
-            self._triangles_crossed(block, r[~of_sphere], k[~of_sphere]),
+            self._triangles_crossed(block, r[flat], k[flat]),
+            *self._rods_crossed(block, r[of_rod], k[of_rod]),
         ):
             met = (t > ROUNDING * self.size) & self._is_there(j)  # not where t is NaN
             yield i[met] + start, j[met], t[met]
@@ -276,6 +281,27 @@ class Shapes:
             yield i, k, (b - root) / a
         if self.rules.roots != "near":
             yield i, k, (b + root) / a
+
+    def _rods_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """Where rays i enter and leave cylinders k: what is within the endless one and between the ends' planes."""
+        rods, d = self.rods[k - self.first_rod], rays.directions[i]
+        axis = rods["end"] - rods["start"]
+        length = np.sqrt(dot(axis, axis))
+        u, o = axis / length[:, None], rays.origins[i] - rods["start"]
+        along, speed = dot(o, u), dot(d, u)
+        across, way = o - along[:, None] * u, d - speed[:, None] * u
+        a, b, c = dot(way, way), -dot(across, way), dot(across, across) - rods["radius"] ** 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(b * b - a * c)
+            ends = np.sort([-along / speed, (length - along) / speed], axis=0)
+            near, far = np.fmax((b - root) / a, ends[0]), np.fmin((b + root) / a, ends[1])
+        met = (near <= far) & ((b * b >= a * c) | (a == 0))
+        # A ray is at t = 0 on the surface where it starts.
+        own = rays.parts[i] == k
+        if self.rules.roots != "far":
+            yield i, k, np.where(met & ~(own & (np.abs(near) < np.abs(far))), near, np.nan)
+        if self.rules.roots != "near":
+            yield i, k, np.where(met & ~(own & (np.abs(far) <= np.abs(near))), far, np.nan)
 
     def _triangles_crossed(self, rays: Rays, i: Ints, k: Ints) -> tuple[Ints, Ints, Floats]:
         """The t of rays i in triangles k; NaN for none. A ray does not meet the one that it starts on."""
@@ -305,12 +331,13 @@ class Shapes:
         places = rays.origins + t[:, None] * rays.directions
         n = len(rays)
         outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
-        ball = parts < len(self.radii)
+        ball, rod = parts < len(self.radii), parts >= self.first_rod
+        self._on_rods(places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside)
         self._on_spheres(
             places, rays.directions, k=parts, rows=np.flatnonzero(ball), outward=outward, uv=uv, inside=inside
         )
         self._on_triangles(
-            rays, parts - len(self.radii), rows=np.flatnonzero(~ball), outward=outward, uv=uv, inside=inside
+            rays, parts - len(self.radii), rows=np.flatnonzero(~ball & ~rod), outward=outward, uv=uv, inside=inside
         )
         return Points(places, outward, inside=inside, uv=uv, materials=self.materials[parts], parts=parts)
 
@@ -329,6 +356,25 @@ class Shapes:
         inside[rows] = dot(d[rows], outward[rows] if self.rules.sided_by_normal else true) > 0
         uv[rows, 0] = 0.5 + np.arctan2(q[:, 0] + 0.0, q[:, 2]) / (2 * np.pi)
         uv[rows, 1] = np.arctan2(np.hypot(q[:, 0], q[:, 2]), q[:, 1]) / np.pi
+
+    def _on_rods(
+        self, places: Floats, d: Floats, k: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
+    ) -> None:
+        """A point is on a flat end if the plane of that is as near as the side."""
+        rods = self.rods[k[rows] - self.first_rod]
+        axis = rods["end"] - rods["start"]
+        length = np.sqrt(dot(axis, axis))
+        u, p = axis / length[:, None], places[rows] - rods["start"]
+        along = dot(p, u)
+        m = p - along[:, None] * u
+        gaps = np.abs([np.sqrt(dot(m, m)) - rods["radius"], along, length - along])
+        part = gaps.argmin(axis=0)[:, None]
+        outward[rows] = np.where(part == 0, unit(m), np.where(part == 1, -u, u))
+        inside[rows] = dot(d[rows], outward[rows]) > 0
+        e1 = cross(np.eye(3)[np.abs(axis).argmin(axis=1)], axis)
+        around = np.arctan2(dot(m, unit(cross(axis, e1))), dot(m, unit(e1))) / (2 * np.pi)
+        down = 1 - np.clip(along / length, 0, 1)
+        uv[rows] = np.stack([0.5 + around, np.where(part[:, 0] == 0, down, np.round(down))], axis=1)
 
     def _on_triangles(
         self, rays: Rays, row: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]

@@ -12,6 +12,7 @@
  *   shadow      which lanes' shadow rays it stops
  *   put, put_from  normals, textures and starts of rays at points of it
  *   leave       where rays leave it; fine_start: the same in pairs
+ *   place       puts where shadow rays start in the world into their starts, unless `put` has
  *   encounter   where rays that left a surface meet it; fine_t: t there, in pairs
  *   leave_out_tied  lanes in which two are known to be met at once always
  *   break_tie   which of two that are met at once comes first, if that is not the one that is first in the file
@@ -44,6 +45,12 @@ static MASK first_in_file(const Scene scene, const INT A, const INT B) {
 static __attribute__((always_inline)) void settle_hit(const Scene scene, const Ray ray, Hit *hit) {
     EACH_SHAPE(scene.spheres, hit->id, settle(scene, ray, hit));
 }
+
+#ifdef WITH_PLACED
+static void place_start(const Spheres spheres, Start *start) {
+    EACH_SHAPE(spheres, start->index, place(spheres, start));
+}
+#endif
 
 #ifdef WITH_LEAVING
 #if REAL_BYTES == 8
@@ -104,5 +111,14 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
     ray.w1 = size_of(ray.w);
     EACH_SHAPE(spheres, own, leave(frame, spheres, &ray));
     return ray;
+}
+
+/* Where a ray that left a surface has met another one, rounded, in camera space. */
+static Real3 point_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
+    const Real3 C = ray.center, p = ray.p, w = ray.w;
+    const real4 eye = scene.spheres.eye;
+    const Real3 way = {(C.x - eye.x) + (p.x + met.at.t * w.x), (C.y - eye.y) + (p.y + met.at.t * w.y),
+                       (C.z - eye.z) + (p.z + met.at.t * w.z)};
+    return turned_to_camera(frame, way);
 }
 #endif

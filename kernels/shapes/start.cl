@@ -33,6 +33,32 @@ static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const
     return start_of(own, normal, HAS(WITH_INSIDE) ? (outside ? (REAL)1 : (REAL)-1) : (REAL)1, point);
 }
 
+/* Puts into the lanes `here` of a start that it is at P, in camera space, of a surface that is no sphere. side: as in
+ * Start. */
+static __attribute__((always_inline)) void start_at_place(const REAL_MASK here, const Real3 P, const REAL side,
+                                                          Start *start) {
+    PUT_OF_SHAPE(here, start->own.center.x, P.x);
+    PUT_OF_SHAPE(here, start->own.center.y, P.y);
+    PUT_OF_SHAPE(here, start->own.center.z, P.z);
+    PUT_OF_SHAPE(here, start->own.r, (REAL)0);
+    PUT_OF_SHAPE(here, start->p.x, (REAL)0);
+    PUT_OF_SHAPE(here, start->p.y, (REAL)0);
+    PUT_OF_SHAPE(here, start->p.z, (REAL)0);
+    PUT_OF_SHAPE(here, start->support, (REAL)0);
+    PUT_OF_SHAPE(here, start->side, side);
+    PUT_OF_SHAPE(here, start->stretched, here);
+    PUT_OF_SHAPE(here, start->from_eye.x, P.x);
+    PUT_OF_SHAPE(here, start->from_eye.y, P.y);
+    PUT_OF_SHAPE(here, start->from_eye.z, P.z);
+    PUT_OF_SHAPE(here, start->near_eye, (REAL_MASK)0);
+}
+
+/* P, as where a ray starts that leads along `to`, in the world. */
+static Leaving leaving_to(const Start P, const Real3 to) {
+    const Leaving ray = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
+    return ray;
+}
+
 /* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
  * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */
 static Real3 towards(const Start P, const Real3 point) {

@@ -623,9 +623,9 @@ def test_one_mistake_in_all_spheres_is_told_once() -> None:
 )
 def test_equal_messages_are_one(breaks: tuple[int, ...], ending: str) -> None:
     """breaks: the line breaks before each element but the first."""
-    written = "<torus/>" + "".join("\n" * n + "<torus/>" for n in breaks)
+    written = "<coil/>" + "".join("\n" * n + "<coil/>" for n in breaks)
     warnings = warnings_of(changed("<surfaces>\n", f"<surfaces>\n{written}\n"))
-    assert warnings == [f"25: surfaces: unknown element <torus> ignored{ending}"]
+    assert warnings == [f"25: surfaces: unknown element <coil> ignored{ending}"]
 
 
 def test_one_of_equal_faults_has_a_hint() -> None:
@@ -644,13 +644,13 @@ def test_what_is_unknown_is_ignored_with_a_warning() -> None:
     text = changed('<sphere radius="1.5">', '<sphere radius="1.5" foo="7" y="1">', text)
     text = changed("<lights>", "<lights>\n<lamp/>", text)
     text = changed("</scene>", "<supersampling/></scene>", text)
-    text = changed("</surfaces>", '<cylinder/><sfere/>\n<e:x xmlns:e="http://e"/></surfaces>', text)
+    text = changed("</surfaces>", '<coil/><sfere/>\n<e:x xmlns:e="http://e"/></surfaces>', text)
     assert warnings_of(text) == [
         "6: camera: unknown element <dof> ignored",
         "15: lights: unknown element <lamp> ignored",
         "27: sphere: unknown attribute 'foo' ignored",
         "27: sphere: unknown attribute 'y' ignored",
-        "37: surfaces: unknown element <cylinder> ignored",
+        "37: surfaces: unknown element <coil> ignored",
         "37: surfaces: unknown element <sfere> ignored; did you mean <sphere>?",
         "38: surfaces: unknown element <{http://e}x> ignored",
         "39: scene: unknown element <supersampling> ignored",
@@ -743,9 +743,9 @@ def test_more_light_than_there_is_is_pointed_out() -> None:
 
 
 def test_a_hundred_warnings_are_enough() -> None:
-    warnings = warnings_of(changed("<surfaces>\n", "<surfaces>\n" + "".join(f"<torus{i}/>\n" for i in range(1000))))
-    assert warnings[0] == "25: surfaces: unknown element <torus0> ignored"
-    assert warnings[99:] == ["124: surfaces: unknown element <torus99> ignored", "124: … and 900 more"]
+    warnings = warnings_of(changed("<surfaces>\n", "<surfaces>\n" + "".join(f"<coil{i}/>\n" for i in range(1000))))
+    assert warnings[0] == "25: surfaces: unknown element <coil0> ignored"
+    assert warnings[99:] == ["124: surfaces: unknown element <coil99> ignored", "124: … and 900 more"]
 
 
 @pytest.mark.parametrize(("name", "written"), [("a.jpg", "a.jpg.png"), ("a", "a.png"), (".png", ".png.png")])
@@ -1088,15 +1088,15 @@ def test_lines_beyond_16_bits() -> None:
         "70027: sphere: <position> is missing",
         "70037: sphere: radius must be > 0, got -1",
     ]
-    text = changed("<surfaces>\n", "<surfaces>\n" + "<!-- \n -->" * 70_000 + "<torus/>")
-    assert warnings_of(text) == ["70025: surfaces: unknown element <torus> ignored"]
+    text = changed("<surfaces>\n", "<surfaces>\n" + "<!-- \n -->" * 70_000 + "<coil/>")
+    assert warnings_of(text) == ["70025: surfaces: unknown element <coil> ignored"]
 
 
 def test_a_scene_knows_the_lines_of_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = '<mesh name="m.obj">\n' + MATERIAL_TEXT + "</mesh>\n"
     Path("m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n\nf 1 2 3\n# none\nf 1 2 3 4\n")
     stray = SPHERE_TEXT.replace('radius="1.5"', 'radius="1.5" hollow="yes"')  # read one by one, not in bulk
-    text = changed(SPHERE_TEXT, SPHERE_TEXT + mesh + "<torus/>\n" + stray + mesh)
+    text = changed(SPHERE_TEXT, SPHERE_TEXT + mesh + "<coil/>\n" + stray + mesh)
     lines = text.split("\n")
     expected = [i for i, line in enumerate(lines, 1) if "<sphere" in line or "<mesh" in line]
     lights = [i for i, line in enumerate(lines, 1) if re.search("<(ambient|parallel|point|spot)_light>", line)]
@@ -1162,7 +1162,7 @@ def test_lines_beyond_16_bits_of_wide_characters(encoding: str) -> None:
 @pytest.mark.parametrize("wrong", [b"\xff\xff\xff\xff", b"\xd8\xd8\xd8\xd8", b"\xff"])
 def test_wide_characters_that_are_none(encoding: str, wrong: bytes) -> None:
     """Also where it takes the second pass to find out."""
-    text = SCENE[SCENE.index("<scene") :].replace("<surfaces>", "<surfaces>" + "\n" * 70_000 + "<torus/>")
+    text = SCENE[SCENE.index("<scene") :].replace("<surfaces>", "<surfaces>" + "\n" * 70_000 + "<coil/>")
     text = "\ufeff" + text if encoding == "utf-16-be" else text
     encoded = text.encode(encoding)
     for at in (len(encoded), len(encoded) - 400):
@@ -1384,9 +1384,9 @@ def test_hints_are_made_for_few_of_many_attributes(old: str, line: int, monkeypa
     assert sum(compared) <= 10_000
 
 
-@pytest.mark.parametrize("name", ["up", "sphere", "lights", "torus", "phong"])
+@pytest.mark.parametrize("name", ["up", "sphere", "lights", "coil", "phong"])
 def test_namespaces_are_limited(name: str) -> None:
-    text = changed("<lights>", "<lights><torus />")
+    text = changed("<lights>", "<lights><coil />")
     line = text[: text.index(f"<{name}")].count("\n") + 1
 
     def declaring(count: int, length: int) -> str:

@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm
 import cltrace
 from cltrace.run.devices import Device
 from cltrace.scene import colormaps as maps
+from cltrace.scene import with_spheres
 
 PAIR = {"centers": [(0, 0, 0), (1, 0, 0)], "radii": 0.5}
 CAMERA = cltrace.Camera((0, 0, 40), (0, 0, 0), horizontal_fov=14, resolution=(192, 192))
@@ -150,10 +151,9 @@ def test_a_function_that_cannot_be_pickled_is_asked_for_again() -> None:
     scene = pair(values=[1, 2], cmap=lambda t: np.column_stack([t, t, t]))
     there = pickle.loads(pickle.dumps(scene))
     assert (there.materials == scene.materials).all()
-    renderer = cltrace.Renderer(there)
     with pytest.raises(ValueError, match=r"cmap: must be given again, as the scene's is a function that could not"):
-        renderer.update(values=[1, 2])
-    renderer.update(values=[1, 2], cmap="gray")
+        with_spheres(there, {"values": [1, 2]})
+    assert with_spheres(there, {"values": [1, 2], "cmap": "gray"}).materials["color"].tolist() == [[0] * 3, [1] * 3]
 
 
 def test_norms() -> None:

@@ -19,7 +19,8 @@ SIZE = (60, 44)
 CAMERA = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=15, resolution=SIZE)
 LIGHTS = [cltrace.ambient_light("white")]
 FLAT = {"ka": 1, "kd": 0, "ks": 0}
-WHITE = (1.0, 1.0, 1.0)
+# What smooth pictures with effects have the kernel write, so that all of them share one program.
+SMOOTH = ("rgb8", "color", "alpha")
 
 
 def scene(n: int = 25, background: Any = "white", seed: int = 0, **more: Any) -> cltrace.Scene:
@@ -62,9 +63,8 @@ def test_lines_are_where_surfaces_end(thick: int, device: Device) -> None:
 
 
 def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
-    outputs = ("rgb8", "color")
-    plain = draw(scene(), device, antialias=True, outputs=outputs)
-    image = draw(scene(), device, antialias=True, outputs=outputs, outline=((1, 0, 0.5), 1.5))
+    plain = draw(scene(), device, antialias=True, outputs=SMOOTH)
+    image = draw(scene(), device, antialias=True, outputs=SMOOTH, outline=((1, 0, 0.5), 1.5))
     fine = scene().seen_by(replace(CAMERA, resolution=(4 * SIZE[0], 4 * SIZE[1])))
     rays = cltrace.render(fine, device, outputs=("id", "depth"))
     line = line_by_hand(rays.id, rays.depth, (1.5 * 4 - 1) / 2)
@@ -79,7 +79,7 @@ def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
 def test_crops_and_bands_are_parts_of_the_whole(
     antialias: bool, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    how = {"outline": ("black", 3), "fog": ("white", 7, 11), "antialias": antialias, "outputs": ("rgb8", "color")}
+    how = {"outline": ("black", 3), "fog": ("white", 7, 11), "antialias": antialias, "outputs": SMOOTH}
     whole = draw(scene(), device, **how)
     x0, y0, x1, y1 = 13, 7, 38, 30
     renderer = cltrace.Renderer(scene(), device, **how)
@@ -109,7 +109,7 @@ def test_fog(device: Device) -> None:
 
 def test_smooth_fog_leaves_the_background(device: Device) -> None:
     """Where all surfaces have the fog's colour, a pixel has as much of it as surfaces cover."""
-    how = {"antialias": True, "outputs": ("color", "coverage")}
+    how = {"antialias": True, "outputs": (*SMOOTH, "coverage")}
     image = draw(scene(background="black"), device, fog=((0.5, 0.25, 1), 0, 1), **how)
     assert np.abs(image.color - image.coverage[..., None] * np.array((0.5, 0.25, 1))).max() < 0.07  # of 16 rays one
     edges = (image.coverage > 0.1) & (image.coverage < 0.9)
@@ -126,11 +126,11 @@ def test_lines_fade(device: Device) -> None:
 @pytest.mark.parametrize("antialias", [False, True])
 def test_lines_over_nothing_have_alpha(antialias: bool, device: Device) -> None:
     how = {"antialias": antialias, "outline": ("red", 3)}
-    image = draw(scene(background="#ffffff00"), device, **how, outputs=("rgb8", "alpha", "color"))
-    opaque = draw(scene(), device, **how, outputs=("color",))
+    image = draw(scene(background="#ffffff00"), device, **how, outputs=SMOOTH)
+    opaque = draw(scene(), device, **how, outputs=SMOOTH)
     over = image.color * image.alpha[..., None] + (1 - image.alpha[..., None])
     assert np.abs(over - opaque.color).max() < 1e-5
-    plain = draw(scene(background="#ffffff00"), device, antialias=antialias, outputs=("alpha",))
+    plain = draw(scene(background="#ffffff00"), device, antialias=antialias, outputs=SMOOTH)
     assert ((image.alpha == 1) & (plain.alpha == 0)).any()
     assert (image.alpha >= plain.alpha).all()
     assert np.abs(image.rgba8[..., 3] - 255 * image.alpha).max() <= 0.5

@@ -23,7 +23,7 @@ from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, sh
 from cltrace.plan.shapes.triangle import Floats, Sides, Triangles, along_light, from_point
 from cltrace.scene import AnyCamera, Scene
 
-FLAGS = {"WITH_SHAPES": "shape", "WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
+FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape", "WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,9 @@ Triangles are last, as the kernel, and what is held elsewhere (Held in accel/cel
 index.
 """
 
+from cltrace.plan.shapes.cylinder import Cylinders
 from cltrace.plan.shapes.mesh import Meshes
 from cltrace.plan.shapes.shape import Shape
 from cltrace.plan.shapes.sphere import Spheres
 
-SHAPES: tuple[type[Shape], ...] = (Spheres, Meshes)
+SHAPES: tuple[type[Shape], ...] = (Spheres, Cylinders, Meshes)

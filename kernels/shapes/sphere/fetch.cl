@@ -17,7 +17,7 @@ static void sphere_fetch_hit(const Scene scene, const int index) {
     FETCH(scene.spheres.power, index);
 }
 
-static void sphere_fetch_leaf(const Scene scene, const int leaf) {
-    __global const uchar *lines = (__global const uchar *)(scene.tree.block + leaf);
-    for (int line = 0; line < 4; line++) FETCH(lines, 64 * line);
-}
+/* Leaves of the tree hold them as balls. */
+#define sphere_fetch_leaf ball_fetch_leaf
+#define sphere_add_leaf ball_add_leaf
+#define sphere_add_leaf_for_packet ball_add_leaf_for_packet

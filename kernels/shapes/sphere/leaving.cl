@@ -341,15 +341,14 @@ static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres sphere
     return (gap < -error) | (!(gap > error) & tie);
 }
 
-/* Of spheres no such thing is known. */
-static void sphere_leave_out_tied(const Spheres spheres, const INT A, const INT B, REAL_MASK *open) {
-}
-
-/* Spheres break no tie by themselves. */
-static void sphere_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B, const REAL_MASK close,
-                             REAL_MASK *first) {
-}
+/* Of spheres no such thing is known, and they break no tie by themselves. */
+#define sphere_leave_out_tied(spheres, A, B, open)
+#define sphere_break_tie(spheres, ray, A, B, close, first)
 #endif
+
+/* What shadow rays start with is known since the point was met. */
+static void sphere_place(const Spheres spheres, Start *start) {
+}
 
 /* Puts where the lanes' rays meet the spheres that `index` names into all lanes. */
 static void sphere_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {

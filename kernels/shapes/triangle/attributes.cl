@@ -1,6 +1,5 @@
 /* attributes.cl: what meshes have at the corners of their triangles, normals and texture coordinates, and in between.
  */
-#ifdef WITH_TRIANGLES
 
 static REAL weighted(const Weights w, const REAL a, const REAL b, const REAL c) {
     return (w.a * a + w.b * b) + w.c * c;
@@ -57,4 +56,3 @@ static void map_triangles(const Scene scene, const INT number, const Weights wei
     PUT_WHERE(here, at->u, weighted(weights, LOAD_LANES(u[0]), LOAD_LANES(u[1]), LOAD_LANES(u[2])));
     PUT_WHERE(here, at->v, weighted(weights, LOAD_LANES(v[0]), LOAD_LANES(v[1]), LOAD_LANES(v[2])));
 }
-#endif

@@ -1,5 +1,4 @@
 /* eye.cl: triangles along rays from the eye. */
-#ifdef WITH_TRIANGLES
 
 /* Where each of the lanes' rays meets its triangle. */
 typedef struct {
@@ -180,4 +179,3 @@ static __attribute__((always_inline)) void triangle_settle(const Scene scene, co
     const REAL t = REAL_BYTES == 8 ? at.t : at.t < INFINITY ? at.t : TO_REAL(far_of(hit->near.low));
     PUT_WHERE(here, hit->t, t);
 }
-#endif

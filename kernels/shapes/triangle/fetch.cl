@@ -1,5 +1,4 @@
 /* fetch.cl: what is read of triangles. light: the number of a light, -1: the eye. */
-#ifdef WITH_TRIANGLES
 
 static void triangle_fetch(const Scene scene, const int light, const int index) {
     const int number = index - FIRST_TRIANGLE(scene.spheres);
@@ -22,4 +21,3 @@ static void triangle_fetch_leaf(const Scene scene, const int leaf) {
     __global const uchar *lines = (__global const uchar *)(scene.patch + (leaf - scene.tree.blocks));
     for (int line = 0; line < 6; line++) FETCH(lines, 64 * line);
 }
-#endif

@@ -1,5 +1,4 @@
 /* leaving.cl: triangles and rays that start on surfaces. */
-#ifdef WITH_TRIANGLES
 /* A point of each lane's triangle: how much each corner counts, and the same as a start of rays, see place_on(). */
 typedef struct {
     Weights weights;
@@ -46,6 +45,19 @@ static void triangle_leave(const Frame frame, const Spheres spheres, Leaving *ra
     PUT_OF_SHAPE(here, ray->reach, place.reach);
 }
 
+/* Puts the world's coordinates of the lanes that start on triangles into their starts. */
+static __attribute__((noinline)) void triangle_place(const Spheres spheres, Start *P) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, P->index));
+    const Place3 place = places_of(spheres, P->index, P->q);
+    PUT_WHERE(here, P->anchor.x, place.anchor.x);
+    PUT_WHERE(here, P->anchor.y, place.anchor.y);
+    PUT_WHERE(here, P->anchor.z, place.anchor.z);
+    PUT_WHERE(here, P->step.x, place.step.x);
+    PUT_WHERE(here, P->step.y, place.step.y);
+    PUT_WHERE(here, P->step.z, place.step.z);
+    PUT_WHERE(here, P->reach, place.reach);
+}
+
 /* Puts where the lanes' rays meet the triangles that `index` names into their lanes. */
 static void triangle_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene.spheres, index));
@@ -87,5 +99,4 @@ static void triangle_break_tie(const Spheres spheres, const Leaving ray, const I
     const REAL_MASK before = plane_comes_first(spheres, fine_path(spheres, ray), one, two, *first, flat);
     *first = flat ? before : *first;
 }
-#endif
 #endif

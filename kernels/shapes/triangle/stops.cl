@@ -1,18 +1,4 @@
 /* stops.cl: triangles between a point and a light. */
-#ifdef WITH_TRIANGLES
-/* Puts the world's coordinates of the lanes that start on triangles into their starts. */
-static __attribute__((noinline)) void place_starts(const Spheres spheres, Start *P) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, P->index));
-    const Place3 place = places_of(spheres, P->index, P->q);
-    PUT_WHERE(here, P->anchor.x, place.anchor.x);
-    PUT_WHERE(here, P->anchor.y, place.anchor.y);
-    PUT_WHERE(here, P->anchor.z, place.anchor.z);
-    PUT_WHERE(here, P->step.x, place.step.x);
-    PUT_WHERE(here, P->step.y, place.step.y);
-    PUT_WHERE(here, P->step.z, place.step.z);
-    PUT_WHERE(here, P->reach, place.reach);
-}
-
 #if REAL_BYTES == 8
 /* The sign of N.(P - A) of a triangle, in pairs, for the lanes of `wanted`. step: from the anchor of P to P. */
 static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const FinePath path, const Start P,
@@ -35,7 +21,7 @@ static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const
 /* P, as where a ray starts: along a parallel light, if it is one. */
 static FinePath fine_path_from(const Spheres spheres, const Real3 to, const Start P) {
     const Real3 none = {0, 0, 0};
-    const Leaving point = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
+    const Leaving point = leaving_to(P, to);
     const Pair3 along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
     const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
     const FinePath path = {P.anchor,    fine_start(spheres, point),
@@ -157,7 +143,7 @@ static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const rea
                                                    const MASK inside) {
     const Spheres spheres = *all;
     Start start = *from;
-    place_starts(spheres, &start);
+    place_start(spheres, &start);
     return TO_MASK(stands_before(spheres, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
 }
 
@@ -196,26 +182,3 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     const Start copy = start;
     return stops | decide_stops(&spheres, scene.lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
 }
-#endif
-
-#ifdef WITH_UNSTOPPABLE
-/* The number of `unstoppable` that has the bit of each lane's triangle; 0 of other surfaces. */
-static INT bits_of_triangles(const Scene scene, const int light, const INT own) {
-    __global const int *bits = scene.unstoppable + (long)light * ((scene.triangles + 31) / 32);
-    INT left = IS_TRIANGLE(scene.spheres, own) ? (own - FIRST_TRIANGLE(scene.spheres)) >> 5 : (INT)-1, found = 0;
-    for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
-        PUT_WHERE(left == one, found, (INT)bits[one]);
-        left = left == one ? (INT)-1 : left;
-    }
-    return found;
-}
-
-/* In which lanes the own surface is not known to be a triangle on which no shadow of a light can fall. */
-static MASK may_be_shaded(const Scene scene, const int light, const INT own) {
-    return ((bits_of_triangles(scene, light, own) >> ((own - FIRST_TRIANGLE(scene.spheres)) & 31)) & 1) - 1;
-}
-#define IS_PROVED(scene, light) ((light) < (scene).proved)
-#else
-#define may_be_shaded(scene, light, own) ALL_LANES
-#define IS_PROVED(scene, light) 0
-#endif

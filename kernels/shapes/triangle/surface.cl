@@ -1,5 +1,4 @@
 /* surface.cl: points of triangles that rays have met: their normals, and what starts there. */
-#ifdef WITH_TRIANGLES
 /* n, in camera space, but for the lanes of `lost`: of what is too short or too long to be squared in float, another
  * unit is taken; and where float has nothing of N, since the corners are as one in it, the normal is the way back along
  * the ray d. */
@@ -49,23 +48,9 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     PUT_OF_SHAPE(here, at->q.y, point.q.y);
     PUT_OF_SHAPE(here, at->q.z, point.q.z);
     PUT_OF_SHAPE(here, at->spread, (REAL)1);
-    Start *start = &at->start;
-    PUT_OF_SHAPE(here, start->own.center.x, P.x);
-    PUT_OF_SHAPE(here, start->own.center.y, P.y);
-    PUT_OF_SHAPE(here, start->own.center.z, P.z);
-    PUT_OF_SHAPE(here, start->own.r, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.x, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.y, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.z, (REAL)0);
-    PUT_OF_SHAPE(here, start->support, (REAL)0);
-    PUT_OF_SHAPE(here, start->side, side);
-    PUT_OF_SHAPE(here, start->stretched, here);
-    start->index = id;
-    start->q = at->q;
-    PUT_OF_SHAPE(here, start->from_eye.x, P.x);
-    PUT_OF_SHAPE(here, start->from_eye.y, P.y);
-    PUT_OF_SHAPE(here, start->from_eye.z, P.z);
-    PUT_OF_SHAPE(here, start->near_eye, (REAL_MASK)0);
+    start_at_place(here, P, side, &at->start);
+    at->start.index = id;
+    at->start.q = at->q;
     if (HAS(WITH_UV)) map_triangles(scene, number, point.weights, at);
 }
 
@@ -79,11 +64,6 @@ static __attribute__((always_inline)) void triangle_put(const Frame frame, const
 /* The same of a ray that left a surface. */
 static void triangle_put_from(const Frame frame, const Scene scene, const Leaving ray, const Met met,
                               Intersection *at) {
-    const Real3 C = ray.center, p = ray.p, w = ray.w;
-    const real4 eye = scene.spheres.eye;
-    const Real3 way = {(C.x - eye.x) + (p.x + met.at.t * w.x), (C.y - eye.y) + (p.y + met.at.t * w.y),
-                       (C.z - eye.z) + (p.z + met.at.t * w.z)};
-    flatten(frame, scene, met.id, met.at.shares, ray.d, turned_to_camera(frame, way), at);
+    flatten(frame, scene, met.id, met.at.shares, ray.d, point_from(frame, scene, ray, met), at);
 }
-#endif
 #endif

@@ -12,7 +12,6 @@
  * in the world, that is not 0. That is its sign for the direction w + (e, e^2, e^3) with a small e: one and the same
  * ray for all edges, so exactly one of the triangles around an edge or a corner is met. cltrace/reference has the same.
  */
-#ifdef WITH_TRIANGLES
 
 /* One triangle in all lanes, or each lane's own one. Lengths of the world. */
 typedef struct {
@@ -589,11 +588,6 @@ static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const F
     return LOAD_LANES(sign);
 }
 
-/* -1, 0 or 1 in each lane. */
-static REAL sign_from(const REAL value, const REAL error) {
-    return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
-}
-
 /* The sign of E of the edge between two corners, X and Y, as seen from O in X and Y. Both triangles at an edge compute
  * it from the same end, so they never disagree.
  *
@@ -773,5 +767,3 @@ static Place3 place_on(const Corners corners, const Real3 q) {
 static __attribute__((always_inline)) Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
     return place_on(corners_at(spheres.vertex, spheres.face, TRIANGLE_OR_NONE(spheres, index)), q);
 }
-
-#endif

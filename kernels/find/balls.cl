@@ -1,5 +1,10 @@
-/* leaves.cl: rays that leave surfaces against the spheres in a leaf of the tree, in float32: see find/leaves.cl. */
+/* balls.cl: rays that leave surfaces against the balls in a leaf of the tree, in float32: see find/leaves.cl. A ball is
+ * a sphere, or what of another shape lies between two spheres with one centre. */
 #ifdef WITH_BOUNCES
+static void ball_fetch_leaf(const Scene scene, const int leaf) {
+    __global const uchar *lines = (__global const uchar *)(scene.tree.block + leaf);
+    for (int line = 0; line < 4; line++) FETCH(lines, 64 * line);
+}
 
 /* How a ray stands to a sphere, for 8 spheres and for W rays. may: whether it may meet it. x, y, z: from P to the
  * centre; wx, wy, wz: the unit direction.
@@ -34,7 +39,7 @@
 CHORDS(float8, int8, Chord8, chord_of_8, range_of_chord_8, Range8)
 
 /* Adds those spheres of a leaf that one ray may meet within its reach. */
-static void sphere_add_leaf(const Scene scene, const int leaf, Walker *walker, Search *search) {
+static void ball_add_leaf(const Scene scene, const int leaf, Walker *walker, Search *search) {
     __global const Block *block = scene.tree.block + leaf;
     const float8 x = block->x - walker->o.x, y = block->y - walker->o.y, z = block->z - walker->o.z;
     Chord8 chord = chord_of_8(x, y, z, walker->w.x, walker->w.y, walker->w.z, block->outer);
@@ -60,8 +65,8 @@ static int spheres_met(__global const Block *block, const Bundle *bundle, const 
 }
 
 /* The same for rays of a packet. */
-static void sphere_add_leaf_for_packet(const Scene scene, const int leaf, const MASK live, const Bundle *bundle,
-                                       const float furthest, Search *search) {
+static void ball_add_leaf_for_packet(const Scene scene, const int leaf, const MASK live, const Bundle *bundle,
+                                     const float furthest, Search *search) {
     __global const Block *block = scene.tree.block + leaf;
     const FLOAT ox = LOAD_LANES(search->o[0]), oy = LOAD_LANES(search->o[1]), oz = LOAD_LANES(search->o[2]);
     const FLOAT wx = LOAD_LANES(search->w[0]), wy = LOAD_LANES(search->w[1]), wz = LOAD_LANES(search->w[2]);

@@ -1,0 +1,181 @@
+"""The exact oracle for cylinders with flat ends.
+
+With f = S - o, u = E - S, F = f x u and G = d x u, a ray o + t d is within the endless cylinder between the roots of
+
+    a t^2 - 2 b t + c = 0,    a = G.G,  b = F.G,  c = F.F - r^2 u.u,  D = b^2 - a c,
+
+and between the planes of the ends from t = N / g to t = N' / g, with g = d.u; N and N' are h = f.u and h + u.u, by the
+sign of g. It is in the solid from the later one of the two beginnings to the earlier one of the two ends. Where these
+are in another order, it passes by. So all questions are signs of p + q sqrt(D). On the rim the flat end is met.
+
+In front of whole numbers, pairs of doubles that count their errors compare the same four t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cltrace.numbers.fine import Fine, select
+from cltrace.numbers.pairs import Floats, two_sum
+from cltrace.numbers.surds import Surds, signs_with_root
+from cltrace.numbers.vectors import cross, dot, minus
+from cltrace.numbers.whole import Signs, grid_of, whole
+from cltrace.oracle.rays import ExactRays, Ids, Rays, columns, rounded
+from cltrace.oracle.search import Bools, Hits, Kind, Roots
+from cltrace.scene import Scene
+
+# What the filter takes, or 0: products of ten of its numbers stay within the range of double.
+LOW, HIGH = 2.0**-80, 2.0**80
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinders(Kind):
+    """starts, ends: (m, 3), in the world; radii: (m,)."""
+
+    starts: Floats
+    ends: Floats
+    radii: Floats
+    surface: Ids
+
+    @classmethod
+    def of(cls, scene: Scene) -> Cylinders:
+        """All of a scene."""
+        start, end, radius, number = (scene.cylinders[name] for name in ("start", "end", "radius", "number"))
+        return cls(start, end, radius, number.astype(np.int64))
+
+    @cached_property
+    def grid(self) -> int:  # type: ignore[override]
+        return grid_of(self.starts, self.ends, self.radii)
+
+    @cached_property
+    def moderate(self) -> Bools:
+        """(m,): which ones' numbers are within the range of the filter."""
+        return _moderate(np.concatenate([self.starts, self.ends, self.radii[:, None]], axis=1))
+
+    def near(self, rays: Rays) -> tuple[Ids, Ids]:
+        """Those that the ball around their middle does not rule out, with bounds as of spheres."""
+        assert rays.rough is not None
+        rough, m = rays.rough, len(self.radii)
+        middle, half = self.starts / 2 + self.ends / 2, self.ends / 2 - self.starts / 2
+        outer = (np.sqrt((half * half).sum(axis=1)) + self.radii) * (1 + 2.0**-40)
+        w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
+        x, y, z = ((middle[:, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
+        u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
+        size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
+        room = outer * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * (size + 1e-3 * outer) * length
+        beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
+        fit = _fit(rays)
+        ray, item = np.nonzero(~(beside & fit[:, None] & self.moderate[None]))
+        return (ray, item) if m else (np.empty(0, np.int64), np.empty(0, np.int64))
+
+    def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
+        """By four t with bounds: those of the planes, and those of the endless cylinder."""
+        assert rays.rough is not None
+        rough, zero = rays.rough.at(ray), np.zeros(len(ray))
+        f = minus(
+            tuple(Fine(*two_sum(self.starts[item, i], -rough.anchor[:, i]), zero) for i in range(3)),
+            rough.step,
+        )
+        u = tuple(Fine(*two_sum(self.ends[item, i], -self.starts[item, i]), zero) for i in range(3))
+        w, r = rough.way, Fine.of(self.radii[item])
+        F, G, X, uu = cross(f, u), cross(w, u), cross(f, w), dot(u, u)
+        a, b, c, g, h = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(w, u), dot(f, u)
+        V, k = dot(u, X), h + uu
+        D = uu * (a * r * r - V * V)
+        root = Fine(np.maximum(D.h, 0), np.where(D.h > 0, D.l, 0), D.error).root()
+        ahead = b.h > 0
+        q = select(ahead, b, -b) + root
+        outer, inner = select(ahead, q, -q) / a, select(ahead, c, -c) / q
+        forth = g.h > 0
+        first = select(forth, h, k) / g, select(ahead, inner, outer)
+        last = select(forth, k, h) / g, select(ahead, outer, inner)
+        late, soon = (first[0] - first[1]).sign(), (last[0] - last[1]).sign()
+        begin, end = select(late > 0, *first), select(soon < 0, *last)
+        there, left = (end - begin).sign(), np.array([begin.sign(), end.sign()])
+        known = (D.sign() > 0) & (a.sign() > 0) & (g.sign() != 0) & (late != 0) & (soon != 0) & (there > 0)
+        t = select(left[0] > 0, begin, end)
+        sure = known & ((left[0] > 0) | ((left[0] < 0) & (left[1] > 0)))
+        gone = (D.sign() < 0) | (known & (left[1] < 0))
+        gone |= (g.sign() != 0) & (a.sign() > 0) & (D.sign() > 0) & (late != 0) & (soon != 0) & (there < 0)
+        fit = _fit(rays)[ray] & self.moderate[item]
+        sure, gone = sure & fit, gone & fit
+        t = Fine(t.h, t.l, np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
+        if rays.t_max < np.inf:
+            rest = (t - Fine.of(np.full(len(ray), rays.t_max))).sign()
+            sure, gone = sure & (rest < 0), gone | (sure & (rest > 0))
+        kept = np.flatnonzero(~gone)
+        return Hits(ray[kept], item[kept], sure[kept], t[kept])
+
+    def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
+        S, E, r = (whole(x[item], exact.grid) for x in (self.starts, self.ends, self.radii))
+        u, f = columns(E - S), minus(columns(S * exact.scale[:, None]), exact.start)
+        uu = Surds(((E - S) * (E - S)).sum(axis=1))
+        F, G = cross(f, u), cross(exact.way, u)
+        rim = uu * (r * exact.scale * (r * exact.scale))
+        a, b, c, g, h = dot(G, G), dot(F, G), dot(F, F) - rim, dot(exact.way, u), dot(f, u)
+        k, D = h + uu * exact.scale, b * b - a * c
+        forth = g.signs()
+        low, high = _chosen(forth > 0, h, k), _chosen(forth > 0, k, h)
+        round_, steep = a.signs() > 0, forth != 0
+        real = D.signs() >= 0
+        D = D * real.astype(object)
+        turn = np.where(forth < 0, -1, 1).astype(object)
+
+        def order(N: Surds, sign: int) -> Signs:
+            """The sign of N / g less the root of this sign."""
+            return signs_with_root((N * a - b * g) * turn, g * (-sign * turn), D)
+
+        # Where there is only one pair of ends, the other one does not count.
+        by_flat = steep & (~round_ | (order(low, -1) >= 0)), steep & (~round_ | (order(high, 1) <= 0))
+        both = real & (order(low, 1) <= 0) & (order(high, -1) >= 0)
+        between = real & (h.signs() <= 0) & (k.signs() >= 0)
+        exists = np.where(round_, np.where(steep, both, between), steep & (c.signs() <= 0))
+        one = np.ones(len(item), np.int64)
+        ends = []
+        for flat, N, side in zip(by_flat, (low, high), (-one, one), strict=True):
+            zero = Surds(np.full(len(item), 0, object))
+            of = _chosen(flat, g * g, a), _chosen(flat, N * g, b), _chosen(flat, zero, D)
+            ends.append(
+                Roots(
+                    exists & (steep | round_),
+                    _chosen(of[0].signs() > 0, of[0], Surds(one.astype(object))),
+                    of[1],
+                    side,
+                    D=of[2],
+                    normal=(zero, zero, zero),
+                    unit=exact.unit,
+                    surface=self.surface[item],
+                )
+            )
+        first, second = (end.within(t_min, t_max) for end in ends)
+        begin, end = ends
+        return replace(
+            begin,
+            exists=begin.exists & (first | second),
+            a=_chosen(first, begin.a, end.a),
+            b=_chosen(first, begin.b, end.b),
+            D=_chosen(first, begin.D, end.D),
+            side=np.where(first, -1, 1),
+        )
+
+
+def _chosen(mask: Bools, x: Surds, y: Surds) -> Surds:
+    """x where the mask is true, y elsewhere."""
+    some = mask.astype(object)
+    return x * some + y * (1 - some)
+
+
+def _fit(rays: Rays) -> Bools:
+    """(n,): for which rays the filter's numbers are within its range."""
+    rough = rays.rough
+    assert rough is not None
+    w = rounded(rough.way)
+    return _moderate(w) & _moderate(rounded(rough.step)) & _moderate(rough.anchor) & w.any(axis=1)
+
+
+def _moderate(values: Floats) -> Bools:
+    size = np.abs(values)
+    return np.asarray(((size == 0) | ((size >= LOW) & (size <= HIGH))).all(axis=1))

@@ -1,0 +1,150 @@
+"""Cylinders with flat ends: a row of SHAPES."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.numbers.vectors import cross
+from cltrace.plan.accel.capsules import Capsules
+from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.order import MANY
+from cltrace.plan.paths import Paths
+from cltrace.plan.request import Request
+from cltrace.plan.rounding import Array, Ints, rotated
+from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
+from cltrace.scene import AnyCamera, Scene
+
+FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
+# Bounds are wider by this share than double rounds.
+ROOM = 2.0**-40
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinders(Shape):
+    """n cylinders: a Shape. Many are sorted by place.
+
+    start, end: (n, 3) float64, the middles of their ends, and radius: (n,) float64, in the world, in scene units;
+    of_material: (n,).
+    """
+
+    start: Array
+    end: Array
+    radius: Array
+    of_material: Ints
+
+    words: ClassVar[str] = "cylinders"
+
+    @classmethod
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Cylinders] | None, order_of: OrderOf) -> Cylinders:
+        if before and share(before[0], scene, "cylinders"):
+            return before[1]
+        of = scene.cylinders
+        middle = of["start"] / 2 + of["end"] / 2
+        by_place = len(of) >= MANY and "order" not in request.keep
+        row = order_of(middle) if by_place else np.arange(len(of), dtype=np.int32)
+        of, middle = of[row], middle[row]
+        half = np.sqrt(((of["end"] / 2 - of["start"] / 2) ** 2).sum(axis=1))
+        outer = np.hypot(half, of["radius"]) * (1 + ROOM) + ROOM * np.abs(middle).max(axis=1, initial=0)
+        inner = np.maximum(
+            np.minimum(half, of["radius"]) * (1 - ROOM) - ROOM * np.abs(middle).max(axis=1, initial=0), 0
+        )
+        tree = {"center": middle, "outer": outer, "inner": inner, "member": np.ones(len(of), bool)}
+        parts = {name: np.ascontiguousarray(of[name]) for name in ("start", "end", "radius")}
+        flags = FLAGS if len(of) else {}
+        return cls(row, of["number"].copy(), flags, tree, leave=len(of) > 0, **parts, of_material=of["material"].copy())
+
+    def material(self, scene: Scene) -> Ints:
+        return self.of_material
+
+    def values(self, first: int) -> dict[str, Any]:
+        return {"first_rod": first, "rods": len(self.radius)}
+
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+        rod = np.zeros((len(self.radius), 2, 4), real)
+        if exponent is None or not paths:
+            rod[:, 0, :3], rod[:, 1, :3], rod[:, 0, 3] = self.start, self.end, self.radius
+        else:
+            axis = np.ldexp(self.end - self.start, exponent)
+            length = np.sqrt((axis * axis).sum(axis=1))
+            rod[:, 0, :3] = np.ldexp(self.start - paths.middle, exponent)
+            rod[:, 0, 3], rod[:, 1, 3] = np.ldexp(self.radius, exponent), length
+            rod[:, 1, :3] = axis / np.where(length > 0, length, 1)[:, None]
+        return {"rod": rod.reshape(-1, 4)}
+
+    def in_view(self, camera: AnyCamera, first: int) -> CylindersInView:
+        return CylindersInView(self, camera, first)
+
+    def sides(self, point: Array) -> NDArray[np.int8]:
+        """(n,): whether a point of the world is outside of each cylinder, 1, on it, 0, or inside, -1; exactly."""
+        x, u, r = point - self.start, self.end - self.start, self.radius
+        along, uu = (x * u).sum(axis=1), (u * u).sum(axis=1)
+        across = np.cross(x, u)
+        square, rim = (across * across).sum(axis=1), r * r * uu
+        # Coordinates of x and u are off by 2^-53 of themselves, products by more; 2^-48 of all sizes is beyond that.
+        x1, u1 = np.abs(x).sum(axis=1), np.abs(u).sum(axis=1)
+        error = 2.0**-48 * x1 * u1
+        beyond = np.maximum(-along, along - uu)
+        excess, excess_error = square - rim, 2.0**-45 * (x1 * u1) ** 2 + 2.0**-48 * rim
+        error = error + 2.0**-48 * uu
+        out = np.where((beyond > error) | (excess > excess_error), 1, -1).astype(np.int8)
+        sure = (out > 0) | ((beyond < -error) & (excess < -excess_error))
+        for i in np.flatnonzero(~sure).tolist():
+            out[i] = _exact_side(self.start[i], self.end[i], float(r[i]), point)
+        return out
+
+
+def _exact_side(start: Array, end: Array, radius: float, point: Array) -> int:
+    S, E, P = ([Fraction(v) for v in p.tolist()] for p in (start, end, point))
+    x, u = [p - s for p, s in zip(P, S, strict=True)], [e - s for e, s in zip(E, S, strict=True)]
+    along, uu = sum(a * b for a, b in zip(x, u, strict=True)), sum(a * a for a in u)
+    excess = sum(a * a for a in cross(x, u)) - Fraction(radius) ** 2 * uu
+    beyond = max(-along, along - uu, excess)
+    return (beyond > 0) - (beyond < 0)
+
+
+@dataclass
+class CylindersInView(InView):
+    """Cylinders as a camera sees them: InView. first: the index of the first one as a surface."""
+
+    cylinders: Cylinders
+    camera: AnyCamera
+    first: int
+
+    @cached_property
+    def near(self) -> tuple[Array, Array]:
+        """(n, 3) each: from the eye to the ends' middles, along the camera's axes, in scene units."""
+        return self.seen_from(np.array(self.camera.position))
+
+    def lengths(self) -> Sequence[Array]:
+        return (*self.near, self.cylinders.radius)
+
+    def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
+        sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
+        seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
+        eye = self.capsules(self.near, k)
+        return Sights({"rod_side": sides.reshape(-1)}, eye, [*seen], None, eye.nearest(slice(None)) == 0)
+
+    def from_point(self, light: AtPoint, k: int, side: NDArray[np.int8]) -> Capsules:
+        """What a light sees. side: (n,), gets on which side of each one the light is."""
+        side[:] = self.cylinders.sides(light.place)
+        return self.capsules(self.seen_from(light.place), k)
+
+    def along(self, light: Parallel, k: int, side: NDArray[np.int8]) -> Capsules:
+        """The same of a parallel light. Infinitely far away, it is outside of all."""
+        return self.capsules(self.near, k)
+
+    def capsules(self, ends: tuple[Array, Array], k: int) -> Capsules:
+        start, end = (np.ldexp(p, k) for p in ends)
+        return Capsules(start, end, radius=np.ldexp(self.cylinders.radius, k), first=self.first)
+
+    def seen_from(self, point: Array) -> tuple[Array, Array]:
+        """(n, 3) each: from a point of the world to the ends' middles, along the camera's axes."""
+        basis = np.array(self.camera.basis())
+        return rotated(basis, self.cylinders.start, point), rotated(basis, self.cylinders.end, point)

@@ -1,0 +1,238 @@
+"""Cylinders with flat ends: what a scene holds of them, bonds between spheres, and the edges of simulation boxes.
+
+The solid is { x : |(x - start) x u| <= radius |u|, 0 <= (x - start).u <= u.u } with u = end - start, all of these
+numbers as they are: no axis is normalised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.scene.colors import Transfer, color_numbers, decoded
+from cltrace.scene.materials import Frozen, Material, records
+from cltrace.scene.rules import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    check_not_bytes,
+    check_rule,
+    checked,
+    described,
+    numbers,
+    vector,
+)
+
+CYLINDER = np.dtype(
+    [
+        ("start", "f8", (3,)),  # the middle of one end, scene units
+        ("end", "f8", (3,)),  # the middle of the other one
+        ("radius", "f8"),  # scene units
+        ("material", "i4"),  # index into the scene's materials
+        ("number", "i4"),  # among all surfaces
+    ]
+)
+MAX_CYLINDERS = 2**24
+Floats = NDArray[np.float64]
+
+
+def check_cylinders(cylinders: NDArray[np.void], materials: int) -> None:
+    """Raises ValueError, which names field and index, where a CYLINDER array holds what is not allowed.
+
+    materials: how many there are.
+    """
+    if len(cylinders) > MAX_CYLINDERS:
+        raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(cylinders)}")
+    for name, rule in (("start", ANY), ("end", ANY), ("radius", POSITIVE)):
+        check_rule(f"cylinders.{name}", rule, cylinders[name])
+    _check_length("cylinders.end", cylinders["start"], cylinders["end"])
+    for name, lost, words in (
+        ("material", (cylinders["material"] < 0) | (cylinders["material"] >= materials), "the index of a material"),
+        ("number", cylinders["number"] < 0, "at least 0"),
+    ):
+        if lost.any():
+            i = int(np.argmax(lost))
+            raise ValueError(f"cylinders.{name}[{i}]: must be {words}, got {cylinders[name][i]}")
+
+
+def _check_length(name: str, starts: Floats, ends: Floats) -> None:
+    same = np.flatnonzero((starts == ends).all(axis=1))
+    if len(same):
+        raise ValueError(f"{name}[{same[0]}]: must not be the start")
+
+
+def materials_of(count: int, colors: ArrayLike | None, material: Material | None) -> tuple[NDArray[np.void], bool]:
+    """The materials of cylinders, colours as they were given: one for all, or one for each, or two for each in turn.
+
+    The second answer is whether there are two. Raises ValueError and TypeError, which name the argument and the index.
+    """
+    base = Material() if material is None else material
+    if not isinstance(base, Material):
+        raise TypeError(f"material: must be a cltrace.Material, got {described(material)}")
+    if base.texture is not None:
+        raise ValueError("material: must have no texture")
+    one, _ = records([base])
+    if colors is None:
+        return one, False
+    shown = np.asarray(color_numbers("colors", colors))
+    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
+        raise ValueError(f"colors: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
+    check_rule("colors", NOT_NEGATIVE, shown)
+    check_not_bytes("colors", shown, reflected=True)
+    rows = shown.reshape(-1, 3)
+    made = np.repeat(one, len(rows))
+    made["color"] = rows
+    return made, shown.ndim == 3
+
+
+def linear(materials: NDArray[np.void], transfer: Transfer) -> NDArray[np.void]:
+    """The same with linear colours."""
+    out = materials.copy()
+    out["color"] = decoded(materials["color"], transfer)
+    return out
+
+
+def cylinders_of(starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> NDArray[np.void]:
+    """Checked CYLINDER records, (n,), without materials and numbers. The arguments are Scene.with_cylinders()'s."""
+    first, last = (checked(name, ANY, value, (-1, 3)) for name, value in (("starts", starts), ("ends", ends)))
+    if len(first) != len(last):
+        raise ValueError(f"ends: must be as many as starts, {len(first)}, got {len(last)}")
+    sizes = numbers("radius", radius)
+    if sizes.shape not in ((), (len(first),)):
+        raise ValueError(f"radius: must have shape {(len(first),)} or be one value, got {sizes.shape}")
+    check_rule("radius", POSITIVE, sizes)
+    _check_length("ends", first, last)
+    out = np.zeros(len(first), CYLINDER)
+    out["start"], out["end"], out["radius"] = first, last, sizes
+    return out
+
+
+def halved(cylinders: NDArray[np.void]) -> NDArray[np.void]:
+    """Each one as two, (2 n,), in turn, which meet in the middle."""
+    middle = cylinders["start"] / 2 + cylinders["end"] / 2
+    out = np.repeat(cylinders, 2)
+    out["end"][::2] = middle
+    out["start"][1::2] = middle
+    return out
+
+
+def box_of(box: ArrayLike) -> Floats:
+    """(3, 3): the edges of a box of three lengths, or of three vectors as rows. Raises ValueError, which names it."""
+    given = numbers("box", box)
+    if given.shape not in ((3,), (3, 3)):
+        raise ValueError(f"box: must be 3 lengths or a (3, 3) matrix of its edges, got shape {given.shape}")
+    check_rule("box", POSITIVE if given.ndim == 1 else ANY, given)
+    edges = np.diag(given) if given.ndim == 1 else given
+    sizes = np.sqrt((edges * edges).sum(axis=1))
+    if not sizes.all() or abs(np.linalg.det(edges / sizes[:, None])) < 2.0**-40:
+        raise ValueError("box: must not be flat")
+    return np.asarray(edges)
+
+
+def box_edges(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floats, Floats]:
+    """The starts and ends, (12, 3) each, of the edges of a box, for Scene.with_cylinders().
+
+    box: its three lengths along x, y and z, or a (3, 3) matrix whose rows are its edges; origin: its corner, scene
+    units. Raises ValueError, which names the argument.
+    """
+    edges, corner = box_of(box), np.array(vector("origin", origin))
+    starts, ends = [], []
+    for k in range(3):
+        for i in (0, 1):
+            for j in (0, 1):
+                start = corner + i * edges[(k + 1) % 3] + j * edges[(k + 2) % 3]
+                starts.append(start)
+                ends.append(start + edges[k])
+    return np.array(starts), np.array(ends)
+
+
+def box_corners(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
+    """The corners, (8, 3), of a box, where spheres make the ends of its edges round. The arguments are those of
+    box_edges()."""
+    edges, corner = box_of(box), np.array(vector("origin", origin))
+    return corner + np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ edges
+
+
+def axes(length: float = 1.0, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floats, Floats]:
+    """The starts and ends, (3, 3) each, of the axes x, y and z from a point, for Scene.with_cylinders().
+
+    length: scene units. Raises ValueError, which names the argument.
+    """
+    starts = np.tile(np.array(vector("origin", origin)), (3, 1))
+    return starts, starts + float(checked("length", POSITIVE, length, ())) * np.eye(3)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bonds(Frozen):
+    """Cylinders between the centres of spheres, which follow these.
+
+    pairs: (k, 2) int32, which spheres; radius: (k,); material: (k, 2), of each half, or none, (0, 2), where each has
+    that of its end; box: (3, 3), the edges of a periodic box, or none, (0, 3); count: how many cylinders they are in
+    their scene. A bond is whole where both its halves have one material, else it is two halves that meet in the middle.
+    Across the box's boundary it is two halves also, each from its end to the middle of the way to the nearest image of
+    the other one.
+    """
+
+    pairs: NDArray[np.int32]
+    radius: Floats
+    material: NDArray[np.int32]
+    box: Floats
+    count: int = 0
+
+    @classmethod
+    def of(cls, pairs: ArrayLike, radius: ArrayLike | None, box: ArrayLike | None, spheres: int) -> Bonds:
+        """Checked. spheres: how many there are. Raises ValueError, which names the argument and the index."""
+        given = numbers("bonds", pairs)
+        given = given.reshape(0, 2) if given.shape == (0,) else given
+        if given.ndim != 2 or given.shape[1] != 2:
+            raise ValueError(f"bonds: must have shape (k, 2), got {given.shape}")
+        if len(given) > MAX_CYLINDERS // 2:
+            raise ValueError(f"bonds: must be at most {MAX_CYLINDERS // 2}, got {len(given)}")
+        bad = np.argwhere(~((given >= 0) & (given < spheres) & (given == np.floor(given))))
+        if len(bad):
+            i, j = bad[0]
+            raise ValueError(f"bonds[{i}][{j}]: must be the index of one of {spheres} centers, got {given[i, j]:g}")
+        alone = np.flatnonzero(given[:, 0] == given[:, 1])
+        if len(alone):
+            raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]:g} twice")
+        if radius is None:
+            raise ValueError("bond_radius: must be given with bonds")
+        sizes = numbers("bond_radius", radius)
+        if sizes.shape not in ((), (len(given),)):
+            raise ValueError(f"bond_radius: must have shape {(len(given),)} or be one value, got {sizes.shape}")
+        check_rule("bond_radius", POSITIVE, sizes)
+        edges = np.zeros((0, 3)) if box is None else box_of(box)
+        none = np.zeros((0, 2), np.int32)
+        return cls(given.astype(np.int32), np.array(np.broadcast_to(sizes, (len(given),))), none, edges)
+
+    def placed(self, center: NDArray[Any], of_spheres: NDArray[Any]) -> NDArray[np.void]:
+        """CYLINDER records without numbers.
+
+        center: (n, 3); of_spheres: (n,) or (), the spheres' materials. Raises ValueError, which names the bond, where
+        two spheres that it joins are at one place.
+        """
+        i, j = self.pairs.T
+        a, b = center[i].astype(np.float64), center[j].astype(np.float64)
+        shift = np.zeros_like(a)
+        if len(self.box):
+            shift = -np.rint(np.linalg.solve(self.box.T, (b - a).T).T) @ self.box
+        across = shift.any(axis=1)
+        _check_length("bonds", a, b + shift)
+        material = self.material
+        if not len(material):
+            material = np.stack([np.broadcast_to(of_spheres, (len(center),))[k] for k in (i, j)], axis=1)
+        split = across | (material[:, 0] != material[:, 1])
+        out = np.zeros((len(a), 2), CYLINDER)
+        out["radius"], out["material"] = self.radius[:, None], material
+        out["start"], out["end"] = np.stack([a, b], axis=1), np.stack([b, a], axis=1)
+        middle = a / 2 + (b + shift) / 2
+        out["end"][split, 0] = middle[split]
+        out["end"][split, 1] = middle[split]
+        # Across the boundary, the second half leads to where the first one's other end is seen from there.
+        out["end"][across, 1] = (b / 2 + (a - shift) / 2)[across]
+        out["start"][:, 1], out["end"][:, 1] = out["end"][:, 1].copy(), out["start"][:, 1].copy()
+        _check_length("bonds", *(out[name].reshape(-1, 3).reshape(len(a), 6) for name in ("start", "end")))
+        return np.asarray(out[np.stack([np.ones(len(a), bool), split], axis=1)])

@@ -1,0 +1,102 @@
+/* leaving.cl: cylinders and rays that start on surfaces.
+ *
+ * A point of a cylinder is named by q: q.x is how far along the axis it is, 0 .. 1 of the side, -1 of the disc at S and
+ * 2 of that at E. With m = q.y e1 + q.z e2 (see across_of()), it is exactly S + q.x u + r m / |m| on the side, and S +
+ * m or E + m on a disc. */
+
+/* From S, or from E on the disc there, to the point q; and how far that is at most. */
+typedef struct {
+    Real3 anchor, step;
+    REAL reach;
+} RodPlace;
+
+static RodPlace rod_place(const Rod rod, const Real3 q) {
+    const Across e = across_of(rod);
+    const REAL_MASK on_end = ON_END(q), side = !on_end & !ON_START(q);
+    const Real3 m = {q.y * e.first.x + q.z * e.second.x, q.y * e.first.y + q.z * e.second.y,
+                     q.y * e.first.z + q.z * e.second.z};
+    const REAL over = rod.r * (1 / sqrt(DOT(m, m))), size = REAL_BYTES == 4 ? rod.span : (REAL)1;
+    const REAL by_m = side ? over : (REAL)1, by_u = side ? q.x * size : (REAL)0;
+    const Real3 u = rod.u;
+    RodPlace place;
+    place.anchor.x = on_end ? (REAL_BYTES == 8 ? rod.end.x : rod.start.x + size * u.x) : rod.start.x;
+    place.anchor.y = on_end ? (REAL_BYTES == 8 ? rod.end.y : rod.start.y + size * u.y) : rod.start.y;
+    place.anchor.z = on_end ? (REAL_BYTES == 8 ? rod.end.z : rod.start.z + size * u.z) : rod.start.z;
+    place.step.x = by_u * u.x + by_m * m.x;
+    place.step.y = by_u * u.y + by_m * m.y;
+    place.step.z = by_u * u.z + by_m * m.z;
+    place.reach = size * ROD_SIZE(u) + rod.r;
+    return place;
+}
+
+/* Puts where rays leave cylinders into their lanes. */
+static void cylinder_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray->own));
+    const RodPlace place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
+    PUT_OF_SHAPE(here, ray->center.x, place.anchor.x);
+    PUT_OF_SHAPE(here, ray->center.y, place.anchor.y);
+    PUT_OF_SHAPE(here, ray->center.z, place.anchor.z);
+    PUT_OF_SHAPE(here, ray->p.x, place.step.x);
+    PUT_OF_SHAPE(here, ray->p.y, place.step.y);
+    PUT_OF_SHAPE(here, ray->p.z, place.step.z);
+    PUT_OF_SHAPE(here, ray->r, (REAL)0);
+    PUT_OF_SHAPE(here, ray->reach, place.reach);
+}
+
+/* What shadow rays start with is known since the point was met. */
+static void cylinder_place(const Spheres spheres, Start *start) {
+}
+
+/* Puts where the lanes' rays meet the cylinders that `index` names into their lanes. */
+static void cylinder_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene.spheres, index));
+    const RodMeeting met = rod_encounter(scene.spheres, ray, index, here);
+    PUT_OF_SHAPE(here, at->t, met.t);
+    PUT_OF_SHAPE(here, at->inside, !met.is.out);
+}
+
+/* A cylinder is no part of anything. */
+static int cylinder_primitive(const Scene scene, const int index) {
+    return -1;
+}
+
+#if REAL_BYTES == 8
+/* Puts the way from the anchor to the point that rays leave into their lanes, in pairs. With v = 2^-53, u is exact, e1
+ * and e2 are off by 10 v^2 of their sizes, m by 30 v^2 and m / |m| by 60 v^2. */
+static void cylinder_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray.own));
+    const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, ray.own));
+    const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
+                     two_sum(rod.end.z, -rod.start.z)};
+    const REAL x = fabs(rod.u.x), y = fabs(rod.u.y), z = fabs(rod.u.z);
+    const REAL_MASK by_x = (x <= y) & (x <= z), by_y = !by_x & (y <= z);
+    const Pair one = pair(1, 0), none = pair(0, 0), a = pair(ray.q.y, 0), b = pair(ray.q.z, 0);
+    const Pair3 axis = {choose_pair(by_x, one, none), choose_pair(by_y, one, none),
+                        choose_pair(by_x | by_y, none, one)};
+    const Pair3 e1 = cross_pairs(axis, u), e2 = cross_pairs(u, e1);
+    const Pair3 m = {plus(times(a, e1.x), times(b, e2.x)), plus(times(a, e1.y), times(b, e2.y)),
+                     plus(times(a, e1.z), times(b, e2.z))};
+    const REAL_MASK side = !ON_START(ray.q) & !ON_END(ray.q);
+    const Pair mm = dot_pairs(m, m);
+    const REAL guess = 1 / sqrt(mm.hi);
+    const Pair rest = minus(one, times(mm, two_product(guess, guess)));
+    const Pair r = times(pair(rod.r, 0), two_sum(guess, 0.5 * guess * (rest.hi + rest.lo)));
+    const Pair by_m = choose_pair(side, r, one), by_u = choose_pair(side, pair(ray.q.x, 0), none);
+    const Pair3 own = {plus(times(by_u, u.x), times(by_m, m.x)), plus(times(by_u, u.y), times(by_m, m.y)),
+                       plus(times(by_u, u.z), times(by_m, m.z))};
+    *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(here, own, *step);
+}
+
+/* Puts t of rays that meet cylinders into their lanes, in pairs, and a bound of what it is off by. */
+static void cylinder_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, index));
+    const RodFineRay way = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
+    const FineRod fine = fine_rod(rod_ray_of(ray, index), way, rods_of(spheres, CYLINDER_OR_NONE(spheres, index)));
+    t->t = choose_pair(here, fine.t.t, t->t);
+    t->error = here ? fine.t.error : t->error;
+}
+
+/* Of cylinders no such thing is known, and they break no tie by themselves. */
+#define cylinder_leave_out_tied(spheres, A, B, open)
+#define cylinder_break_tie(spheres, ray, A, B, close, first)
+#endif

@@ -1,0 +1,63 @@
+/* stops.cl: cylinders between a point and a light. */
+
+/* The way from a start to a light, which is at a point, or in the direction `to`. */
+static RodRay rod_ray_to(const real4 lamp, const int at_point, const Start P) {
+    const Real3 L = {lamp.x, lamp.y, lamp.z}, A = P.anchor, none = {0, 0, 0};
+    const Real3 way = {L.x - A.x, L.y - A.y, L.z - A.z};
+    const Real3 w = {way.x - P.step.x, way.y - P.step.y, way.z - P.step.z};
+    const RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L), 0,
+                        0, none};
+    return ray;
+}
+
+#if REAL_BYTES == 8
+/* As decide_rod(), in pairs. */
+static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres spheres, const real4 lamp, const int at_point,
+                                                            const Start *P, const Rod rod) {
+    const Real3 to = {lamp.x, lamp.y, lamp.z};
+    const Leaving point = leaving_to(*P, to);
+    const Pair3 step = fine_start(spheres, point);
+    const Pair3 whole = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
+    const Pair3 way = {minus(two_sum(to.x, -P->anchor.x), step.x), minus(two_sum(to.y, -P->anchor.y), step.y),
+                       minus(two_sum(to.z, -P->anchor.z), step.z)};
+    RodFineRay fine = {step, whole};
+    if (at_point) fine.w = way;
+    const FineRod found = fine_rod(rod_ray_to(lamp, at_point, *P), fine, rod);
+    const REAL gap = (found.t.t.hi - 1) + found.t.t.lo;
+    const REAL_MASK before = at_point ? gap < -found.t.error : TO_REAL_MASK(ALL_LANES);
+    return found.is.hit & (found.t.t.hi > 0) & before;
+}
+#endif
+
+/* The lanes of `wanted` in which a cylinder, which is not the own surface, stands between P and the light. */
+static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const real4 lamp, const int at_point,
+                                                 const Start *from, const int number, const MASK wanted) {
+    Start P = *from;
+    place_start(spheres, &P);
+    const Rod rod = rod_at(spheres, number);
+    const RodMeeting at = rod_meet(rod_ray_to(lamp, at_point, P), rod, TO_REAL_MASK(wanted));
+    REAL_MASK stops = at.t < (at_point ? (REAL)1 : (REAL)INFINITY);
+#if REAL_BYTES == 8
+    REAL_MASK unsure = at.unsure;
+    if (at_point) unsure = unsure | (fabs(at.t - 1) < 0x1p-20);
+    if (RARELY(ANY(TO_MASK(unsure)))) {
+        const REAL_MASK fine = rod_stops_finely(spheres, lamp, at_point, &P, rod);
+        stops = unsure ? fine : stops;
+    }
+#endif
+    return wanted & TO_MASK(stops);
+}
+
+/* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
+ * does if and only if the light is outside of it. */
+static MASK cylinder_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK may,
+                            const MASK lit, Work *work) {
+    const int number = index - FIRST_CYLINDER(scene.spheres);
+    const MASK own = may & (ray.own == index), rest = may & (ray.own != index);
+    MASK stops = own & TO_MASK(start.side < 0);
+    if (ANY(stops) && scene.rod_side[(long)ray.number * scene.rods + number] <= 0) stops = 0;
+    if (!ANY(rest)) return stops;
+    COUNT(DECIDED, rest);
+    if (is_over(scene)) return stops;
+    return stops | decide_rod(scene.spheres, scene.lamp[ray.number], ray.at_point, &start, number, rest);
+}

@@ -1,0 +1,102 @@
+"""Cylinders: the kernel against the exact oracle and the reference, in hostile pictures and plain ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hostile.rod_pictures import REGIMES, scene_of, wrong_pixels
+
+import cltrace
+from cltrace import Camera, Orthographic, Scene, ambient_light, parallel_light, point_light
+from cltrace.reference import world_of
+from cltrace.reference.trace import primary_ray, trace
+from cltrace.run.devices import Device
+
+LIGHTS = (ambient_light((0.2, 0.2, 0.2)), point_light((5, 8, 9)), parallel_light((-1, -1, -0.3), (0.3, 0.3, 0.3)))
+CAMERA = Camera((0, 1, 6), (0, 0, 0), (0, 1, 0), 15, (48, 36))
+
+
+def molecule(**how: object) -> Scene:
+    """Three balls, two bonds of two colours, a coin and a rod."""
+    centers, colors = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    scene = Scene.from_spheres(
+        CAMERA,
+        LIGHTS,
+        centers,
+        0.3,
+        colors,
+        bonds=[(0, 1), (0, 2)],
+        bond_radius=0.12,
+        **how,  # type: ignore[arg-type]
+    )
+    return scene.with_cylinders([(-1, -1, 0), (0.5, -1, 0.1)], [(-1, -1, 0.2), (1, -0.5, 0.8)], [0.6, 0.2], (1, 1, 0))
+
+
+def agrees(scene: Scene, device: Device, precision: str = "accurate", every: int = 3, off: float = 1e-4) -> None:
+    """Of one pixel in so many, number and colour are the reference's."""
+    image, world, (width, height) = cltrace.render(scene, device, precision, ("id", "color")), world_of(scene), (48, 36)
+    for v in range(1, height, every):
+        for u in range(1, width, every):
+            color, at = trace(world, primary_ray(scene.camera, u, v))
+            assert image.id[v, u] == (at.index if at else -1), (u, v)
+            assert np.abs(image.color[v, u] - color).max() <= off, (u, v)
+
+
+def seen_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) -> int:
+    wrong = 0
+    for seed in range(seeds):
+        scene = scene_of(name, seed, size)
+        image = cltrace.render(scene, device, "accurate", ("id", "depth"))
+        wrong += wrong_pixels(scene, image.id, image.depth)
+    return wrong
+
+
+@pytest.mark.parametrize("name", REGIMES)
+def test_hostile_pictures(device: Device, name: str) -> None:
+    assert seen_wrong(name, device, 3, (31, 23)) == 0
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", REGIMES)
+def test_a_million_rays(device: Device, name: str) -> None:
+    assert seen_wrong(name, device, 110, (111, 87)) == 0
+
+
+def test_light_and_shadows(device: Device) -> None:
+    agrees(molecule(), device)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"reflectance": 0.4}, {"transmittance": 0.6, "index": 1.5, "reflectance": 0.1}])
+def test_mirrors_and_glass(device: Device, how: dict[str, float]) -> None:
+    scene = molecule(**how)
+    agrees(replace(scene, camera=replace(CAMERA, max_bounces=3)), device, every=2)
+
+
+@pytest.mark.slow
+def test_parallel_rays(device: Device) -> None:
+    agrees(molecule().seen_by(Orthographic((0, 1, 6), (0, 0, 0), (0, 1, 0), 3.2, (48, 36))), device, every=2)
+
+
+@pytest.mark.slow
+def test_single(device: Device) -> None:
+    """In float32, few pixels at edges may be others."""
+    scene = molecule()
+    exact, rough = (cltrace.render(scene, device, precision, ("id", "color")) for precision in ("accurate", "single"))
+    same = exact.id == rough.id
+    assert same.mean() > 0.995
+    assert (np.abs(exact.color - rough.color).max(axis=2)[same] < 1e-3).mean() > 0.995
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("antialias", [True, "proved"])
+def test_antialiasing_is_that_of_more_pixels(device: Device, antialias: object) -> None:
+    scene = molecule()
+    image = cltrace.render(scene, device, "accurate", ("rgb8",), antialias=antialias)  # type: ignore[arg-type]
+    fine = cltrace.render(scene.seen_by(replace(CAMERA, resolution=(48 * 16, 36 * 16))), device, "accurate", ("color",))
+    mean = np.clip(fine.color, 0, 1).reshape(36, 16, 48, 16, 3).mean(axis=(1, 3)) * 255
+    off = np.abs(image.rgb8 - mean)
+    assert off.mean() < 0.3
+    assert off.max() < 32  # 255 times what 95 of 100 means over 16 rays are off by, where colours differ by 1

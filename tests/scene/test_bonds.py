@@ -1,0 +1,152 @@
+"""Cylinders and bonds in scenes: what is given, what becomes of it, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cltrace
+from cltrace import Camera, Material, Scene, ambient_light
+from cltrace.oracle import closest_hit
+from cltrace.scene import with_spheres
+
+CAMERA = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), 30, (8, 6))
+PLACES = [(0, 0, 0), (1, 0, 0), (0, 9, 0)]
+
+
+def balls(**how: object) -> Scene:
+    return Scene.from_spheres(CAMERA, ambient_light(), PLACES, 0.2, **how)  # type: ignore[arg-type]
+
+
+def test_bonds_of_one_material_are_whole() -> None:
+    scene = balls(bonds=[(0, 1), (2, 0)], bond_radius=0.1)
+    assert scene.cylinders["start"].tolist() == [[0, 0, 0], [0, 9, 0]]
+    assert scene.cylinders["end"].tolist() == [[1, 0, 0], [0, 0, 0]]
+    assert scene.cylinders["number"].tolist() == [3, 4]
+    assert scene.sphere_numbers.tolist() == [0, 1, 2]
+    assert scene.columns.materials_count == 1
+
+
+def test_bonds_have_the_colors_of_their_ends() -> None:
+    scene = balls(colors=[(1, 0, 0), (0, 1, 0), (1, 0, 0)], bonds=[(0, 1)], bond_radius=0.1)
+    rods = scene.cylinders
+    assert scene.materials["color"][rods["material"]].tolist() == [[1, 0, 0], [0, 1, 0]]
+    assert rods["end"][0].tolist() == rods["start"][1].tolist() == [0.5, 0, 0]
+
+
+def test_bonds_across_a_periodic_box_lead_to_the_nearest_image() -> None:
+    scene = balls(bonds=[(0, 2)], bond_radius=0.1, box=(10, 10, 10))
+    rods = scene.cylinders
+    assert rods["start"].tolist() == [[0, 0, 0], [0, 9.5, 0]]
+    assert rods["end"].tolist() == [[0, -0.5, 0], [0, 9, 0]]
+    tilted = balls(bonds=[(0, 2)], bond_radius=0.1, box=[(10, 0, 0), (3, 10, 0), (0, 0, 10)])
+    assert np.allclose(tilted.cylinders["end"][0] - tilted.cylinders["start"][0], (-1.5, -0.5, 0))
+
+
+def test_bonds_may_have_colors_of_their_own() -> None:
+    two = balls(bonds=[(0, 1)], bond_radius=0.1, bond_colors=[[(1, 0, 0), (0, 0, 1)]], ka=0.3)
+    assert two.materials["color"][two.cylinders["material"]].tolist() == [[1, 0, 0], [0, 0, 1]]
+    assert (two.materials["ka"] == 0.3).all()
+    one = balls(bonds=[(0, 1), (0, 2)], bond_radius=0.1, bond_colors="gold")
+    assert len(one.cylinders) == 2
+
+
+def test_bonds_move_with_their_ends() -> None:
+    scene = balls(bonds=[(0, 1), (0, 2)], bond_radius=0.1, box=(10, 10, 10)).with_cylinders(
+        *cltrace.box_edges((10, 10, 10)), 0.05, "white"
+    )
+    moved = with_spheres(scene, {"centers": [(0, 0, 0), (2, 0, 0), (0, 1, 0)]})
+    assert moved.cylinders["end"][:2].tolist() == [[2, 0, 0], [0, 1, 0]]  # none is across the boundary any more
+    assert len(scene.cylinders) == 15
+    assert len(moved.cylinders) == 14
+    assert moved.cylinders["number"].tolist() == list(range(3, 17))
+    painted = with_spheres(moved, {"colors": [(1, 0, 0), (0, 1, 0), (0, 0, 1)]})
+    assert len(painted.cylinders) == 16
+    colors = painted.materials["color"][painted.cylinders["material"]]
+    assert colors[:5].tolist() == [[1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1], [1, 1, 1]]
+    assert with_spheres(painted, {"ks": 0.1}).cylinders is painted.cylinders
+
+
+def test_cylinders_of_two_colors_meet_in_the_middle() -> None:
+    scene = balls().with_cylinders([(0, 0, 0)], [(0, 0, 2)], 0.5, [[(1, 0, 0), (0, 0, 1)]])
+    assert scene.cylinders["end"][0].tolist() == scene.cylinders["start"][1].tolist() == [0, 0, 1]
+    assert "2 cylinders" in repr(scene)
+
+
+def test_scenes_with_cylinders_are_copied_and_pickled() -> None:
+    scene = balls(bonds=[(0, 1)], bond_radius=0.1).with_cylinders([(0, 0, 0)], [(0, 0, 2)], 0.5, material=Material())
+    for other in (pickle.loads(pickle.dumps(scene)), replace(scene), scene.seen_by(CAMERA)):
+        assert other.cylinders.tobytes() == scene.cylinders.tobytes()
+        assert other.bonds.pairs.tolist() == [[0, 1]]
+
+
+def test_boxes_and_axes() -> None:
+    starts, ends = cltrace.box_edges((1, 2, 3), (5, 5, 5))
+    assert sorted(np.abs(ends - starts).sum(axis=1).tolist()) == [1] * 4 + [2] * 4 + [3] * 4
+    corners = {tuple(p) for p in cltrace.box_corners((1, 2, 3), (5, 5, 5)).tolist()}
+    assert {tuple(p) for p in np.vstack([starts, ends]).tolist()} == corners
+    assert len(corners) == 8
+    starts, ends = cltrace.axes(2, (1, 0, 0))
+    assert ends.tolist() == [[3, 0, 0], [1, 2, 0], [1, 0, 2]]
+
+
+def test_cameras_fit_cylinders() -> None:
+    scene = Scene.from_spheres(CAMERA, ambient_light(), [], []).with_cylinders([(0, 0, 0)], [(0, 4, 0)], 1)
+    camera = Camera.fit(scene, view="front", resolution=(40, 40), margin=0)
+    assert np.allclose(camera.lookat[1], 2, atol=0.5)
+
+
+def test_any_rays_meet_cylinders_as_the_oracle_says() -> None:
+    rng = np.random.default_rng(5)
+    scene = balls(bonds=[(0, 1), (0, 2)], bond_radius=0.15).with_cylinders([(-1, 0, 0)], [(-1, 0.1, 0)], 0.8)
+    o, d = rng.normal(size=(2, 4000, 3))
+    hits, exact = cltrace.trace_rays(scene, o, d), closest_hit(scene, o, d)
+    assert (hits.id == exact.id).all()
+    assert (hits.t == exact.t).all()
+    met = hits.id >= 3
+    assert met.sum() > 200
+    assert np.allclose(np.linalg.norm(hits.normal[met], axis=1), 1)
+
+
+WRONG = [
+    ({"bond_radius": 1}, "bond_radius: goes with bonds"),
+    ({"bonds": [(0, 1)]}, "bond_radius: must be given"),
+    ({"bonds": [(0, 3)], "bond_radius": 1}, r"bonds\[0\]\[1\]: must be the index of one of 3 centers, got 3"),
+    ({"bonds": [(0, 0.5)], "bond_radius": 1}, r"bonds\[0\]\[1\]"),
+    ({"bonds": [(1, 1)], "bond_radius": 1}, r"bonds\[0\]: must be two different centers"),
+    ({"bonds": [0, 1], "bond_radius": 1}, r"bonds: must have shape \(k, 2\)"),
+    ({"bonds": [(0, 1)], "bond_radius": 0}, "bond_radius: must be > 0"),
+    ({"bonds": [(0, 1)], "bond_radius": [1, 2]}, "bond_radius: must have shape"),
+    ({"bonds": [(0, 1)], "bond_radius": 1, "bond_colors": [(1, 1, 1)] * 3}, "bond_colors: must have shape"),
+    ({"bonds": [(0, 1)], "bond_radius": 1, "box": (1, 2)}, "box: must be 3 lengths"),
+    ({"bonds": [(0, 1)], "bond_radius": 1, "box": [(1, 0, 0), (2, 0, 0), (0, 0, 1)]}, "box: must not be flat"),
+]
+
+
+@pytest.mark.parametrize(("how", "fault"), WRONG)
+def test_wrong_bonds(how: dict[str, object], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        balls(**how)
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        (([(0, 0, 0)], [(0, 0, 0)], 1), r"ends\[0\]: must not be the start"),
+        (([(0, 0, 0)], [(0, 0, 1), (1, 1, 1)], 1), "ends: must be as many as starts"),
+        (([(0, 0, 0)], [(0, 0, 1)], -1), "radius: must be > 0"),
+        (([(0, 0, 0)], [(0, 0, np.nan)], 1), r"ends\[0\]\[2\]"),
+        (([(0, 0, 0)], [(0, 0, 1)], 1, [(1, 1, 1)] * 2), "colors: must have shape"),
+    ],
+)
+def test_wrong_cylinders(given: tuple[object, ...], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        balls().with_cylinders(*given)  # type: ignore[arg-type]
+
+
+def test_spheres_at_one_place_cannot_be_bound() -> None:
+    with pytest.raises(ValueError, match=r"bonds\[0\]"):
+        Scene.from_spheres(CAMERA, (), [(0, 0, 0)] * 2, 1, bonds=[(0, 1)], bond_radius=1)
