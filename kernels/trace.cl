@@ -25,8 +25,7 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
     return ray;
 }
 
-/* The nearest surface along the ray; of equally near ones, that which comes first in the scene file. tile: see trace().
- */
+/* The nearest surface along the ray; of equally near ones, the first in the scene file. tile: see trace(). */
 static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = no_hit();
     EyeLine line = eye_line(scene, ray);
