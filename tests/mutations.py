@@ -57,6 +57,7 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
+RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
@@ -107,6 +108,14 @@ MUTATIONS = [
         "fronts once rays go on",
         "tests/renderers/test_update.py -k fronts",
     ),
+    Mutation("found.flat = found.out ? in_near : in_far;", "found.flat = in_near;", "cylinders from inside", RODS),
+    Mutation(
+        "by.c = (2 * e.F1 * off.F + 3 * off.F * off.F) + round * (FF + e.rr * e.uu);",
+        "by.c = 0;",
+        "when doubles are sure of a cylinder's side",
+        RODS,
+    ),
+    Mutation("(is.after >= 0) & (is.before >= 0);", "(is.after >= 0);", "a cylinder's second end", RODS),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),

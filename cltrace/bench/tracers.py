@@ -139,6 +139,7 @@ def too_rich(scene: Scene) -> str:
     used = scene.materials[np.unique(scene.spheres["material"])]
     has = {
         "meshes": bool(scene.meshes),
+        "cylinders": bool(len(scene.cylinders)),
         "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
         "textures": bool((used["texture"] >= 0).any()),
         "mirrors": bool((used["reflectance"] > 0).any()),

@@ -44,7 +44,7 @@ class Composition:
             scene.background_alpha,
             scene.transfer,
             truncate,
-            effects if listed and not {"rgb8", "rgba8", "color", "alpha"}.isdisjoint(outputs) else None,
+            effects if listed and any(name in outputs for name in ("rgb8", "rgba8", "color", "alpha")) else None,
         )
 
     @property

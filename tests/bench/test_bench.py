@@ -258,7 +258,7 @@ def test_a_peer(tmp_path: Path) -> None:
     peer = embree.Embree(str(program), tmp_path)
     scene = scenes.cloud(16, SMALL)
     assert peer.refuses(scene) == ""
-    assert peer.refuses(rich()) == "ellipsoids"
+    assert peer.refuses(rich()) == "ellipsoids, textures"
     done = peer.run(scene, 3)
     assert (done.kernel, done.whole) == ([2.5, 3], 4)
     assert done.rgb8.shape == (27, 48, 3)

@@ -1442,6 +1442,36 @@ def test_faults_of_soft_lights(old: str, new: str, fault: str) -> None:
     assert fault in found
 
 
+ROD = f"""<cylinder radius="0.5">
+<start x="1" y="2" z="3"/><end x="1" y="2" z="5"/>{MATERIAL_TEXT}</cylinder>
+"""
+
+
+def test_cylinders_count_among_the_surfaces() -> None:
+    scene, bare = scene_of(changed("<surfaces>\n", f"<surfaces>\n{ROD}")), scene_of(SCENE)
+    rod = scene.cylinders[0]
+    assert (rod["start"].tolist(), rod["end"].tolist(), rod["radius"]) == ([1, 2, 3], [1, 2, 5], 0.5)
+    assert rod["number"] == 0
+    assert scene.sphere_numbers.tolist() == [number + 1 for number in bare.sphere_numbers]
+    assert scene.source is not None
+    assert scene.source.surfaces[0] == 25
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('radius="0.5"', "", "25: cylinder: attribute radius is missing"),
+        ('radius="0.5"', 'radius="0"', "25: cylinder: radius must be > 0, got 0"),
+        ('<start x="1" y="2" z="3"/>', "", "25: cylinder: <start> is missing"),
+        ('z="5"', 'z="3"', "25: cylinder: end must not be the start"),
+        ('z="5"', 'z="nan"', "26: cylinder end: z must be a finite number, got nan"),
+        (MATERIAL_TEXT, "", "25: cylinder: <material_solid> or <material_textured> is missing"),
+    ],
+)
+def test_faults_of_cylinders(old: str, new: str, fault: str) -> None:
+    assert fault in faults_of(changed("<surfaces>\n", f"<surfaces>\n{changed(old, new, ROD)}"))
+
+
 def test_a_prefix_may_be_declared_often() -> None:
     text = changed("<surfaces>", "<surfaces>" + "".join(f'<e:x xmlns:e="urn:{i}"/>' for i in range(1000)))
     assert same(read_text(text)[0], scene_of(SCENE))

@@ -52,6 +52,7 @@ def sky(n: int = 1024) -> np.ndarray:
     return cltrace.sky_light((4.0, 4.0, 4.0), directions=n)
 
 
+@pytest.mark.slow
 def test_a_ball_on_a_floor_under_a_whole_sky() -> None:
     """It hides (R/d)^2 cos of the floor's sky, with d the way to its middle and cos = R/d above the horizon."""
     scene = Scene.from_spheres(from_above(), [sky()], [(0, 1, 0)], 1.0, meshes=[floor()], **MATTE)
@@ -60,6 +61,7 @@ def test_a_ball_on_a_floor_under_a_whole_sky() -> None:
     assert np.sqrt(np.mean((red - (1 - (1 + x * x) ** -1.5)) ** 2)) < 1.5 / 255
 
 
+@pytest.mark.slow
 def test_a_floor_beside_a_long_wall_under_a_whole_sky() -> None:
     """A wall of height h at the distance x hides (1 - cos(e)) / 2 of the floor's sky, with tan(e) = h / x."""
     scene = Scene.from_meshes(from_above(), [sky()], [floor(), wall(0, 1.5)])
@@ -69,6 +71,7 @@ def test_a_floor_beside_a_long_wall_under_a_whole_sky() -> None:
     assert np.sqrt(np.mean((image.color[80, :, 0] - want) ** 2)) < 1.5 / 255
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sun", "ball"])
 def test_the_penumbra_of_a_straight_edge(kind: str) -> None:
     """Of a disc, an edge at s radii from its middle hides (acos(s) - s sqrt(1 - s^2)) / pi."""
@@ -194,6 +197,7 @@ def test_an_explanation_has_a_soft_light_as_one() -> None:
     assert sums + told.rays[0].ambient[0].color == pytest.approx(told.color)
 
 
+@pytest.mark.slow
 def test_a_picture_without_a_soft_light_s_shadows_is_found_out() -> None:
     scene = crowd([sky(16), cltrace.point_light((3, 9, 9), (0.5, 0.5, 0.5))], **MATTE)
     mine = cltrace.render(scene.lit_by([scene.lights[1:]])).rgb8

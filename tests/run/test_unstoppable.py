@@ -201,8 +201,10 @@ def test_other_cameras_know_it(device: Device, monkeypatch: pytest.MonkeyPatch) 
     assert not known(brighter).any()
 
 
-def test_only_accurate_needs_it(device: Device) -> None:
-    for precision, keep in (("single", ()), ("double", ()), ("accurate", ("unstopped",)), ("accurate", ("lists",))):
+def test_only_filters_need_it(device: Device) -> None:
+    for precision, keep in (
+        ("single", ()), ("double", ("filter",)), ("accurate", ("unstopped",)), ("accurate", ("lists",)),
+    ):  # fmt: skip
         plan = Plan.of_scene(of(floor()), Request(precision, keep=keep))  # type: ignore[arg-type]
         assert "WITH_UNSTOPPABLE" not in plan.features
     assert "WITH_UNSTOPPABLE" in Plan.of_scene(of(floor()), Request("accurate")).features

@@ -37,9 +37,12 @@ class Embree(Peer):
         self.grows = not variant
 
     def refuses(self, scene: Scene) -> str:
-        ellipsoids = bool((scene.spheres["to_object"] >= 0).any())
-        textures = bool((scene.materials["texture"] >= 0).any())
-        return "ellipsoids" if ellipsoids else "textures" if textures else ""
+        has = {
+            "cylinders": bool(len(scene.cylinders)),
+            "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
+            "textures": bool((scene.materials["texture"] >= 0).any()),
+        }
+        return ", ".join(name for name, there in has.items() if there)
 
     def run(self, scene: Scene, frames: int) -> Run:
         path, out = self._file(scene, ".embree"), self._folder / "embree.rgb"
