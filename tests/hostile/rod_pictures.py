@@ -106,6 +106,21 @@ def grazing(rng: np.random.Generator) -> Made:
     return _made(rng, [a, b], [b, a + out], [r, r * 0.9], at=point, eye=eye, angle=np.degrees(narrow))
 
 
+def edges(rng: np.random.Generator) -> Made:
+    """The middle pixel's ray touches a side, or passes through a rim, but for what rounding the eye does."""
+    a, b, r = rng.normal(size=3), rng.normal(size=3), 10 ** rng.uniform(-2, 0.3)
+    u = (b - a) / np.linalg.norm(b - a)
+    out = np.cross(u, _unit(rng))
+    out /= np.linalg.norm(out)
+    way = _unit(rng)
+    if rng.random() < 0.5:
+        point, way = a + rng.uniform(0.1, 0.9) * (b - a) + r * out, np.cross(out, u) + rng.normal() * u
+    else:
+        point = a + rng.integers(0, 2) * (b - a) + r * out
+    eye = point - way * 10 ** rng.uniform(-1, 1)
+    return _made(rng, [a], [b], [r], at=point, eye=eye, angle=10.0 ** -rng.uniform(8, 12))
+
+
 def inside(rng: np.random.Generator) -> Made:
     """The eye is inside of some of them, or at their surface."""
     a, way = rng.normal(size=(6, 3)) * 0.2, _unit(rng, 6)
@@ -182,6 +197,7 @@ REGIMES: dict[str, Callable[[np.random.Generator], Made]] = {
     "needles": needles,
     "coins": coins,
     "grazing": grazing,
+    "edges": edges,
     "inside": inside,
     "straight": straight,
     "joints": joints,
