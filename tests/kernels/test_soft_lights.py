@@ -174,6 +174,7 @@ def test_proved_means_hold_under_a_panel() -> None:
     assert 0.05 < np.median(proved.error[proved.error > 0]) < 1
 
 
+@pytest.mark.slow
 def test_a_soft_light_is_lit_where_any_member_reaches() -> None:
     scene = crowd(every_kind())
     found = lighting(scene)
