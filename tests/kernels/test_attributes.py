@@ -115,6 +115,7 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
         {
             "WITH_TRIANGLES",
             "WITH_SHAPES",
+            "WITH_PLACED",
             "WITH_LEAVING",
             "WITH_INTERSECTION",
             "WITH_NORMAL",
