@@ -1,6 +1,6 @@
 """How far pictures in soft light are from those in all of it: the table of docs/accuracy.md.
 
-.venv/bin/python -m tests.soft_lights prints it. The truth is 16,384 directions, a Fibonacci lattice as well.
+.venv/bin/python tests/soft_lights.py prints it. The truth is 16,384 directions, a Fibonacci lattice as well.
 """
 
 from __future__ import annotations

@@ -266,13 +266,21 @@ class Shadows(Tracer):
         o, d = things.point(self.ray.origin), things.unit(self.ray.direction)
         P = o + real(at.distance) * d + real(self.off) * things.unit(at.normal)
         l = things.unit(self.way(light, at))  # noqa: E741
-        distance = np.linalg.norm(things.point(light.position) - P) if light.position else real(math.inf)
+        distance = length(things.point(light.position) - P) if light.position else real(math.inf)
         s = things.met(P, l, None if self.own else at)
         return bool(np.any((s > real(self.epsilon)) & (s < self.s_max(light, distance))))
 
 
+def length(v: Floats) -> Floats:
+    return np.sqrt(np.einsum("i,i->", v, v))
+
+
 class Things:
-    """The surfaces of a world as a student's lists, in numbers of one floating-point type, along the world's axes."""
+    """The surfaces of a world as a student's lists, in numbers of one floating-point type, along the world's axes.
+
+    Sums are einsum's, as those of matrix products are rounded in another way on each kind of processor: acne would be
+    elsewhere.
+    """
 
     def __init__(self, world: World, real: type[np.floating]) -> None:
         self.real, self.eye = real, np.array(world.camera.position, real)
@@ -290,11 +298,11 @@ class Things:
 
     def point(self, p: reference.Point | Start) -> Floats:
         seen = np.array(tuple(p.point if isinstance(p, Start) else p), self.real)
-        return seen @ self.basis + self.eye
+        return np.einsum("i,ij->j", seen, self.basis) + self.eye
 
     def unit(self, v: Direction) -> Floats:
-        w = np.array(tuple(v), self.real) @ self.basis
-        return w / np.linalg.norm(w)
+        w = np.einsum("i,ij->j", np.array(tuple(v), self.real), self.basis)
+        return w / length(w)
 
     def met(self, o: Floats, d: Floats, but: Intersection | None) -> Floats:
         """Every s at which the ray meets something, both ends of the way through a ball; NaN where there is none.
@@ -303,7 +311,7 @@ class Things:
         """
         with np.errstate(all="ignore"):
             f = np.einsum("nij,nj->ni", self.to_object, o - self.center)
-            w = self.to_object @ d
+            w = np.einsum("nij,j->ni", self.to_object, d)
             a, b = np.einsum("ni,ni->n", w, w), np.einsum("ni,ni->n", f, w)
             c = np.einsum("ni,ni->n", f, f) - self.radius * self.radius
             root = np.sqrt(b * b - a * c)
@@ -313,7 +321,7 @@ class Things:
             to = o - self.a
             u = np.einsum("ni,ni->n", to, p) * inverse
             q = np.cross(to, self.e1)
-            v = (q @ d) * inverse
+            v = np.einsum("ni,i->n", q, d) * inverse
             s = np.where((u >= 0) & (v >= 0) & (u + v <= 1), np.einsum("ni,ni->n", self.e2, q) * inverse, np.nan)
             found = np.concatenate([(-b - root) / a, (-b + root) / a, s])
         if but is not None:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from soft_lights import table
 
 import cltrace
 from cltrace.plan import passes
 from cltrace.scene import Scene
 from cltrace.students.check import check
 from cltrace.students.lit import lighting
-from tests.soft_lights import table
 
 GREY = (0.9, 0.9, 0.9)
 MATTE: dict[str, Any] = {"ka": 0, "kd": 1, "ks": 0}
