@@ -58,6 +58,7 @@ FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
+ROD_FILTER = "tests/kernels/test_cylinders.py -k changes_a_picture"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
@@ -116,6 +117,10 @@ MUTATIONS = [
         RODS,
     ),
     Mutation("sign_from(e.D, by.D)", "sign_from(e.D, 0)", "when doubles are sure that a ray passes a cylinder", RODS),
+    Mutation("E = 0x1p-20f * (r + s)", "E = 0x1p-30f * (r + s)", "what floats know of a cylinder's side", ROD_FILTER),
+    Mutation("FMA((FLOAT)h, a, side) + Y_error", "(FLOAT)h * a", "what floats know of a cylinder's ends", ROD_FILTER),
+    Mutation("(Y + Y_error < h * a)", "(Y + Y_error < 2 * h * a)", "cylinders that surely stop", ROD_FILTER),
+    Mutation("if (is_outside_of(scene, ray, number)) is.stopped", "is.stopped", "lights within cylinders", ROD_FILTER),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
