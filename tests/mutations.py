@@ -57,6 +57,7 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
+MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 ROD_FILTER = "tests/kernels/test_cylinders.py -k changes_a_picture"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
@@ -65,6 +66,12 @@ FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.
 MUTATIONS = [
     Mutation(
         "scene.started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
+    ),
+    Mutation(
+        "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
+    ),
+    Mutation(
+        "window.is_tiny(", "0 and window.is_tiny(", "small triangles in parallel light", f"-m slow {CELLS} -k small"
     ),
     Mutation(
         "const SHADE cosine = -DOT(axis, l);", "const SHADE cosine = 1;", "a panel's cosine", f"{SOFT} -k reference"

@@ -211,7 +211,10 @@ def _largest(pane: Pane) -> tuple[float, float]:
 
 
 def off_by(pane: Pane) -> float:
-    """By how much corners on a side of a cube are off in double, beside what is allowed for roundings to `real`."""
+    """By how much corners on a side of a cube are off in double, beside what is allowed for roundings to `real`.
+
+    Across a parallel light it is what they are off by in float32.
+    """
     return 2.0**-23 if pane.along else TURNED * (1 + max(_largest(pane))) ** 2
 
 
