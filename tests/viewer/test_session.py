@@ -241,16 +241,17 @@ def test_another_scene(stage: Stage, session: Session, spec: str) -> None:
     assert told == ["", stage.fault]
 
 
-def test_what_a_picture_cannot_be_is_said(session: Session, stage: Stage) -> None:
+def test_what_a_picture_cannot_be_is_said(spec: str) -> None:
     """It is not there, and all else goes on."""
-    stage.options["keep"] = ("nonsense",)
+    lights = [cltrace.parallel_light((0, 0, -1))] * 33
+    camera = cltrace.Camera((0, 0, 9), resolution=(32, 32))
+    session = Session(Stage(cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1), choose(spec)))
+    session.handle(Event("show", name="lit"))
     message = session.draw()
     assert message
-    assert message.kind == "error"
-    assert message.text.startswith("keep: ")
-    assert session.phase == "done"
-    del stage.options["keep"]
-    session.handle(Event("back"))
+    assert (message.kind, message.text) == ("error", "lit: must be of at most 32 lights, got 33")
+    assert session.draw() is None
+    session.handle(Event("show", name="color"))
     assert [message.kind for message in drawn(session)] == ["moving", "exact", "smooth"]
 
 
