@@ -16,7 +16,7 @@ from functools import partial
 from importlib import resources
 from pathlib import PurePosixPath
 
-from aiohttp import WSCloseCode, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import Session
@@ -122,6 +122,8 @@ class Window:
         tasks = {asyncio.create_task(self._tell_fault()), asyncio.create_task(self._draw())}
         try:
             async for said in self._line:
+                if said.type != WSMsgType.TEXT:
+                    break
                 event = Event.of(said.data)
                 if event.kind == "shown":
                     self._shown.set()

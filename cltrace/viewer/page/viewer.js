@@ -181,8 +181,8 @@ const KEYS = {
   u: ["undo"],
 };
 document.addEventListener("keydown", (event) => {
-  if (event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (!(event.key in KEYS)) return;
+  const own = event.key.startsWith("Arrow") ? "input, textarea" : "input[type=number], textarea";
+  if (!(event.key in KEYS) || event.target.matches(own) || event.ctrlKey || event.metaKey || event.altKey) return;
   const [kind, x = 0, y = 0] = KEYS[event.key];
   event.preventDefault();
   send(kind === "orbit" && event.shiftKey ? "pan" : kind, x, y);
