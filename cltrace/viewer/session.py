@@ -71,6 +71,12 @@ class Session:
         self._go(self._scene.camera if self.camera == before else self.camera, remember=False)
         self.phase = "exact"
 
+    def reopen(self) -> None:
+        """It begins, or goes on after close() with the camera that it had."""
+        self.closed = False
+        self.refresh()
+        self.phase = "exact"
+
     def close(self) -> None:
         """What is being drawn for it ends."""
         self.closed = True

@@ -161,6 +161,26 @@ def test_pictures_come_and_are_the_commands(running: Running, spec: str, tmp_pat
     assert run(running, body) == 101
 
 
+def test_a_broken_line_keeps_the_camera(running: Running) -> None:
+    """A window that comes again has the camera that it had; another one has the scene's."""
+    seen = []
+
+    async def turn(line: Any) -> None:
+        await line.send_json({"kind": "orbit", "x": 0.1})
+        await until(line, "moving")
+        seen.append(await until(line, "exact"))
+
+    async def look(line: Any) -> None:
+        seen.append(await until(line, "exact"))
+
+    assert run(running, turn, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=other") == 101
+    (turned, before), (again, after), (other, home) = seen
+    assert before == after != home
+    assert (turned["home"], again["home"], other["home"]) == (False, False, True)
+
+
 def test_pictures_wait_for_the_one_before(running: Running) -> None:
     """Until a picture is on the screen no other one is sent, and then it is one that counts all events."""
 
