@@ -1,5 +1,5 @@
-/* Draws a scene with Embree 3, as the benchmark's peer: spheres, triangles and cylinders (as its linear cones), ambient,
-parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
+/* Draws a scene with Embree 3, as the benchmark's peer: spheres, triangles and cylinders (as its linear cones),
+ambient, parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
 
     embree SCENE FRAMES PICTURE [robust]
 
