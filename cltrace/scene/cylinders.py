@@ -80,15 +80,21 @@ def materials_of(count: int, colors: ArrayLike | None, material: Material | None
     one, _ = records([base])
     if colors is None:
         return one, False
-    shown = np.asarray(color_numbers("colors", colors))
-    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
-        raise ValueError(f"colors: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
-    check_rule("colors", NOT_NEGATIVE, shown)
-    check_not_bytes("colors", shown, reflected=True)
+    shown = colors_of("colors", count, colors)
     rows = shown.reshape(-1, 3)
     made = np.repeat(one, len(rows))
     made["color"] = rows
     return made, shown.ndim == 3
+
+
+def colors_of(name: str, count: int, colors: ArrayLike) -> NDArray[Any]:
+    """(3,), (count, 3) or, for both halves of each, (count, 2, 3). Raises ValueError, which names them."""
+    shown = np.asarray(color_numbers(name, colors))
+    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
+        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
+    check_rule(name, NOT_NEGATIVE, shown)
+    check_not_bytes(name, shown, reflected=True)
+    return shown
 
 
 def linear(materials: NDArray[np.void], transfer: Transfer) -> NDArray[np.void]:

@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import Scale, values_given
-from cltrace.scene.colors import Transfer, background_of, check_transfer, color_numbers, decoded
+from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.cylinders import (
     CYLINDER,
     MAX_CYLINDERS,
     Bonds,
     check_cylinders,
+    colors_of,
     cylinders_of,
     halved,
     linear,
@@ -48,10 +49,8 @@ from cltrace.scene.members import lamps_of
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import (
     ANY,
-    NOT_NEGATIVE,
     POSITIVE,
     Vector,
-    check_not_bytes,
     check_rule,
     checked,
     described,
@@ -525,7 +524,8 @@ def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
     columns = scene.columns
     bonds = Bonds.of(pairs, radius, box, len(columns))
     if colors is not None:
-        kinds = _named("bond_colors", len(bonds.pairs), colors)
+        kinds = colors_of("bond_colors", len(bonds.pairs), colors)
+        kinds = kinds[:, None] if kinds.ndim == 2 else kinds
         ends = np.broadcast_to(_material_of(columns), (len(columns),))[bonds.pairs]
         shade = packed(columns.materials_count, columns.every_shade())[ends]
         shade["color"] = decoded(np.broadcast_to(kinds, shade["color"].shape), scene.transfer)
@@ -536,16 +536,6 @@ def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
         bonds = replace(bonds, material=(columns.materials_count + index.reshape(-1, 2)).astype(np.int32))
         columns = replace(columns, rest=np.concatenate([columns.rest, rows]))
     return scene.with_columns(columns, scene.meshes, bonds=bonds).with_bonds_placed()
-
-
-def _named(name: str, count: int, colors: ArrayLike) -> NDArray[np.float64]:
-    """The colours of bonds: (3,), (k, 1, 3) or (k, 2, 3). Raises ValueError."""
-    shown = np.asarray(color_numbers(name, colors), np.float64)
-    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
-        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
-    check_rule(name, NOT_NEGATIVE, shown)
-    check_not_bytes(name, shown, reflected=True)
-    return shown[:, None] if shown.ndim == 2 else shown
 
 
 def _material_of(columns: Columns) -> NDArray[np.int32]:
