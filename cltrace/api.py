@@ -48,6 +48,7 @@ from cltrace.scene import (
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Cause, Comparison
 from cltrace.students.lit import lit
+from cltrace.viewer.view import view
 
 __all__ = [
     "BuildError",
@@ -92,6 +93,7 @@ __all__ = [
     "spot_light",
     "sun_light",
     "trace_rays",
+    "view",
 ]
 
 

@@ -58,6 +58,7 @@ FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
+VIEWER = "tests/viewer/test_server.py"
 ROD_FILTER = "tests/kernels/test_cylinders.py -k changes_a_picture"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
@@ -699,6 +700,17 @@ MUTATIONS = [
         "tests/renderers/test_all_devices.py",
     ),
     Mutation("other._executor = other._executor.of(", "other._executor.of(", "rows of a picture", f"{AGREE} -k rows"),
+    Mutation("if host not in hosts or (", "if (", "viewer: other hosts", f"{VIEWER} -k hosts"),
+    Mutation("origin is not None or socket_", "origin is not None", "viewer: no origin", f"{VIEWER} -k websocket"),
+    Mutation(
+        'not secrets.compare_digest(request.match_info.get("token", "").encode(), self._token.encode())',
+        "False",
+        "viewer: other tokens",
+        f"{VIEWER} -k nothing_else",
+    ),
+    Mutation("self._shown.clear()", "pass", "viewer: pictures that wait", f"{VIEWER} -k wait_for_the_one_before"),
+    Mutation("presses != self.presses", "False", "viewer: rest", "tests/viewer/test_session.py -k at_rest_ends"),
+    Mutation("if remember and self._rested:", "if remember:", "viewer: undo", "tests/viewer/test_session.py -k undo"),
     Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/base/test_progress.py"),
 ]
 

@@ -40,7 +40,7 @@ BELOW = {
     "students": {"renderers", "explanation", "reference", "formats", "picture", "plan", "run", "scene", "base"},
     "movie": {"renderers", "run", "plan", "picture", "scene", "base"},
     "distributed": {"movie", "renderers", "run", "plan", "picture", "process", "scene", "base"},
-    "viewer": {"movie", "students", "renderers", "explanation", "rays", "picture", "run", "scene", "base"},
+    "viewer": {"movie", "students", "renderers", "explanation", "rays", "picture", "run", "plan", "scene", "base"},
     "cli": {"distributed", "movie", "students", "renderers", "explanation", "formats", "picture", "plan", "run"}
     | {"viewer", "process", "scene", "base"},
     "bench": {"cli", "oracle", "students", "renderers", "reference", "formats", "picture", "plan", "run"}

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
 import threading
-import webbrowser
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from cltrace.base.errors import CltraceError, MissingPackageError
+from cltrace.base.errors import CltraceError, UsageError
 from cltrace.cli.options import View
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
@@ -22,14 +18,11 @@ from cltrace.scene import Scene
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Comparison
 from cltrace.viewer.stage import Stage
+from cltrace.viewer.view import serve
 
 
 def view(work: View, reporter: Reporter) -> int:
     """Serves the viewer until a signal raises."""
-    try:
-        server_of = importlib.import_module("cltrace.viewer.server").Server
-    except ModuleNotFoundError:
-        raise MissingPackageError("--view", "aiohttp", "view") from None
     turns = changes(work, reporter) if work.watch else None
     if turns:
         next(turns)
@@ -39,22 +32,16 @@ def view(work: View, reporter: Reporter) -> int:
         del options[name]
     smooth = {"antialias": drawing.antialias or True, "samples": drawing.samples}
     read = partial(scene_of, work.scene, reporter, lines=True)
-    stage = Stage(read(), device, options=options, smooth=smooth, judge=_judge(work, device))
-    server = server_of(stage)
+    try:
+        stage = Stage(read(), device, options=options, smooth=smooth, judge=_judge(work, device))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
-    def ready() -> None:
-        tell(f"cltrace: {work.scene.path} is at {server.address}; Ctrl-C ends it")
-        if _has_display():
-            threading.Thread(target=webbrowser.open, args=[server.address], daemon=True).start()
-        else:
-            port = server.port
-            reporter.say(
-                f"cltrace: from another machine: ssh -L {port}:127.0.0.1:{port} this-one, and the same address"
-            )
+    def begun() -> None:
         if turns:
             threading.Thread(target=_follow, args=(turns, stage, read), daemon=True).start()
 
-    server.run(ready)
+    serve(stage, "--view", tell, begun)
     return 0
 
 
@@ -74,8 +61,3 @@ def _follow(turns: Iterator[None], stage: Stage, read: Callable[[], Scene]) -> N
             stage.follow(read)
         except CltraceError as error:
             tell(str(error))
-
-
-def _has_display() -> bool:
-    """Whether a browser could open a window."""
-    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

@@ -16,7 +16,7 @@ from functools import partial
 from importlib import resources
 from pathlib import PurePosixPath
 
-from aiohttp import WSCloseCode, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import Session
@@ -27,6 +27,8 @@ HOST, PORT = "127.0.0.1", 8042
 REST = 0.12
 # Seconds after which a window that does not answer counts as closed.
 HEARTBEAT = 20.0
+# Windows whose line was broken that keep their camera.
+LEFT = 16
 # Bytes of an event, at most.
 LARGEST = 512
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
@@ -48,6 +50,7 @@ class Server:
         self._stage, self._token = stage, secrets.token_urlsafe(16)
         # One thread draws for all windows, and one answers.
         self._draws, self._answers = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        self._left = dict[str, Session]()  # of windows whose line was broken, which may come again
         self._socket = _listening()
         self.port: int = self._socket.getsockname()[1]
         self.address = f"http://{HOST}:{self.port}/{self._token}/"
@@ -97,7 +100,13 @@ class Server:
         """A window, until it is closed."""
         line = web.WebSocketResponse(max_msg_size=LARGEST, heartbeat=HEARTBEAT, compress=False)
         await line.prepare(request)
-        await Window(self._stage, line, self._draws, self._answers).live()
+        name = request.query.get("window", secrets.token_urlsafe())
+        session = self._left.pop(name, None) or Session(self._stage)
+        session.reopen()
+        await Window(session, line, self._draws, self._answers).live()
+        self._left[name] = session
+        if len(self._left) > LEFT:
+            del self._left[next(iter(self._left))]
         return line
 
 
@@ -108,9 +117,9 @@ class Window:
     """
 
     def __init__(
-        self, stage: Stage, line: web.WebSocketResponse, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor
+        self, session: Session, line: web.WebSocketResponse, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor
     ) -> None:
-        self._stage, self._session, self._line = stage, Session(stage), line
+        self._stage, self._session, self._line = session.stage, session, line
         self._draws, self._answers, self._loop = draws, answers, asyncio.get_running_loop()
         self._woken, self._shown = asyncio.Event(), asyncio.Event()
         self._shown.set()
@@ -122,6 +131,8 @@ class Window:
         tasks = {asyncio.create_task(self._tell_fault()), asyncio.create_task(self._draw())}
         try:
             async for said in self._line:
+                if said.type != WSMsgType.TEXT:
+                    break
                 event = Event.of(said.data)
                 if event.kind == "shown":
                     self._shown.set()

@@ -11,8 +11,6 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
 from cltrace.base.errors import CltraceError, located
 from cltrace.explanation.pixel import explain
 from cltrace.picture.image import Image
@@ -73,6 +71,12 @@ class Session:
         self._go(self._scene.camera if self.camera == before else self.camera, remember=False)
         self.phase = "exact"
 
+    def reopen(self) -> None:
+        """It begins, or goes on after close() with the camera that it had."""
+        self.closed = False
+        self.refresh()
+        self.phase = "exact"
+
     def close(self) -> None:
         """What is being drawn for it ends."""
         self.closed = True
@@ -90,9 +94,9 @@ class Session:
             picture = self.stage.draw(seen, self.view, phase, lambda: self.closed)
         except OverError:
             return None
-        except (CltraceError, ValueError) as error:
+        except (CltraceError, ValueError, MemoryError) as error:
             self._done(count, "done")
-            return Message("error", str(error))
+            return Message("error", str(error) or "not enough memory")
         data = picture.file(".jpg" if moving else ".png")
         if moving:
             self._divisor = next_divisor(self._divisor, picture.seconds)
@@ -150,8 +154,8 @@ class Session:
         raise ValueError(f"{event.kind} moves no camera")
 
     def _caption(self, picture: Drawn, phase: Phase) -> str:
-        """What a picture is, in words."""
-        size = "{1}x{0}".format(*np.asarray(picture.image.as_rgb8(picture.show)).shape)
+        """What a picture at rest is, in words."""
+        size = "{}x{}".format(*self.camera.resolution)
         parts = (self.view, size, phase, f"on {self.stage.device.name}", picture.legend)
         return f"{self.stage.name}: {', '.join(filter(None, parts))}"
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 from cltrace.base.errors import CltraceError, printable
 from cltrace.picture.image import SHOWS, Image, Output, Show
-from cltrace.renderers.renderer import Renderer
+from cltrace.renderers.renderer import Renderer, means_of
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera, Scene
 from cltrace.students.comparison import Comparison
@@ -51,7 +51,7 @@ class Stage:
     options: arguments of Renderer for all pictures; smooth: those of the smooth ones alone; judge: compares another
     tracer's picture of a scene with the right one, None if there is none. scene: what is shown now; fault: what is
     wrong with a newer one, "" for nothing; changed: what to call when either has changed; presses: how often a window
-    wanted something.
+    wanted something. Raises what Renderer raises.
     """
 
     def __init__(
@@ -64,10 +64,12 @@ class Stage:
     ) -> None:
         self.scene, self.device, self.judge, self.fault, self.presses = scene, device, judge, "", 0
         self.changed = set[Callable[[], object]]()
-        self.options, self.smooth = options or {}, smooth or {"antialias": True}
+        self.options, self.smooth = options or {}, smooth or {"antialias": True, "samples": None}
         self._renderers = dict[tuple[str, bool], Renderer]()
         self._resting: Renderer | None = None  # what draws a picture at rest now
         self._compared: tuple[Scene, Comparison] | None = None
+        means_of(**self.smooth)
+        self._renderer(scene, "color", False)
 
     @property
     def name(self) -> str:

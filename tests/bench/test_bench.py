@@ -303,7 +303,8 @@ def test_embree_draws_what_cltrace_draws(embree_program: str, case: scenes.Case,
 
 # --------------------------------------------------------------------------------------------------------- the report
 
-STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5", "L6", "P3")), "R3"]
+STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5", "L6", "P3"))]
+STRESS_CASES.append(pytest.param("R3", marks=pytest.mark.slow))
 
 
 @pytest.mark.parametrize("name", STRESS_CASES)

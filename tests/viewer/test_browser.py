@@ -265,8 +265,19 @@ def test_comparison(page: Any, spec: str, tmp_path: Path) -> None:
         assert page.is_visible("#other")
 
 
-def test_the_server_has_gone(page: Any, spec: str) -> None:
+def test_a_broken_line(page: Any, spec: str) -> None:
+    """The page connects again, and goes on where it was; it says so where the server has gone."""
+    keeping = "class extends WebSocket { constructor(...all) { super(...all); lines.push(this) } }"
+    page.add_init_script(f"window.lines = []; WebSocket = {keeping}")
     with viewer(spec, str(FILE)) as running:
         page.goto(running.address)
         rested(page)
+        page.focus("#picture")
+        page.keyboard.press("ArrowLeft")
+        rested(page)
+        before = shown(page)
+        page.evaluate("lines[0].close()")
+        page.wait_for_function("() => window.lines.length == 2 && !document.querySelector('#error').textContent")
+        rested(page)
+        assert (shown(page) == before).all()
     page.wait_for_selector("text=The server is not there")

@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+import cltrace
 from cltrace import cli
 
 aiohttp = pytest.importorskip("aiohttp", reason="the viewer needs the extra view")
@@ -160,6 +161,26 @@ def test_pictures_come_and_are_the_commands(running: Running, spec: str, tmp_pat
     assert run(running, body) == 101
 
 
+def test_a_broken_line_keeps_the_camera(running: Running) -> None:
+    """A window that comes again has the camera that it had; another one has the scene's."""
+    seen = []
+
+    async def turn(line: Any) -> None:
+        await line.send_json({"kind": "orbit", "x": 0.1})
+        await until(line, "moving")
+        seen.append(await until(line, "exact"))
+
+    async def look(line: Any) -> None:
+        seen.append(await until(line, "exact"))
+
+    assert run(running, turn, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=other") == 101
+    (turned, before), (again, after), (other, home) = seen
+    assert before == after != home
+    assert (turned["home"], again["home"], other["home"]) == (False, False, True)
+
+
 def test_pictures_wait_for_the_one_before(running: Running) -> None:
     """Until a picture is on the screen no other one is sent, and then it is one that counts all events."""
 
@@ -213,6 +234,28 @@ def test_a_browser_is_opened(spec: str, tmp_path: Path) -> None:
     assert seen.read_text() == f"{address[0]}\n"
 
 
+def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shows its scene until Ctrl-C, and goes on after it. What makes no sense is said before."""
+    scene = f"import cltrace; scene = cltrace.load({str(FILE)!r}); "
+    line = [sys.executable, "-u", "-c", f"{scene}cltrace.view(scene, {spec!r}, samples=64); print('goes on')"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        match = re.search(r"http\S+/", process.stdout.readline())
+        assert match
+        running = Running(match[0])
+        assert running.status(urlsplit(running.address).path, Host=running.host) == 200
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[0].endswith("goes on\n")
+    assert process.returncode == 0
+    with pytest.raises(ValueError, match=r"^samples: goes with"):
+        cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)
+    with pytest.raises(ValueError, match=r"^outline: "):
+        cltrace.view(cltrace.load(FILE), spec, outline=("black", -1))
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    with pytest.raises(RuntimeError, match="notebook"):
+        cltrace.view(cltrace.load(FILE))
+
+
 def test_a_port_in_use_is_another_port(spec: str) -> None:
     with viewer(spec, str(FILE)) as one, viewer(spec, str(FILE)) as other:
         assert one.host != other.host
@@ -254,17 +297,17 @@ def test_what_does_not_go_together(
     assert fault(str(FILE), "--view", "--crop", "0,0,9,9") == "cltrace: --view takes no --crop\n"
     assert fault("view", str(FILE), "-d", "all") == "cltrace: -d all does not go with --view, which takes one device\n"
     assert fault("view", str(FILE), str(FILE)) == "cltrace: --view is for one picture, of one scene\n"
+    assert fault("view", str(FILE), "--samples", "16", "--antialias=proved").startswith("cltrace: samples: goes with")
     assert "none.xml: " in fault("view", str(tmp_path / "none.xml"))
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     monkeypatch.delitem(sys.modules, "cltrace.viewer.server", raising=False)
     assert "pip install 'cltrace[view]'" in fault("view", str(FILE))
 
 
-def test_the_command_does_not_import_it() -> None:
+def test_the_command_does_not_import_it(tmp_path: Path) -> None:
     """Without --view, neither the viewer nor its server is there."""
-    script = f"import sys; from cltrace import cli; cli.main([{str(FILE)!r}, '-q', '-o', '/dev/null.png']); "
-    script += (
-        "print([name for name in sys.modules if 'aiohttp' in name or 'cltrace.viewer' in name or 'asyncio' == name])"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+    line = [sys.executable, "-X", "importtime", "-m", "cltrace", str(FILE), "-q", "-o", str(tmp_path / "a.png")]
+    done = subprocess.run(line, capture_output=True, text=True, check=True)
+    names = set(re.findall(r"\| +(\S+)$", done.stderr, re.MULTILINE))
+    assert "cltrace.renderers.renderer" in names
+    assert not [name for name in names if name.startswith(("aiohttp", "asyncio", "cltrace.viewer"))]

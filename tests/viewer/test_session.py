@@ -5,11 +5,10 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +18,12 @@ import cltrace
 from cltrace import cli
 from cltrace.base.errors import SceneError
 from cltrace.formats.xml_reader import read
+from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.viewer import cameras
 from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import PACE, Session, next_divisor
-from cltrace.viewer.stage import VIEWS, Stage
+from cltrace.viewer.stage import VIEWS, Phase, Stage
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FILE = SCENES / "minimal.xml"
@@ -115,17 +115,25 @@ def test_old_pictures_are_dropped(session: Session) -> None:
 
 
 @pytest.mark.parametrize("end", [lambda session: session.handle(Event("orbit", 0.1)), Session.close])
-def test_what_is_drawn_at_rest_ends(session: Session, end: Callable[[Session], None], spec: str) -> None:
-    """As soon as something is wanted, or the window is closed: of this window and of others."""
+@pytest.mark.parametrize("phase", ["exact", "smooth"])
+@pytest.mark.parametrize("other", [False, True])
+def test_what_is_drawn_at_rest_ends(
+    session: Session, end: Callable[[Session], None], phase: Phase, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As soon as something is wanted in any window, or this one is closed, and then it is drawn again."""
     drawn(session)
-    stage = session.stage
-    large = Stage(stage.scene.seen_by(replace(stage.scene.camera, resolution=(8000, 8000))), choose(spec))
-    other = Session(large)
-    for phase in ("exact", "smooth"):
-        other.phase = phase
-        other.closed = False
-        threading.Timer(0.1, end, [other]).start()
-        assert other.draw() is None
+    draw, wanting = Renderer.draw, Session(session.stage) if other else session
+
+    def draw_and_want(renderer: Renderer, *arguments: Any) -> cltrace.Image:
+        end(wanting)
+        return draw(renderer, *arguments)
+
+    session.phase = phase
+    with monkeypatch.context() as patch:
+        patch.setattr(Renderer, "draw", draw_and_want)
+        assert session.draw() is None
+    session.closed = False
+    assert drawn(session)[-1].kind == "smooth"
 
 
 def test_two_windows(stage: Stage) -> None:
@@ -241,16 +249,17 @@ def test_another_scene(stage: Stage, session: Session, spec: str) -> None:
     assert told == ["", stage.fault]
 
 
-def test_what_a_picture_cannot_be_is_said(session: Session, stage: Stage) -> None:
+def test_what_a_picture_cannot_be_is_said(spec: str) -> None:
     """It is not there, and all else goes on."""
-    stage.options["keep"] = ("nonsense",)
+    lights = [cltrace.parallel_light((0, 0, -1))] * 33
+    camera = cltrace.Camera((0, 0, 9), resolution=(32, 32))
+    session = Session(Stage(cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1), choose(spec)))
+    session.handle(Event("show", name="lit"))
     message = session.draw()
     assert message
-    assert message.kind == "error"
-    assert message.text.startswith("keep: ")
-    assert session.phase == "done"
-    del stage.options["keep"]
-    session.handle(Event("back"))
+    assert (message.kind, message.text) == ("error", "lit: must be of at most 32 lights, got 33")
+    assert session.draw() is None
+    session.handle(Event("show", name="color"))
     assert [message.kind for message in drawn(session)] == ["moving", "exact", "smooth"]
 
 

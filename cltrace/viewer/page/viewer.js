@@ -9,15 +9,16 @@ const STEP = 1 / 24; // of the picture's height: an arrow's way
 const NOTCH = 600; // pixels of a wheel for a factor of two
 const CLICK = 4; // pixels that a pointer may move in a click
 const TWICE = 250; // milliseconds in which a second click makes the first one a double click
+const ME = crypto.randomUUID(); // by which the server knows this window when the line was broken
 let socket, saved, home = true; // the line, the PNG at rest, and whether it is by the scene's own camera
 
 function connect() {
-  socket = new WebSocket(new URL("socket", location.href.replace(/^http/, "ws")));
+  socket = new WebSocket(new URL(`socket?window=${ME}`, location.href.replace(/^http/, "ws")));
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => receive(new Uint8Array(data));
   socket.onopen = () => {
     const view = document.querySelector("[name=view]:checked").value;
-    if (view !== "color") send("show", 0, 0, view); // as after the line was broken
+    if (view !== "color") send("show", 0, 0, view); // which browsers keep when the page is loaded again
   };
   socket.onclose = () => {
     $("error").textContent = "The server is not there. This page tries again.";
@@ -27,6 +28,7 @@ function connect() {
 
 /** Tells the server what was done. */
 function send(kind, x = 0, y = 0, name = "") {
+  if (kind !== "shown" && kind !== "compare") $("error").textContent = "";
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, x, y, name }));
 }
 
@@ -89,7 +91,6 @@ function layOut() {
 
 function answer(place, ...nodes) {
   place.hidden = false;
-  $("error").textContent = "";
   place.replaceChildren(...nodes);
 }
 
@@ -181,8 +182,8 @@ const KEYS = {
   u: ["undo"],
 };
 document.addEventListener("keydown", (event) => {
-  if (event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (!(event.key in KEYS)) return;
+  const own = event.key.startsWith("Arrow") ? "input, textarea" : "input[type=number], textarea";
+  if (!(event.key in KEYS) || event.target.matches(own) || event.ctrlKey || event.metaKey || event.altKey) return;
   const [kind, x = 0, y = 0] = KEYS[event.key];
   event.preventDefault();
   send(kind === "orbit" && event.shiftKey ? "pan" : kind, x, y);
