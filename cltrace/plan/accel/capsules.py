@@ -96,7 +96,7 @@ class Capsules(Silhouettes):
     ) -> Pictured:
         """Some of a block. rims: (2, 4, n), left, right, low and high of both ends, as slopes or places."""
         some = rims[:, :, which]
-        edges = np.stack([some[:, k].min(axis=0) if k % 2 == 0 else some[:, k].max(axis=0) for k in range(4)])
+        edges = np.stack(_around(some))
         pixels = [
             (edges[2 * k] * axis.scale + axis.begin, edges[2 * k + 1] * axis.scale + axis.end)
             for k, axis in enumerate(window.axes)
@@ -204,10 +204,16 @@ def _through(ends: list[list[Array]], r: Array, axis: int, sign: float) -> tuple
 
 def _cast(member: Ints, rims: Array, depths: tuple[NDArray[np.float32], Array], who: Shadows) -> Cast:
     """rims: (2, 4, n), all of them finite, or none as a whole."""
-    edges = [rims[:, k].min(axis=0) if k % 2 == 0 else rims[:, k].max(axis=0) for k in range(4)]
+    edges = _around(rims)
     if not np.isfinite(rims).all():
         return Cast.of(member, edges, depths, who)
     return Cast.of(member, edges, depths, who, _hexagons(rims), np.zeros(()))
+
+
+def _around(rims: Array) -> list[Array]:
+    """Left, right, low and high of what is around two rectangles each. rims: (2, 4, n)."""
+    a, b = rims
+    return [np.minimum(a[0], b[0]), np.maximum(a[1], b[1]), np.minimum(a[2], b[2]), np.maximum(a[3], b[3])]
 
 
 def _hexagons(rims: Array) -> Array:
