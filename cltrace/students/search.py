@@ -274,7 +274,8 @@ class Search:
         """What is sure where no look explains the picture, and what it looks most like."""
         none = Trial(self.whole)
         likely = max(self.singles, key=lambda trial: trial.score.gain, default=none)
-        return Verdict(none if self.found.sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
+        sure = self.found.sure and self.fit.trial(self.whole).score.gain >= LIKELY
+        return Verdict(none if sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
 
     def _looks(self) -> Iterator[list[Trial]]:
         """What may explain the picture, by what takes longer and longer to look for."""

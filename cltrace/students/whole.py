@@ -135,7 +135,10 @@ def _profile(mine: Levels, right: Levels) -> Made:
         off = np.abs(light @ matrix + green - shown).max(axis=1)
         rows = np.argsort(off, kind="stable")[: max(len(off) // 2, 3)]
     red, blue = matrix
-    return {"colour-profile": {"profile": tuple(np.stack([red, 1 - red - blue, blue], axis=1).ravel().tolist())}}
+    weights = np.stack([red, 1 - red - blue, blue], axis=1)
+    # Every screen's red is mostly red. Else the colours are exchanged.
+    is_screen = (weights.argmax(axis=1) == range(3)).all()
+    return {"colour-profile": {"profile": tuple(weights.ravel().tolist())}} if is_screen else {}
 
 
 def _tried(square: bool) -> Iterator[Made]:
