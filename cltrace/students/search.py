@@ -287,7 +287,8 @@ class Search:
             return
         yield self._made("antialiased", self._ways("antialiased")) if self._is_smooth() else []
         yield self._made("large-epsilon", self._epsilons(self.few, self.whole))
-        yield self.pairs()
+        # Two beside a change of the whole picture would be three, which explain too much by chance.
+        yield [] if self.whole else self.pairs()
         yield self.acne()
 
     # Which of some explanations it is

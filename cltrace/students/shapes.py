@@ -264,8 +264,8 @@ class Shapes:
             yield i[met] + start, j[met], t[met]
 
     def _is_there(self, k: Ints) -> Any:
-        balls = k < len(self.radii)
-        return {"": True, "s": ~balls, "m": balls}[self.rules.missing]
+        balls, rods = k < len(self.radii), k >= self.first_rod
+        return {"": True, "s": ~balls, "m": balls | rods, "c": ~rods}[self.rules.missing]
 
     def _spheres_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
         """The roots t of |K (o + t d - C)| = r of rays i and spheres k, NaN for none."""

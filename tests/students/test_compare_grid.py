@@ -73,6 +73,21 @@ def test_what_is_wrong_beside_the_whole_picture_is_found_where_it_is_little(grid
     assert answer.said == "gamma + no-shadows"
 
 
+def test_of_three_mistakes_one_is_named_at_most(grid: Grid) -> None:
+    """Two beside a change of the whole picture fitted here by chance."""
+    answer = asked(grid, Case("tutorial", "random-2", (64, 40), ("mirrored", "no-refraction")))
+    assert answer.said.split(" (")[0] == "mirrored"
+
+
+def test_cylinders_that_are_missing_are_not_called_meshes() -> None:
+    camera = cltrace.Camera((0, 1, 5), (0, 0, 0), horizontal_fov=30, resolution=SIZE)
+    lights = [cltrace.ambient_light(), cltrace.point_light((3, 4, 4))]
+    balls = camera, lights, [(0, 0, 0), (0.8, 0.6, 0), (-0.8, 0.6, 0)], [0.35, 0.3, 0.3]
+    molecule = cltrace.Scene.from_spheres(*balls, bonds=[(0, 1), (0, 2)], bond_radius=0.12)
+    without = cltrace.render(cltrace.Scene.from_spheres(*balls)).rgb8
+    assert [cause.either for cause in cltrace.compare(molecule, without).causes] == ["no-cylinders"]
+
+
 def test_an_empty_picture_names_nothing_that_leaves_it_emptier(grid: Grid) -> None:
     """Spheres of half their radius are not "no spheres", though nearly all pixels are the background's in both."""
     scene = grid.scene("spot", (88, 66))
