@@ -37,6 +37,7 @@ from cltrace.scene import (
     ball_light,
     box_corners,
     box_edges,
+    box_images,
     panel_light,
     parallel_light,
     point_light,
@@ -47,6 +48,7 @@ from cltrace.scene import (
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Cause, Comparison
 from cltrace.students.lit import lit
+from cltrace.viewer.view import view
 
 __all__ = [
     "BuildError",
@@ -75,6 +77,7 @@ __all__ = [
     "ball_light",
     "box_corners",
     "box_edges",
+    "box_images",
     "colorbar",
     "compare",
     "devices",
@@ -90,6 +93,7 @@ __all__ = [
     "spot_light",
     "sun_light",
     "trace_rays",
+    "view",
 ]
 
 

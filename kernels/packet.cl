@@ -249,3 +249,10 @@ static FLOAT magnitude(const FLOAT x) {
     for (int lane = 0; lane < W; lane++) \
         if (one##_[lane] != one && one##_[lane] >= 0 && ((one = one##_[lane]), 1))
 #define PUT_WHERE(mask, variable, value) variable = (mask) ? (value) : (variable)
+/* The same of x, y and z, by PUT_WHERE or another macro like it. */
+#define PUT3(put, mask, variable, value)    \
+    do {                                    \
+        put(mask, (variable).x, (value).x); \
+        put(mask, (variable).y, (value).y); \
+        put(mask, (variable).z, (value).z); \
+    } while (0)

@@ -34,9 +34,7 @@ static MASK wanted_lanes(const Pixels pixels) {
 /* Puts colours into the pixels in which something was hit. */
 static __attribute__((always_inline)) void show_colors(const MASK hit, const Shade3 color, Pixels *pixels) {
     const SHADE_MASK any_hit = TO_SHADE_MASK(hit);
-    PUT_WHERE(any_hit, pixels->color.x, color.x);
-    PUT_WHERE(any_hit, pixels->color.y, color.y);
-    PUT_WHERE(any_hit, pixels->color.z, color.z);
+    PUT3(PUT_WHERE, any_hit, pixels->color, color);
 }
 
 /* Puts the normals of the points that were hit into pixels, and where these are on textures. */

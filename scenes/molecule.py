@@ -6,10 +6,9 @@ python scenes/molecule.py [FILE.png]
 from __future__ import annotations
 
 import itertools
-import sys
-from pathlib import Path
 
 import numpy as np
+from figure import in_studio, save
 from numpy.typing import NDArray
 
 import cltrace
@@ -38,14 +37,8 @@ def molecule(resolution: tuple[int, int] = (480, 400)) -> cltrace.Scene:
         cltrace.Camera(), [], places, 0.4, colors, ks=0.3, exponent=60, background=(1, 1, 1),
         bonds=bonds, bond_radius=0.16,
     )  # fmt: skip
-    camera = cltrace.Camera.fit(bare, view=(0.5, 0.25, 1), resolution=resolution)
-    return bare.seen_by(camera).lit_by("studio")
-
-
-def main() -> None:
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_name("molecule.png")
-    cltrace.render(molecule(), antialias=True).save(path)
+    return in_studio(bare, (0.5, 0.25, 1), resolution)
 
 
 if __name__ == "__main__":
-    main()
+    save(molecule())

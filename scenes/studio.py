@@ -5,10 +5,8 @@ python scenes/studio.py [FILE.png]
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
+from figure import in_studio, save
 
 import cltrace
 
@@ -18,14 +16,8 @@ def walk(steps: int = 10_000, resolution: tuple[int, int] = (640, 400)) -> cltra
     x = np.cumsum(np.random.default_rng(0).normal(size=(steps, 3)), axis=0)
     colors = np.linspace((0.1, 0.4, 1.0), (1.0, 0.6, 0.1), steps)
     bare = cltrace.Scene.from_spheres(cltrace.Camera(), [], x, 1.5, colors, ks=0.2, background=(1, 1, 1))
-    camera = cltrace.Camera.fit(bare, view=(1, 0.3, 1), resolution=resolution)
-    return bare.seen_by(camera).lit_by("studio")
-
-
-def main() -> None:
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_name("studio.png")
-    cltrace.render(walk(), antialias=True).save(path)
+    return in_studio(bare, (1, 0.3, 1), resolution)
 
 
 if __name__ == "__main__":
-    main()
+    save(walk())

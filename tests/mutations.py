@@ -57,13 +57,22 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
+MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
+VIEWER = "tests/viewer/test_server.py"
+ROD_FILTER = "tests/kernels/test_cylinders.py -k changes_a_picture"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 
 MUTATIONS = [
     Mutation(
         "scene.started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
+    ),
+    Mutation(
+        "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
+    ),
+    Mutation(
+        "window.is_tiny(", "0 and window.is_tiny(", "small triangles in parallel light", f"-m slow {CELLS} -k small"
     ),
     Mutation(
         "const SHADE cosine = -DOT(axis, l);", "const SHADE cosine = 1;", "a panel's cosine", f"{SOFT} -k reference"
@@ -116,6 +125,10 @@ MUTATIONS = [
         RODS,
     ),
     Mutation("sign_from(e.D, by.D)", "sign_from(e.D, 0)", "when doubles are sure that a ray passes a cylinder", RODS),
+    Mutation("E = 0x1p-20f * (r + s)", "E = 0x1p-30f * (r + s)", "what floats know of a cylinder's side", ROD_FILTER),
+    Mutation("FMA((FLOAT)h, a, side) + Y_error", "(FLOAT)h * a", "what floats know of a cylinder's ends", ROD_FILTER),
+    Mutation("(Y + Y_error < h * a)", "(Y + Y_error < 2 * h * a)", "cylinders that surely stop", ROD_FILTER),
+    Mutation("if (is_outside_of(scene, ray, number)) is.stopped", "is.stopped", "lights within cylinders", ROD_FILTER),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),
@@ -694,6 +707,17 @@ MUTATIONS = [
         "tests/renderers/test_all_devices.py",
     ),
     Mutation("other._executor = other._executor.of(", "other._executor.of(", "rows of a picture", f"{AGREE} -k rows"),
+    Mutation("if host not in hosts or (", "if (", "viewer: other hosts", f"{VIEWER} -k hosts"),
+    Mutation("origin is not None or socket_", "origin is not None", "viewer: no origin", f"{VIEWER} -k websocket"),
+    Mutation(
+        'not secrets.compare_digest(request.match_info.get("token", "").encode(), self._token.encode())',
+        "False",
+        "viewer: other tokens",
+        f"{VIEWER} -k nothing_else",
+    ),
+    Mutation("self._shown.clear()", "pass", "viewer: pictures that wait", f"{VIEWER} -k wait_for_the_one_before"),
+    Mutation("presses != self.presses", "False", "viewer: rest", "tests/viewer/test_session.py -k at_rest_ends"),
+    Mutation("if remember and self._rested:", "if remember:", "viewer: undo", "tests/viewer/test_session.py -k undo"),
     Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/base/test_progress.py"),
 ]
 

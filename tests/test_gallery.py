@@ -53,6 +53,11 @@ def test_the_walk_is_drawn_in_soft_light(device: Device) -> None:
     _draw(script.walk(300, (120, 80)), device)
 
 
+def test_balls_and_sticks_are_drawn(device: Device) -> None:
+    _draw(importlib.import_module("molecule").molecule((60, 50)), device)
+    _draw(importlib.import_module("network").network(30, (60, 50)), device)
+
+
 def test_the_lamp_is_closed_and_drawn(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = importlib.import_module("sculpture")
     monkeypatch.setattr(sys, "argv", ["sculpture.py", str(tmp_path), "--grid", "16"])

@@ -40,8 +40,9 @@ BELOW = {
     "students": {"renderers", "explanation", "reference", "formats", "picture", "plan", "run", "scene", "base"},
     "movie": {"renderers", "run", "plan", "picture", "scene", "base"},
     "distributed": {"movie", "renderers", "run", "plan", "picture", "process", "scene", "base"},
+    "viewer": {"movie", "students", "renderers", "explanation", "rays", "picture", "run", "plan", "scene", "base"},
     "cli": {"distributed", "movie", "students", "renderers", "explanation", "formats", "picture", "plan", "run"}
-    | {"process", "scene", "base"},
+    | {"viewer", "process", "scene", "base"},
     "bench": {"cli", "oracle", "students", "renderers", "reference", "formats", "picture", "plan", "run"}
     | {"process", "numbers", "scene", "base"},
 }

@@ -29,7 +29,7 @@ from .cases import looking
 Size = tuple[int, int]
 Floats = NDArray[np.float64]
 
-ORDINARY, LIGHTS, SOFT_LIGHT, GROUND, FAR, SCALE, MILLION, MESHES, MIRRORS, GLASS, PARALLEL, GIVEN = GROUPS = (
+(ORDINARY, LIGHTS, SOFT_LIGHT, GROUND, FAR, SCALE, MILLION, MESHES, BONDS, MIRRORS, GLASS, PARALLEL, GIVEN) = GROUPS = (
     "ordinary",
     "three kinds of lights",
     "soft light",
@@ -38,6 +38,7 @@ ORDINARY, LIGHTS, SOFT_LIGHT, GROUND, FAR, SCALE, MILLION, MESHES, MIRRORS, GLAS
     "tiny and huge scales",
     "a million particles",
     "meshes",
+    "bonds",
     "mirrors",
     "glass to depth 8",
     "orthographic",
@@ -184,6 +185,22 @@ def meshes(size: Size) -> list[Case]:
     ]  # fmt: skip
 
 
+def sticks(count: int, size: Size) -> Scene:
+    """About so many balls and as many bonds, in each of which two of them meet: neighbours on a grid that is shaken."""
+    side = round(count ** (1 / 3))
+    rng = np.random.default_rng(8)
+    place = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    centers = (place + rng.uniform(-0.2, 0.2, place.shape)) * (6 / side) + (-3, -3, -10)
+    axis = np.eye(3, dtype=int)[rng.integers(0, 3, len(place))]
+    joined = ((place + axis) % side) @ (side * side, side, 1)
+    pairs = np.column_stack([np.arange(len(place)), joined])[(place + axis < side).all(axis=1)]
+    return Scene.from_spheres(
+        looking(tan=0.6, size=size), WHITE_LIGHTS, centers.astype("f4").astype("f8"), 1.5 / side,
+        rng.uniform(0.05, 1, (len(place), 3)), ka=0.1, background=(0.1, 0.1, 0.2),
+        bonds=pairs, bond_radius=np.float32(0.6 / side), bond_colors="white",
+    )  # fmt: skip
+
+
 def orthographic(size: Size) -> Scene:
     """A thousand balls without perspective."""
     scene = cloud(1000, size)
@@ -204,6 +221,7 @@ def generated(size: Size) -> list[Case]:
         Case("1,000 balls, three lights", LIGHTS, cloud(1000, size, *OTHER_LIGHTS)),
         Case("100 balls, a sky and a panel", SOFT_LIGHT, cloud(100, size).lit_by(SOFT_LIGHTS)),
         *meshes(size),
+        Case("10,000 balls and bonds", BONDS, sticks(10_000, size)),
         Case("25 balls, 0.5 mirrored", MIRRORS, clear(size, 0.5, 0)),
         Case("25 balls, 0.8 refracted", GLASS, clear(size, 0.1, 0.8)),
         Case("1,000 balls, orthographic", PARALLEL, orthographic(size)),

@@ -18,6 +18,7 @@ from cltrace.cli.options import (
     Options,
     Picture,
     Tiles,
+    View,
     Work,
     options_of,
 )
@@ -31,6 +32,8 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
     args, p = Namespace(verbose=False), parser()
     given = sys.argv[1:] if argv is None else argv
+    if given[:1] == ["view"] and len(given) > 1:
+        given = ["--view", *given[1:]]
     cut = given.index("--") if "--" in given else len(given)
 
     def run() -> int:
@@ -45,7 +48,7 @@ def _run(options: Options) -> int:
     if options.quiet:
         logging.getLogger("cltrace").setLevel(logging.WARNING)
     work, reporter = options.work, Reporter(options.quiet)
-    if not options.watch or not isinstance(work, OneScene):
+    if not options.watch or not isinstance(work, OneScene) or isinstance(work, View):
         return _do(work, reporter)
     from cltrace.cli.watch import watch
 
@@ -81,6 +84,10 @@ def _do(work: Work, reporter: Reporter) -> int:
             from cltrace.cli.questions import show_lit
 
             return show_lit(work, reporter)
+        case View():
+            from cltrace.cli.view import view
+
+            return view(work, reporter)
         case Picture():
             from cltrace.cli.picture import draw
 

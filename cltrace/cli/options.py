@@ -40,6 +40,7 @@ ONE = (
     "bits",
     "outputs",
     "watch",
+    "view",
     "tiles",
 )
 NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
@@ -176,6 +177,14 @@ class Lit(OneScene):
 
 
 @dataclass(frozen=True)
+class View(OneScene):
+    """--view. compare: the file of another tracer's picture, None for none; watch: whether files are followed."""
+
+    compare: str | None
+    watch: bool
+
+
+@dataclass(frozen=True)
 class Movie:
     """Many pictures: frames around a scene, several scenes, or both, here or on a cluster."""
 
@@ -192,7 +201,7 @@ class Movie:
     cluster: str | None
 
 
-Work = Doctor | ListDevices | Picture | Tiles | Movie | Explain | Compare | Lit
+Work = Doctor | ListDevices | Picture | Tiles | Movie | Explain | Compare | Lit | View
 
 
 class Options(NamedTuple):
@@ -249,6 +258,8 @@ class _Given:
             return self._movie
         if args.tiles is not None and args.cluster is None:
             raise UsageError("--tiles goes with --cluster")
+        if args.view:
+            return self._view
         if args.explain is not None:
             return self._explain
         if args.trace:
@@ -277,6 +288,7 @@ class _Given:
             "--compare": args.compare is not None,
             "--repeat": args.repeat != 1,
             f"--show {LIT}": args.show == LIT,
+            "--view": args.view,
         }
         for option, given in one.items():
             if given and is_all(args.device):
@@ -371,6 +383,11 @@ class _Given:
         if self._args.show == "primitive":
             raise UsageError("--compare takes no --show primitive; --show id compares surfaces")
         return self._of_scenes(Compare, tolerance=1 if self._args.tolerance is None else self._args.tolerance)
+
+    def _view(self) -> View:
+        taken = {"size", "square_pixels", "transparent", "outline", "fog", "antialias", "samples", "truncate"}
+        self._refuse_others("--view", taken | {"compare", "device", "precision"})
+        return self._of_scenes(View)
 
     def _lit(self) -> Lit:
         taken = {"show", "output", "size", "crop", "square_pixels", "device", "precision"}

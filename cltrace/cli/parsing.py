@@ -47,8 +47,8 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     """The command line. whole: whether its help has all options, not only the usual ones."""
     p = Parser(
         prog="cltrace",
-        usage="cltrace SCENE.xml ... [options]",
-        description="Render a scene file of spheres and meshes with OpenCL.",
+        usage="cltrace [view] SCENE.xml ... [options]",
+        description="Render a scene file of spheres and meshes with OpenCL, or view it in the browser.",
         epilog=EXAMPLES if whole else f"--help all shows all options.\n\n{EXAMPLES}",
         formatter_class=partial(argparse.RawDescriptionHelpFormatter, max_help_position=26),
         allow_abbrev=False,
@@ -136,6 +136,7 @@ def _movie(group: Group) -> None:
     )
     group.rare("--fps", type=arguments.fps, metavar="F", help="frames a second of a movie (default: 25)")
     group.rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
+    group.rare("--view", action="store_true", help="in the browser; the same as cltrace view")
     group.rare("--watch", action="store_true", help="do it again when the scene, a mesh or a texture is saved")
 
 

@@ -113,10 +113,10 @@ def orbit(scene: Scene, n: int, axis: str | ArrayLike | None = None, degrees: fl
     if not 0 < length < math.inf:
         raise ValueError(f"axis: must have a length, got {given}")
     unit = np.array(given) / length
-    return [camera, *(_turned(camera, unit, math.radians(degrees * k / n)) for k in range(1, n))]
+    return [camera, *(turned(camera, unit, math.radians(degrees * k / n)) for k in range(1, n))]
 
 
-def _turned(camera: AnyCamera, axis: Any, angle: float) -> AnyCamera:
+def turned(camera: AnyCamera, axis: Any, angle: float) -> AnyCamera:
     """The camera, turned about an axis of length 1 through what it looks at; radians."""
     middle = np.array(camera.lookat)
     sine, cosine = math.sin(angle), math.cos(angle)

@@ -368,6 +368,12 @@ ARGUMENTS = (
     *_buffers(
         "Scene",
         ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
+        (
+            "rod_seen",
+            "float4",
+            "two for each cylinder, in camera space and the float buffers' unit: xyz: its middle, w: half of its "
+            "length; xyz: along its axis, of length 1, w: its radius",
+        ),
         needs="WITH_CYLINDERS",
     ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),

@@ -49,15 +49,15 @@ class Plan:
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, world: World, view: View, request: Request, number: int | None = None) -> Plan:
-        """The plan of a view. request: the one that world and view were made for, or the same with other outputs.
+    def of(cls, world: World, view: View, request: Request) -> Plan:
+        """The plan of a view, which may have some of the world's lights alone: that is a pass, see passes.py.
 
-        number: of the pass, where there are several, of which the view has some of the world's lights; else None.
+        request: the one that world and view were made for, or the same with other outputs.
         """
         camera = view.camera
         values = view.values | _means(request) | limits(world.bounces, world.peak, request)
         flags = features(world, camera, view.inside, request)
-        if number is not None:
+        if values["lights"] < len(world.lights):
             flags = (flags | {"WITH_PASSES"}) - {"WITH_UNSTOPPABLE"}
         return cls(
             request=request,
@@ -67,8 +67,7 @@ class Plan:
             features=flags,
             branches=world.bounces.branches(camera.max_bounces),
             arrays=view.arrays,
-            values=values
-            | {"frame": _frame(world, view, request), "size": camera.resolution, "started": int(bool(number))},
+            values=values | {"frame": _frame(world, view, request), "size": camera.resolution},
             skipped=view.skipped,
             seconds=view.seconds,
         )

@@ -1,108 +1,76 @@
-"""The surfaces of a scene, as arrays in the world, and a tree of boxes around them."""
+"""The surfaces of a scene, and a tree of boxes around them."""
 
 from __future__ import annotations
 
 import threading
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.inverses import inverses
 from cltrace.numbers.pairs import Floats
 from cltrace.plan.accel.bvh import SIDES, WIDTH, Tree
 from cltrace.plan.paths import Paths
+from cltrace.rays.doubles import Met
+from cltrace.rays.fine import Ends
+from cltrace.rays.lines import Ids, Lines
+from cltrace.rays.shapes.shape import Shape
+from cltrace.rays.shapes.table import SHAPES
+from cltrace.rays.whole import Roots, WholeRays
 from cltrace.scene import Scene
 
-Bools = NDArray[np.bool_]
-Ids = NDArray[np.int64]
+# What all shapes have, and how the tree has them.
+NUMBERS, PLACES = ("number", "primitive"), ("center", "outer", "vertex")
 
 
-@dataclass(frozen=True, eq=False)
 class Surfaces:
-    """n spheres and ellipsoids, which are the primitives 0 to n - 1, p cylinders, which follow, and m triangles.
+    """The surfaces of a scene, each of which is a primitive: those of one shape after those of the other.
 
-    center: (n, 3); radius: (n,); bent: (n,), the index in `maps` of an ellipsoid's, -1 for a sphere; maps: (k, 3, 3),
-    from the world to an ellipsoid's own axes; stretch, reach: (n,), bounds of what that map, and its inverse, make of a
-    length; vertex: (v, 3); face: (m, 3). start, end: (p, 3), and rod_radius: (p,), of
-    cylinders. number: (n + p + m,), of the surface; primitive: (n + p + m,), of the triangle in its mesh, -1
-    otherwise; rank: (n + p + m,), by which of two equally near ones the lower is met.
-
-    middle: (3,), and size: all is within that distance of it; nodes: of the tree.
+    number: (n,), of the surface; primitive: (n,), of the triangle in its mesh, -1 otherwise; rank: (n,), by which of
+    two equally near ones the lower is met. middle: (3,), and size: all is within that distance of it; nodes: of the
+    tree. meet(), ends() and roots() ask each pair's shape, see Shape.
     """
 
-    center: Floats
-    radius: Floats
-    bent: Ids
-    maps: Floats
-    stretch: Floats
-    reach: Floats
-    vertex: Floats
-    face: NDArray[np.int32]
-    start: Floats
-    end: Floats
-    rod_radius: Floats
-    number: Ids
-    primitive: Ids
-    rank: Ids
-    middle: Floats
-    size: float
-    nodes: Nodes
-
-    @classmethod
-    def of(cls, scene: Scene) -> Surfaces:
-        spheres, counts = scene.spheres, [len(mesh.geometry.faces) for mesh in scene.meshes]
-        bent, first = spheres["to_object"].astype(np.int64), np.cumsum([0, *(len(m.vertices) for m in scene.meshes)])
-        faces = [mesh.geometry.faces + np.int32(k) for mesh, k in zip(scene.meshes, first, strict=False)]
-        vertex = np.concatenate([np.empty((0, 3)), *(mesh.vertices for mesh in scene.meshes)])
-        face = np.concatenate([np.empty((0, 3), np.int32), *faces]).astype(np.int32)
-        sizes = (np.linalg.norm(m, 2, axis=(1, 2)) for m in (scene.to_object, inverses(scene.to_object)))
-        stretch, reach = (np.append(size * (1 + 2.0**-40), 1)[bent] for size in sizes)
-        rods, of_faces = scene.cylinders, np.repeat([mesh.number for mesh in scene.meshes], counts)
-        number = np.concatenate([scene.sphere_numbers, rods["number"], of_faces])
-        primitive = np.concatenate([np.full(len(spheres) + len(rods), -1), *map(np.arange, counts)])
-        # Around each cylinder is a ball.
-        half = rods["end"] / 2 - rods["start"] / 2
-        around = (np.sqrt((half * half).sum(axis=1)) + rods["radius"]) * (1 + 2.0**-40)
-        center = np.concatenate([spheres["center"], rods["start"] / 2 + rods["end"] / 2])
-        outer = np.concatenate([spheres["radius"] * reach, around])
+    def __init__(self, scene: Scene) -> None:
+        self.shapes: list[Shape] = []
+        for kind in SHAPES:
+            self.shapes.append(kind(scene, sum(map(len, self.shapes))))
+        self.number, self.primitive = (np.concatenate([getattr(s, name) for s in self.shapes]) for name in NUMBERS)
+        self.rank = (self.number << 32) + self.primitive
+        center, outer, vertex = (np.concatenate([getattr(s, name) for s in self.shapes]) for name in PLACES)
+        face = self.shapes[-1].face  # no other shape has any
         paths = Paths.of(center, outer, outer, np.ones(len(center), bool), vertex=vertex, face=face)
         assert paths.tree is not None
-        return cls(
-            center=center[: len(spheres)],
-            radius=np.ascontiguousarray(spheres["radius"]),
-            bent=bent,
-            maps=scene.to_object,
-            stretch=stretch,
-            reach=reach,
-            vertex=vertex,
-            face=face,
-            start=np.ascontiguousarray(rods["start"]),
-            end=np.ascontiguousarray(rods["end"]),
-            rod_radius=np.ascontiguousarray(rods["radius"]),
-            number=number.astype(np.int64),
-            primitive=primitive.astype(np.int64),
-            rank=(number.astype(np.int64) << 32) + primitive,
-            middle=paths.middle,
-            size=2.0**-paths.exponent,
-            nodes=Nodes.of(paths.tree, paths.exponent, center=center, outer=outer, vertex=vertex, face=face),
-        )
+        self.middle, self.size = paths.middle, 2.0**-paths.exponent
+        self.nodes = Nodes.of(paths.tree, paths.exponent, center=center, outer=outer, vertex=vertex, face=face)
 
-    @property
-    def spheres(self) -> int:
-        return len(self.radius)
+    def parts(self, primitive: Ids) -> Iterator[tuple[Shape, Ids]]:
+        """The shapes that some of these primitives have, and the rows of these; -1 has none."""
+        for shape in self.shapes:
+            rows = np.flatnonzero((primitive >= shape.first) & (primitive < shape.first + len(shape)))
+            if len(rows):
+                yield shape, rows
 
-    @property
-    def solids(self) -> int:
-        """How many primitives come before the triangles."""
-        return len(self.radius) + len(self.rod_radius)
+    def meet(self, lines: Lines, ray: Ids, primitive: Ids) -> Met:
+        with np.errstate(all="ignore"):  # what is not finite is not sure
+            return Met.all([shape.meet(lines, ray[i], primitive[i]) for shape, i in self.parts(primitive)])
 
-    def kinds(self, primitive: Ids) -> tuple[Bools, Bools, Bools]:
-        """Which primitives are spheres, cylinders and triangles; none of -1."""
-        flat = primitive >= self.solids
-        rods = (primitive >= self.spheres) & ~flat
-        return (primitive >= 0) & ~flat & ~rods, rods, flat
+    def ends(self, lines: Lines, ray: Ids, primitive: Ids) -> Iterator[tuple[Ids, Ends]]:
+        """For each shape, the rows of its pairs and their Ends."""
+        for shape, rows in self.parts(primitive):
+            with np.errstate(all="ignore"):  # what is not finite is not sure
+                found = shape.ends(lines, ray[rows], primitive[rows])
+            yield rows, found
+
+    def roots(self, lines: Lines, ray: Ids, primitive: Ids) -> tuple[Roots, int]:
+        """In the unit 2^shift, which is the second answer."""
+        parts = list(self.parts(primitive))
+        rays = WholeRays.of(lines, ray, [x for shape, rows in parts for x in shape.lengths(primitive[rows])])
+        found = [shape.roots(rays.at(rows), primitive[rows]) for shape, rows in parts]
+        back = np.argsort(np.concatenate([rows for _, rows in parts]))
+        return Roots._make(np.concatenate(x, axis=-1) for x in zip(*found, strict=True)).at(back), rays.shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +79,7 @@ class Nodes:
 
     sides: (6, nodes, 8) float32, of the children's boxes, from the surfaces' middle, times 2^exponent; child: (nodes,
     8), a node, or ~ a leaf, 0 for none; depth: how many nodes a walk may have to come back to. Leaves are `blocks` of
-    spheres and cylinders, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4,
+    balls, then those of triangles; slots: (leaves, 8), the primitives in them, -1 for none. balls: (4,
     blocks, 8), centres and outer radii; patches: (11, leaves - blocks, 8), corners, both edges from there, and the sum
     and the product of the edges' sizes.
     """
@@ -162,5 +130,5 @@ def surfaces_of(scene: Scene) -> Surfaces:
     """The same for the same scene, as long as it lives: a tree of a million surfaces takes a second."""
     with _lock:
         if scene not in _known:
-            _known[scene] = Surfaces.of(scene)
+            _known[scene] = Surfaces(scene)
         return _known[scene]

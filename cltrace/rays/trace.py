@@ -11,12 +11,11 @@ from cltrace.base.arrays import concurrently
 from cltrace.numbers.fine import Fine, select
 from cltrace.numbers.pairs import Floats
 from cltrace.rays.attributes import Attributes
-from cltrace.rays.doubles import Met, meet
-from cltrace.rays.fine import compare, ends
+from cltrace.rays.doubles import Met
+from cltrace.rays.fine import compare
 from cltrace.rays.lines import Bools, Ids, Lines
 from cltrace.rays.surfaces import Surfaces, surfaces_of
 from cltrace.rays.walk import candidates
-from cltrace.rays.whole import Exact
 from cltrace.scene import Scene
 from cltrace.scene.rules import described, numbers
 
@@ -93,7 +92,7 @@ def trace_rays(
     jobs = [partial(_trace, surfaces, o[part], d[part], low[part], high[part]) for part in parts]
     index, t, h, rest = (np.concatenate(x) for x in zip(_nothing(), *concurrently(jobs), strict=True))
     lines = partial(Lines.of, o, d, low, high, surfaces.middle, surfaces.size)
-    return Hits(t, index, Attributes(scene, surfaces, lines, index, (h, rest)))
+    return Hits(t, index, Attributes(surfaces, lines, index, (h, rest)))
 
 
 def _nothing() -> tuple[Ids, Floats, Floats, Floats]:
@@ -153,7 +152,7 @@ def _trace(
         index[met.ray[sure]], side[met.ray[sure]] = met.primitive[sure], met.side[sure]
         return met.at(~sure)
 
-    left = settled(candidates(lines, surfaces, partial(meet, lines, surfaces)))
+    left = settled(candidates(lines, surfaces, partial(surfaces.meet, lines)))
     left = settled(_by_pairs(lines, surfaces, left))
     if len(left.ray):
         ray, primitive, end = _by_whole_numbers(lines, surfaces, left)
@@ -164,12 +163,10 @@ def _trace(
 def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
     """What pairs of doubles know of these. Of the rays for which they must not decide, what was known before."""
     far = np.full(len(lines), np.inf)
-    parts, flat = [], met.primitive >= surfaces.solids
-    for rows in map(np.flatnonzero, surfaces.kinds(met.primitive)):
-        if not len(rows):
-            continue
+    parts = []
+    for rows, found in surfaces.ends(lines, met.ray, met.primitive):
         some = met.at(rows)
-        found, plain = ends(lines, surfaces, some.ray, some.primitive), lines.plain[some.ray]
+        plain = lines.plain[some.ray]
         low, high = (np.ldexp(t[some.ray], lines.exponent[some.ray]) for t in (lines.t_min, lines.t_max))
         inside, outside = [], []
         for t in (found.near, found.far):
@@ -181,7 +178,7 @@ def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
         t = select(by_far, found.far, found.near)
         slack = np.abs(t.l) + 2 * t.error + 2.0**-50 * np.abs(t.h)
         least, most = np.where(sure, t.h - slack, -np.inf), np.where(sure, t.h + slack, np.inf)
-        side = np.where(flat[rows], 0, np.where(by_far, 1, -1))
+        side = np.where(by_far, 1, -1)
         kept = ~(plain & outside[0] & outside[1])
         parts.append(Met(some.ray, some.primitive, sure=sure, side=side, low=least, high=most).at(kept))
     result = Met.all(parts)
@@ -192,7 +189,7 @@ def _by_pairs(lines: Lines, surfaces: Surfaces, met: Met) -> Met:
 def _by_whole_numbers(lines: Lines, surfaces: Surfaces, met: Met) -> tuple[Ids, Ids, Ids]:
     """The rays that meet any of these, the primitive that each meets first, and at which end."""
     met = met.at(np.lexsort((surfaces.rank[met.primitive], met.ray)))
-    roots = Exact(lines, surfaces, met.ray, met.primitive).roots
+    roots, _ = surfaces.roots(lines, met.ray, met.primitive)
     there = np.flatnonzero(roots.exists)
     met, roots = met.at(there), roots.at(there)
     first = np.flatnonzero(np.diff(met.ray, prepend=-1))
@@ -207,21 +204,18 @@ def _by_whole_numbers(lines: Lines, surfaces: Surfaces, met: Met) -> tuple[Ids, 
 def _distances(lines: Lines, surfaces: Surfaces, index: Ids, side: Ids) -> tuple[Floats, Floats, Floats]:
     """Where rays meet these primitives, (n,) each: t, correctly rounded, and T as pairs, inf for none."""
     h, low, sure = np.full(len(index), np.inf), np.zeros(len(index)), index < 0
-    for kind in surfaces.kinds(index):
-        rows = np.flatnonzero(kind)
-        if len(rows):
-            found = ends(lines, surfaces, rows, index[rows])
-            h[rows], low[rows], sure[rows] = _rounded(select(side[rows] > 0, found.far, found.near))
+    for rows, found in surfaces.ends(lines, np.arange(len(index)), index):
+        h[rows], low[rows], sure[rows] = _rounded(select(side[rows] > 0, found.far, found.near))
     with np.errstate(over="ignore"):
         t = np.ldexp(h, -lines.exponent)
     # Below the normal doubles this has rounded once more.
     sure &= (lines.plain & (np.abs(t) > 2.0**-1000)) | (index < 0)
     rows = np.flatnonzero(~sure)
     if len(rows):
-        exact = Exact(lines, surfaces, rows, index[rows])
+        roots, shift = surfaces.roots(lines, rows, index[rows])
         for i, row in enumerate(rows.tolist()):
-            h[row], low[row] = exact.roots.pair(i, exact.shift + int(lines.exponent[row]))
-            t[row], _ = exact.roots.pair(i, exact.shift)
+            h[row], low[row] = roots.pair(i, shift + int(lines.exponent[row]))
+            t[row], _ = roots.pair(i, shift)
     return t, h, low
 
 

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from cltrace.numbers.pairs import Floats
 from cltrace.numbers.surds import signs_with_root, signs_with_roots
-from cltrace.numbers.vectors import cross, dot, product
 from cltrace.numbers.whole import Signs, Whole, grid_of, rounded, signs, whole
 from cltrace.rays.lines import Bools, Ids, Lines
-from cltrace.rays.surfaces import Surfaces
 
 
 class Roots(NamedTuple):
@@ -86,102 +84,31 @@ class Roots(NamedTuple):
             bits *= 2
 
 
-class Exact:
-    """Rays and primitives, (k,) rows each, in whole numbers. roots: what each ray meets first of its primitive within
-    its range, if anything; their unit is 2^shift."""
+class WholeRays(NamedTuple):
+    """k rays in whole numbers: lengths times 2^grid, t times 2^-shift.
 
-    def __init__(self, lines: Lines, surfaces: Surfaces, ray: Ids, primitive: Ids) -> None:
-        round_, long, flat = kinds = surfaces.kinds(primitive)
-        balls, rods = primitive[round_], primitive[long] - surfaces.spheres
-        corners = surfaces.vertex[surfaces.face[primitive[flat] - surfaces.solids]]
-        ends = surfaces.start[rods], surfaces.end[rods], surfaces.rod_radius[rods]
-        places = (lines.origin[ray], surfaces.center[balls], surfaces.radius[balls], *ends, corners)
-        self.grid = grid_of(*(x.ravel() for x in places))
-        fine = grid_of(lines.direction[ray].ravel())
-        self.shift = fine - self.grid
-        o, w = whole(lines.origin[ray], self.grid).T, whole(lines.direction[ray], fine).T
-        self.t_min, self.t_max = lines.t_min[ray], lines.t_max[ray]
-        self.volumes = np.empty((3, len(ray)), object)
-        parts: list[tuple[Ids, Roots]] = []
-        for kind, roots in zip(kinds, (self._spheres, self._rods, self._triangles), strict=True):
-            rows = np.flatnonzero(kind)
-            if len(rows):
-                parts.append((rows, roots(surfaces, primitive[rows], rows, o[:, rows], w[:, rows])))
-        back = np.argsort(np.concatenate([rows for rows, _ in parts]))
-        self.roots = Roots._make(np.concatenate(x, axis=-1) for x in zip(*(r for _, r in parts), strict=True)).at(back)
+    o, w: (3, k), where they start, and their directions; t_min, t_max: (k,), as given.
+    """
 
-    def _triangles(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
-        face = surfaces.face[primitive - surfaces.solids]
-        A, B, C = (whole(surfaces.vertex[face[:, k]], self.grid).T - o for k in range(3))
-        edges = [np.array(cross(u, v), object) for u, v in ((A, B), (B, C), (C, A))]
-        D = dot(A, edges[1])
-        sides = np.array([_sign_along(w, edge) for edge in edges])
-        side = sides[0]
-        exists = (signs(D) != 0) & (sides == side).all(axis=0)
-        # Where it is met, all three are on one side, so that side is that of their sum, N.w.
-        volumes = np.array([dot(w, edge) * side for edge in edges], object).reshape(3, -1)
-        self.volumes[:, rows] = volumes
-        normal, zero = (edges[0] + edges[1] + edges[2]) * side, np.zeros(len(rows), np.int64)
-        roots = Roots(exists, a=volumes.sum(axis=0), b=D * side, side=zero, D=zero.astype(object), w=w, normal=normal)
-        return roots._replace(exists=exists & self._within(roots, rows))
+    grid: int
+    shift: int
+    o: Whole
+    w: Whole
+    t_min: Floats
+    t_max: Floats
 
-    def _spheres(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
-        f, d = whole(surfaces.center[primitive], self.grid).T - o, w
-        r = whole(surfaces.radius[primitive], self.grid)
-        bent = surfaces.bent[primitive]
-        if (bent >= 0).any():
-            maps = np.concatenate([surfaces.maps, np.eye(3)[None]])[bent]  # of -1, the last one
-            k = grid_of(maps.ravel())
-            K = np.moveaxis(whole(maps, k), 0, -1)
-            f, d = (np.array(product(K, v), object) for v in (f, d))
-            r = r << k
-        a, b, c = dot(d, d), dot(f, d), dot(f, f) - r * r
-        D, side = b * b - a * c, np.ones(len(rows), np.int64)
-        passes = D < 0
-        roots = Roots(
-            ~passes, a=a, b=b, side=-side, D=np.where(passes, 0, D), w=w, normal=np.zeros((3, len(rows)), object)
-        )
-        first, second = (self._within(roots._replace(side=end), rows) for end in (-side, side))
-        return roots._replace(exists=~passes & (first | second), side=np.where(first, -1, 1))
+    @classmethod
+    def of(cls, lines: Lines, ray: Ids, lengths: list[Floats]) -> WholeRays:
+        """Some rays, on a grid on which these lengths are whole, too."""
+        grid, fine = grid_of(lines.origin[ray], *lengths), grid_of(lines.direction[ray])
+        o, w = whole(lines.origin[ray], grid).T, whole(lines.direction[ray], fine).T
+        return cls(grid, fine - grid, o=o, w=w, t_min=lines.t_min[ray], t_max=lines.t_max[ray])
 
-    def _rods(self, surfaces: Surfaces, primitive: Ids, rows: Ids, o: Whole, w: Whole) -> Roots:
-        """The way through the endless cylinder, and that between the planes N = g t, each from -1 to 1; the later
-        beginning and the earlier end of these count."""
-        rod = primitive - surfaces.spheres
-        S, E, r = (whole(x[rod], self.grid) for x in (surfaces.start, surfaces.end, surfaces.rod_radius))
-        f, u = S.T - o, (E - S).T
-        F, G = (np.array(cross(v, u), object) for v in (f, w))
-        uu, g, h = dot(u, u), dot(w, u), dot(f, u)
-        a, b, c = dot(G, G), dot(F, G), dot(F, F) - r * r * uu
-        D, k, forth = b * b - a * c, h + uu, signs(g)
-        steep, curved, real = forth != 0, signs(a) > 0, D >= 0
-        none, one = np.zeros((3, len(rows)), object), np.ones(len(rows), np.int64)
-        sides, flats = [], []
-        for end, N in ((-1, np.where(forth > 0, h, k)), (1, np.where(forth > 0, k, h))):
-            D_or_0, g_or_1, a_or_1 = np.where(real, D, 0), np.where(steep, g, 1), np.where(curved, a, 1)
-            sides.append(Roots(curved & real, a=a_or_1, b=b, side=end * one, D=D_or_0, w=w, normal=none))
-            flats.append(Roots(steep, a=g_or_1 * g_or_1, b=N * g, side=end * one, D=none[0], w=w, normal=none))
-        by_flat = steep & (~curved | ~flats[0].before(sides[0])), steep & (~curved | ~sides[1].before(flats[1]))
-        near, far = (flat.where(by, side) for flat, by, side in zip(flats, by_flat, sides, strict=True))
-        there = np.where(curved, real, c <= 0) & (steep | ((h <= 0) & (k >= 0))) & ~far.before(near)
-        first, second = self._within(near, rows), self._within(far, rows)
-        return near.where(first, far)._replace(exists=there & (first | second))
+    def at(self, rows: Ids) -> WholeRays:
+        low, high = self.t_min[rows], self.t_max[rows]
+        return self._replace(o=self.o[:, rows], w=self.w[:, rows], t_min=low, t_max=high)
 
-    def _within(self, roots: Roots, rows: Ids) -> Bools:
-        low, high = (roots.sign_less(bound[rows], -self.shift) for bound in (self.t_min, self.t_max))
+    def reach(self, roots: Roots) -> Bools:
+        """(k,): whether these are within the rays' ranges."""
+        low, high = (roots.sign_less(bound, -self.shift) for bound in (self.t_min, self.t_max))
         return np.asarray((low > 0) & (high < 0))
-
-    def weights(self) -> Floats:
-        """(3, k): of the corners of triangles that are met, rounded."""
-        order = self.volumes[[1, 2, 0]]
-        return np.array([[float(Fraction(x, sum(v))) for x in v] for v in order.T], float).reshape(-1, 3).T
-
-
-def _sign_along(w: Whole, v: Whole) -> Signs:
-    """The sign of v.w, and where that is 0, of v.(w + (e, e^2, e^3)) for every small e > 0."""
-    sign = signs(dot(v, w))
-    for x in v:
-        if sign.all():
-            break
-        sign = np.where(sign == 0, signs(x), sign)
-    return sign

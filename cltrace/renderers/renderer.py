@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
-from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
@@ -25,8 +24,7 @@ from cltrace.plan.request import Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
-from cltrace.run.executor import WIDTHS, Executor, Frame
-from cltrace.run.light_passes import LightPasses, Made
+from cltrace.run.executor import WIDTHS, Executor, Frame, Made
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
@@ -325,29 +323,27 @@ class Renderer:
                 packer = packer_of(self._world, self.request, self.device, near._packer if near else None)
             self._packer = packer
             self._view, self._made = packer.view(worlds[0], self.scene.camera)
-        self.plan = Plan.of(self._world, self._view, self.request, 0 if len(worlds) > 1 else None)
+        self.plan = Plan.of(self._world, self._view, self.request)
         packed = time.perf_counter() - start
-        self._executor = self._executor_for(worlds, near)
+        further = [self._pass_of(world) for world in worlds[1:]]
+        made = self.plan, self._made
+        self._executor = Executor(made, self.device, self.width, near._executor if near else None, further)
         if near and near._world is self._world:
             self._executor.know(near._executor)
         self._probe = self._probe_of(before._probe if before else None)
         seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
         self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
 
-    def _executor_for(self, worlds: list[World], near: Renderer | None) -> Executor:
-        """What draws the plan, and after it the passes of the other worlds. near: as in _see(), on the same device."""
-        known = near._executor if near else None
-        if len(worlds) == 1:
-            return Executor(self.plan, self.device, self.width, known, self._made)
-        first, packer, camera, request = self._world, self._packer, self.scene.camera, self.plan.request
-        assert packer is not None
+    def _pass_of(self, some: World) -> Callable[[], Made]:
+        """What makes the plan of the pass that adds the lights of `some`, and its buffers."""
+        world, packer, camera, request = self._world, self._packer, self.scene.camera, self.request
 
-        def later(number: int) -> Made:
-            view, made = packer.view(worlds[number], camera)
-            return Plan.of(first, view, request, number), made
+        def make() -> Made:
+            assert packer is not None
+            view, made = packer.view(some, camera)
+            return Plan.of(world, view, request), made
 
-        makers = [partial(later, number) for number in range(1, len(worlds))]
-        return LightPasses((self.plan, self._made), makers, self.device, self.width, known)
+        return make
 
     def _view_of(self, world: World, camera: AnyCamera) -> View | None:
         """This one's view if it is that of a world and a camera, but for materials; else None."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
@@ -47,6 +47,8 @@ STRIP = 2**22
 # A launch takes about so many seconds at most, for whoever looks at the progress, and as some devices do not see what
 # stops it. A first one, which may turn out to be slow, has so many rows.
 PATIENCE, FIRST_ROWS = 0.25, 64
+# A plan, and buffers that are there already, by the names of arrays that it lacks.
+Made = tuple[Plan, dict[str, Any]]
 # Values of the kernel's argument `last`: later than any pixel, and before all.
 ALL, OVER = np.iinfo(np.int32).max, np.iinfo(np.int32).min
 
@@ -96,7 +98,8 @@ class Frame:
     """Room for the outputs of one frame, which are whole packets.
 
     owner: the `room` of the executor that made it; width, height: in pixels; arrays: on the host, by the outputs'
-    names, (height, width, channels) each; buffers: on the device. On a CPU a buffer is its array.
+    names, (height, width, channels) each; buffers: on the device. On a CPU a buffer is its array. exponent: depths that
+    have been drawn are in units of 2^exponent scene units.
     """
 
     owner: object
@@ -104,48 +107,44 @@ class Frame:
     height: int
     arrays: dict[str, NDArray[Any]]
     buffers: dict[str, Any]
+    exponent: int = 0
 
 
 class Executor:
     """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
-    plan: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
-    device, whose buffers are used again for the arrays that its plan shares with this one; made: buffers that are there
-    already, by the names of arrays that the plan lacks. seconds: what "build" and "upload" took. The plan's arrays are
-    not to change. For one thread at a time.
+    made: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
+    device, whose buffers are used again for the arrays that its plan shares with this one; further: what makes each of
+    the passes that follow this one, with the same features and outputs, see plan/passes.py. seconds: what "build" and
+    "upload" took. The plan's arrays are not to change. For one thread at a time.
 
     Raises BuildError if the kernel does not build, and DeviceError if the driver fails or has not enough memory.
     """
 
     def __init__(
         self,
-        plan: Plan,
+        made: Made,
         device: Device,
         width: int,
         before: Executor | None = None,
-        made: dict[str, Any] | None = None,
+        further: Sequence[Callable[[], Made]] = (),
     ) -> None:
-        self.plan, self.device, self.width, self.packet = plan, device, width, WIDTHS[width]
+        (self.plan, _), self.device, self.width, self.packet = made, device, width, WIDTHS[width]
+        self._further, self._started = further, False
         self.seconds: dict[str, float] = {}
         self.room = object()
         self._rows = FIRST_ROWS
-        self._move_to(plan.region)
+        self._move_to(self.plan.region)
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._context: Any = context_of(device.cl)
             self._queue: Any = cl.CommandQueue(self._context)
             self._build()
-        self._last = Last(self._context, device, "WITH_CEILING" in plan.features)
-        check_sizes(device, {name: (len(array), array.nbytes) for name, array in plan.arrays.items()})
+        self._last = Last(self._context, device, "WITH_CEILING" in self.plan.features)
         with self._timed("upload"), self.driver_errors():
-            kept = before.plan.arrays if before else {}
-            self.buffers: dict[str, Any] = {
-                name: before.buffers[name] if before and array is kept.get(name) else self._buffer(array)
-                for name, array in plan.arrays.items()
-            } | (made or {})
-            self.buffers["last"] = self._last.buffer
-            if "WITH_TRIANGLES" in plan.features:
-                self.buffers["plane"] = self._zeros(4 * max(plan.values["triangles"], 1))
-            self._unstoppable = Unstoppable(plan, device) if "WITH_UNSTOPPABLE" in plan.features else None
+            self._upload(made, before)
+            if "WITH_TRIANGLES" in self.plan.features:
+                self.buffers["plane"] = self._zeros(4 * max(self.plan.values["triangles"], 1))
+            self._unstoppable = Unstoppable(self.plan, device) if "WITH_UNSTOPPABLE" in self.plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
             self._launch_first()
@@ -195,32 +194,60 @@ class Executor:
         drawn: Callable[[int], object] = lambda rows: None,
         take: Callable[[int], range | None] | None = None,
     ) -> None:
-        """Renders the region, in strips.
+        """Renders the region, in strips, and in each pass the same ones.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
-        frame begins with the size that was found. drawn: called with how many rows a strip had, 0 where it was stopped;
-        what that raises ends it. take: Rows.take() of rows that other devices take from, too, None for all. Raises
-        TooManyRaysError after the strip in which that happened.
+        frame begins with the size that was found. drawn: called with how many rows a strip had, in the last pass, and
+        with 0 in others and where it was stopped; what that raises ends it. take: Rows.take() of rows that other
+        devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened.
         """
+        strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
+        for number, part in enumerate(self._passes()):
+            told = drawn if number == len(self._further) else lambda rows: drawn(0)
+            strips = part._draw(frame, strips, told)
+            del part  # The next one has room in its place.
+            if not strips:
+                return
+
+    def _passes(self) -> Iterator[Executor]:
+        """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
+        yield self
+        for make in self._further:
+            other = copy(self)
+            other._upload(make(), self)
+            other.buffers, other._started = self.buffers | other.buffers, True
+            yield other
+            del other
+
+    def _strips(self, frame: Frame, take: Callable[[int], range | None]) -> Iterator[range]:
+        """What draw() renders."""
+        most = max(64, STRIP // frame.width // 64 * 64)
+        while strip := take(min(self._rows, most)):
+            yield strip
+
+    def _draw(self, frame: Frame, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
+        """Renders these strips in one pass, and returns them."""
         if self._unstoppable:
             self._unstoppable.find(self._context, self._queue, self.buffers)
         (x, y), (x0, y0, width, height) = self._margin, self.region
-        region = (x0 - x, y0 - y, width + x, height + y)
-        take, most = take or Rows(region[3]).take, max(64, STRIP // frame.width // 64 * 64)
+        region, done = (x0 - x, y0 - y, width + x, height + y), []
+        frame.exponent = self.plan.exponent
         self._last.reset(self._queue)
         with interruptible(self._last.stop, self._advice) as begin:
-            while strip := take(min(self._rows, most)):
+            for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
                 seconds = self._seconds_of(partial(self._launch, frame, region, strip.start, count), drawn)
                 self._check_overgrown()
                 drawn(len(strip))
+                done.append(strip)
                 if self._unstoppable:
                     self._unstoppable.drawn(len(strip) * width)
                 if seconds > PATIENCE:
                     self._rows = max(16, self._rows // 32 * 16)
                 elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
                     self._rows *= 2
+        return done
 
     def stop(self) -> None:
         """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
@@ -248,7 +275,7 @@ class Executor:
         self._queue.finish()
         if "depth" in out and out["depth"].dtype == np.float32:
             # In scene units a distance may exceed float32's range.
-            out["depth"] = np.ldexp(out["depth"].astype(np.float64), self.plan.exponent)
+            out["depth"] = np.ldexp(out["depth"].astype(np.float64), frame.exponent)
         return out
 
     def work(self) -> dict[str, int]:
@@ -257,17 +284,18 @@ class Executor:
         It does so in strips, as the counters of all pixels at once might need too much memory.
         """
         x, y, width, height = self.region
-        counter = self.of(self.region)
-        counter.plan = self.plan.counting()
-        counter._build()
-        counter._launch_first()
-        total = np.zeros(len(COUNTERS), np.int64)
-        rows = max(1, STRIP // width)
-        for row in range(0, height, rows):
-            counter._move_to((x, y + row, width, min(rows, height - row)))
-            frame = counter.frame()
-            counter.draw(frame)
-            total += counter.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
+        total, rows = np.zeros(len(COUNTERS), np.int64), max(1, STRIP // width)
+        for part in self._passes():
+            counter = part.of(self.region)
+            counter.plan, counter._further = part.plan.counting(), ()
+            counter._build()
+            counter._launch_first()
+            for row in range(0, height, rows):
+                counter._move_to((x, y + row, width, min(rows, height - row)))
+                frame = counter.frame()
+                counter.draw(frame)
+                total += counter.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
+            del part, counter
         return dict(zip(COUNTERS.values(), total.tolist(), strict=True))
 
     @contextmanager
@@ -310,17 +338,28 @@ class Executor:
         cl.enqueue_fill_buffer(self._queue, buffer, np.zeros(1, np.int32), 0, count)
         return buffer
 
-    def _build(self) -> None:
-        """Makes the kernel of the plan, and those of its arguments that no launch changes."""
-        flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
-        self._program = program(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
-        self._kernel = self._program.kernel()
-        self._arguments = arguments_of(self.plan.features)
+    def _upload(self, made: Made, before: Executor | None) -> None:
+        """Makes the kernel's arguments that no launch changes."""
+        self.plan, buffers = made
+        arrays, kept = self.plan.arrays, before.plan.arrays if before else {}
+        check_sizes(self.device, {name: (len(array), array.nbytes) for name, array in arrays.items()})
+        self.buffers: dict[str, Any] = {
+            name: before.buffers[name] if before and array is kept.get(name) else self._buffer(array)
+            for name, array in arrays.items()
+        } | buffers
+        self.buffers["last"] = self._last.buffer
         self._values = {
             a.name: self._value(a.type, self.plan.values[a.name])
             for a in self._arguments
             if a.kind == "value" and a.name in self.plan.values
         }
+
+    def _build(self) -> None:
+        """Makes the kernel of the plan."""
+        flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
+        self._program = program(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        self._kernel = self._program.kernel()
+        self._arguments = arguments_of(self.plan.features)
 
     def _launch_first(self) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
@@ -361,7 +400,8 @@ class Executor:
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
         proved = self._unstoppable.lights if self._unstoppable else 0
-        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin, "proved": proved}
+        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
+        of_launch |= {"proved": proved, "started": int(self._started)}
         # An output that nobody asked for is never written, but must be some buffer.
         outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         buffers = self.buffers | outputs | {name: frame.buffers[name] for name in frame.buffers.keys() - OUTPUTS}

@@ -36,6 +36,7 @@ SOURCES = (
     "shapes/sphere/ellipsoid.cl",
     "shapes/sphere/leaving.cl",
     "shapes/cylinder/cylinder.cl",
+    "shapes/cylinder/filter.cl",
     "shapes/sphere/fetch.cl",
     "shapes/triangle/triangle.cl",
     "shapes/triangle/fetch.cl",

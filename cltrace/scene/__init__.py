@@ -2,7 +2,7 @@
 
 from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
-from cltrace.scene.cylinders import CYLINDER, MAX_CYLINDERS, Bonds, axes, box_corners, box_edges
+from cltrace.scene.cylinders import CYLINDER, MAX_CYLINDERS, Bonds, axes, box_corners, box_edges, box_images
 from cltrace.scene.lights import (
     AMBIENT,
     BALL,
@@ -95,6 +95,7 @@ __all__ = [
     "ball_light",
     "box_corners",
     "box_edges",
+    "box_images",
     "check_resolution",
     "extent_faults",
     "inverse_faults",

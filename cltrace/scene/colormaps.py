@@ -97,9 +97,6 @@ class Scale:
                 state[name] = Lost(name)
         return state
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-
 
 @dataclass(frozen=True)
 class Lost:

@@ -6,6 +6,7 @@ numbers as they are: no axis is normalised.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +37,8 @@ CYLINDER = np.dtype(
     ]
 )
 MAX_CYLINDERS = 2**24
+# So many images of a periodic box are looked at for the nearest.
+MOST_IMAGES = 10_000
 Floats = NDArray[np.float64]
 
 
@@ -77,15 +80,21 @@ def materials_of(count: int, colors: ArrayLike | None, material: Material | None
     one, _ = records([base])
     if colors is None:
         return one, False
-    shown = np.asarray(color_numbers("colors", colors))
-    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
-        raise ValueError(f"colors: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
-    check_rule("colors", NOT_NEGATIVE, shown)
-    check_not_bytes("colors", shown, reflected=True)
+    shown = colors_of("colors", count, colors)
     rows = shown.reshape(-1, 3)
     made = np.repeat(one, len(rows))
     made["color"] = rows
     return made, shown.ndim == 3
+
+
+def colors_of(name: str, count: int, colors: ArrayLike) -> NDArray[Any]:
+    """(3,), (count, 3) or, for both halves of each, (count, 2, 3). Raises ValueError, which names them."""
+    shown = np.asarray(color_numbers(name, colors))
+    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
+        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
+    check_rule(name, NOT_NEGATIVE, shown)
+    check_not_bytes(name, shown, reflected=True)
+    return shown
 
 
 def linear(materials: NDArray[np.void], transfer: Transfer) -> NDArray[np.void]:
@@ -156,6 +165,18 @@ def box_corners(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
     return corner + np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ edges
 
 
+def box_images(box: ArrayLike, counts: ArrayLike) -> Floats:
+    """The offsets, (k, 3), from a periodic box to its images side by side, its own first, for Scene.replicate().
+
+    box: as of box_edges(); counts: how many boxes there are along each of the three edges. Raises ValueError, which
+    names the argument.
+    """
+    edges, given = box_of(box), numbers("counts", counts)
+    if given.shape != (3,) or not (given >= 1).all() or (given % 1).any():
+        raise ValueError(f"counts: must be 3 whole numbers of at least 1, got {described(counts)}")
+    return np.array(list(itertools.product(*(range(int(count)) for count in given)))) @ edges
+
+
 def axes(length: float = 1.0, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floats, Floats]:
     """The starts and ends, (3, 3) each, of the axes x, y and z from a point, for Scene.with_cylinders().
 
@@ -163,6 +184,28 @@ def axes(length: float = 1.0, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floa
     """
     starts = np.tile(np.array(vector("origin", origin)), (3, 1))
     return starts, starts + float(checked("length", POSITIVE, length, ())) * np.eye(3)
+
+
+def _to_nearest(way: Floats, box: Floats) -> Floats:
+    """(k, 3): what takes the ends of ways, (k, 3), to those of their images in a periodic box that are nearest.
+
+    Along each edge, the image in the cell about the start is within half of it. No nearer one is further than that, so
+    a box that is higher than all bonds has none. Raises ValueError if there are too many boxes to look at.
+    """
+    inverse = np.linalg.inv(box)
+    first = -np.einsum("ij,jk->ik", np.rint(np.einsum("ij,jk->ik", way, inverse)), box)
+    least = np.square(way + first).sum(axis=1)
+    far = np.sqrt(least.max(initial=0))
+    most = np.floor(far * np.sqrt(np.square(inverse).sum(axis=0)) + 0.5)
+    if np.prod(2 * most + 1) > MOST_IMAGES:
+        raise ValueError(f"box: is too flat for bonds that are {far:g} long; shorter edges may give the same images")
+    nearest = first
+    for steps in itertools.product(*(range(-int(n), int(n) + 1) for n in most)):
+        shift = first + np.einsum("j,jk->k", np.array(steps, float), box)
+        square = np.square(way + shift).sum(axis=1)
+        shorter = square < least * (1 - 2.0**-40)
+        nearest, least = np.where(shorter[:, None], shift, nearest), np.where(shorter, square, least)
+    return np.asarray(nearest)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -216,9 +259,7 @@ class Bonds(Frozen):
         """
         i, j = self.pairs.T
         a, b = center[i].astype(np.float64), center[j].astype(np.float64)
-        shift = np.zeros_like(a)
-        if len(self.box):
-            shift = -np.rint(np.linalg.solve(self.box.T, (b - a).T).T) @ self.box
+        shift = _to_nearest(b - a, self.box) if len(self.box) else np.zeros_like(a)
         across = shift.any(axis=1)
         _check_length("bonds", a, b + shift)
         material = self.material

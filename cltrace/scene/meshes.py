@@ -164,6 +164,14 @@ class PlacedMesh(Frozen):
         other.__setstate__({**self.__dict__, "material": material, "number": number})
         return other
 
+    def moved(self, offset: NDArray[np.float64], number: int) -> PlacedMesh:
+        """The same with another number, moved in the world, scene units; shares the geometry."""
+        if not offset.any():
+            return self.of(self.material, number)
+        place = self.to_world.copy()
+        place[:, 3] += offset
+        return PlacedMesh(self.geometry, place, self.material, number)
+
     def __repr__(self) -> str:
         return f"<cltrace mesh {self.number}: {len(self.geometry.faces)} triangles, material {self.material}>"
 

@@ -7,6 +7,7 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -17,13 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import Scale, values_given
-from cltrace.scene.colors import Transfer, background_of, check_transfer, color_numbers, decoded
+from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
 from cltrace.scene.cylinders import (
     CYLINDER,
     MAX_CYLINDERS,
     Bonds,
     check_cylinders,
+    colors_of,
     cylinders_of,
     halved,
     linear,
@@ -47,17 +49,17 @@ from cltrace.scene.members import lamps_of
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import (
     ANY,
-    NOT_NEGATIVE,
     POSITIVE,
     Vector,
-    check_not_bytes,
     check_rule,
+    checked,
     described,
     numbers,
 )
 from cltrace.scene.settings import check_setting, setting
 from cltrace.scene.source import Source
 from cltrace.scene.surfaces import (
+    MAX_SPHERES,
     SPHERE,
     check_spheres,
     checked_maps,
@@ -360,8 +362,8 @@ class Scene:
         scene units. Where the ends differ in material, a bond is two cylinders that meet in the middle, each as its
         end. bond_colors: (k, 3) or one colour for whole bonds, or (k, 2, 3), one for each half; else they are as their
         ends. box: of a periodic simulation, its three lengths or a (3, 3) matrix of its edges as rows: a bond leads to
-        the nearest image of its other end, and is drawn from both ends to the box's boundary. The numbers of bonds
-        follow those of the meshes.
+        the nearest image of its other end; across the box's boundary, it is drawn from both ends, half of the way. The
+        numbers of bonds follow those of the meshes.
 
         transfer: "linear" for colours that are linear and become bytes without gamma, as the course has it; "srgb" for
         those that are given and written as sRGB, as other programs have it, while light adds up linearly between:
@@ -470,6 +472,46 @@ class Scene:
         columns = replace(self.columns, rest=np.concatenate([self.columns.rest, linear(kinds, self.transfer)]))
         return self.with_columns(columns, self.meshes, _numbered(self, np.concatenate([self.cylinders, made])))
 
+    def replicate(self, offsets: ArrayLike) -> Scene:
+        """The same scene with all surfaces once for each of k offsets, (k, 3), by which they are moved, scene units.
+
+        box_images() gives those of a periodic box. Bonds of one with `box` are halves at its boundary, which meet those
+        of the next image there. Surfaces are numbered anew: the spheres of each image in turn, then the meshes, then
+        the cylinders; so sphere i of n has the number k n + i in image k. Camera and lights stay where they are.
+
+        Raises ValueError, which names offsets and the index.
+        """
+        moves = checked("offsets", ANY, offsets, (-1, 3))
+        k, n, m = len(moves), len(self.columns), len(self.meshes)
+        columns, bonds, own = self.columns, self.bonds, self.cylinders[self.bonds.count if self.bonds else 0 :]
+        bound = len(bonds.pairs) if bonds else 0
+        for name, count, most in (("spheres", n, MAX_SPHERES), ("cylinders", len(own) + 2 * bound, MAX_CYLINDERS)):
+            if k * count > most:
+                raise ValueError(f"offsets: must make at most {most} {name}, got {k} times {count}")
+        material = np.arange(n, dtype=np.int32) if columns.material is None else columns.material
+        tiled: dict[str, Any] = {"radius": columns.radius, "material": material, "to_object": columns.to_object}
+        tiled = {name: np.tile(values, k) if values.ndim else values for name, values in tiled.items()}
+        columns = replace(columns, center=_moved("centers", columns.center, moves), **tiled)
+        meshes = tuple(
+            mesh.moved(move, n * k + i) for i, (move, mesh) in enumerate(itertools.product(moves, self.meshes))
+        )
+        check_size(meshes)
+        rods = np.tile(own, k).copy()  # of nothing, numpy makes no copy
+        rods["start"], rods["end"] = (_moved(f"cylinders.{end}", own[end], moves) for end in ("start", "end"))
+        rods["number"] = k * (n + m) + np.arange(len(rods))
+        if bonds:
+            pairs = (bonds.pairs + n * np.arange(k, dtype=np.int32)[:, None, None]).reshape(-1, 2)
+            radius, kinds = np.tile(bonds.radius, k), np.tile(bonds.material, (k, 1))
+            bonds = replace(bonds, pairs=pairs, radius=radius, material=kinds, count=0)
+        return self.with_columns(columns, meshes, rods, bonds).with_bonds_placed()
+
+
+def _moved(name: str, points: NDArray[Any], moves: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(k n, 3): n points by each of k offsets. Raises ValueError."""
+    found: NDArray[np.float64] = (moves[:, None] + points).reshape(-1, 3)
+    check_rule(f"{name}, moved by offsets", ANY, found)
+    return found
+
 
 def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
     """A scene with cylinders between its spheres. given: by their names, from_spheres()'s arguments about bonds."""
@@ -482,7 +524,8 @@ def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
     columns = scene.columns
     bonds = Bonds.of(pairs, radius, box, len(columns))
     if colors is not None:
-        kinds = _named("bond_colors", len(bonds.pairs), colors)
+        kinds = colors_of("bond_colors", len(bonds.pairs), colors)
+        kinds = kinds[:, None] if kinds.ndim == 2 else kinds
         ends = np.broadcast_to(_material_of(columns), (len(columns),))[bonds.pairs]
         shade = packed(columns.materials_count, columns.every_shade())[ends]
         shade["color"] = decoded(np.broadcast_to(kinds, shade["color"].shape), scene.transfer)
@@ -493,16 +536,6 @@ def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
         bonds = replace(bonds, material=(columns.materials_count + index.reshape(-1, 2)).astype(np.int32))
         columns = replace(columns, rest=np.concatenate([columns.rest, rows]))
     return scene.with_columns(columns, scene.meshes, bonds=bonds).with_bonds_placed()
-
-
-def _named(name: str, count: int, colors: ArrayLike) -> NDArray[np.float64]:
-    """The colours of bonds: (3,), (k, 1, 3) or (k, 2, 3). Raises ValueError."""
-    shown = np.asarray(color_numbers(name, colors), np.float64)
-    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
-        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
-    check_rule(name, NOT_NEGATIVE, shown)
-    check_not_bytes(name, shown, reflected=True)
-    return shown[:, None] if shown.ndim == 2 else shown
 
 
 def _material_of(columns: Columns) -> NDArray[np.int32]:

@@ -1,4 +1,4 @@
-/* polygons.cl: triangles as polygons on a plane, as the eye or a light at a point sees them, and the cells that they
+/* polygons.cl: triangles as polygons on a plane, as the eye or a light sees them, and the cells that they
  * cover: accel/{cells,polygons,light_buffer}.py of cltrace/plan, where all bounds are derived, with
  * the same arithmetic in the same order.
  *
@@ -11,9 +11,10 @@
 #define OUTSIDE 15
 
 /* What is seen through. middle, halves: of Pane; loose: SLACK (|middle| + half), size: 1 + |middle| + half; scale,
- * shift: of Pane; over: 1 / scale. */
+ * shift: of Pane; over: 1 / scale; along: 0, or what depths are off by that are seen along a direction. */
 typedef struct {
     float middle[2], halves[2], loose[2], size[2], scale[2], shift[2], over[2];
+    float along;
 } Pane;
 
 /* Every vertex as points of the sides whose bits are set. a, b, c: the axes. */
@@ -26,7 +27,7 @@ __kernel void look_at_vertices(const int n, const int sides, const double4 a, co
                                 TO_FLOAT(turned_along(c, p))};
         INT code = 0;
         for (int side = 0; side < 6; side++) {
-            if (!(sides >> side & 1)) continue;
+            if (!(sides >> side & 1) || pane->along > 0) continue;
             const FLOAT ahead = place[side / 2], d = side % 2 ? -ahead : ahead, depth = fabs(d);
             const FLOAT across[2] = {place[(side / 2 + 1) % 3], place[(side / 2 + 2) % 3]};
             const FLOAT size = ((fabs(across[0]) + fabs(across[1])) + depth) * 0x1p-46f;
@@ -96,7 +97,7 @@ INLINE MASK is_inside(const SeenCorners at, const int side) {
 }
 
 /* Polygons with all corners within the pyramid: across and up, left, right, low and high, the squared distance of the
- * nearest and of the furthest point, and whether the host is to find the former. */
+ * nearest and of the furthest point, or along a direction their depths, and whether the host is to find the former. */
 typedef struct {
     FLOAT corner[2][3], edge[4], near, far;
     MASK large;
@@ -111,10 +112,10 @@ INLINE Polygon polygon_of(const SeenCorners at, const int side, __constant Pane 
     for (int c = 0; c < 3; c++) {
         const FLOAT x = at.place[c][right], y = at.place[c][up],
                     d = side % 2 ? -at.place[c][side / 2] : at.place[c][side / 2];
-        const FLOAT over = 1 / d;
+        const FLOAT over = pane->along > 0 ? (FLOAT)1 : 1 / d;
         p.corner[0][c] = (x * over) * pane->scale[0] + pane->shift[0];
         p.corner[1][c] = (y * over) * pane->scale[1] + pane->shift[1];
-        square[c] = (x * x + y * y) + d * d;
+        square[c] = pane->along > 0 ? -d : (x * x + y * y) + d * d;
     }
     for (int k = 0; k < 2; k++) {
         p.edge[2 * k] = LESS(LESS(p.corner[k][0], p.corner[k][1]), p.corner[k][2]);
@@ -122,6 +123,12 @@ INLINE Polygon polygon_of(const SeenCorners at, const int side, __constant Pane 
     }
     const FLOAT least = LESS(LESS(square[0], square[1]), square[2]),
                 most = LARGER(LARGER(square[0], square[1]), square[2]);
+    if (pane->along > 0) {
+        p.near = least - pane->along;
+        p.far = most + 0x1p-10f;
+        p.large = 0;
+        return p;
+    }
     const FLOAT wide = (p.edge[1] - p.edge[0]) * pane->over[0], high = (p.edge[3] - p.edge[2]) * pane->over[1];
     const FLOAT apart = most - least,
                 spread = ((apart * apart) / (4 * least) + most * (wide * wide + high * high)) * (float)(1.0 / 3);

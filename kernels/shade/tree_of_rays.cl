@@ -237,9 +237,7 @@ static Branch go_on(const Scene scene, const Branch rays, const Intersection at,
     const REAL_MASK through = TO_REAL_MASK(only);
     next.live = mirrors | only;
     next.inner = through ? !bounce.inside : bounce.inside;
-    PUT_WHERE(through, next.d.x, bounce.refracted.x);
-    PUT_WHERE(through, next.d.y, bounce.refracted.y);
-    PUT_WHERE(through, next.d.z, bounce.refracted.z);
+    PUT3(PUT_WHERE, through, next.d, bounce.refracted);
     PUT_WHERE(through, next.weight, bounce.sends);
     if (HAS(WITH_SPLITS) && ANY(sends & mirrors)) {
         Branch other = {sends & mirrors,  rays.own,     !bounce.inside, at.normal,
@@ -332,13 +330,9 @@ static Shade3 color_with_branches(const Frame frame, const Scene scene, const Ra
         }
         Shade3 seen = color_of(all.sum);
         const SHADE_MASK alone = TO_SHADE_MASK(all.alone);
-        PUT_WHERE(alone, seen.x, all.first.x);
-        PUT_WHERE(alone, seen.y, all.first.y);
-        PUT_WHERE(alone, seen.z, all.first.z);
+        PUT3(PUT_WHERE, alone, seen, all.first);
         const SHADE_MASK here = TO_SHADE_MASK(at.hit);
-        PUT_WHERE(here, color.x, seen.x);
-        PUT_WHERE(here, color.y, seen.y);
-        PUT_WHERE(here, color.z, seen.z);
+        PUT3(PUT_WHERE, here, color, seen);
         at.hit = at.hit & !all.alone & unproven(frame, all, seen);
         COUNT(RETRACED, at.hit);
     }

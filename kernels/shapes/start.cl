@@ -37,9 +37,7 @@ static Start start_at(const Ray ray, const Sphere own, const Real3 normal, const
  * Start. */
 static __attribute__((always_inline)) void start_at_place(const REAL_MASK here, const Real3 P, const REAL side,
                                                           Start *start) {
-    PUT_OF_SHAPE(here, start->own.center.x, P.x);
-    PUT_OF_SHAPE(here, start->own.center.y, P.y);
-    PUT_OF_SHAPE(here, start->own.center.z, P.z);
+    PUT3(PUT_OF_SHAPE, here, start->own.center, P);
     PUT_OF_SHAPE(here, start->own.r, (REAL)0);
     PUT_OF_SHAPE(here, start->p.x, (REAL)0);
     PUT_OF_SHAPE(here, start->p.y, (REAL)0);
@@ -47,10 +45,22 @@ static __attribute__((always_inline)) void start_at_place(const REAL_MASK here, 
     PUT_OF_SHAPE(here, start->support, (REAL)0);
     PUT_OF_SHAPE(here, start->side, side);
     PUT_OF_SHAPE(here, start->stretched, here);
-    PUT_OF_SHAPE(here, start->from_eye.x, P.x);
-    PUT_OF_SHAPE(here, start->from_eye.y, P.y);
-    PUT_OF_SHAPE(here, start->from_eye.z, P.z);
+    PUT3(PUT_OF_SHAPE, here, start->from_eye, P);
     PUT_OF_SHAPE(here, start->near_eye, (REAL_MASK)0);
+}
+
+/* Where a point is that is counted from another one of its surface, in the world. */
+typedef struct {
+    Real3 anchor, step; /* that other one, and from there to the point */
+    REAL reach;         /* no less than |step| */
+} Place3;
+
+/* Puts such a point into the lanes `here` of rays that leave it. */
+static void leave_place(const REAL_MASK here, const Place3 place, Leaving *ray) {
+    PUT3(PUT_OF_SHAPE, here, ray->center, place.anchor);
+    PUT3(PUT_OF_SHAPE, here, ray->p, place.step);
+    PUT_OF_SHAPE(here, ray->r, (REAL)0);
+    PUT_OF_SHAPE(here, ray->reach, place.reach);
 }
 
 /* P, as where a ray starts that leads along `to`, in the world. */

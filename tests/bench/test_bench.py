@@ -247,9 +247,9 @@ def test_a_peer(tmp_path: Path) -> None:
         f"#!{sys.executable}\n"
         "import struct, sys\n"
         "data = open(sys.argv[1], 'rb').read()\n"
-        "w, h, samples, bounces, flat, n, *mesh, materials, lights = struct.unpack('<11i', data[:44])\n"
-        "assert (n, materials, lights, samples, flat, *mesh) == (16, 16, 2, 1, 0, 0, 0, 0)\n"
-        "assert len(data) == 64 + n * 20 + materials * 40 + lights * 48, len(data)\n"
+        "w, h, samples, bounces, flat, n, *mesh, materials, lights = struct.unpack('<12i', data[:48])\n"
+        "assert (n, materials, lights, samples, flat, *mesh) == (16, 16, 2, 1, 0, 0, 0, 0, 0)\n"
+        "assert len(data) == 68 + n * 20 + materials * 40 + lights * 48, len(data)\n"
         "assert struct.unpack('<i3f', data[-48:-32]) == (2, 5, 8, 2)\n"
         "open(sys.argv[3], 'wb').write(bytes(range(3)) * (w * h))\n"
         'print(\'{"build": 1.5, "frames": [2.5, 3]}\')\n'
@@ -303,7 +303,8 @@ def test_embree_draws_what_cltrace_draws(embree_program: str, case: scenes.Case,
 
 # --------------------------------------------------------------------------------------------------------- the report
 
-STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5", "L6", "P3")), "R3"]
+STRESS_CASES = [*(pytest.param(name, marks=pytest.mark.stress) for name in ("G1", "O1", "L5", "L6", "P3"))]
+STRESS_CASES.append(pytest.param("R3", marks=pytest.mark.slow))
 
 
 @pytest.mark.parametrize("name", STRESS_CASES)

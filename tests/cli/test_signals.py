@@ -185,7 +185,7 @@ def crowd() -> str:
 
 SLOW = [
     (nested, ["-o", "p.png"], "max_bounces, which is 20"),
-    (crowd, ["-o", "p.png"], "max_bounces, which is 20"),
+    pytest.param(crowd, ["-o", "p.png"], "max_bounces, which is 20", marks=pytest.mark.slow),
     (crowd, ["-o", "p.png", "-d", "all"], "max_bounces, which is 20"),
     (nested, ["--orbit", "9", "-o", "m%d.png"], "max_bounces, which is 20"),
     (nested, ["--explain", "320,180"], "--explain is slow: lower max_bounces, which is 20"),

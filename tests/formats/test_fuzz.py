@@ -149,6 +149,7 @@ def line_of(rng: random.Random, options: list[list[str]]) -> list[str]:
     return [word.replace("\0", "") for word in line]
 
 
+@pytest.mark.slow
 def test_command_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Any options with any values: a status, some words, and files of these names in this folder only."""
     write(valid(random.Random(1)))

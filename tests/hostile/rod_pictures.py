@@ -18,7 +18,7 @@ from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres
 from cltrace.oracle.triangles import Triangles
-from cltrace.scene import Camera, Scene
+from cltrace.scene import Camera, Scene, parallel_light, point_light
 
 Floats = NDArray[np.float64]
 
@@ -213,6 +213,18 @@ def scene_of(name: str, seed: int, size: tuple[int, int], lights: Any = ()) -> S
     scene = Scene.from_spheres(camera, lights, made.centers, made.sizes, ka=1)
     kept = (made.starts != made.ends).any(axis=1)
     return scene.with_cylinders(made.starts[kept], made.ends[kept], made.radii[kept])
+
+
+def lit_of(name: str, seed: int, size: tuple[int, int]) -> Scene:
+    """The same in four lights: a point near some of it, one in or at an end, a parallel one, and one along an axis."""
+    scene, rng = scene_of(name, seed, size), np.random.default_rng(seed)
+    rods = scene.cylinders
+    rod, other = rods[rng.integers(len(rods))], rods[rng.integers(len(rods))]
+    axis = rod["end"] - rod["start"]
+    near = rod["start"] + axis / 2 + rng.normal(size=3) * np.linalg.norm(axis) * 10 ** rng.uniform(-6, 1.5)
+    at = other["end"] + rng.choice([0, 1]) * rng.normal(size=3) * other["radius"]
+    points = [point_light(near, (1, 0, 0)), point_light(at, (0, 0.5, 0))]
+    return scene.lit_by([*points, parallel_light(rng.normal(size=3), (0, 0, 1)), parallel_light(axis, (0, 0.4, 0.01))])
 
 
 def first_hits(scene: Scene) -> tuple[NDArray[np.int64], Floats]:

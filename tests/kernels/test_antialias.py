@@ -415,6 +415,7 @@ def test_levels(any_device: Device) -> None:
     assert errors[0].sum() > errors[1].sum() > errors[2].sum()
 
 
+@pytest.mark.slow
 def test_bright_background(any_device: Device) -> None:
     """A background counts up to 1, whether or not a surface is near."""
     scene = HOSTILE["behind edges"]().in_front_of((1.5, 0.5, 1, 1))

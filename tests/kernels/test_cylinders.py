@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hostile.rod_pictures import REGIMES, scene_of, wrong_pixels
+from hostile.rod_pictures import REGIMES, lit_of, scene_of, wrong_pixels
 
 import cltrace
 from cltrace import Camera, Orthographic, Scene, ambient_light, parallel_light, point_light
+from cltrace.picture.image import Output
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
@@ -63,6 +64,38 @@ def test_hostile_pictures(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", REGIMES)
 def test_a_million_rays(device: Device, name: str) -> None:
     assert seen_wrong(name, device, 110, (111, 87)) == 0
+
+
+def changed_by_filter(scene: Scene, device: Device) -> int:
+    """How many pixels differ from those of pictures in which doubles and exact numbers decide all."""
+    outputs: tuple[Output, ...] = ("id", "color")
+    one = cltrace.Renderer(scene, device, "accurate", outputs).render()
+    other = cltrace.Renderer(scene, device, "accurate", outputs, keep=("filter",)).render()
+    return int(((one.id != other.id) | (one.color != other.color).any(axis=2)).sum())
+
+
+@pytest.mark.parametrize(
+    "name", ["joints", *(pytest.param(r, marks=pytest.mark.slow) for r in REGIMES if r != "joints")]
+)
+def test_no_filter_changes_a_picture(device: Device, name: str) -> None:
+    seeds, size = (40, (5, 3)) if name in ("grazing", "edges") else (4, (31, 23))
+    assert [seed for seed in range(seeds) if changed_by_filter(lit_of(name, seed, size), device)] == []
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", REGIMES)
+def test_no_filter_changes_a_million_pixels(device: Device, name: str) -> None:
+    assert [seed for seed in range(110) if changed_by_filter(lit_of(name, seed, (111, 87)), device)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REGIMES)
+def test_no_filter_changes_parallel_rays(device: Device, name: str) -> None:
+    for seed in range(2):
+        scene = lit_of(name, seed, (31, 23))
+        size = np.linalg.norm(np.ptp(np.stack([scene.cylinders["start"], scene.cylinders["end"]]), axis=(0, 1)))
+        camera = Orthographic(scene.camera.position, scene.camera.lookat, (0.1, 1, 0.2), size + 1e-3, (31, 23))
+        assert changed_by_filter(scene.seen_by(camera), device) == 0, seed
 
 
 def test_light_and_shadows(device: Device) -> None:

@@ -152,6 +152,7 @@ def test_bits_do_not_depend_on_width(any_device: Device) -> None:
             np.testing.assert_array_equal(getattr(other, name), getattr(whole, name))
 
 
+@pytest.mark.slow
 def test_error_is_mostly_enough(any_device: Device) -> None:
     """95 of 100 pixels are within it, and it is not much too large."""
     for name in ("crossing", "large and small", "large texels"):
@@ -261,7 +262,9 @@ def black(part: Part, camera: cltrace.scene.AnyCamera) -> cltrace.Scene:
     return cltrace.Scene.from_meshes(camera, [cltrace.ambient_light()], [mesh], background="white")
 
 
-@pytest.mark.parametrize("parallel", [False, True], ids=["perspective", "parallel"])
+@pytest.mark.parametrize(
+    "parallel", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["perspective", "parallel"]
+)
 @pytest.mark.parametrize("name", MAKERS)
 def test_random_shapes(any_device: Device, name: str, parallel: bool) -> None:
     """From 10 to 10,000 sizes away, no pixel is off by more than 3 sigma of the lattice's own error at two edges."""

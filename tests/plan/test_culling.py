@@ -304,15 +304,17 @@ def test_of_equal_triangles_the_first_shows_whatever_the_others_are(device: Devi
     kinds = [Material("red"), Material("lime", reflectance=0.8), Material("blue", transmittance=0.7, index=1.5)]
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     normals = np.array([(0.3, 0, 1.0), (-0.3, 0, 1), (-0.3, 0, 1), (0.3, 0, 1)])
-    floor = Mesh(QUAD[:, [0, 2, 1]] * 3 - (0, 1.2, 0), faces)
+    # Behind the floor are all kinds in every scene, so that one program draws all of them.
+    floor = [Mesh(QUAD[:, [0, 2, 1]] * 3 - (0, 1.2, 0), faces)]
+    rest = floor + [Mesh(QUAD[:, [0, 2, 1]] * 0.1 - (0, 2 + k, 0), faces, material=kinds[k]) for k in range(3)]
     for k in range(2):
         some = [kinds[(k + i) % 3] for i in range(3)]
         copies = [Mesh(QUAD, faces, normals, material=some[0]), Mesh(QUAD, faces[:, ::-1], material=some[1])]
-        scene = of_meshes([*copies, Mesh(QUAD, np.roll(faces, 1, axis=1), -normals, material=some[2]), floor], 4)
+        scene = of_meshes([*copies, Mesh(QUAD, np.roll(faces, 1, axis=1), -normals, material=some[2]), *rest], 4)
         drawn = renderer(scene, device, "accurate")
         assert drawn.skipped["triangles equal to others"] == 4
         compare(scene, device, ("hidden",), "accurate")
-        alone = picture(of_meshes([copies[0], floor], 4), device, "accurate")
+        alone = picture(of_meshes([copies[0], *rest], 4), device, "accurate")
         image = drawn.render()
         assert np.array_equal(image.rgb8, alone.rgb8)
         assert np.array_equal(image.normal, alone.normal)

@@ -344,6 +344,13 @@ def test_few_receivers_make_a_small_window(size: float, light: tuple[float, floa
     assert slack == SLACK or offered < 1.5
 
 
+@pytest.mark.parametrize("size", [1, 2.0**-8, 2.0**-14, 2.0**-20])
+def test_parallel_light_tells_small_triangles_apart(size: float) -> None:
+    axes = axes_towards(np.array([0.3, -0.2, 1]))
+    triangles = soup(np.random.default_rng(1)) * size * 0.3 + (0.2, 0.1, -0.9)
+    assert check_light(triangles, None, axes) < 6
+
+
 # -------------------------------------------------------------------------------------------------------- little else
 
 

@@ -71,7 +71,7 @@ def test_buffers_have_the_types_of_the_table() -> None:
             assert array.dtype == dtype.base, name
             assert array.shape[1:] == dtype.shape, name
             assert array.flags.c_contiguous or name == "entry", name
-        known_at_launch = {"region", "row", "pitch", "margin"}
+        known_at_launch = {"region", "row", "pitch", "margin", "started"}
         assert plan.values.keys() | known_at_launch == {a.name for a in abi.ARGUMENTS if a.kind == "value"}
 
 

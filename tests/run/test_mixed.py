@@ -69,6 +69,7 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "many": lambda: scene(*soup(70_000, 0.02)),
     "needles": lambda: scene(soup()[0] * (1, 1e-7, 1), soup()[1]),
     "tiny": lambda: scene(*soup(301, 1e-13)),
+    "small": lambda: scene(soup()[0] * 2.0**-14, soup()[1]),
     "edge on": edge_on,
     "far away": lambda: scene(*soup(), LIGHTS[:2], 1e7),
     "ellipsoids": lambda: ellipsoids(300),

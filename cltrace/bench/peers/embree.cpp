@@ -1,5 +1,5 @@
-/* Draws a scene with Embree 3, as the benchmark's peer: spheres and triangles, ambient, parallel, point and spot lights
-with shadows, Phong, mirrors and glass, in single precision.
+/* Draws a scene with Embree 3, as the benchmark's peer: spheres, triangles and cylinders (as its linear cones),
+ambient, parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
 
     embree SCENE FRAMES PICTURE [robust]
 
@@ -37,7 +37,7 @@ enum Kind { AMBIENT, PARALLEL, POINT, SPOT, LAMBERT };
 
 struct Head {
     int width, height, samples, bounces, orthographic; // samples: across a pixel, and down
-    int spheres, vertices, normals, triangles, materials, lights;
+    int spheres, vertices, normals, triangles, cylinders, materials, lights;
     float half_width, half_height; // of the image plane at distance 1, or of an orthographic picture
     float background[3];
 };
@@ -50,7 +50,8 @@ struct Scene {
     Head head;
     std::vector<float> spheres, vertices, normals; // x, y, z, radius; x, y, z; x, y, z
     std::vector<int> corners, normal_of;           // three of each a triangle; normal_of -1: flat
-    std::vector<int> material_of;                  // of spheres, then of triangles
+    std::vector<float> cylinders;                  // x, y, z and radius of both ends
+    std::vector<int> material_of;                  // of spheres, of triangles, then of cylinders
     std::vector<float> materials;                  // rows of COLUMNS
     std::vector<Light> lights;
     int exponent; // which all materials have, if it is a whole number, else 0
@@ -60,6 +61,7 @@ constexpr int COLUMNS = 10;
 
 static Scene scene;
 static RTCScene tree;
+static std::vector<unsigned> ends; // of cylinders: where each begins among these
 static std::vector<unsigned char> picture;
 
 /* Vectors of N lanes, of which the compiler makes the processor's own; one lane is a vector, too. */
@@ -222,7 +224,9 @@ template <int N> struct Tracer {
         I shape = get<I>(found.hit.geomID);
         hit.there = live & (shape != -1);
         I of_triangles = hit.there & (shape == 1), number = hit.there & get<I>(found.hit.primID);
-        hit.material = gather_int(scene.material_of.data(), number + (of_triangles & scene.head.spheres));
+        I first = (of_triangles & scene.head.spheres) +
+                  (hit.there & (shape == 2) & (scene.head.spheres + scene.head.triangles));
+        hit.material = gather_int(scene.material_of.data(), number + first);
         F t = choose(hit.there, get<F>(found.ray.tfar), F{} + 1);
         hit.point = rays.origin + rays.direction * t;
         V flat = {get<F>(found.hit.Ng_x), get<F>(found.hit.Ng_y), get<F>(found.hit.Ng_z)}, n = flat;
@@ -416,6 +420,15 @@ static double build(RTCDevice device, bool robust) {
                                    head.triangles);
         add(mesh, 1);
     }
+    ends.resize(head.cylinders);
+    for (int k = 0; k < head.cylinders; k++) ends[k] = 2 * k;
+    if (head.cylinders) {
+        RTCGeometry rods = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_CONE_LINEAR_CURVE);
+        rtcSetSharedGeometryBuffer(rods, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, scene.cylinders.data(), 0, 16,
+                                   2ul * head.cylinders);
+        rtcSetSharedGeometryBuffer(rods, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, ends.data(), 0, 4, head.cylinders);
+        add(rods, 2);
+    }
     rtcSetSceneFlags(tree, robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
     rtcSetSceneBuildQuality(tree, RTC_BUILD_QUALITY_HIGH);
     rtcCommitScene(tree);
@@ -434,7 +447,8 @@ static bool read_scene(const char *path) {
     bool whole = read(file, scene.spheres, 4ul * head.spheres) && read(file, scene.vertices, 3ul * head.vertices) &&
                  read(file, scene.normals, 3ul * head.normals) && read(file, scene.corners, 3ul * head.triangles) &&
                  read(file, scene.normal_of, 3ul * head.triangles) &&
-                 read(file, scene.material_of, 0ul + head.spheres + head.triangles) &&
+                 read(file, scene.cylinders, 8ul * head.cylinders) &&
+                 read(file, scene.material_of, 0ul + head.spheres + head.triangles + head.cylinders) &&
                  read(file, scene.materials, 0ul + COLUMNS * head.materials) && read(file, scene.lights, head.lights);
     fclose(file);
     // Embree reads 16 bytes at a vertex.

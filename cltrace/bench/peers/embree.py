@@ -24,7 +24,7 @@ _FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-std=
 
 
 class Embree(Peer):
-    """Embree's spheres and triangles, in the way of its program that is fastest. whole: with building the tree.
+    """Embree's spheres, triangles and cones, in the way of its program that is fastest. whole: with building the tree.
 
     variant: "robust" with Embree's flag of that name; samples: rays a pixel, across and down.
     """
@@ -38,7 +38,6 @@ class Embree(Peer):
 
     def refuses(self, scene: Scene) -> str:
         has = {
-            "cylinders": bool(len(scene.cylinders)),
             "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
             "textures": bool((scene.materials["texture"] >= 0).any()),
         }
@@ -58,19 +57,27 @@ class Embree(Peer):
 
     def _write(self, scene: Scene, path: Path) -> None:
         """The Head and the arrays of embree.cpp."""
-        camera, spheres = scene.camera, scene.spheres
+        camera, spheres, rods = scene.camera, scene.spheres, scene.cylinders
         mesh = _joined(scene)
-        counts = (len(spheres), len(mesh["vertices"]), len(mesh["normals"]), len(mesh["corners"]), len(scene.materials))
+        counts = (
+            len(spheres),
+            len(mesh["vertices"]),
+            len(mesh["normals"]),
+            len(mesh["corners"]),
+            len(rods),
+            len(scene.materials),
+        )
         sizes = (*camera.resolution, self.samples, camera.max_bounces, int(camera.parallel), *counts, len(scene.lamps))
         materials = np.column_stack([scene.materials[name].reshape(len(scene.materials), -1) for name in _COLUMNS])
         balls = np.column_stack([seen_from_the_eye(scene, spheres["center"]), spheres["radius"]])
+        ends = [np.column_stack([seen_from_the_eye(scene, rods[end]), rods["radius"]]) for end in ("start", "end")]
         parts: list[tuple[NDArray[np.generic], str]] = [
             (balls, "<f4"), (mesh["vertices"], "<f4"), (mesh["normals"], "<f4"), (mesh["corners"], "<i4"),
-            (mesh["normal_of"], "<i4"), (np.concatenate([spheres["material"], mesh["materials"]]), "<i4"),
-            (materials, "<f4"),
+            (mesh["normal_of"], "<i4"), (np.column_stack(ends), "<f4"),
+            (np.concatenate([spheres["material"], mesh["materials"], rods["material"]]), "<i4"), (materials, "<f4"),
         ]  # fmt: skip
         with path.open("wb") as file:
-            file.write(struct.pack("<11i5f", *sizes, *camera.image_plane(), *scene.background))
+            file.write(struct.pack("<12i5f", *sizes, *camera.image_plane(), *scene.background))
             for array, kind in parts:
                 file.write(array.astype(kind).tobytes())
             file.writelines(_light(scene, light) for light in scene.lamps)

@@ -151,7 +151,7 @@ class Capsules(Silhouettes):
         blockwise(len(self), see, AT_ONCE)
         return found
 
-    def across(self, axes: Array, who: Shadows) -> list[Cast]:
+    def across(self, axes: Array, who: Shadows, real: Real) -> list[Cast]:
         def look(block: slice) -> Cast:
             which = np.flatnonzero(self.of(who.occluder, block))
             r = self.radius[block][which]

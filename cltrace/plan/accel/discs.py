@@ -115,7 +115,7 @@ class Discs(Silhouettes):
             found.append(Cast.of(self.member(block)[i], edges, (near[i], far[i]), who))
         return found
 
-    def across(self, axes: Array, who: Shadows) -> list[Cast]:
+    def across(self, axes: Array, who: Shadows, real: Real) -> list[Cast]:
 
         def look(block: slice) -> Cast:
             i = np.flatnonzero(who.occluder[self.part(block)])

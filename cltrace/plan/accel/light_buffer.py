@@ -23,6 +23,8 @@ from cltrace.plan.rounding import Array
 NARROW = 2.0**-4
 # The cells of a light's grid are made for so many entries, besides 1.6 for each triangle.
 FINER = 2**14
+# Cells of a window of parallel light that are narrower than this are too narrow for float32.
+TINY = 2.0**-16
 # Discs in more layers than this have finer cells.
 LAYERS = 32
 # One in so many discs is looked at to know the size of most.
@@ -88,8 +90,11 @@ def parallel_buffer(axes: Array, shapes: Sequence[Silhouettes], who: Shadows) ->
 
     axes: (3, 3), the two across and the one towards the light; shapes: surfaces as seen from the eye.
     """
-    parts: list[Part] = [part for silhouettes in shapes for part in silhouettes.across(axes, who)]
-    window = window_of([part.extent for part in parts], who.slack, False)
+    for real in (np.float32, np.float64):
+        parts: list[Part] = [part for silhouettes in shapes for part in silhouettes.across(axes, who, real)]
+        window = window_of([part.extent for part in parts], who.slack, False)
+        if window is None or not window.is_tiny(sum(part.members for part in parts)):
+            break
     return [] if window is None else [_on_window(axes, parts, window, who.slack, False)]
 
 
@@ -113,6 +118,10 @@ class Rectangle(NamedTuple):
     half: Array
     furthest: float
     coarse: bool
+
+    def is_tiny(self, members: int) -> bool:
+        """Whether float32, in which places are off by 2^-23, is too coarse for cells of a light that sees so many."""
+        return bool(4 * self.half.prod() < max(members, FINER) * TINY**2)
 
     def pane(self, slack: float) -> Pane:
         """What is seen through it, also by rays whose slopes are off by a few `slack`."""
@@ -178,8 +187,7 @@ def _on_window(axes: Array, parts: Sequence[Part], window: Rectangle, slack: flo
     sizes = np.concatenate([part.sizes(SAMPLE) for part in parts])
     if not len(sizes):
         sizes = np.concatenate([part.sizes(1) for part in parts])
-    members = sum(len(part.member) for part in here) + sum(part.members for part in shown)
-    cells = window.cells(sizes, members, bool(flat))
+    cells = window.cells(sizes, sum(part.members for part in parts), bool(flat))
     low, sides = window.middle - window.half, 2 * window.half
     scale = np.array(cells) / sides
     # The largest coordinate of a corner; corners in cells are off by this, beside `loose`.

@@ -167,18 +167,23 @@ class Polygons(Silhouettes):
 
         return projections(turned, self.face, self.of(who.occluder), cube.pane, cube.real, place)
 
-    def across(self, axes: Array, who: Shadows) -> list[Cast]:
-        places, asked = _turned(axes, self.vertex), self.of(who.occluder)
+    def across(self, axes: Array, who: Shadows, real: Real) -> Sequence[Part]:
+        # No coordinate exceeds sqrt(3), so places in float32 are off by 2^-24, and FINE_SLACK. The kernel's depths and
+        # what is subtracted from them are, too, which is less than pane.along; in single, who.slack is.
+        asked, pane = self.of(who.occluder), Pane((0, 0), (1, 1), along=2.0**-22 + who.slack)
+        if self.sight and real is np.float32:
+            shown = self.sight.see(axes, [4], pane, among=asked, receiver=self.of(who.receiver))
+            return [part for part in shown if part.members]
+        places, loose = _turned(axes, self.vertex).astype(real), np.asarray(off_by(pane) if real is np.float32 else 0.0)
 
         def look(block: slice) -> Cast:
             which = np.flatnonzero(asked[block])
             triangle, member = self.face[block][which].T, self.primitives((which + block.start).astype(np.int32))
             corner = np.stack([[axis[k] for k in triangle] for axis in places])
             least, most = corner[2].min(axis=0), corner[2].max(axis=0)
-            # Lengths are about 1: the kernel's depths, too, are right to SLACK of themselves and to this.
-            near = rounded_down(-most - SLACK * np.abs(most) - who.slack)
-            edges = [bound for values in corner[:2] for bound in (values.min(axis=0), values.max(axis=0))]
-            return Cast.of(member, edges, (near, 2.0**-10 - least), who, corner[:2])
+            depths = rounded_down(-most - real(pane.along)), real(2.0**-10) - least
+            ends = [(values.min(axis=0) - loose, values.max(axis=0) + loose) for values in corner[:2]]
+            return Cast.of(member, [*ends[0], *ends[1]], depths, who, corner[:2], loose)
 
         return blockwise(len(self.face), look, AT_ONCE)
 
@@ -206,8 +211,11 @@ def _largest(pane: Pane) -> tuple[float, float]:
 
 
 def off_by(pane: Pane) -> float:
-    """By how much corners on a side of a cube are off in double, beside what is allowed for roundings to `real`."""
-    return TURNED * (1 + max(_largest(pane))) ** 2
+    """By how much corners on a side of a cube are off in double, beside what is allowed for roundings to `real`.
+
+    Across a parallel light it is what they are off by in float32.
+    """
+    return 2.0**-23 if pane.along else TURNED * (1 + max(_largest(pane))) ** 2
 
 
 def _turned(rows: Array, vertex: Array) -> Array:

@@ -124,13 +124,15 @@ class Pane(NamedTuple):
     """The window that is looked through, a rectangle of the plane one unit ahead.
 
     middle, half: its middle and half of its sides, across and up, as slopes; scale, shift: coordinates on the plane
-    are slope * scale + shift.
+    are slope * scale + shift; along: 0, or what depths are off by, where all is seen along a direction,
+    wherever it is across that.
     """
 
     middle: tuple[float, float]
     half: tuple[float, float]
     scale: tuple[float, float] = (1, 1)
     shift: tuple[float, float] = (0, 0)
+    along: float = 0
 
 
 class Cube(NamedTuple):
@@ -181,6 +183,11 @@ class Cast:
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
         nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
         return Cast(member, edges, near, Extent(spans, nearest, furthest), *polygons)
+
+    @property
+    def members(self) -> int:
+        """n."""
+        return len(self.member)
 
     def sizes(self, sample: int) -> Reals:
         """The width and the height of discs whose indices `sample` divides.
@@ -256,5 +263,6 @@ class Silhouettes(ABC):
         """Those that are seen through each side of a cube around a light."""
 
     @abstractmethod
-    def across(self, axes: Array, who: Shadows) -> Sequence[Part]:
-        """They as a parallel light sees them. axes: (3, 3), the two across and the one towards the light."""
+    def across(self, axes: Array, who: Shadows, real: Real) -> Sequence[Part]:
+        """They as a parallel light sees them. axes: (3, 3), the two across and the one towards the light; real: what is
+        fine enough to compute in."""

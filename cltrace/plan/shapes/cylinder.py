@@ -17,7 +17,7 @@ from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, Ints, rotated
+from cltrace.plan.rounding import Array, Ints, along, rotated
 from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
 from cltrace.scene import AnyCamera, Scene
 
@@ -129,7 +129,18 @@ class CylindersInView(InView):
         sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
         seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
-        return Sights({"rod_side": sides.reshape(-1)}, eye, [*seen], None, eye.nearest(slice(None)) == 0)
+        arrays: Arrays = {"rod_side": sides.reshape(-1), "rod_seen": self._seen(k)}
+        return Sights(arrays, eye, [*seen], None, eye.nearest(slice(None)) == 0)
+
+    def _seen(self, k: int) -> NDArray[np.float32]:
+        """The kernel's buffer of that name."""
+        basis = np.array(self.camera.basis())
+        axis = np.stack(along(basis, self.cylinders.end - self.cylinders.start), axis=1)
+        length = np.sqrt((axis * axis).sum(axis=1))
+        seen = np.empty((len(length), 2, 4), np.float32)
+        seen[:, 0, :3], seen[:, 0, 3] = np.ldexp(self.near[0] + axis / 2, k), np.ldexp(length / 2, k)
+        seen[:, 1, :3], seen[:, 1, 3] = axis / length[:, None], np.ldexp(self.cylinders.radius, k)
+        return seen.reshape(-1, 4)
 
     def from_point(self, light: AtPoint, k: int, side: NDArray[np.int8]) -> Capsules:
         """What a light sees. side: (n,), gets on which side of each one the light is."""

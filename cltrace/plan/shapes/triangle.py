@@ -13,7 +13,7 @@ from cltrace.base.arrays import blockwise, empty, joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.culling import repeated_faces
 from cltrace.plan.order import order_of_rows
-from cltrace.plan.rounding import Array, Ints, U
+from cltrace.plan.rounding import Array, Ints, U, along
 from cltrace.scene import PlacedMesh
 
 Floats = NDArray[np.float32]
@@ -166,7 +166,7 @@ def along_light(
     """
     m = len(triangles.face)
     packed, sides = out.reshape(m, 3, 4), np.zeros(m, np.int8)
-    u, v, s = (np.ascontiguousarray(vertex @ axis) for axis in axes)
+    u, v, s = along(axes, vertex)
 
     def fill(rows: slice) -> None:
         face = np.ascontiguousarray(triangles.face[rows, :3].T)
@@ -181,7 +181,7 @@ def along_light(
         side = np.sign(area)
         unsure = np.flatnonzero(~(np.abs(area) > 4 * TURNED * FAR * (spread + FAR * TURNED)))
         # N points to the light where the corners turn left, as the third axis does.
-        side[unsure] = [_exact_turn(triangles, rows.start + i, towards) for i in unsure.tolist()]
+        side[unsure] = exact_turns(triangles, rows.start + unsure, towards)
         sides[rows] = side
         for i, n in enumerate(lines):
             across, up = np.abs(n[0]), np.abs(n[1])
@@ -237,11 +237,13 @@ def _volume(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> int:
     return (value > 0) - (value < 0)
 
 
-def _exact_turn(triangles: Triangles, i: int, towards: Array) -> int:
-    """The sign of l.((B - A) x (C - A)) of triangle i, l being the direction to a parallel light."""
-    a, b, c = _corners(triangles, i)
-    e, f = ([x - o for x, o in zip(corner, a, strict=True)] for corner in (b, c))
-    return _volume([Fraction(x) for x in towards.tolist()], e, f)
+def exact_turns(triangles: Triangles, which: NDArray[np.integer[Any]], towards: Array) -> list[int]:
+    """The signs of l.((B - A) x (C - A)) of some triangles, (k,), l being the direction to a parallel light."""
+    light, found = [Fraction(x) for x in towards.tolist()], []
+    for i in which.tolist():
+        a, *others = _corners(triangles, i)
+        found.append(_volume(light, *([x - o for x, o in zip(corner, a, strict=True)] for corner in others)))
+    return found
 
 
 def exact_sides(triangles: Triangles, which: NDArray[np.integer[Any]], point: Array) -> list[int]:

@@ -1,13 +1,13 @@
 """Views of worlds of triangles, ellipsoids and spheres: numpy packs them, but for what takes longest.
 
-The planes of triangles' edges, the polygons that triangles are to the eye and to lights at points, and the lists are
-made on the device, with the same bits. A few polygons, which need clipping, are numpy's.
+The planes of triangles' edges, the polygons that triangles are to the eye and to lights, and the lists are made on the
+device, with the same bits. A few polygons, which need clipping, are numpy's.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,14 +25,14 @@ from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
 from cltrace.plan.shapes.mesh import Meshes, MeshesInView
 from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights
-from cltrace.plan.shapes.triangle import along_light, exact_sides
+from cltrace.plan.shapes.triangle import exact_sides, exact_turns
 from cltrace.plan.view import Methods, View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.list_buffers import ListBuffers
 from cltrace.run.pack.lists import ListWriter
 from cltrace.run.pack.polygons import PolygonSight
-from cltrace.run.pack.toolbox import Toolbox, is_exact, kernel_of
+from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact, kernel_of
 from cltrace.scene import AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.
@@ -121,37 +121,35 @@ class _OnDevice(MeshesInView):
         return [0, *range(0, m * lights, m)]
 
     def from_eye(self, k: int, out: Any) -> Polygons:
-        plane = self.camera.image_plane()
-        return self._facets(self.near, np.array(self.camera.position), plane, self.made["facet"], first=out)
+        rows: Arguments = {"pane": self.camera.image_plane(), "facet": self.made["facet"], "first": out}
+        return self._facets("facets", self.near, partial(exact_sides, point=np.array(self.camera.position)), rows)
 
     def from_point(self, light: AtPoint, k: int, out: Any) -> Polygons:
+        rows: Arguments = {"pane": AT_POINT, "facet": self.made["light_facet"], "first": out}
         place = self.seen_from(light.place, 2.0**k)
-        return self._facets(place, light.place, AT_POINT, self.made["light_facet"], first=out)
+        return self._facets("facets", place, partial(exact_sides, point=light.place), rows)
 
     def along(self, light: Parallel, k: int, out: Any) -> Polygons:
-        tools, m = self.packer.tools, len(self.triangles.face)
-        rows = np.empty((3 * m, 4), np.float32)
-        side = along_light(self.near, self.triangles, axes=light.axes, towards=light.towards, out=rows)
-        tools.copy(tools.upload(rows), self.made["light_facet"], 48 * out, 48 * m)
-        return self.polygons(self.near, side)
+        rows: Arguments = {"facet": self.made["light_facet"], "first": out, **dict(zip("abc", light.axes, strict=True))}
+        return self._facets("facets_along", self.near, partial(exact_turns, towards=light.towards), rows)
 
-    def _facets(self, near: Array, point: Array, pane: tuple[float, float], facet: Any, first: int) -> Polygons:
-        """Makes the rows of `facet` from 3 first on, and returns what is seen from a point.
+    def _facets(self, kernel: str, near: Array, exact: Callable[..., list[int]], rows: Arguments) -> Polygons:
+        """Makes rows of facets, and returns what is seen from a point, or along a direction.
 
-        near: (v, 3), the corners from a point of the world, along the camera's axes; pane: of the kernel.
+        kernel: its name; near: (v, 3), the corners from there along the camera's axes; exact: what decides which sides
+        of some of the triangles are seen where the kernel is unsure; rows: what the kernel is given besides.
         """
         tools, face, m = self.packer.tools, self.packer.face, len(self.triangles.face)
         met, unsure = tools.room(m, np.int8), tools.room(1 + m, np.int32)
         tools.clear(unsure, 1)
-        common = {"pane": pane, "first": first, "vertex": tools.share(near), "face": face}
-        common |= {"facet": facet, "met": met, "unsure": unsure}
+        common = rows | {"vertex": tools.share(near), "face": face, "met": met, "unsure": unsure}
         nothing = tools.room(1, np.int32)
-        tools.run("facets", count=m, known=False, which=nothing, side_of=nothing, **common)
+        tools.run(kernel, count=m, known=False, which=nothing, side_of=nothing, **common)
         count = int(tools.read(unsure, 1, np.int32)[0])
         if count:
             which = np.sort(tools.read(unsure, count, np.int32, 1))
-            sides = tools.upload(np.array(exact_sides(self.triangles, which, point), np.int8))
-            tools.run("facets", count=count, known=True, which=tools.upload(which), side_of=sides, **common)
+            sides = tools.upload(np.array(exact(self.triangles, which), np.int8))
+            tools.run(kernel, count=count, known=True, which=tools.upload(which), side_of=sides, **common)
         lists = "lists" not in self.packer.request.keep
         sight = PolygonSight(tools, near, face, count=m, first=self.first) if lists else None
         return self.polygons(near, tools.read(met, m, np.int8), sight)

@@ -18,7 +18,9 @@ from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
 # Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, numbers of an outline, and what is no level.
 EXTENTS, SIDES, OUTLINE, ABSENT = 11, 6, 16, -1
 # `Pane` and `Place` of kernels/pack/polygons.cl.
-PANE = np.dtype([(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")])
+PANE = np.dtype(
+    [(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")] + [("along", "f4")]
+)
 PLACE = np.dtype(
     [("axes", "f8", (2, 4)), ("slack", "f8"), ("loose", "f8"), ("low", "f8", 2), ("scale", "f8", 2), ("off", "f8")]
     + [("furthest", "f4"), ("price", "f4"), ("pixels", "i4"), ("levels", "i4")]
@@ -180,6 +182,7 @@ class EnteredPolygons:
 def _pane(pane: Pane) -> NDArray[np.void]:
     """`Pane` of kernels/pack/polygons.cl."""
     made = np.zeros((), PANE)
+    made["along"] = pane.along
     for k in (0, 1):
         reach = abs(pane.middle[k]) + pane.half[k]
         made["middle"][k], made["halves"][k] = pane.middle[k], pane.half[k]

@@ -41,15 +41,9 @@ static Rod rods_of(const Spheres spheres, const INT number) {
         one = LARGEST(left);
         const REAL_MASK here = TO_REAL_MASK(left == one);
         const Rod rod = rod_at(spheres, one);
-        PUT_WHERE(here, own.start.x, rod.start.x);
-        PUT_WHERE(here, own.start.y, rod.start.y);
-        PUT_WHERE(here, own.start.z, rod.start.z);
-        PUT_WHERE(here, own.end.x, rod.end.x);
-        PUT_WHERE(here, own.end.y, rod.end.y);
-        PUT_WHERE(here, own.end.z, rod.end.z);
-        PUT_WHERE(here, own.u.x, rod.u.x);
-        PUT_WHERE(here, own.u.y, rod.u.y);
-        PUT_WHERE(here, own.u.z, rod.u.z);
+        PUT3(PUT_WHERE, here, own.start, rod.start);
+        PUT3(PUT_WHERE, here, own.end, rod.end);
+        PUT3(PUT_WHERE, here, own.u, rod.u);
         PUT_WHERE(here, own.r, rod.r);
         PUT_WHERE(here, own.span, rod.span);
         left = left == one ? (INT)-1 : left;

@@ -8,9 +8,21 @@ static __attribute__((noinline)) void cylinder_settle_t(const Scene scene, const
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
+/* Which lanes may meet a cylinder, as far as float32 knows. */
+static __attribute__((always_inline)) MASK rod_may_be_seen(const Scene scene, const EyeLine line, const int index) {
+    const int along = HAS(WITH_PARALLEL_RAYS);
+    const Float3 start = {along ? line.x : (FLOAT)0, along ? line.y : (FLOAT)0, 0};
+    const Float3 w = {along ? (FLOAT)0 : line.x, along ? (FLOAT)0 : line.y, -1};
+    return rod_line(scene.rod_seen + 2 * (index - FIRST_CYLINDER(scene.spheres)), start, w, line.a).may;
+}
+
 /* Takes a cylinder into account, and tells whether any lane hits it. */
 static __attribute__((always_inline)) int cylinder_take(const Scene scene, const Ray ray, EyeLine *line,
                                                         const int index, Hit *hit, Work *work) {
+    if (HAS(WITH_FILTER) && !ANY(rod_may_be_seen(scene, *line, index))) {
+        COUNT(FILTERED, ALL_LANES);
+        return 0;
+    }
     COUNT(DECIDED, ALL_LANES);
     const EyeRay own = eye_ray(ray);
     const REAL t = rod_encounter(scene.spheres, from_eye(scene.spheres, own), (INT)index, TO_REAL_MASK(ALL_LANES)).t;

@@ -4,13 +4,8 @@
  * 2 of that at E. With m = q.y e1 + q.z e2 (see across_of()), it is exactly S + q.x u + r m / |m| on the side, and S +
  * m or E + m on a disc. */
 
-/* From S, or from E on the disc there, to the point q; and how far that is at most. */
-typedef struct {
-    Real3 anchor, step;
-    REAL reach;
-} RodPlace;
-
-static RodPlace rod_place(const Rod rod, const Real3 q) {
+/* From S, or from E on the disc there, to the point q. */
+static Place3 rod_place(const Rod rod, const Real3 q) {
     const Across e = across_of(rod);
     const REAL_MASK on_end = ON_END(q), side = !on_end & !ON_START(q);
     const Real3 m = {q.y * e.first.x + q.z * e.second.x, q.y * e.first.y + q.z * e.second.y,
@@ -18,7 +13,7 @@ static RodPlace rod_place(const Rod rod, const Real3 q) {
     const REAL over = rod.r * (1 / sqrt(DOT(m, m))), size = REAL_BYTES == 4 ? rod.span : (REAL)1;
     const REAL by_m = side ? over : (REAL)1, by_u = side ? q.x * size : (REAL)0;
     const Real3 u = rod.u;
-    RodPlace place;
+    Place3 place;
     place.anchor.x = on_end ? (REAL_BYTES == 8 ? rod.end.x : rod.start.x + size * u.x) : rod.start.x;
     place.anchor.y = on_end ? (REAL_BYTES == 8 ? rod.end.y : rod.start.y + size * u.y) : rod.start.y;
     place.anchor.z = on_end ? (REAL_BYTES == 8 ? rod.end.z : rod.start.z + size * u.z) : rod.start.z;
@@ -32,15 +27,8 @@ static RodPlace rod_place(const Rod rod, const Real3 q) {
 /* Puts where rays leave cylinders into their lanes. */
 static void cylinder_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray->own));
-    const RodPlace place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
-    PUT_OF_SHAPE(here, ray->center.x, place.anchor.x);
-    PUT_OF_SHAPE(here, ray->center.y, place.anchor.y);
-    PUT_OF_SHAPE(here, ray->center.z, place.anchor.z);
-    PUT_OF_SHAPE(here, ray->p.x, place.step.x);
-    PUT_OF_SHAPE(here, ray->p.y, place.step.y);
-    PUT_OF_SHAPE(here, ray->p.z, place.step.z);
-    PUT_OF_SHAPE(here, ray->r, (REAL)0);
-    PUT_OF_SHAPE(here, ray->reach, place.reach);
+    const Place3 place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
+    leave_place(here, place, ray);
 }
 
 /* What shadow rays start with is known since the point was met. */

@@ -59,23 +59,15 @@ static __attribute__((always_inline)) void round_off(const Frame frame, const Sc
     const RodVerdict is = rod_encounter(scene.spheres, ray, id, here).is;
     const RodPoint point = rod_point(ray, rod, t, is);
     const Real3 n = turned_to_camera(frame, point.n);
-    PUT_OF_SHAPE(here, at->normal.x, n.x);
-    PUT_OF_SHAPE(here, at->normal.y, n.y);
-    PUT_OF_SHAPE(here, at->normal.z, n.z);
-    PUT_OF_SHAPE(here, at->q.x, point.q.x);
-    PUT_OF_SHAPE(here, at->q.y, point.q.y);
-    PUT_OF_SHAPE(here, at->q.z, point.q.z);
+    PUT3(PUT_OF_SHAPE, here, at->normal, n);
+    PUT3(PUT_OF_SHAPE, here, at->q, point.q);
     PUT_OF_SHAPE(here, at->spread, (REAL)1);
     start_at_place(here, P, is.out ? (REAL)1 : (REAL)-1, &at->start);
     at->start.index = id;
     at->start.q = at->q;
-    const RodPlace place = rod_place(rod, point.q);
-    PUT_OF_SHAPE(here, at->start.anchor.x, place.anchor.x);
-    PUT_OF_SHAPE(here, at->start.anchor.y, place.anchor.y);
-    PUT_OF_SHAPE(here, at->start.anchor.z, place.anchor.z);
-    PUT_OF_SHAPE(here, at->start.step.x, place.step.x);
-    PUT_OF_SHAPE(here, at->start.step.y, place.step.y);
-    PUT_OF_SHAPE(here, at->start.step.z, place.step.z);
+    const Place3 place = rod_place(rod, point.q);
+    PUT3(PUT_OF_SHAPE, here, at->start.anchor, place.anchor);
+    PUT3(PUT_OF_SHAPE, here, at->start.step, place.step);
     PUT_OF_SHAPE(here, at->start.reach, place.reach);
     map_rods(here, rod, point.q, at);
 }

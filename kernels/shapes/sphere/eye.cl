@@ -79,9 +79,7 @@ static __attribute__((always_inline)) int sphere_take(const Scene scene, const R
     if (HAS(WITH_SHADING)) fetch_material(scene, index, nearer);
     hit->t = nearer ? at.t : hit->t;
     hit->id = TO_MASK(nearer) ? (INT)index : hit->id;
-    PUT_WHERE(nearer, hit->from_center.x, at.from_center.x);
-    PUT_WHERE(nearer, hit->from_center.y, at.from_center.y);
-    PUT_WHERE(nearer, hit->from_center.z, at.from_center.z);
+    PUT3(PUT_WHERE, nearer, hit->from_center, at.from_center);
     if (HAS(WITH_ELLIPSOIDS)) PUT_WHERE(nearer, hit->inside, inside);
     if (ANY_LATE) {
         const Bounds near = near_of(at.t, scene.unit);

@@ -78,12 +78,8 @@ static Approach approach_of(const Spheres spheres, const Leaving ray, const Ball
         const Matrix K = matrices_of(spheres, ball.map, 0);
         const Real3 f = mapped(K, way.f), w = mapped(K, way.w);
         const REAL error = (real)0x1p-49f * (K.size * way.w1);
-        PUT_WHERE(stretched, way.f.x, f.x);
-        PUT_WHERE(stretched, way.f.y, f.y);
-        PUT_WHERE(stretched, way.f.z, f.z);
-        PUT_WHERE(stretched, way.w.x, w.x);
-        PUT_WHERE(stretched, way.w.y, w.y);
-        PUT_WHERE(stretched, way.w.z, w.z);
+        PUT3(PUT_WHERE, stretched, way.f, f);
+        PUT3(PUT_WHERE, stretched, way.w, w);
         PUT_WHERE(stretched, way.s, K.size * way.s);
         PUT_WHERE(stretched, way.f1, K.size * way.f1);
         PUT_WHERE(stretched, way.w1, K.size * way.w1);
@@ -391,15 +387,9 @@ static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray,
         const Real3 unit = {normal.x * shorter, normal.y * shorter, normal.z * shorter};
         const Real3 from_center = {step.x * ball.r, step.y * ball.r, step.z * ball.r};
         const Real3 n = turned_to_camera(frame, unit), p = turned_to_camera(frame, from_center);
-        PUT_WHERE(spot.stretched, spot.n.x, n.x);
-        PUT_WHERE(spot.stretched, spot.n.y, n.y);
-        PUT_WHERE(spot.stretched, spot.n.z, n.z);
-        PUT_WHERE(spot.stretched, spot.q.x, q.x);
-        PUT_WHERE(spot.stretched, spot.q.y, q.y);
-        PUT_WHERE(spot.stretched, spot.q.z, q.z);
-        PUT_WHERE(spot.stretched, spot.p.x, p.x);
-        PUT_WHERE(spot.stretched, spot.p.y, p.y);
-        PUT_WHERE(spot.stretched, spot.p.z, p.z);
+        PUT3(PUT_WHERE, spot.stretched, spot.n, n);
+        PUT3(PUT_WHERE, spot.stretched, spot.q, q);
+        PUT3(PUT_WHERE, spot.stretched, spot.p, p);
         PUT_WHERE(spot.stretched, spot.support, ball.r * shorter);
         PUT_WHERE(spot.stretched, spot.spread, K.size * L.size);
     }

@@ -29,9 +29,7 @@ static Sphere spheres_of(const Spheres spheres, const INT index) {
     FOR_EACH_INDEX(one, index) {
         const REAL_MASK here = TO_REAL_MASK(index == one);
         const Sphere sphere = sphere_at(spheres, one);
-        PUT_WHERE(here, own.center.x, sphere.center.x);
-        PUT_WHERE(here, own.center.y, sphere.center.y);
-        PUT_WHERE(here, own.center.z, sphere.center.z);
+        PUT3(PUT_WHERE, here, own.center, sphere.center);
         PUT_WHERE(here, own.r, sphere.r);
         PUT_WHERE(here, own.over_r, sphere.over_r);
         PUT_WHERE(here, own.c, sphere.c);

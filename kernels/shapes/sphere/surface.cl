@@ -3,16 +3,10 @@
 /* Puts the spots that are on ellipsoids into an intersection. inside: whether the ray came from there. */
 static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
     const REAL_MASK here = spot.stretched;
-    PUT_WHERE(here, at->normal.x, spot.n.x);
-    PUT_WHERE(here, at->normal.y, spot.n.y);
-    PUT_WHERE(here, at->normal.z, spot.n.z);
-    PUT_WHERE(here, at->q.x, spot.q.x);
-    PUT_WHERE(here, at->q.y, spot.q.y);
-    PUT_WHERE(here, at->q.z, spot.q.z);
+    PUT3(PUT_WHERE, here, at->normal, spot.n);
+    PUT3(PUT_WHERE, here, at->q, spot.q);
     PUT_WHERE(here, at->spread, spot.spread);
-    PUT_WHERE(here, at->start.p.x, spot.p.x);
-    PUT_WHERE(here, at->start.p.y, spot.p.y);
-    PUT_WHERE(here, at->start.p.z, spot.p.z);
+    PUT3(PUT_WHERE, here, at->start.p, spot.p);
     PUT_WHERE(here, at->start.support, spot.support);
     PUT_WHERE(here, at->start.side, inside ? (REAL)-1 : (REAL)1);
     at->start.stretched = here;
@@ -58,9 +52,7 @@ static void map_spheres(const Frame frame, Intersection *at) {
     Real3 q = turned_to_world(frame, at->normal);
     if (HAS(WITH_ELLIPSOIDS)) {
         const REAL_MASK here = at->start.stretched;
-        PUT_WHERE(here, q.x, at->q.x);
-        PUT_WHERE(here, q.y, at->q.y);
-        PUT_WHERE(here, q.z, at->q.z);
+        PUT3(PUT_WHERE, here, q, at->q);
     }
     at->u = (REAL)0.5f + turns_of(q.x, q.z);
     at->v = 2 * turns_of(sqrt(q.x * q.x + q.z * q.z), q.y);

@@ -35,26 +35,15 @@ static FacePoint face_point(const Shares shares) {
 static void triangle_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, ray->own));
     const Place3 place = places_of(spheres, ray->own, ray->q);
-    PUT_OF_SHAPE(here, ray->center.x, place.anchor.x);
-    PUT_OF_SHAPE(here, ray->center.y, place.anchor.y);
-    PUT_OF_SHAPE(here, ray->center.z, place.anchor.z);
-    PUT_OF_SHAPE(here, ray->p.x, place.step.x);
-    PUT_OF_SHAPE(here, ray->p.y, place.step.y);
-    PUT_OF_SHAPE(here, ray->p.z, place.step.z);
-    PUT_OF_SHAPE(here, ray->r, (REAL)0);
-    PUT_OF_SHAPE(here, ray->reach, place.reach);
+    leave_place(here, place, ray);
 }
 
 /* Puts the world's coordinates of the lanes that start on triangles into their starts. */
 static __attribute__((noinline)) void triangle_place(const Spheres spheres, Start *P) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, P->index));
     const Place3 place = places_of(spheres, P->index, P->q);
-    PUT_WHERE(here, P->anchor.x, place.anchor.x);
-    PUT_WHERE(here, P->anchor.y, place.anchor.y);
-    PUT_WHERE(here, P->anchor.z, place.anchor.z);
-    PUT_WHERE(here, P->step.x, place.step.x);
-    PUT_WHERE(here, P->step.y, place.step.y);
-    PUT_WHERE(here, P->step.z, place.step.z);
+    PUT3(PUT_WHERE, here, P->anchor, place.anchor);
+    PUT3(PUT_WHERE, here, P->step, place.step);
     PUT_WHERE(here, P->reach, place.reach);
 }
 

@@ -44,9 +44,7 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     PUT_OF_SHAPE(here, at->normal.x, turn * n.x);
     PUT_OF_SHAPE(here, at->normal.y, turn * n.y);
     PUT_OF_SHAPE(here, at->normal.z, turn * n.z);
-    PUT_OF_SHAPE(here, at->q.x, point.q.x);
-    PUT_OF_SHAPE(here, at->q.y, point.q.y);
-    PUT_OF_SHAPE(here, at->q.z, point.q.z);
+    PUT3(PUT_OF_SHAPE, here, at->q, point.q);
     PUT_OF_SHAPE(here, at->spread, (REAL)1);
     start_at_place(here, P, side, &at->start);
     at->start.index = id;

@@ -745,11 +745,6 @@ static MASK known_in_one_plane(const Spheres spheres, const INT A, const INT B) 
 
 /* Where a point q of each lane's triangle is: k = q.z is the corner that it is counted from, u = q.x counts the way
  * from there to the next corner and v = q.y that to the one after. */
-typedef struct {
-    Real3 anchor, step; /* that corner, and from there to the point */
-    REAL reach;         /* no less than |step| */
-} Place3;
-
 static Place3 place_on(const Corners corners, const Real3 q) {
     const REAL_MASK first = q.z == 0, second = q.z == 1;
     Place3 place;

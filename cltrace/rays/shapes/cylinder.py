@@ -1,0 +1,130 @@
+"""Cylinders with flat ends, as rays meet them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from cltrace.numbers.fine import Fine, fine_vector, select
+from cltrace.numbers.pairs import Floats
+from cltrace.numbers.vectors import cross, dot
+from cltrace.numbers.whole import signs, whole
+from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
+from cltrace.rays.fine import Ends, sign_of, way_through
+from cltrace.rays.lines import Ids, Lines, differences
+from cltrace.rays.shapes.shape import Shape
+from cltrace.rays.whole import Roots, WholeRays
+from cltrace.scene import Scene
+
+
+class Cylinders(Shape):
+    """See Shape. start, end: (n, 3), the middles of their ends; radius: (n,)."""
+
+    def __init__(self, scene: Scene, first: int) -> None:
+        cylinders = scene.cylinders
+        super().__init__(first, cylinders["number"])
+        self.start, self.end, self.radius = (
+            np.ascontiguousarray(cylinders[name]) for name in ("start", "end", "radius")
+        )
+        half = self.end / 2 - self.start / 2
+        self.center = self.start / 2 + self.end / 2
+        self.outer = (np.sqrt((half * half).sum(axis=1)) + self.radius) * (1 + 2.0**-40)
+
+    def meet(self, lines: Lines, ray: Ids, primitive: Ids) -> Met:
+        """Only those are left out that surely pass by: pairs tell of the others.
+
+        The line is |V| / |G| from the axis, V = u.(f x w) and G = w x u. With u = 2^-53 and s as of spheres, f is off
+        by 2^-48 s and f x w by 2^-47 s w1: see passes_by() in cltrace/reference/cylinder.py.
+        """
+        i = primitive - self.first
+        start, r = self.start[i].T, self.radius[i]
+        f, w, u = start - lines.place[ray].T, lines.w[ray].T, self.end[i].T - start
+        s, w1, u1 = norm1(f) + PER_OFF * lines.off[ray], norm1(w), norm1(u)
+        V, G = np.abs(dot(u, cross(f, w))), cross(w, u)
+        size = np.sqrt(dot(G, G)) + 2.0**-45 * w1 * u1
+        beside = V - 2.0**-45 * s * w1 * u1 > r * size * (1 + 2.0**-45) + FLOOR
+        kept = np.flatnonzero(~beside)
+        unknown = np.full(len(kept), np.inf)
+        none = np.zeros(len(kept), np.int64)
+        return Met(ray[kept], primitive[kept], sure=none.astype(bool), side=none - 1, low=-unknown, high=unknown)
+
+    def ends(self, lines: Lines, ray: Ids, primitive: Ids) -> Ends:
+        """Where lines are within the endless cylinder, and between the planes of the ends: from the later beginning to
+        the earlier end of the two."""
+        i = primitive - self.first
+        start, r, w = self.start[i], Fine.of(self.radius[i]), fine_vector(lines.w[ray])
+        f, u = fine_vector(*differences(start, lines.origin[ray])), fine_vector(*differences(self.end[i], start))
+        F, G, uu = cross(f, u), cross(w, u), dot(u, u)
+        a, b, c, g, h, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(w, u), dot(f, u), dot(u, cross(f, w))
+        D, k, forth = uu * (a * r * r - V * V), h + uu, g.h > 0
+        into, out_of = way_through(a, b, c, D)
+        first, last = (select(forth, h, k) / g, into), (select(forth, k, h) / g, out_of)
+        late, soon = sign_of(first[0] - first[1]), sign_of(last[0] - last[1])
+        near, far = select(late > 0, *first), select(soon < 0, *last)
+        known = np.logical_and.reduce([sign_of(D) > 0, sign_of(a) > 0, sign_of(b) != 0, sign_of(g) != 0, late, soon])
+        meets = np.where(sign_of(D) < 0, -1, np.where(known, sign_of(far - near), 0))
+        return Ends(meets.astype(np.int8), near, far)
+
+    def lengths(self, primitive: Ids) -> list[Floats]:
+        i = primitive - self.first
+        return [self.start[i], self.end[i], self.radius[i]]
+
+    def roots(self, rays: WholeRays, primitive: Ids) -> Roots:
+        """The way through the endless cylinder, and that between the planes N = g t, each from -1 to 1; the later
+        beginning and the earlier end of these count."""
+        w, (S, E, r) = rays.w, (whole(x, rays.grid) for x in self.lengths(primitive))
+        f, u = S.T - rays.o, (E - S).T
+        F, G = (np.array(cross(v, u), object) for v in (f, w))
+        uu, g, h = dot(u, u), dot(w, u), dot(f, u)
+        a, b, c = dot(G, G), dot(F, G), dot(F, F) - r * r * uu
+        D, k, forth = b * b - a * c, h + uu, signs(g)
+        steep, curved, real = forth != 0, signs(a) > 0, D >= 0
+        none, one = np.zeros((3, len(r)), object), np.ones(len(r), np.int64)
+        sides, flats = [], []
+        for end, N in ((-1, np.where(forth > 0, h, k)), (1, np.where(forth > 0, k, h))):
+            D_or_0, g_or_1, a_or_1 = np.where(real, D, 0), np.where(steep, g, 1), np.where(curved, a, 1)
+            sides.append(Roots(curved & real, a=a_or_1, b=b, side=end * one, D=D_or_0, w=w, normal=none))
+            flats.append(Roots(steep, a=g_or_1 * g_or_1, b=N * g, side=end * one, D=none[0], w=w, normal=none))
+        by_flat = steep & (~curved | ~flats[0].before(sides[0])), steep & (~curved | ~sides[1].before(flats[1]))
+        near, far = (flat.where(by, side) for flat, by, side in zip(flats, by_flat, sides, strict=True))
+        there = np.where(curved, real, c <= 0) & (steep | ((h <= 0) & (k >= 0))) & ~far.before(near)
+        first, second = rays.reach(near), rays.reach(far)
+        return near.where(first, far)._replace(exists=there & (first | second))
+
+    def points(self, lines: Lines, primitive: Ids, t: Fine) -> CylinderPoints:
+        return CylinderPoints(self, lines, primitive - self.first, t)
+
+
+class CylinderPoints:
+    """See Points.
+
+    A point is on a flat end if the plane of that is as near as the side: their distances are compared in doubles.
+    """
+
+    def __init__(self, cylinders: Cylinders, lines: Lines, i: Ids, t: Fine) -> None:
+        start, r = cylinders.start[i], cylinders.radius[i]
+        f, w = fine_vector(*differences(start, lines.origin)), fine_vector(lines.w)
+        p = np.stack([(t * x - y).h for x, y in zip(w, f, strict=True)], axis=1)
+        self._u = cylinders.end[i] - start
+        self._length = np.sqrt((self._u * self._u).sum(axis=1, keepdims=True))
+        self._along = (p * self._u).sum(axis=1, keepdims=True) / self._length
+        self._out = p - self._along * self._u / self._length  # from the axis
+        self._size = np.sqrt((self._out * self._out).sum(axis=1, keepdims=True))
+        gaps = np.abs(np.concatenate([self._size - r[:, None], self._along, self._length - self._along], axis=1))
+        self._part = gaps.argmin(axis=1)  # the side, the start, the end
+
+    @cached_property
+    def normal(self) -> Floats:
+        side = self._out / np.where(self._size > 0, self._size, 1)
+        flat = np.where(self._part == 1, -1, 1)[:, None] * self._u
+        return np.asarray(np.where(self._part[:, None] == 0, side, flat))
+
+    @cached_property
+    def uv(self) -> Floats:
+        e1 = np.cross(np.eye(3)[np.abs(self._u).argmin(axis=1)], self._u)
+        e2 = np.cross(self._u, e1)
+        x, y = ((self._out * e).sum(axis=1) / np.sqrt((e * e).sum(axis=1)) for e in (e1, e2))
+        high = np.clip(self._along / self._length, 0, 1)[:, 0]
+        down = np.where(self._part == 1, 1.0, np.where(self._part == 2, 0.0, 1 - high))
+        return np.stack([0.5 + np.arctan2(y, x) / (2 * np.pi), down], axis=1)

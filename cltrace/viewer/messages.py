@@ -1,0 +1,79 @@
+"""What the page and the server say to each other: one type each way."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import Literal, get_args
+
+Kind = Literal[
+    "orbit",
+    "pan",
+    "zoom",
+    "fit",
+    "parallel",
+    "back",
+    "undo",
+    "show",
+    "centre",
+    "explain",
+    "copy",
+    "compare",
+    "shown",
+]
+LARGEST = 2**28  # pixels, and more than any way of a pointer
+
+
+@dataclass(frozen=True)
+class Event:
+    """What was done in the page.
+
+    orbit, pan, zoom: a way of the pointer, x and y, see cameras.py; fit, parallel, back, undo: keys; show: the button
+    of `name`; centre, explain: about the pixel in column x and row y; copy: the camera, as `name`; compare: with the
+    picture of --compare; shown: the picture that counts x events is on the screen.
+    """
+
+    kind: Kind
+    x: float = 0.0
+    y: float = 0.0
+    name: str = ""
+
+    @classmethod
+    def of(cls, text: str) -> Event:
+        """From JSON. Raises ValueError where it is no event."""
+        given = json.loads(text)
+        if not isinstance(given, dict) or not given.keys() <= {field.name for field in fields(cls)}:
+            raise ValueError("an event has kind, x, y and name")
+        kind, x, y, name = (given.get(field.name, field.default) for field in fields(cls))
+        if kind not in get_args(Kind) or not isinstance(name, str):
+            raise ValueError(f"there is no event {kind!r} {name!r}")
+        if not all(type(v) in (int, float) and abs(v) <= LARGEST for v in (x, y)):
+            raise ValueError(f"an event's x and y are numbers within {LARGEST}, got {x!r} and {y!r}")
+        return cls(kind, x, y, name)
+
+
+@dataclass(frozen=True)
+class Message:
+    """What the page is to show.
+
+    moving, exact, smooth: a picture, with its caption, of `width` and `height` pixels at rest, that counts `number`
+    events; home: whether it is by the scene's own camera; data is a JPEG while it moves, else the PNG of the command.
+    explanation, comparison, copy: a text. mine, difference: PNGs beside a comparison. fault: what is wrong with the
+    scene's file now, "" for nothing; error: what was asked for and cannot be.
+    """
+
+    kind: Literal[
+        "moving", "exact", "smooth", "explanation", "comparison", "copy", "mine", "difference", "fault", "error"
+    ]
+    text: str = ""
+    data: bytes = b""
+    width: int = 0
+    height: int = 0
+    number: int = 0
+    home: bool = True
+
+    def encoded(self) -> bytes:
+        """A line of JSON, and then the data."""
+        head = asdict(self)
+        del head["data"]
+        return json.dumps(head).encode() + b"\n" + self.data

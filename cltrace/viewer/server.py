@@ -1,0 +1,192 @@
+"""Carries events and messages between the page and its session, on this machine alone.
+
+Whoever knows the token may look: it is the first part of each path. Other sites' pages can guess neither it nor what is
+in Host and Origin, which browsers write.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from importlib import resources
+from pathlib import PurePosixPath
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from cltrace.viewer.messages import Event, Message
+from cltrace.viewer.session import Session
+from cltrace.viewer.stage import Stage
+
+HOST, PORT = "127.0.0.1", 8042
+# Seconds without an event after which the exact picture is drawn.
+REST = 0.12
+# Seconds after which a window that does not answer counts as closed.
+HEARTBEAT = 20.0
+# Windows whose line was broken that keep their camera.
+LEFT = 16
+# Bytes of an event, at most.
+LARGEST = 512
+KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+PAGE = resources.files("cltrace.viewer") / "page"
+ASKED = ("explain", "centre", "copy", "compare")
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Server:
+    """A stage's page, and a session for each window of it. address: where it is."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage, self._token = stage, secrets.token_urlsafe(16)
+        # One thread draws for all windows, and one answers.
+        self._draws, self._answers = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        self._left = dict[str, Session]()  # of windows whose line was broken, which may come again
+        self._socket = _listening()
+        self.port: int = self._socket.getsockname()[1]
+        self.address = f"http://{HOST}:{self.port}/{self._token}/"
+
+    def run(self, ready: Callable[[], object]) -> None:
+        """Serves until a signal raises. ready: is called once, when it does."""
+        asyncio.run(self._serve(ready))
+
+    async def _serve(self, ready: Callable[[], object]) -> None:
+        app = web.Application(middlewares=[self._guarded])
+        app.router.add_get("/{token}/socket", self._window)
+        app.router.add_get("/{token}/{name:.*}", self._file)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0)
+        await runner.setup()
+        await web.SockSite(runner, self._socket).start()
+        ready()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await runner.cleanup()
+            for pool in (self._draws, self._answers):
+                pool.shutdown(wait=False, cancel_futures=True)
+
+    @web.middleware
+    async def _guarded(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Answers those alone who have the token, and come by this machine's name and from this page."""
+        hosts = [f"{name}:{self.port}" for name in (HOST, "localhost")]
+        origin, host = request.headers.get("Origin"), request.headers.get("Host")
+        socket_ = request.path.endswith("/socket")
+        if host not in hosts or (origin != f"http://{host}" and (origin is not None or socket_)):
+            raise web.HTTPForbidden
+        if not secrets.compare_digest(request.match_info.get("token", "").encode(), self._token.encode()):
+            raise web.HTTPNotFound
+        return await handler(request)
+
+    async def _file(self, request: web.Request) -> web.Response:
+        """A file of the page."""
+        name = request.match_info["name"] or "index.html"
+        if name not in [file.name for file in PAGE.iterdir()]:
+            raise web.HTTPNotFound
+        kind = KINDS[PurePosixPath(name).suffix]
+        return web.Response(text=(PAGE / name).read_text("utf-8"), content_type=kind, headers=HEADERS)
+
+    async def _window(self, request: web.Request) -> web.WebSocketResponse:
+        """A window, until it is closed."""
+        line = web.WebSocketResponse(max_msg_size=LARGEST, heartbeat=HEARTBEAT, compress=False)
+        await line.prepare(request)
+        name = request.query.get("window", secrets.token_urlsafe())
+        session = self._left.pop(name, None) or Session(self._stage)
+        session.reopen()
+        await Window(session, line, self._draws, self._answers).live()
+        self._left[name] = session
+        if len(self._left) > LEFT:
+            del self._left[next(iter(self._left))]
+        return line
+
+
+class Window:
+    """A window of the page and its session.
+
+    A picture is drawn when the one before it is on the screen: none waits anywhere, and each shows what is newest.
+    """
+
+    def __init__(
+        self, session: Session, line: web.WebSocketResponse, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor
+    ) -> None:
+        self._stage, self._session, self._line = session.stage, session, line
+        self._draws, self._answers, self._loop = draws, answers, asyncio.get_running_loop()
+        self._woken, self._shown = asyncio.Event(), asyncio.Event()
+        self._shown.set()
+
+    async def live(self) -> None:
+        """Until it is closed, or says what no page says."""
+        changed = partial(self._loop.call_soon_threadsafe, self._changed)
+        self._stage.changed.add(changed)
+        tasks = {asyncio.create_task(self._tell_fault()), asyncio.create_task(self._draw())}
+        try:
+            async for said in self._line:
+                if said.type != WSMsgType.TEXT:
+                    break
+                event = Event.of(said.data)
+                if event.kind == "shown":
+                    self._shown.set()
+                elif event.kind in ASKED:
+                    tasks.add(task := asyncio.create_task(self._answer(event)))
+                    task.add_done_callback(tasks.discard)
+                else:
+                    self._session.handle(event)
+                    self._woken.set()
+        except ValueError as error:
+            await self._line.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error)[:100].encode())
+        finally:
+            self._stage.changed.discard(changed)
+            self._session.close()
+            for task in tasks:
+                task.cancel()
+
+    def _changed(self) -> None:
+        """The scene, or what is wrong with it, is another one."""
+        self._session.refresh()
+        self._woken.set()
+        self._told = asyncio.create_task(self._tell_fault())
+
+    async def _tell_fault(self) -> None:
+        await self._send(Message("fault", self._stage.fault))
+
+    async def _send(self, message: Message) -> None:
+        with suppress(ConnectionError):  # the window has gone
+            await self._line.send_bytes(message.encoded())
+
+    async def _draw(self) -> None:
+        """Draws one picture after the other, as long as there is something new to see."""
+        while True:
+            await self._shown.wait()
+            with suppress(TimeoutError):
+                wait = {"moving": 0.0, "done": None}.get(self._session.phase, REST)
+                await asyncio.wait_for(self._woken.wait(), wait)
+            self._woken.clear()
+            message = await self._loop.run_in_executor(self._draws, self._session.draw)
+            if message:
+                self._shown.clear()
+                await self._send(message)
+
+    async def _answer(self, event: Event) -> None:
+        """Answers a question."""
+        answers = self._session.answer(event)
+        while message := await self._loop.run_in_executor(self._answers, next, answers, None):
+            await self._send(message)
+        self._woken.set()
+
+
+def _listening() -> socket.socket:
+    """A socket on this machine alone, on a port that is free."""
+    try:
+        return socket.create_server((HOST, PORT))
+    except OSError:
+        return socket.create_server((HOST, 0))

@@ -1,0 +1,283 @@
+"""The page in a real browser: the hand's, the eye's and the keyboard's ways. It is there where Chromium is."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+from test_server import FILE, viewer
+
+import cltrace
+
+pytestmark = pytest.mark.slow
+sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright drives the browser")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SIZE = cltrace.load(FILE).camera.resolution
+
+
+@pytest.fixture(scope="module")
+def spec(request: pytest.FixtureRequest) -> str:
+    return request.config.getoption("--device") or "cpu"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if not CHROMIUM:
+        pytest.skip("there is no Chromium: apt-get install chromium")
+    with sync_api.sync_playwright() as play:
+        found = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A window in which nothing goes wrong unnoticed."""
+    faults: list[str] = []
+    context = browser.new_context(viewport={"width": 1200, "height": 700}, accept_downloads=True)
+    found = context.new_page()
+    found.on("pageerror", lambda error: faults.append(str(error)))
+    found.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+    found.set_default_timeout(60_000)
+    yield found
+    context.close()
+    assert faults == []
+
+
+def rested(page: Any) -> None:
+    """Waits for the last picture: where something has moved, a small one comes soon, and the smooth one at the end."""
+    page.wait_for_timeout(250)
+    page.wait_for_selector("#picture[data-kind=smooth]")
+
+
+def shown(page: Any) -> np.ndarray:
+    """The bytes of the canvas."""
+    data = page.evaluate("() => document.querySelector('#picture').toDataURL()")
+    with Picture.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))) as picture:
+        return np.asarray(picture.convert("RGB"))
+
+
+def saved(page: Any) -> bytes:
+    """What the button saves."""
+    with page.expect_download() as waiting:
+        page.click("#save")
+    assert waiting.value.suggested_filename == f"{FILE.stem}.png"
+    return Path(waiting.value.path()).read_bytes()
+
+
+def middle(page: Any) -> tuple[float, float]:
+    box = page.locator("#picture").bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def camera_of(page: Any) -> cltrace.Camera:
+    """What the button copies."""
+    page.click("text=Python")
+    page.wait_for_timeout(300)
+    found = eval(page.input_value("textarea"), {"cltrace": cltrace})
+    assert isinstance(found, (cltrace.Camera, cltrace.Orthographic))
+    return found
+
+
+@pytest.fixture(scope="module")
+def address(spec: str) -> Iterator[str]:
+    with viewer(spec, str(FILE)) as running:
+        yield running.address
+
+
+def test_hand(page: Any, address: str, spec: str) -> None:
+    """Drag, shift and drag, wheel, double click, click; what is saved is what is seen, exactly."""
+    page.goto(address)
+    rested(page)
+    scene = cltrace.load(FILE)
+    before = cltrace.render(scene, spec, antialias=True).rgb8
+    assert (shown(page) == before).all()
+    assert page.title().endswith("minimal.xml")
+
+    x, y = middle(page)
+    page.mouse.click(x, y)
+    page.wait_for_selector("#explanation details")
+    assert "meets sphere 0" in page.inner_text("#explanation")
+    assert f"{FILE}:" in page.inner_text("#explanation")
+    ray = page.locator("#explanation summary", has_text=re.compile("^Ray$"))
+    assert not page.is_visible("text=/^o = /")
+    ray.click()
+    assert page.is_visible("text=/^o = /")
+    assert page.input_value("#column") == str(SIZE[0] // 2)
+
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 60, y - 30, steps=6)
+    page.mouse.up()
+    rested(page)
+    turned = camera_of(page)
+    assert turned.lookat == scene.camera.lookat
+    assert turned.position != scene.camera.position
+    assert (shown(page) == cltrace.render(scene.seen_by(turned), spec, antialias=True).rgb8).all()
+    with Picture.open(io.BytesIO(saved(page))) as picture:
+        assert (np.asarray(picture) == shown(page)).all()
+
+    page.keyboard.down("Shift")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y, steps=4)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    rested(page)
+    panned = camera_of(page)
+    assert panned.lookat != turned.lookat
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, -300)
+    rested(page)
+    near = camera_of(page)
+    assert np.linalg.norm(near.position) < np.linalg.norm(panned.position)
+    page.mouse.dblclick(x, y)
+    rested(page)
+    assert camera_of(page).lookat != near.lookat
+
+
+def test_keys_reach_everything(page: Any, address: str) -> None:
+    page.goto(address)
+    rested(page)
+    home = camera_of(page)
+    page.keyboard.press("Escape")
+    page.focus("#picture")
+    for key, change in (("ArrowLeft", "position"), ("Shift+ArrowUp", "lookat"), ("+", "position"), ("f", "position")):
+        before = camera_of(page)
+        page.focus("#picture")
+        page.keyboard.press(key)
+        rested(page)
+        assert getattr(camera_of(page), change) != getattr(before, change), key
+        page.focus("#picture")
+    page.keyboard.press("o")
+    rested(page)
+    assert camera_of(page).parallel
+    page.focus("#picture")
+    page.keyboard.press("u")
+    rested(page)
+    assert not camera_of(page).parallel
+    page.focus("#picture")
+    page.keyboard.press("r")
+    rested(page)
+    assert camera_of(page) == home
+    # From the first to the last control by tabs, each with a name that is read out.
+    page.evaluate("() => document.activeElement.blur()")
+    reached = set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("() => (document.activeElement.id || document.activeElement.textContent).trim()"))
+    wanted = {"fit", "orthographic", "back", "undo", "XML", "Python", "command", "save", "picture", "column", "row"}
+    assert reached >= wanted | {"why this colour?", "look there"}
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll('button, input, canvas:not([hidden]), textarea')].filter(
+            (e) => !(e.textContent.trim() || e.labels?.length || e.getAttribute('aria-label'))).length"""
+    )
+    assert nameless == 0
+    page.focus("#column")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("240")
+    page.keyboard.press("Tab")
+    page.keyboard.type("180")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#explanation details")
+
+
+def test_buttons_show_other_outputs(page: Any, address: str, spec: str) -> None:
+    page.goto(address)
+    rested(page)
+    scene = cltrace.load(FILE)
+    for name in ("normal", "depth", "id", "uv"):
+        page.check(f"input[value={name}]")
+        page.wait_for_function(f"() => document.querySelector('#caption').textContent.includes(': {name}, ')")
+        assert (shown(page) == cltrace.render(scene, spec, outputs=(name,)).as_rgb8(name)).all()
+    page.check("input[value=lit]")
+    page.wait_for_function("() => document.querySelector('#caption').textContent.includes('light')")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_dense_screens_and_schemes(browser: Any, address: str, scheme: str) -> None:
+    """A pixel of the picture is a whole number of the screen's."""
+    for density in (1, 2):
+        size = {"width": 1600, "height": 1000}
+        page = browser.new_page(viewport=size, device_scale_factor=density, color_scheme=scheme)
+        page.goto(address)
+        rested(page)
+        box = page.locator("#picture").bounding_box()
+        assert (box["width"] * density) % SIZE[0] == pytest.approx(0, abs=1e-3)
+        back = page.evaluate("() => getComputedStyle(document.documentElement).colorScheme")
+        assert back == "light dark"
+        dark = np.asarray(Picture.open(io.BytesIO(page.screenshot())).convert("L"))[-5:, -5:].mean() < 128
+        assert dark == (scheme == "dark")
+        page.close()
+
+
+def test_saving_the_file(page: Any, spec: str, tmp_path: Path) -> None:
+    """It is drawn again; a fault stands over the last good picture. When the server is back, the page goes on."""
+    pytest.importorskip("watchfiles")
+    text, scene = FILE.read_text(), tmp_path / "s.xml"
+    scene.write_text(text)
+    with viewer(spec, "s.xml", "--watch", cwd=tmp_path) as running:
+        page.goto(running.address)
+        rested(page)
+        before = shown(page)
+        scene.write_text(text.replace('<sphere radius="', '<sphere radius="-'))
+        page.wait_for_selector("#fault:not([hidden])")
+        assert re.match(r"s\.xml:\d+: sphere: radius must be > 0", page.inner_text("#fault"))
+        assert (shown(page) == before).all()
+        scene.write_text(re.sub(r'background_color r="[^"]*"', 'background_color r="1"', text))
+        page.wait_for_selector("#fault", state="hidden")
+        page.wait_for_function(
+            "() => document.querySelector('#picture').getContext('2d').getImageData(0, 0, 1, 1).data[0] == 255"
+        )
+
+
+def test_comparison(page: Any, spec: str, tmp_path: Path) -> None:
+    mine, scene = tmp_path / "mine.png", cltrace.load(FILE)
+    wrong = cltrace.render(scene, spec).rgb8[:, ::-1]
+    cltrace.Image(rgb8=np.ascontiguousarray(wrong)).save(mine)
+    with viewer(spec, str(FILE), "--compare", str(mine)) as running:
+        page.goto(running.address)
+        page.wait_for_selector("#comparison:not([hidden])")
+        assert page.inner_text("#comparison").strip() == str(cltrace.compare(scene, mine, device=spec)).strip()
+        rested(page)
+        box = page.locator("#picture").bounding_box()
+        page.fill("#slider", "100")
+        over = np.asarray(Picture.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB"))
+        assert (over[: SIZE[1], : SIZE[0]] == wrong).mean() > 0.99
+        page.fill("#slider", "0")
+        under = np.asarray(Picture.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB"))
+        assert (under[: SIZE[1], : SIZE[0]] == shown(page)).mean() > 0.99
+        page.check("#difference")
+        page.focus("#picture")
+        page.keyboard.press("ArrowLeft")
+        rested(page)
+        assert page.is_hidden("#other")
+        page.keyboard.press("r")
+        rested(page)
+        assert page.is_visible("#other")
+
+
+def test_a_broken_line(page: Any, spec: str) -> None:
+    """The page connects again, and goes on where it was; it says so where the server has gone."""
+    keeping = "class extends WebSocket { constructor(...all) { super(...all); lines.push(this) } }"
+    page.add_init_script(f"window.lines = []; WebSocket = {keeping}")
+    with viewer(spec, str(FILE)) as running:
+        page.goto(running.address)
+        rested(page)
+        page.focus("#picture")
+        page.keyboard.press("ArrowLeft")
+        rested(page)
+        before = shown(page)
+        page.evaluate("lines[0].close()")
+        page.wait_for_function("() => window.lines.length == 2 && !document.querySelector('#error').textContent")
+        rested(page)
+        assert (shown(page) == before).all()
+    page.wait_for_selector("text=The server is not there")

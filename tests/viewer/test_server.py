@@ -1,0 +1,313 @@
+"""The server: who may come in, what it sends, and how it ends. Each test is of the command, as users start it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import closing, contextmanager
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
+
+import pytest
+
+import cltrace
+from cltrace import cli
+
+aiohttp = pytest.importorskip("aiohttp", reason="the viewer needs the extra view")
+FILE = Path(__file__).parents[2] / "scenes" / "minimal.xml"
+
+
+class Running(NamedTuple):
+    """A viewer that runs."""
+
+    address: str
+
+    @property
+    def host(self) -> str:
+        return urlsplit(self.address).netloc
+
+    def status(self, path: str, method: str = "GET", **headers: str) -> int:
+        """What a request gets."""
+        with closing(HTTPConnection("127.0.0.1", urlsplit(self.address).port or 0)) as connection:
+            connection.request(method, path, headers=headers)
+            return connection.getresponse().status
+
+
+@contextmanager
+def viewer(spec: str, *arguments: str, cwd: Path | None = None) -> Iterator[Running]:
+    """The command, which is interrupted at the end."""
+    line = [sys.executable, "-m", "cltrace", "view", *arguments, "-d", spec]
+    env = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, cwd=cwd, env=env) as process:
+        assert process.stderr
+        guard = threading.Timer(300, process.kill)
+        guard.start()
+        try:
+            first = process.stderr.readline()
+            match = re.search(r" is at (http://127\.0\.0\.1:\d+/[\w-]{22}/); Ctrl-C ends it", first)
+            assert match, first
+            assert "ssh -L" in process.stderr.readline()
+            yield Running(match[1])
+        finally:
+            guard.cancel()
+            process.send_signal(signal.SIGINT)
+            status = process.wait(30)
+    assert status == 130
+
+
+@pytest.fixture(scope="module")
+def spec(request: pytest.FixtureRequest) -> str:
+    return request.config.getoption("--device") or "cpu"
+
+
+@pytest.fixture(scope="module")
+def running(spec: str) -> Iterator[Running]:
+    with viewer(spec, str(FILE)) as found:
+        yield found
+
+
+def test_the_page(running: Running) -> None:
+    path = urlsplit(running.address).path
+    for name in ("", "index.html", "viewer.js", "explanation.js", "viewer.css"):
+        assert running.status(path + name, Host=running.host) == 200
+    assert running.status(path, Host=running.host.replace("127.0.0.1", "localhost")) == 200
+    assert running.status(path, Host=running.host, Origin=f"http://{running.host}") == 200
+
+
+def test_nothing_else_is_there(running: Running) -> None:
+    path, host = urlsplit(running.address).path, running.host
+    assert running.status("/", Host=host) == 404
+    assert running.status("/viewer.js", Host=host) == 404
+    assert running.status(path[:-2] + "/", Host=host) == 404
+    assert running.status(f"{path[:-2]}-/viewer.js", Host=host) == 404
+    assert running.status("/%C3%A4/", Host=host) == 404
+    for name in ("server.py", "../server.py", "%2e%2e/server.py", "../page/viewer.js", "viewer.js/", "__init__.py"):
+        assert running.status(path + name, Host=host) == 404
+    assert running.status(path, "POST", Host=host) == 404
+
+
+def test_other_hosts_and_origins_may_not(running: Running) -> None:
+    path, host = urlsplit(running.address).path, running.host
+    port = urlsplit(running.address).port
+    for other in (f"evil.example:{port}", "evil.example", "127.0.0.1", f"127.0.0.1:{port}.evil.example", ""):
+        assert running.status(path, Host=other) == 403
+    for other in ("http://evil.example", "null", f"https://{host}", f"http://localhost:{port}", "http://127.0.0.1"):
+        assert running.status(path, Host=host, Origin=other) == 403
+
+
+def run(running: Running, body: Callable[[Any], Awaitable[None]], origin: str | None = "", path: str = "socket") -> int:
+    """Talks through the websocket. Returns 101, or what it gets instead of one."""
+
+    async def talk() -> int:
+        headers = {} if origin is None else {"Origin": origin or f"http://{running.host}"}
+        async with aiohttp.ClientSession() as session:
+            try:
+                async with session.ws_connect(running.address + path, headers=headers, max_msg_size=0) as line:
+                    await body(line)
+            except aiohttp.WSServerHandshakeError as error:
+                return int(error.status)
+        return 101
+
+    return asyncio.run(talk())
+
+
+async def nothing(line: Any) -> None:
+    pass
+
+
+def test_the_websocket_asks_who_comes(running: Running) -> None:
+    assert run(running, nothing) == 101
+    assert run(running, nothing, origin=None) == 403
+    assert run(running, nothing, origin="http://evil.example") == 403
+    assert run(running, nothing, path="../wrong-token/socket") == 404
+
+
+async def until(line: Any, *kinds: str) -> tuple[dict[str, Any], bytes]:
+    """The next message of these kinds; pictures before it are shown."""
+    while True:
+        head, _, data = (await line.receive_bytes(timeout=60)).partition(b"\n")
+        message = json.loads(head)
+        if message["kind"] in ("moving", "exact", "smooth"):
+            await line.send_json({"kind": "shown", "x": message["number"]})
+        if message["kind"] in kinds:
+            return message, data
+
+
+def test_pictures_come_and_are_the_commands(running: Running, spec: str, tmp_path: Path) -> None:
+    async def body(line: Any) -> None:
+        _, data = await until(line, "exact")
+        assert data == command("exact.png")
+        _, data = await until(line, "smooth")
+        assert data == command("smooth.png", "--antialias")
+        await line.send_json({"kind": "explain", "x": 240, "y": 180})
+        message, _ = await until(line, "explanation")
+        assert "sphere 0" in message["text"]
+
+    def command(name: str, *arguments: str) -> bytes:
+        assert cli.main([str(FILE), "-q", "-d", spec, "-o", str(tmp_path / name), *arguments]) == 0
+        return (tmp_path / name).read_bytes()
+
+    assert run(running, body) == 101
+
+
+def test_a_broken_line_keeps_the_camera(running: Running) -> None:
+    """A window that comes again has the camera that it had; another one has the scene's."""
+    seen = []
+
+    async def turn(line: Any) -> None:
+        await line.send_json({"kind": "orbit", "x": 0.1})
+        await until(line, "moving")
+        seen.append(await until(line, "exact"))
+
+    async def look(line: Any) -> None:
+        seen.append(await until(line, "exact"))
+
+    assert run(running, turn, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=one") == 101
+    assert run(running, look, path="socket?window=other") == 101
+    (turned, before), (again, after), (other, home) = seen
+    assert before == after != home
+    assert (turned["home"], again["home"], other["home"]) == (False, False, True)
+
+
+def test_pictures_wait_for_the_one_before(running: Running) -> None:
+    """Until a picture is on the screen no other one is sent, and then it is one that counts all events."""
+
+    async def body(line: Any) -> None:
+        await until(line, "smooth")
+        await line.send_json({"kind": "orbit", "x": 0.01})
+        first = json.loads((await line.receive_bytes()).partition(b"\n")[0])
+        for _ in range(50):
+            await line.send_json({"kind": "orbit", "x": 0.01})
+        with pytest.raises(asyncio.TimeoutError):
+            await line.receive_bytes(timeout=0.5)
+        await line.send_json({"kind": "shown", "x": first["number"]})
+        second, _ = await until(line, "moving")
+        assert (first["number"], second["number"]) == (1, 51)
+
+    assert run(running, body) == 101
+
+
+@pytest.mark.parametrize(
+    "text", ["no JSON", '{"kind": "fall"}', "[" * 500, '{"kind": "show", "name": "%s"}' % ("a" * 5000)]
+)
+def test_who_says_what_no_page_says_has_to_go(running: Running, text: str) -> None:
+    async def body(line: Any) -> None:
+        await line.send_str(text)
+        async for _ in line:
+            pass
+        assert line.close_code in (aiohttp.WSCloseCode.POLICY_VIOLATION, aiohttp.WSCloseCode.MESSAGE_TOO_BIG)
+
+    assert run(running, body) == 101
+    test_the_page(running)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the variables are those of Linux")
+def test_a_browser_is_opened(spec: str, tmp_path: Path) -> None:
+    """Where there is a display; $BROWSER says which."""
+    script, seen = tmp_path / "browser", tmp_path / "seen"
+    script.write_text(f'#!/bin/sh\necho "$1" > {seen}.part && mv {seen}.part {seen}\n')
+    script.chmod(0o755)
+    line = [sys.executable, "-m", "cltrace", "view", str(FILE), "-d", spec, "-q"]
+    env = os.environ | {"DISPLAY": ":0", "BROWSER": str(script)}
+    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=env) as process:
+        assert process.stderr
+        address = re.search(r"http\S+/", process.stderr.readline())
+        for _ in range(600):
+            if seen.exists():
+                break
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 130
+    assert address
+    assert seen.read_text() == f"{address[0]}\n"
+
+
+def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shows its scene until Ctrl-C, and goes on after it. What makes no sense is said before."""
+    scene = f"import cltrace; scene = cltrace.load({str(FILE)!r}); "
+    line = [sys.executable, "-u", "-c", f"{scene}cltrace.view(scene, {spec!r}, samples=64); print('goes on')"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        match = re.search(r"http\S+/", process.stdout.readline())
+        assert match
+        running = Running(match[0])
+        assert running.status(urlsplit(running.address).path, Host=running.host) == 200
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[0].endswith("goes on\n")
+    assert process.returncode == 0
+    with pytest.raises(ValueError, match=r"^samples: goes with"):
+        cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)
+    with pytest.raises(ValueError, match=r"^outline: "):
+        cltrace.view(cltrace.load(FILE), spec, outline=("black", -1))
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    with pytest.raises(RuntimeError, match="notebook"):
+        cltrace.view(cltrace.load(FILE))
+
+
+def test_a_port_in_use_is_another_port(spec: str) -> None:
+    with viewer(spec, str(FILE)) as one, viewer(spec, str(FILE)) as other:
+        assert one.host != other.host
+        for each in (one, other):
+            with socket.create_connection(("127.0.0.1", urlsplit(each.address).port)):
+                pass
+
+
+def test_files_are_followed(spec: str, tmp_path: Path) -> None:
+    pytest.importorskip("watchfiles")
+    scene, text = tmp_path / "s.xml", FILE.read_text()
+    scene.write_text(text)
+    with viewer(spec, "s.xml", "--watch", cwd=tmp_path) as found:
+
+        async def body(line: Any) -> None:
+            _, before = await until(line, "smooth")
+            scene.write_text(text.replace('<sphere radius="', '<sphere radius="-'))
+            message, _ = await until(line, "fault")
+            while not message["text"]:
+                message, _ = await until(line, "fault")
+            assert re.match(r"s\.xml:\d+: sphere: radius must be > 0", message["text"])
+            scene.write_text(re.sub(r'background_color r="[^"]*"', 'background_color r="0.9"', text))
+            message, _ = await until(line, "fault")
+            assert message["text"] == ""
+            _, after = await until(line, "smooth")
+            assert after != before
+
+        assert run(found, body) == 101
+
+
+def test_what_does_not_go_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fault(*arguments: str) -> str:
+        assert cli.main([*arguments]) == 2
+        return capsys.readouterr().err
+
+    assert fault("view", str(FILE), "-o", "a.png") == "cltrace: --view takes no -o\n"
+    assert fault(str(FILE), "--view", "--crop", "0,0,9,9") == "cltrace: --view takes no --crop\n"
+    assert fault("view", str(FILE), "-d", "all") == "cltrace: -d all does not go with --view, which takes one device\n"
+    assert fault("view", str(FILE), str(FILE)) == "cltrace: --view is for one picture, of one scene\n"
+    assert fault("view", str(FILE), "--samples", "16", "--antialias=proved").startswith("cltrace: samples: goes with")
+    assert "none.xml: " in fault("view", str(tmp_path / "none.xml"))
+    monkeypatch.setitem(sys.modules, "aiohttp", None)
+    monkeypatch.delitem(sys.modules, "cltrace.viewer.server", raising=False)
+    assert "pip install 'cltrace[view]'" in fault("view", str(FILE))
+
+
+def test_the_command_does_not_import_it(tmp_path: Path) -> None:
+    """Without --view, neither the viewer nor its server is there."""
+    line = [sys.executable, "-X", "importtime", "-m", "cltrace", str(FILE), "-q", "-o", str(tmp_path / "a.png")]
+    done = subprocess.run(line, capture_output=True, text=True, check=True)
+    names = set(re.findall(r"\| +(\S+)$", done.stderr, re.MULTILINE))
+    assert "cltrace.renderers.renderer" in names
+    assert not [name for name in names if name.startswith(("aiohttp", "asyncio", "cltrace.viewer"))]

@@ -1,0 +1,307 @@
+"""A window without a network: what events do, which pictures come, and that these are the command's."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+import cltrace
+from cltrace import cli
+from cltrace.base.errors import SceneError
+from cltrace.formats.xml_reader import read
+from cltrace.renderers.renderer import Renderer
+from cltrace.run.devices import choose
+from cltrace.viewer import cameras
+from cltrace.viewer.messages import Event, Message
+from cltrace.viewer.session import PACE, Session, next_divisor
+from cltrace.viewer.stage import VIEWS, Phase, Stage
+
+SCENES = Path(__file__).parents[2] / "scenes"
+FILE = SCENES / "minimal.xml"
+
+
+@pytest.fixture
+def spec(request: pytest.FixtureRequest) -> str:
+    return request.config.getoption("--device") or "cpu"
+
+
+@pytest.fixture
+def stage(spec: str) -> Stage:
+    return Stage(read(str(FILE), True)[0], choose(spec))
+
+
+@pytest.fixture
+def session(stage: Stage) -> Session:
+    return Session(stage)
+
+
+def drawn(session: Session) -> list[Message]:
+    """All pictures until there is nothing new."""
+    found = []
+    while session.phase != "done":
+        message = session.draw()
+        assert message
+        found.append(message)
+    assert session.draw() is None
+    return found
+
+
+def pixels(message: Message) -> np.ndarray:
+    return np.asarray(Picture.open(BytesIO(message.data)))
+
+
+def command(folder: Path, *arguments: str) -> bytes:
+    file = folder / "command.png"
+    assert cli.main([str(FILE), "-q", "-o", str(file), *arguments]) == 0
+    return file.read_bytes()
+
+
+def test_pictures_at_rest_are_the_commands(session: Session, spec: str, tmp_path: Path) -> None:
+    exact, smooth = drawn(session)
+    assert (exact.kind, smooth.kind) == ("exact", "smooth")
+    assert exact.home
+    assert exact.data == command(tmp_path, "-d", spec)
+    assert smooth.data == command(tmp_path, "-d", spec, "--antialias")
+    assert (exact.width, exact.height) == cltrace.load(FILE).camera.resolution
+
+
+@pytest.mark.parametrize("view", VIEWS[1:])
+def test_other_outputs_are_the_commands(session: Session, view: str, spec: str, tmp_path: Path) -> None:
+    drawn(session)
+    session.handle(Event("show", name=view))
+    moving, exact = drawn(session)
+    assert (moving.kind, exact.kind) == ("moving", "exact")
+    assert exact.data == command(tmp_path, "-d", spec, "--show", view)
+    assert f"minimal.xml: {view}, 481x361, exact, on " in exact.text
+
+
+def test_a_moved_camera_is_exact_at_rest(session: Session, stage: Stage, spec: str) -> None:
+    drawn(session)
+    session.handle(Event("orbit", 0.1, 0.05))
+    moving, exact, smooth = drawn(session)
+    seen = stage.scene.seen_by(cameras.orbit(stage.scene.camera, 0.1, 0.05))
+    assert (pixels(exact) == cltrace.render(seen, spec).rgb8).all()
+    assert (pixels(smooth) == cltrace.render(seen, spec, antialias=True).rgb8).all()
+    assert moving.number == exact.number == 1
+    assert not moving.home
+    assert not exact.home
+    # The small one shows the same, but for what its size and JPEG lose.
+    small = pixels(moving)
+    assert small.shape == (180, 240, 3)
+    assert np.abs(small.astype(int) - pixels(exact)[:-1:2, :-1:2]).mean() < 3
+
+
+def test_old_pictures_are_dropped(session: Session) -> None:
+    """However many events there were, one picture is moving, and it is of the newest."""
+    drawn(session)
+    for _ in range(100):
+        session.handle(Event("orbit", 0.01))
+    assert [message.number for message in drawn(session)] == [100, 100, 100]
+    session.handle(Event("zoom", 0, 1))
+    moving = session.draw()
+    assert moving
+    assert moving.kind == "moving"
+    session.handle(Event("zoom", 0, 1))
+    assert session.phase == "moving"
+
+
+@pytest.mark.parametrize("end", [lambda session: session.handle(Event("orbit", 0.1)), Session.close])
+@pytest.mark.parametrize("phase", ["exact", "smooth"])
+@pytest.mark.parametrize("other", [False, True])
+def test_what_is_drawn_at_rest_ends(
+    session: Session, end: Callable[[Session], None], phase: Phase, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As soon as something is wanted in any window, or this one is closed, and then it is drawn again."""
+    drawn(session)
+    draw, wanting = Renderer.draw, Session(session.stage) if other else session
+
+    def draw_and_want(renderer: Renderer, *arguments: Any) -> cltrace.Image:
+        end(wanting)
+        return draw(renderer, *arguments)
+
+    session.phase = phase
+    with monkeypatch.context() as patch:
+        patch.setattr(Renderer, "draw", draw_and_want)
+        assert session.draw() is None
+    session.closed = False
+    assert drawn(session)[-1].kind == "smooth"
+
+
+def test_two_windows(stage: Stage) -> None:
+    one, other = Session(stage), Session(stage)
+    one.handle(Event("orbit", 0.5))
+    assert (pixels(drawn(one)[-1]) != pixels(drawn(other)[-1])).any()
+
+
+def test_keys(session: Session) -> None:
+    home = session.camera
+    drawn(session)
+    for kind in ("fit", "parallel"):
+        session.handle(Event(kind))
+        drawn(session)
+    assert session.camera.parallel
+    session.handle(Event("parallel"))
+    assert session.camera.horizontal_fov == home.horizontal_fov
+    session.handle(Event("back"))
+    assert session.camera == home
+
+
+def test_undo_takes_back_a_whole_way(session: Session) -> None:
+    home = session.camera
+    drawn(session)
+    for _ in range(5):
+        session.handle(Event("orbit", 0.01))
+        session.draw()  # a moving one
+    drawn(session)
+    turned = session.camera
+    session.handle(Event("show", name="depth"))
+    session.handle(Event("fit"))
+    drawn(session)
+    for wanted in (turned, home, home):
+        session.handle(Event("undo"))
+        assert session.camera == wanted
+        drawn(session)
+
+
+def test_what_cannot_be_changes_nothing(session: Session) -> None:
+    before = session.camera
+    for event in (Event("zoom", 0, 2**20), Event("zoom", 0, -(2**20)), Event("show", name="nothing")):
+        session.handle(event)
+        assert session.camera == before
+    assert len(drawn(session)) == 2
+
+
+def test_centre(session: Session) -> None:
+    drawn(session)
+    assert list(session.answer(Event("centre", 0, 0))) == []
+    assert session.phase == "done"
+    x, y = 200, 180
+    hit = cltrace.trace_rays(session.stage.scene, *cameras.ray(session.camera, x, y))
+    assert list(session.answer(Event("centre", x, y))) == []
+    assert session.camera.lookat == tuple(hit.point[0])
+    assert session.phase == "moving"
+
+
+def test_explanation(session: Session) -> None:
+    """That of the command, and before it the line of the file."""
+    (message,) = session.answer(Event("explain", 240, 180))
+    explained = cltrace.explain(session.stage.scene, 240, 180)
+    assert message.kind == "explanation"
+    assert message.text.endswith(str(explained))
+    line = explained.rays[0].hit.surface.line
+    assert f"\n{FILE}:{line}: <sphere " in message.text
+    (message,) = session.answer(Event("explain", 0, 0))
+    assert "meets nothing" in message.text
+    (message,) = session.answer(Event("explain", 481, 0))
+    assert (message.kind, message.text) == ("error", "x: must be a whole number within 0..480, got 481")
+
+
+def test_copies(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session.handle(Event("orbit", 0.1))
+    texts = {name: next(session.answer(Event("copy", name=name))).text for name in ("xml", "python", "command")}
+    assert texts["xml"] == cameras.as_xml(session.camera)
+    assert texts["python"] == cameras.as_python(session.camera)
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(texts["command"])
+    assert words[:2] == ["python", "-c"]
+    subprocess.run([sys.executable, *words[1:]], check=True)
+    with Picture.open("view.png") as picture:
+        assert (np.asarray(picture) == pixels(drawn(session)[-1])).all()
+    (message,) = session.answer(Event("copy", name="other"))
+    assert message.kind == "error"
+
+
+def test_another_scene(stage: Stage, session: Session, spec: str) -> None:
+    """A camera that was not moved is the new one's; one that was moved stays, with the new size."""
+    told = []
+    stage.changed.add(lambda: told.append(stage.fault))
+    moved = Session(stage)
+    moved.handle(Event("orbit", 0.1))
+    drawn(session), drawn(moved)
+    where = moved.camera.position
+    new = cltrace.load(SCENES / "first.xml")
+    stage.follow(lambda: new)
+    for window in (session, moved):
+        window.refresh()
+        assert [message.kind for message in drawn(window)] == ["exact", "smooth"]
+    assert session.camera == new.camera
+    assert (moved.camera.position, moved.camera.resolution) == (where, (960, 540))
+    moved.handle(Event("undo"))
+    assert moved.camera.resolution == (960, 540)
+    session.handle(Event("show", name="color"))
+    assert (pixels(drawn(session)[-1]) == cltrace.render(new, spec, antialias=True).rgb8).all()
+
+    def faulty() -> cltrace.Scene:
+        raise SceneError("a.xml", [])
+
+    with pytest.raises(SceneError):
+        stage.follow(faulty)
+    assert stage.scene is new
+    assert told == ["", stage.fault]
+
+
+def test_what_a_picture_cannot_be_is_said(spec: str) -> None:
+    """It is not there, and all else goes on."""
+    lights = [cltrace.parallel_light((0, 0, -1))] * 33
+    camera = cltrace.Camera((0, 0, 9), resolution=(32, 32))
+    session = Session(Stage(cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1), choose(spec)))
+    session.handle(Event("show", name="lit"))
+    message = session.draw()
+    assert message
+    assert (message.kind, message.text) == ("error", "lit: must be of at most 32 lights, got 33")
+    assert session.draw() is None
+    session.handle(Event("show", name="color"))
+    assert [message.kind for message in drawn(session)] == ["moving", "exact", "smooth"]
+
+
+def test_comparison(spec: str, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.png"
+    scene = cltrace.load(FILE)
+    cltrace.Image(rgb8=cltrace.render(scene, spec).rgb8[::-1]).save(mine)
+    session = Session(Stage(scene, choose(spec), judge=lambda seen: cltrace.compare(seen, mine, device=spec)))
+    own, difference, words = session.answer(Event("compare"))
+    assert (own.kind, difference.kind, words.kind) == ("mine", "difference", "comparison")
+    found = cltrace.compare(scene, mine, device=spec)
+    assert (pixels(own) == found.mine).all()
+    assert (pixels(difference) == np.minimum(4 * np.abs(found.mine.astype(int) - found.right), 255)).all()
+    assert words.text == str(found)
+    mine.unlink()
+    session.stage.scene = cltrace.load(FILE)
+    (message,) = session.answer(Event("compare"))
+    assert message.text.startswith(f"{mine}: cannot be read")
+    assert list(Session(Stage(scene, choose(spec))).answer(Event("compare"))) == []
+
+
+def test_next_divisor() -> None:
+    assert [next_divisor(d, 2 * PACE) for d in (1, 2, 3, 4)] == [2, 3, 4, 4]
+    assert [next_divisor(d, PACE / 5) for d in (1, 2, 3, 4)] == [1, 1, 2, 3]
+    assert next_divisor(2, 0.9 * PACE) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "1", '{"kind": "fall"}', '{"kind": "orbit", "z": 1}', '{"kind": "orbit", "x": "1"}', '{"x": 1}']
+    + [
+        '{"kind": "orbit", "x": NaN}',
+        '{"kind": "orbit", "y": 1e99}',
+        '{"kind": "show", "name": 1}',
+        '{"kind": ["orbit"]}',
+    ],
+)
+def test_what_is_no_event(text: str) -> None:
+    with pytest.raises(ValueError):
+        Event.of(text)
+
+
+def test_events() -> None:
+    assert Event.of('{"kind": "pan", "x": 1, "y": -0.5}') == Event("pan", 1, -0.5)
+    assert Message("exact", "a", b"\n1", number=3).encoded().partition(b"\n")[2] == b"\n1"
