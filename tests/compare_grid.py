@@ -1,9 +1,10 @@
 """A grid of wrong pictures, and what `cltrace.compare` says of each: mistakes of wrong_texts, scenes, sizes, makers.
 
-    python tests/compare_grid.py [SHARE] [WORD]
+    python tests/compare_grid.py [SHARE] [WORD] [SEED]
 
 prints how many mistakes are named rightly, falsely and not at all, and how long that takes. SHARE: of the grid, such as
-30 for a thirtieth, which is also what tests/students/test_compare_grid.py asks for; WORD: only cases that contain it.
+30 for a thirtieth; WORD: only cases that contain it; SEED: which ones, 0 being those that
+tests/students/test_compare_grid.py asks for. A seed that nobody has looked at yet says how good the comparison is.
 """
 
 from __future__ import annotations

@@ -188,7 +188,7 @@ def render(scene):
     things |= {int(i): Ball(scene, s) for i, s in zip(scene.sphere_numbers, scene.spheres, strict=True)}
     things = [things[i] for i in sorted(things)]
     world = SimpleNamespace(
-        things=things, material=np.array([thing.material for thing in things]), materials=scene.materials.copy(),
+        things=things, material=np.array([thing.material for thing in things], int), materials=scene.materials.copy(),
         images=[image / np.iinfo(image.dtype).max for image in scene.textures],
         lights=[light.copy() for light in scene.lights[~is_ambient]],
         ambient=scene.lights["color"][is_ambient].sum(axis=0),

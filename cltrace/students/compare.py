@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
     if sum(parts.values()) == 1 and not trials[0].made:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
     search, verdict = _first(
-        Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials
+        [Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials]
     )
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
@@ -130,14 +131,17 @@ def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
     )
 
 
-def _first(searches: Iterable[Search]) -> tuple[Search, Verdict]:
-    """The first search that finds what explains the picture, and what it is; if there is none, the first one."""
-    done: list[tuple[Search, Verdict]] = []
-    for search in searches:
-        done.append((search, search.verdict()))
-        if done[-1][1].named.names:
-            return done[-1]
-    return done[0]
+def _first(searches: list[Search]) -> tuple[Search, Verdict]:
+    """The search that finds first what explains the picture, and what that is: all look in turns, from quick to long.
+
+    If there is none, it is the last one where that is sure of what it began with, or else the first one.
+    """
+    for verdicts in zip_longest(*(search.verdicts() for search in searches)):
+        for search, verdict in zip(searches, verdicts, strict=True):
+            if verdict:
+                return search, verdict
+    search = searches[-1 if searches[-1].found.sure else 0]
+    return search, search.unknown()
 
 
 def question(scene: Scene, truncate: bool, x: int, y: int) -> str:

@@ -282,6 +282,12 @@ MISTAKES = (
         _of(missing=("s",)),
     ),
     Mistake(
+        "no-cylinders",
+        "cylinders are not seen: not there yet?",
+        "intersect each cylinder, too, with its flat ends",
+        _of(missing=("c",)),
+    ),
+    Mistake(
         "last-hit",
         "it is not the nearest surface that is seen",
         "keep the smallest t of all surfaces",

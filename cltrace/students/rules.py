@@ -58,7 +58,7 @@ class SurfaceRules:
     """
 
     transforms: str = "file"
-    missing: Literal["", "s", "m"] = ""
+    missing: Literal["", "s", "m", "c"] = ""
     hits: Literal["nearest", "last", "last part", "first", "farthest"] = "nearest"
     roots: Literal["both", "near", "far"] = "both"
     culled: Literal["", "back", "front", "clockwise", "counter"] = ""

@@ -260,17 +260,22 @@ class Search:
         """What is wrong with the whole picture, in the ways that fit best now that rays are traced."""
         return self._adjusted(self.few, Trial(made)).made if made else made
 
-    def verdict(self) -> Verdict:
-        """The mistakes that explain the picture, as few as do."""
+    def verdicts(self) -> Iterator[Verdict | None]:
+        """The mistakes that explain the picture, as few as do, after each look at it; None if none do yet."""
         none = Trial(self.whole)
         if self.fit.sample.wrong.sum() < ENOUGH:
-            return Verdict(self._cut_off(none) if self.tolerance == 0 else none, {})
+            yield Verdict(self._cut_off(none) if self.tolerance == 0 else none, {})
+            return
         for trials in self._looks():
             verdict = self._judged(trials)
-            if verdict is not None:
-                return self._judged(self._beside(verdict)) or verdict
+            yield verdict and (self._judged(self._beside(verdict)) or verdict)
+
+    def unknown(self) -> Verdict:
+        """What is sure where no look explains the picture, and what it looks most like."""
+        none = Trial(self.whole)
         likely = max(self.singles, key=lambda trial: trial.score.gain, default=none)
-        return Verdict(none if self.found.sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
+        sure = self.found.sure and self.fit.trial(self.whole).score.gain >= LIKELY
+        return Verdict(none if sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
 
     def _looks(self) -> Iterator[list[Trial]]:
         """What may explain the picture, by what takes longer and longer to look for."""
@@ -278,9 +283,12 @@ class Search:
         yield [none] if self.whole else []
         yield [self._cut_off(none)] if self.tolerance == 0 else []
         yield self.singles
+        if self.found.brief:
+            return
         yield self._made("antialiased", self._ways("antialiased")) if self._is_smooth() else []
         yield self._made("large-epsilon", self._epsilons(self.few, self.whole))
-        yield self.pairs()
+        # Two beside a change of the whole picture would be three, which explain too much by chance.
+        yield [] if self.whole else self.pairs()
         yield self.acne()
 
     # Which of some explanations it is
@@ -326,8 +334,9 @@ class Search:
         matched[rows] = ((mine >= low - self.tolerance) & (mine <= high + self.tolerance)).all(axis=1)
         # What differs from its surroundings by chance must not be most of what there is to explain.
         delicate = (matched[rows] & sample.wrong[rows]).sum()
-        # Black and white come about in many ways: what is between has to fit as well as all does.
-        telling = sample.wrong & ((sample.mine > 0) & (sample.mine < 255)).any(axis=1)
+        # Black, white and background come about in many ways: what else there is has to fit as well as all does.
+        empty = to_bytes(self.tracer.background, self.base.changed(**trial.changes).picture)
+        telling = sample.wrong & ((sample.mine > 0) & (sample.mine < 255) & (sample.mine != empty)).any(axis=1)
         if (~matched & telling).sum() > (1 - NAMED) * telling.sum():
             return None
         missed, spoiled = int((~matched & sample.wrong).sum()), int((~matched & ~sample.wrong).sum())
@@ -403,7 +412,7 @@ class Search:
     def _beside(self, verdict: Verdict) -> list[Trial]:
         """What else may be wrong where a named mistake leaves more than rounding does."""
         left = ~self.large.matched(verdict.named.changes)[self.large.sample.wrong]
-        is_alone = len(verdict.named.made) == len(self.whole) + 1 and not set(FLEXIBLE) & set(verdict.named.names)
+        is_alone = len(verdict.named.made) <= len(self.whole) + 1 and not set(FLEXIBLE) & set(verdict.named.names)
         return self._with(verdict.named) if is_alone and left.sum() >= max(LEAST, LEFT * len(left)) else []
 
     def _is_smooth(self) -> bool:
@@ -442,7 +451,9 @@ class Search:
         for trial in sorted(trials, key=lambda trial: trial.order, reverse=True):
             if len(found) < 4 and trial.names not in found:
                 found[trial.names] = self.fit.trial(self._adjusted(self.few, trial).made)
-        return sorted(found.values(), key=lambda trial: trial.order, reverse=True)
+        # Few pixels cannot tell ways apart that hardly differ, and of rivals each has to be at its best.
+        best = [self._adjusted(self.fit, two) if two.score.gain >= WORTH else two for two in found.values()]
+        return sorted(best, key=lambda trial: trial.order, reverse=True)
 
     def _adjusted(self, fit: Fit, trial: Trial) -> Trial:
         """Mistakes of which each is made in the way that fits best beside the others."""

@@ -258,14 +258,14 @@ class Shapes:
         for i, j, t in (
             *self._spheres_crossed(block, r[of_sphere], k[of_sphere]),
             self._triangles_crossed(block, r[flat], k[flat]),
-            *self._rods_crossed(block, r[of_rod], k[of_rod]),
+            *(self._rods_crossed(block, r[of_rod], k[of_rod]) if len(self.rods) else ()),
         ):
             met = (t > ROUNDING * self.size) & self._is_there(j)  # not where t is NaN
             yield i[met] + start, j[met], t[met]
 
     def _is_there(self, k: Ints) -> Any:
-        balls = k < len(self.radii)
-        return {"": True, "s": ~balls, "m": balls}[self.rules.missing]
+        balls, rods = k < len(self.radii), k >= self.first_rod
+        return {"": True, "s": ~balls, "m": balls | rods, "c": ~rods}[self.rules.missing]
 
     def _spheres_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
         """The roots t of |K (o + t d - C)| = r of rays i and spheres k, NaN for none."""
@@ -332,7 +332,10 @@ class Shapes:
         n = len(rays)
         outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         ball, rod = parts < len(self.radii), parts >= self.first_rod
-        self._on_rods(places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside)
+        if len(self.rods):
+            self._on_rods(
+                places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside
+            )
         self._on_spheres(
             places, rays.directions, k=parts, rows=np.flatnonzero(ball), outward=outward, uv=uv, inside=inside
         )
@@ -457,23 +460,24 @@ class Tree:
                 code |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
         self.order = np.argsort(code, kind="stable")
         slack = 1e-9 * np.maximum(np.abs(low), np.abs(high)).max(initial=0)
-        levels = [(low[self.order] - slack, high[self.order] + slack)]
-        while len(levels[-1][0]) > _FAN:
-            starts = np.arange(0, len(levels[-1][0]), _FAN)
-            levels.append((np.minimum.reduceat(levels[-1][0], starts), np.maximum.reduceat(levels[-1][1], starts)))
+        levels = [(low[self.order].T - slack, high[self.order].T + slack)]
+        while len(levels[-1][0][0]) > _FAN:
+            (below, above), starts = levels[-1], np.arange(0, len(levels[-1][0][0]), _FAN)
+            levels.append((np.minimum.reduceat(below, starts, axis=1), np.maximum.reduceat(above, starts, axis=1)))
         self.levels = levels[::-1]
 
     def near(self, rays: Rays) -> tuple[Ints, Ints]:
         """Pairs of rays and parts whose boxes they meet."""
-        reciprocal = 1 / np.where(np.abs(rays.directions) > 1e-200, rays.directions, 1e-200)
-        first = len(self.levels[0][0])
+        origins, directions = rays.origins.T, rays.directions.T  # an axis a row, which is faster
+        reciprocal = 1 / np.where(np.abs(directions) > 1e-200, directions, 1e-200)
+        first = self.levels[0][0].shape[1]
         r, k = np.repeat(np.arange(len(rays)), first), np.tile(np.arange(first), len(rays))
         for level, (low, high) in enumerate(self.levels):
             if level:
                 r, k = np.repeat(r, _FAN), (k[:, None] * _FAN + np.arange(_FAN)).ravel()
-                r, k = r[k < len(low)], k[k < len(low)]
-            one, two = ((side[k] - rays.origins[r]) * reciprocal[r] for side in (low, high))
-            enters, leaves = np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
+                r, k = r[k < low.shape[1]], k[k < low.shape[1]]
+            one, two = ((side[:, k] - origins[:, r]) * reciprocal[:, r] for side in (low, high))
+            enters, leaves = np.minimum(one, two).max(axis=0), np.maximum(one, two).min(axis=0)
             met = leaves >= np.maximum(enters, 0.0)
             r, k = r[met], k[met]
         return r, self.order[k]

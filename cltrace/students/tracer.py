@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -298,6 +299,7 @@ def camera_rays(camera: AnyCamera, pixels: Ints, rules: CameraRules) -> tuple[Fl
     return np.broadcast_to(eye, place.shape), unit(d), lengths
 
 
+@lru_cache(64)
 def axes_of(camera: AnyCamera, rules: CameraRules) -> tuple[Floats, Floats, Floats]:
     """The camera's x, y and z in the world."""
     x, y, z = (np.array(axis) for axis in camera.basis())

@@ -37,17 +37,18 @@ class Whole:
     """What was found.
 
     made: the mistakes that a tracer can make, with what each makes of the rules; covers: others, each with the pixels
-    that it explains, (h, w); sure: whether it is wrong
-    whatever else is, or only if it explains the picture together with what is found beside it.
+    that it explains, (h, w); sure: whether it is wrong whatever else is, or only if it explains the picture together
+    with what is found beside it; brief: whether no more than one mistake is to be looked for beside it.
     """
 
     made: Made = field(default_factory=dict)
     covers: dict[str, Bits] = field(default_factory=dict)
     sure: bool = True
+    brief: bool = False
 
 
 def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> Iterator[Whole]:
-    """Looks at a picture and the right one: what is to be tried, one after the other, until it explains the picture.
+    """Looks at a picture and the right one: what is to be tried, in turns, until something explains the picture.
 
     background: (3,), whose pixels are no sign of anything.
     """
@@ -64,8 +65,8 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> It
         yield Whole(covers=framed)
         return
     made, sure = _made(mine, right, tolerance)
-    if not sure:
-        yield Whole()
+    # One mistake may do what most of a change of the whole picture would.
+    yield Whole(brief=sure)
     if made:
         yield Whole(made, _strips(made, wrong), sure=sure)
 
@@ -134,7 +135,10 @@ def _profile(mine: Levels, right: Levels) -> Made:
         off = np.abs(light @ matrix + green - shown).max(axis=1)
         rows = np.argsort(off, kind="stable")[: max(len(off) // 2, 3)]
     red, blue = matrix
-    return {"colour-profile": {"profile": tuple(np.stack([red, 1 - red - blue, blue], axis=1).ravel().tolist())}}
+    weights = np.stack([red, 1 - red - blue, blue], axis=1)
+    # Every screen's red is mostly red. Else the colours are exchanged.
+    is_screen = (weights.argmax(axis=1) == range(3)).all()
+    return {"colour-profile": {"profile": tuple(weights.ravel().tolist())}} if is_screen else {}
 
 
 def _tried(square: bool) -> Iterator[Made]:
