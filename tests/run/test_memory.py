@@ -57,15 +57,14 @@ renderer = Renderer(Scene.from_spheres(camera, lamps(1), *balls(40_000)), sys.ar
 centers, _, colors = balls(40_000)
 sizes = []
 for k in range(int(sys.argv[2])):
-    if k % 50 == 0:
-        sizes.append(status("VmRSS"))
     t = k % 50  # the same scene, 50 frames later
     renderer.look(Camera((t / 100, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240))).render()
     changed = {"centers": centers * (1 + t / 1000)} if k % 2 else {"colors": np.roll(colors, t, axis=0)}
     renderer.update(**changed).render()
-sizes.append(status("VmRSS"))
-# It wavers by some 2 MB, up and down. So this is the most of five sizes over that of five, 1,000 frames earlier.
-print(max(sizes[-5:]) / max(sizes[1:6]))
+    sizes.append(status("VmRSS"))
+# It wavers by some 10 MB, up and down, as memory is given back and taken again. The median of 250 frames wavers by
+# 0.02 %. This is that of the last ones over that 1,000 frames earlier.
+print(np.median(sizes[-250:]) / np.median(sizes[-1250:-1000]))
 for last in (renderer, renderer.look(Camera((1, 0, 9), (0, 0, 0), horizontal_fov=14, resolution=(320, 240)))):
     assert (last.render().rgb8 == Renderer(last.scene, sys.argv[1]).render().rgb8).all()
 """
@@ -106,8 +105,8 @@ def test_bytes_a_sphere(device: Device) -> None:
 @pytest.mark.slow
 def test_frames_leave_nothing_behind(device: Device) -> None:
     """Of other cameras and of other spheres. The last ones have the bits of new Renderers."""
-    (growth,) = measured(device, FLAT, "1250")
-    assert growth <= 1.01
+    (growth,) = measured(device, FLAT, "1300")
+    assert growth <= 1.003
 
 
 @pytest.mark.slow
