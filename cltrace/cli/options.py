@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.errors import UsageError
-from cltrace.cli.parsing import LIT
-from cltrace.picture.image import DIRECTED, Image, Output, Show
+from cltrace.picture.image import DIRECTED, LIT, Image, Output, Show
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Antialias, Crop, Keep
 from cltrace.run.devices import is_all

@@ -14,13 +14,11 @@ from typing import Any
 
 from cltrace import __version__
 from cltrace.cli import arguments
-from cltrace.picture.image import SHOWS, USUAL
+from cltrace.picture.image import LIT, SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
 from cltrace.plan.request import LATTICES, PRECISIONS
 from cltrace.process.console import Parser, positive
 from cltrace.scene import INSTANCES
-
-LIT = "lit"  # what --show has beside an image's outputs
 
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names

@@ -48,6 +48,7 @@ Output = Literal[
 Show = Literal["color", "normal", "direction", "depth", "id", "primitive", "uv"]
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 SHOWS: tuple[Show, ...] = get_args(Show)
+LIT = "lit"  # what is shown beside these: which lights reach what, see cltrace/students/lit.py
 # What the command writes into EXR and NPZ unless told otherwise.
 USUAL: tuple[Output, ...] = ("color", "alpha", "depth", "normal", "id")
 DIRECTED: tuple[Show, ...] = ("normal", "direction")

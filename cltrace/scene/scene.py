@@ -488,8 +488,8 @@ class Scene:
         for name, count, most in (("spheres", n, MAX_SPHERES), ("cylinders", len(own) + 2 * bound, MAX_CYLINDERS)):
             if k * count > most:
                 raise ValueError(f"offsets: must make at most {most} {name}, got {k} times {count}")
-        material = np.arange(n, dtype=np.int32) if columns.material is None else columns.material
-        tiled: dict[str, Any] = {"radius": columns.radius, "material": material, "to_object": columns.to_object}
+        tiled: dict[str, Any] = {"radius": columns.radius, "to_object": columns.to_object}
+        tiled["material"] = _material_of(columns)
         tiled = {name: np.tile(values, k) if values.ndim else values for name, values in tiled.items()}
         columns = replace(columns, center=_moved("centers", columns.center, moves), **tiled)
         meshes = tuple(

@@ -198,10 +198,9 @@ def _compared(found: Comparison) -> Iterator[Message]:
 
 
 def next_divisor(divisor: int, seconds: float) -> int:
-    """By what the sides of the next moving picture are divided. seconds: what those of the last one
-    took, with this divisor.
+    """By what the sides of the next moving picture are divided: by less where that would keep the pace, too.
 
-    A finer one is taken where that would keep the pace, too.
+    seconds: what the pixels of the last one took, with this divisor.
     """
     if seconds > PACE:
         return min(divisor + 1, SMALLEST)

@@ -8,20 +8,17 @@ from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 from cltrace.base.errors import CltraceError, printable
-from cltrace.picture.image import SHOWS, Image, Output, Show
+from cltrace.picture.image import LIT, SHOWS, Image, Output, Show
 from cltrace.renderers.renderer import Renderer, means_of
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera, Scene
 from cltrace.students.comparison import Comparison
 from cltrace.students.lit import lighting
 
-LIT = "lit"
 # Renderers that are kept, as they have the scene on the device.
 KEPT = 4
 # What a window can show.
 VIEWS: tuple[str, ...] = (*SHOWS, LIT)
-
-
 # Which picture comes next: a small one while it moves, then the exact one, then the smooth one.
 Phase = Literal["moving", "exact", "smooth", "done"]
 

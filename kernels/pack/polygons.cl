@@ -1,6 +1,6 @@
-/* polygons.cl: triangles as polygons on a plane, as the eye or a light sees them, and the cells that they
- * cover: accel/{cells,polygons,light_buffer}.py of cltrace/plan, where all bounds are derived, with
- * the same arithmetic in the same order.
+/* polygons.cl: triangles as polygons on a plane, as the eye or a light sees them, and the cells that they cover:
+ * accel/{cells,polygons,light_buffer}.py of cltrace/plan, where all bounds are derived, with the same arithmetic in the
+ * same order.
  *
  * A point is four ints: the bits of a vertex's coordinates along three axes, as floats, and five bits for each side of
  * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): see _Points. A picture

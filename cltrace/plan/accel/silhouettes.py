@@ -124,8 +124,8 @@ class Pane(NamedTuple):
     """The window that is looked through, a rectangle of the plane one unit ahead.
 
     middle, half: its middle and half of its sides, across and up, as slopes; scale, shift: coordinates on the plane
-    are slope * scale + shift; along: 0, or what depths are off by, where all is seen along a direction,
-    wherever it is across that.
+    are slope * scale + shift; along: 0 where all is seen from a point. Where it is seen along a direction instead, it
+    is what depths are off by, and nothing is outside of the window.
     """
 
     middle: tuple[float, float]
