@@ -13,7 +13,7 @@ from readme import FILES, ROOT, blocks, commands, outputs
 import cltrace
 from cltrace import cli
 from cltrace.bench import cli as bench
-from cltrace.formats import obj, texture, xml_files, xml_reader, xml_source
+from cltrace.formats import obj, texture, xml_checks, xml_files, xml_reader, xml_source
 from cltrace.plan.request import KEEPS
 from cltrace.scene import INSTANCES, MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.scene.camera import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
@@ -65,7 +65,7 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         assert f"| {row} |" in texts["format.md"]
     assert xml_source.MAX_BYTES == texture.MAX_BYTES
     assert f"after {xml_files.MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
-    assert f"{1 / xml_reader.MAX_SIZE:.2g}..{xml_reader.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
+    assert f"{1 / xml_checks.MAX_SIZE:.2g}..{xml_checks.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
     for name in KEEPS:
         assert f"| `{name}` |" in texts["speed.md"] or f"`--keep {name}`" in texts["speed.md"]

@@ -7,7 +7,8 @@ from itertools import groupby
 
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import AmbientTerm, LightTerm, Met, SoftTerm, total
-from cltrace.explanation.space import Space, triple
+from cltrace.explanation.space import Space
+from cltrace.explanation.triples import triple
 from cltrace.reference import Direction, Intersection, Light, World
 from cltrace.reference.lights import SpotLight
 from cltrace.reference.records import Illumination, Shading

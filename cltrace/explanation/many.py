@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.explanation.space import Footprint, triple
+from cltrace.explanation.space import Footprint
+from cltrace.explanation.triples import triple
 from cltrace.numbers.inverses import inverses
 from cltrace.reference import Direction, Point, Round
 from cltrace.reference.crossing import Way

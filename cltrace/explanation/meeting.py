@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
-import numpy as np
-
-from cltrace.explanation.formulas import (
-    cylinder_gap,
-    cylinder_test,
-    mesh_gaps,
-    sphere_gap,
-    sphere_test,
-    triangle_test,
-)
-from cltrace.explanation.many import Swarm
 from cltrace.explanation.names import Names
-from cltrace.explanation.record import SurfaceTest, TriangleTest
-from cltrace.explanation.space import Footprint, Space
-from cltrace.explanation.words import number
-from cltrace.reference import Intersection, Mesh, Ray, Round, Start, Surface, Triangle, World
-from cltrace.reference.cylinder import Cylinder
+from cltrace.explanation.record import SurfaceTest
+from cltrace.explanation.shapes.table import textbook_of
+from cltrace.explanation.space import Space
+from cltrace.explanation.triples import number
+from cltrace.reference import Intersection, Ray, Start, Surface, World
 from cltrace.reference.ways import meetings
 
 MOST = 8  # surfaces that are listed of a ray
@@ -48,58 +36,25 @@ class Meetings:
         behind: how far it is from the eye to the ray's start, along the rays before.
         """
         close, pixel = [], self.space.footprint(behind)
-        for surface in self._beside(pixel):
-            if surface.number in self._numbers or self._starts_on(surface):
-                continue
-            gap, t, single = self._gap(surface)
-            pixels = gap / pixel.at(t) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
-            if 0 <= pixels < 1:
-                close.append((pixels, single))
+        for whole in self.world.surfaces:
+            row = textbook_of(whole)
+            for surface in row.beside(whole, self.o, self.d, pixel):
+                if surface.number in self._numbers or self._starts_on(surface):
+                    continue
+                gap, t, single = row.gap(surface, self.o, self.d)
+                pixels = gap / pixel.at(t) if 0 < t < (self.at.distance if self.at else math.inf) else 1.0
+                if 0 <= pixels < 1:
+                    close.append((pixels, single))
         close.sort(key=lambda one: one[0])
         return tuple(self._test(surface, math.inf, pixels) for pixels, surface in close[:MOST])
-
-    def _beside(self, pixel: Footprint) -> Iterator[Surface]:
-        for surface in self.world.surfaces:
-            if isinstance(surface, Swarm):
-                yield from surface.beside(self.o, self.d, pixel)
-            else:
-                yield surface
-
-    def _gap(self, surface: Surface) -> tuple[float, float, Surface]:
-        """How far the ray passes by, at which distance, and of a mesh the triangle that is nearest to it."""
-        if isinstance(surface, Round):
-            return *sphere_gap(surface, self.o, self.d), surface
-        if isinstance(surface, Cylinder):
-            return *cylinder_gap(surface, self.o, self.d), surface
-        assert isinstance(surface, Mesh)
-        gaps, at = mesh_gaps(surface, self.o, self.d)
-        k = int(np.argmin(gaps)) if len(gaps) else -1
-        return (float(gaps[k]), float(at[k]), surface.triangle(k)) if k >= 0 else (math.inf, math.inf, surface)
 
     def _starts_on(self, surface: Surface) -> bool:
         return isinstance(self.ray.origin, Start) and self.ray.origin.surface is surface
 
     def _test(self, surface: Surface, distance: float, gap: float = 0.0, tied: bool = False) -> SurfaceTest:
-        name, own = self.names.surface(surface), self._starts_on(surface)
-        sphere = sphere_test(surface, self.o, self.d) if isinstance(surface, Round) else None
-        triangle = triangle_test(surface, self.o, self.d) if isinstance(surface, Triangle) else None
-        cylinder = cylinder_test(surface, self.o, self.d) if isinstance(surface, Cylinder) else None
-        textbook = _first(sphere.t, own) if sphere else _within(triangle) if triangle else math.inf
-        textbook = _first(cylinder.inside, own) if cylinder else textbook
-        remark = TIED if tied else _remark(textbook, distance, own)
-        return SurfaceTest(name, sphere, triangle, distance=distance, gap=gap, remark=remark, cylinder=cylinder)
-
-
-def _first(ends: tuple[float, ...], own: bool) -> float:
-    """Where the textbook has a ray meet a solid first. On the one that it leaves, one of the two is its start."""
-    ahead = [t for t in ends if t > 0]
-    if own and ahead and ends:
-        ahead = [t for t in ends if t != min(ends, key=abs) and t > 0]
-    return min(ahead, default=math.inf)
-
-
-def _within(test: TriangleTest) -> float:
-    return test.t if test.t > 0 and all(weight >= 0 for weight in test.weights) else math.inf
+        own, textbook = self._starts_on(surface), textbook_of(surface).of(surface, self.o, self.d)
+        remark = TIED if tied else _remark(textbook.first(own), distance, own)
+        return SurfaceTest(self.names.surface(surface), textbook, distance=distance, gap=gap, remark=remark)
 
 
 def _remark(textbook: float, exact: float, own: bool) -> str:

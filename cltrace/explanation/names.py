@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cltrace.explanation.record import LightName, SurfaceName
-from cltrace.reference import Mesh, Surface, Triangle
+from cltrace.reference import Surface
 from cltrace.scene import AMBIENT, BALL, LAMBERT, PANEL, PARALLEL, POINT, SKY, SPOT, SUN, Scene
 
 KINDS = {
@@ -28,14 +28,10 @@ class Names:
     def surface(self, surface: Surface) -> SurfaceName:
         number = surface.number
         line = int(self.source.surfaces[number]) if self.source else 0
-        if not isinstance(surface, (Mesh, Triangle)):
-            return SurfaceName(surface.kind, number, line)
         file = self.source.meshes.get(number) if self.source else None
+        face_line = int(file.lines[surface.primitive]) if file and surface.primitive >= 0 else 0
         name = file.name if file else ""
-        if not isinstance(surface, Triangle):
-            return SurfaceName("mesh", number, line, name)
-        face_line = int(file.lines[surface.primitive]) if file else 0
-        return SurfaceName("mesh", number, line, file=name, primitive=surface.primitive, face_line=face_line)
+        return SurfaceName(surface.kind, number, line, file=name, primitive=surface.primitive, face_line=face_line)
 
     def light(self, number: int) -> LightName:
         """number: among all lights of the scene."""

@@ -11,7 +11,6 @@ import numpy as np
 from cltrace.base.errors import TooManyRaysError
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.lighting import ambient_terms, light_terms
-from cltrace.explanation.many import swarms
 from cltrace.explanation.meeting import Meetings
 from cltrace.explanation.names import Names
 from cltrace.explanation.record import (
@@ -26,11 +25,12 @@ from cltrace.explanation.record import (
     Texel,
     TextureLookup,
     TracedRay,
-    Triple,
     total,
 )
-from cltrace.explanation.space import Space, triple
-from cltrace.explanation.words import number as written
+from cltrace.explanation.shapes.table import KINDS
+from cltrace.explanation.space import Space
+from cltrace.explanation.triples import Triple, triple
+from cltrace.explanation.triples import number as written
 from cltrace.reference import (
     Direction,
     Intersection,
@@ -41,7 +41,6 @@ from cltrace.reference import (
     world_of,
 )
 from cltrace.reference.records import Sight
-from cltrace.reference.shapes import KINDS
 from cltrace.reference.texture import UV
 from cltrace.reference.trace import follow, primary_ray, trace
 from cltrace.scene import Camera, Orthographic, Scene
@@ -76,7 +75,7 @@ class Explainer:
     """A scene, of which several pixels are explained."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.world = scene, world_of(scene, {**KINDS, "spheres": swarms})
+        self.scene, self.world = scene, world_of(scene, KINDS)
         self.names, self.space = Names(scene), Space(scene.camera)
 
     def pixel(self, x: int, y: int, truncate: bool = False) -> Explanation:
@@ -98,7 +97,7 @@ class Explainer:
             width=camera.resolution[0],
             height=camera.resolution[1],
             max_bounces=camera.max_bounces,
-            surfaces=len(self.scene.spheres) + len(self.scene.meshes) + len(self.scene.cylinders),
+            surfaces=sum(map(len, self.scene.shapes)),
             camera=self._camera_ray(x, y),
             rays=tuple(self._primary(x, y)),
             color=color,

@@ -10,9 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from cltrace.explanation.shapes.shape import Textbook
+from cltrace.explanation.triples import Triple
 from cltrace.scene.colors import Transfer
 
-Triple = tuple[float, float, float]
 Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
 
 
@@ -20,7 +21,7 @@ Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
 class SurfaceName:
     """Which surface, in the words of the scene's file.
 
-    kind: sphere, which an ellipsoid is in the file, too, or mesh; id: its number, as the output `id` has it; line: of
+    kind: what it is in the file; id: its number, as the output `id` has it; line: of
     the scene's file, 0 if it is not known; file: of a mesh, "" if it is not known; primitive: of a triangle, its number
     in the mesh, -1 for none; face_line: the line of its face in the mesh's file, 0 if it is not known.
     """
@@ -69,80 +70,19 @@ class CameraRay:
 
 
 @dataclass(frozen=True)
-class SphereTest:
-    """a t^2 + b t + c = 0, as the tutorial has it, in doubles.
-
-    center: C; radius: R; own_axes: whether it is an ellipsoid, whose numbers are those in its own axes, as before its
-    transform, where it is a sphere; from_center, direction: o - C and d there, d not normalised again, so that t is the
-    same; discriminant: (b/2)^2 - a c; t: the two solutions, the smaller one first, or none.
-    """
-
-    center: Triple
-    radius: float
-    own_axes: bool
-    from_center: Triple
-    direction: Triple
-    a: float
-    b: float
-    c: float
-    discriminant: float
-    t: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class TriangleTest:
-    """t = (A - o).N / d.N, in doubles.
-
-    corners: A, B and C; normal: N = (B - A) x (C - A), not normalised; d_n: d.N; t: where the ray is in the plane, NaN
-    if it is parallel to that; weights: of A, B and C at that point, all >= 0 within the triangle.
-    """
-
-    corners: tuple[Triple, Triple, Triple]
-    normal: Triple
-    d_n: float
-    t: float
-    weights: Triple
-
-
-@dataclass(frozen=True)
-class CylinderTest:
-    """The endless cylinder, and the planes of the ends, in doubles.
-
-    start, end: the middles of the ends; radius: R; axis: of length 1, from one to the other; across, way: what is left
-    of o - start and of d without their parts along the axis; a, b, c: of a t^2 + b t + c = 0; t: the two solutions, or
-    none; planes: where the ray is in those of the start and of the end, NaN if it is parallel to them; inside: from
-    where to where it is within both, none if it is nowhere.
-    """
-
-    start: Triple
-    end: Triple
-    radius: float
-    axis: Triple
-    across: Triple
-    way: Triple
-    a: float
-    b: float
-    c: float
-    t: tuple[float, ...]
-    planes: tuple[float, float]
-    inside: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class SurfaceTest:
-    """A ray and a surface: one of `sphere`, `triangle` and `cylinder` has the textbook's numbers.
+    """A ray and a surface.
 
-    distance: where the ray meets it first, by exact arithmetic, inf if it does not; gap: of a ray that passes by, how
-    wide, in pixels; remark: where exact arithmetic says something else than the textbook's numbers, "" if it does not.
+    textbook: the textbook's numbers, those of a file of cltrace/explanation/shapes/; distance: where the ray meets it
+    first, by exact arithmetic, inf if it does not; gap: of a ray that passes by, how wide, in pixels; remark: where
+    exact arithmetic says something else than the textbook's numbers, "" if it does not.
     """
 
     surface: SurfaceName
-    sphere: SphereTest | None
-    triangle: TriangleTest | None
+    textbook: Textbook
     distance: float
     gap: float = 0.0
     remark: str = ""
-    cylinder: CylinderTest | None = None
 
 
 @dataclass(frozen=True)
@@ -191,10 +131,10 @@ class TextureLookup:
 class Hit:
     """The closest surface, and the point there.
 
-    shape: what the normal is made of: sphere, ellipsoid, flat or smooth, where `smooth` has corners' normals and `flat`
-    none; t: the distance; normal: facing the side from which the ray came; turned: whether it had to be turned there;
-    inside: whether that is the inside; placement: of what has a transform, as far as it is known; color: C, the
-    material's times the texture's; the rest is the material's.
+    shape: what the normal is made of, one of the NORMALS of cltrace/explanation/shapes/; t: the distance; normal:
+    facing the side from which the ray came; turned: whether it had to be turned there; inside: whether that is the
+    inside; placement: of what has a transform, as far as it is known; color: C, the material's times the texture's; the
+    rest is the material's.
     """
 
     surface: SurfaceName

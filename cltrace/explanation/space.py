@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cltrace.explanation.record import Triple
 from cltrace.reference import Direction, Point, Ray, Start
 from cltrace.reference.world import frame_of
 from cltrace.scene import AnyCamera
-
-
-def triple(v: Point | Direction) -> Triple:
-    return (v.x, v.y, v.z)
 
 
 class Footprint(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from cltrace.explanation.record import Facts, Hit, LightTerm, SoftTerm, TracedRay
-from cltrace.explanation.words import number
+from cltrace.explanation.triples import number
 
 Row = tuple[str, Iterable[float]]
 

@@ -12,7 +12,6 @@ from cltrace.base.errors import printable
 from cltrace.explanation.record import (
     Bounce,
     CameraRay,
-    CylinderTest,
     Facts,
     Hit,
     LightName,
@@ -20,23 +19,15 @@ from cltrace.explanation.record import (
     Met,
     Placement,
     SoftTerm,
-    SphereTest,
     SurfaceName,
     SurfaceTest,
     TracedRay,
-    TriangleTest,
-    Triple,
 )
+from cltrace.explanation.shapes.table import NORMALS
+from cltrace.explanation.triples import Triple, number, vector
 from cltrace.reference import byte_of
 from cltrace.scene.colors import encoded
 
-NORMALS = {
-    "sphere": "(P - C) / |P - C|",
-    "ellipsoid": "that of the sphere before the transform, by the inverse transpose, normalized",
-    "cylinder": "what is left of P - S without its part along the axis, or the axis, normalized",
-    "flat": "N / |N|",
-    "smooth": "the corners' normals by the weights, normalized",
-}
 FATES = {
     "lit": "reaches the point",
     "behind": "is behind the surface",
@@ -56,25 +47,14 @@ DEEPEST = 12  # bounces, after which rays are not indented further
 LABEL = 44  # width of what is before the numbers of a sum
 
 
-def number(x: float) -> str:
-    """A number as it is printed, with six digits."""
-    return f"{x + 0.0:.6g}"  # makes -0 a 0
-
-
-def vector(v: Triple) -> str:
-    return f"({', '.join(map(number, v))})"
-
-
 def surface(name: SurfaceName, whole: bool = False) -> str:
     """Such as "sphere 2 (line 45)". whole: of a mesh, not which of its triangles."""
-    place = f" (line {name.line})" if name.line else ""
-    if name.kind != "mesh":
-        return f"{name.kind} {name.id}{place}"
     file = f" {printable(name.file)}" if name.file else ""
+    start = f"{name.kind} {name.id}{_at(name.line) or file}"
     if whole or name.primitive < 0:
-        return f"mesh {name.id}{place or file}"
+        return start
     face = f" (line {name.face_line} of {printable(name.file)})" if name.face_line else ""
-    return f"mesh {name.id}{place or file}, triangle {name.primitive}{face}"
+    return f"{start}, triangle {name.primitive}{face}"
 
 
 def light(name: LightName) -> str:
@@ -202,57 +182,9 @@ def _meetings(ray: TracedRay, surfaces: int) -> Iterator[str]:
 def _test(test: SurfaceTest, ray: TracedRay) -> Iterator[str]:
     by = f", by {test.gap:.2g} pixels" if math.isinf(test.distance) else ""
     yield f"  {surface(test.surface)}{by}"
-    if test.sphere:
-        yield from _sphere(test.sphere)
-    if test.triangle:
-        yield from _triangle(test.triangle)
-    if test.cylinder:
-        yield from _cylinder(test.cylinder)
+    yield from test.textbook.lines()
     if test.remark:
         yield f"    {test.remark}"
-
-
-def _sphere(s: SphereTest) -> Iterator[str]:
-    yield f"    C = {vector(s.center)}, R = {number(s.radius)}"
-    if s.own_axes:
-        yield "    in its own axes, as before its transform, where d is not normalized again, so that t is the same:"
-        yield f"    o - C = {vector(s.from_center)}, d = {vector(s.direction)}"
-    yield f"    a = d.d = {number(s.a)}"
-    yield f"    b = 2 d.(o - C) = {number(s.b)}"
-    yield f"    c = (o - C).(o - C) - R^2 = {number(s.c)}"
-    disc = f"    disc = (b/2)^2 - a c = {number(s.discriminant)}"
-    if not s.t:
-        yield f"{disc} < 0: no intersection"
-        return
-    yield f"{disc} {'> 0: two intersections' if s.discriminant > 0 else '= 0: one intersection'}"
-    yield f"    t1 = (-b/2 - sqrt(disc)) / a = {number(s.t[0])}, t2 = (-b/2 + sqrt(disc)) / a = {number(s.t[1])}"
-
-
-def _triangle(t: TriangleTest) -> Iterator[str]:
-    yield f"    {', '.join(f'{name} = {vector(corner)}' for name, corner in zip('ABC', t.corners, strict=True))}"
-    yield f"    N = (B - A) x (C - A) = {vector(t.normal)}, d.N = {number(t.d_n)}"
-    if math.isnan(t.t):
-        yield "    d.N = 0: the ray is parallel to the plane"
-        return
-    inside = "all >= 0: within" if all(weight >= 0 for weight in t.weights) else "one < 0: outside"
-    yield f"    t = (A - o).N / d.N = {number(t.t)}"
-    yield f"    weights of A, B and C there: {', '.join(map(number, t.weights))}; {inside}"
-
-
-def _cylinder(c: CylinderTest) -> Iterator[str]:
-    yield f"    S = {vector(c.start)}, E = {vector(c.end)}, R = {number(c.radius)}"
-    yield f"    u = E - S, normalized = {vector(c.axis)}"
-    yield "    without their parts along u:"
-    yield f"    o - S is {vector(c.across)}, d is {vector(c.way)}; of these"
-    yield f"    a = d.d = {number(c.a)}, b = 2 d.(o - S) = {number(c.b)}, c = (o - S).(o - S) - R^2 = {number(c.c)}"
-    yield (
-        f"    t1 = {number(c.t[0])}, t2 = {number(c.t[1])} on the side" if c.t else "    no intersection with the side"
-    )
-    if not math.isnan(c.planes[0]):
-        yield f"    t = {number(c.planes[0])} in the plane of S, t = {number(c.planes[1])} in that of E"
-    yield (
-        f"    within both from t = {number(c.inside[0])} to {number(c.inside[1])}" if c.inside else "    never in both"
-    )
 
 
 def _hit(h: Hit) -> Iterator[str]:

@@ -20,7 +20,7 @@ from cltrace.formats.xml_elements import ELEMENTS
 from cltrace.formats.xml_values import NUMBER
 from cltrace.scene import MATERIAL, SPHERE
 
-ROW, FINISH = 16, slice(4, 15)
+ROW, FINISH, FINISHED = 16, slice(4, 15), 11
 SHARES = slice(7, 9)  # of a finish: the reflectance and the transmittance
 NO_ROW = (math.nan,) * ROW
 

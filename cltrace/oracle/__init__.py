@@ -3,7 +3,8 @@
 rays.py       rays in pairs of doubles that count their errors, and in whole numbers
 search.py     the search for what they meet first, or at all; Kind, which each shape implements
 spheres.py    spheres and ellipsoids, and questions about them alone
-triangles.py  triangles
+triangles.py, cylinders.py  the other shapes
+shapes.py     the table of them
 scenes.py     closest_hit(): any rays in a scene
 """
 

@@ -23,12 +23,12 @@ from cltrace.numbers.pairs import Floats, two_sum
 from cltrace.numbers.surds import Surds, signs_with_root
 from cltrace.numbers.vectors import cross, dot, minus
 from cltrace.numbers.whole import Signs, grid_of, whole
-from cltrace.oracle.rays import ExactRays, Ids, Rays, columns, rounded
+from cltrace.oracle.rays import ExactRays, Ids, Rays, columns, moderate, rounded
 from cltrace.oracle.search import Bools, Hits, Kind, Roots
 from cltrace.scene import Scene
 
-# What the filter takes, or 0: products of ten of its numbers stay within the range of double.
-LOW, HIGH = 2.0**-80, 2.0**80
+# Up to what the filter takes numbers, see moderate(): products of ten of its numbers stay within the range of double.
+MOST = 2.0**80
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Cylinders(Kind):
     @cached_property
     def moderate(self) -> Bools:
         """(m,): which ones' numbers are within the range of the filter."""
-        return _moderate(np.concatenate([self.starts, self.ends, self.radii[:, None]], axis=1))
+        return moderate(np.concatenate([self.starts, self.ends, self.radii[:, None]], axis=1), MOST)
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
         """Those that the ball around their middle does not rule out, with bounds as of spheres."""
@@ -67,7 +67,7 @@ class Cylinders(Kind):
         size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
         room = outer * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * (size + 1e-3 * outer) * length
         beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
-        fit = _fit(rays)
+        fit = rough.fits(MOST)
         ray, item = np.nonzero(~(beside & fit[:, None] & self.moderate[None]))
         return (ray, item) if m else (np.empty(0, np.int64), np.empty(0, np.int64))
 
@@ -100,7 +100,7 @@ class Cylinders(Kind):
         sure = known & ((left[0] > 0) | ((left[0] < 0) & (left[1] > 0)))
         gone = (D.sign() < 0) | (known & (left[1] < 0))
         gone |= (g.sign() != 0) & (a.sign() > 0) & (D.sign() > 0) & (late != 0) & (soon != 0) & (there < 0)
-        fit = _fit(rays)[ray] & self.moderate[item]
+        fit = rays.rough.fits(MOST)[ray] & self.moderate[item]
         sure, gone = sure & fit, gone & fit
         t = Fine(t.h, t.l, np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
         if rays.t_max < np.inf:
@@ -166,16 +166,3 @@ def _chosen(mask: Bools, x: Surds, y: Surds) -> Surds:
     """x where the mask is true, y elsewhere."""
     some = mask.astype(object)
     return x * some + y * (1 - some)
-
-
-def _fit(rays: Rays) -> Bools:
-    """(n,): for which rays the filter's numbers are within its range."""
-    rough = rays.rough
-    assert rough is not None
-    w = rounded(rough.way)
-    return _moderate(w) & _moderate(rounded(rough.step)) & _moderate(rough.anchor) & w.any(axis=1)
-
-
-def _moderate(values: Floats) -> Bools:
-    size = np.abs(values)
-    return np.asarray(((size == 0) | ((size >= LOW) & (size <= HIGH))).all(axis=1))

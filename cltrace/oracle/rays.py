@@ -75,6 +75,17 @@ class Rough(NamedTuple):
         """(n,): a bound of |way|_1, of which the rounded way is off by 2^-50 at most."""
         return bound_of(self.way)
 
+    def fits(self, most: float) -> NDArray[np.bool_]:
+        """(n,): for which rays the numbers of a filter are within its range, see moderate()."""
+        w = rounded(self.way)
+        return moderate(w, most) & moderate(rounded(self.step), most) & moderate(self.anchor, most) & w.any(axis=1)
+
+
+def moderate(values: Floats, most: float) -> NDArray[np.bool_]:
+    """(n,): which rows have numbers between 1 / most and most alone, or 0."""
+    size = np.abs(values)
+    return np.asarray(((size == 0) | ((size >= 1 / most) & (size <= most))).all(axis=1))
+
 
 def bound_of(v: FineVector) -> Floats:
     """What rounded(v) is off by is 2^-53 of it, and twice the error: less than 2^-50 of this."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.numbers.pairs import Floats
-from cltrace.oracle.cylinders import Cylinders
 from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres, array_of
+from cltrace.oracle.shapes import KINDS
+from cltrace.oracle.spheres import array_of
 from cltrace.oracle.triangles import Triangles
 from cltrace.scene import Geometry, Scene
 
@@ -37,10 +37,10 @@ def closest_hit(scene: Scene, origins: ArrayLike, directions: ArrayLike) -> Answ
     ValueError, which names the argument, where it is not of its shape or not finite, or a direction is 0.
     """
     o, d = rays_of(origins, directions)
-    flat, others = Triangles.of(scene), [Spheres.of(scene), Cylinders.of(scene)]
-    found = Kinds([flat, *others]).closest(along(at_point(o, len(o)), d, np.eye(3)))
-    ids = np.concatenate([flat.surface, *(kind.surface for kind in others), [-1]])[found.item]
-    primitive = np.concatenate([flat.primitive, *(0 * kind.surface - 1 for kind in others), [-1]])[found.item]
+    kinds = [kind.of(scene) for kind in KINDS]
+    found = Kinds(kinds).closest(along(at_point(o, len(o)), d, np.eye(3)))
+    ids = np.concatenate([*(kind.surface for kind in kinds), [-1]])[found.item]
+    primitive = np.concatenate([*(kind.primitives() for kind in kinds), [-1]])[found.item]
     return Answer(ids.astype(np.int32), primitive.astype(np.int32), found.rounded())
 
 

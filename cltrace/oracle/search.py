@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from cltrace.numbers.pairs import Floats
 from cltrace.numbers.surds import Interval, Surds, root_between, signs_with_root, signs_with_roots
 from cltrace.numbers.whole import Signs, Whole, rounded
 from cltrace.oracle.rays import ExactRays, Ids, Rays, SurdVector
+from cltrace.scene import Scene
 
 Bools = NDArray[np.bool_]
 
@@ -139,6 +140,15 @@ class Kind(ABC):
 
     surface: Ids
     grid: int
+
+    @classmethod
+    @abstractmethod
+    def of(cls, scene: Scene) -> Self:
+        """All of a scene."""
+
+    def primitives(self) -> Ids:
+        """(m,): the number of each one in its mesh, -1 for none."""
+        return np.full(len(self.surface), -1)
 
     @abstractmethod
     def near(self, rays: Rays) -> tuple[Ids, Ids]:

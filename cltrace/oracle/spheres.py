@@ -53,6 +53,7 @@ from cltrace.oracle.rays import (
     along_numbers,
     at_point,
     columns,
+    moderate,
     ones,
     rounded,
     to_light,
@@ -65,9 +66,10 @@ from cltrace.scene.rules import is_whole, numbers
 Maps = Sequence[ArrayLike | None]
 Inverse = tuple[Sequence[Sequence[int]], int]  # a matrix of whole numbers, and what it is to be divided by, > 0
 
-# What the filter takes, or 0. The largest and the smallest of its numbers, D of an ellipsoid, has 8 such factors, two
-# of which may be differences, 2^-52 of that. So nothing leaves the range of double, nor does EPS times a number.
-LOW, HIGH = 2.0**-100, 2.0**100
+# Up to what the filter takes numbers, see moderate(). The largest and the smallest of its numbers, D of an ellipsoid,
+# has 8 such factors, two of which may be differences, 2^-52 of that. So nothing leaves the range of double, nor does
+# EPS times a number.
+MOST = 2.0**100
 
 
 # ------------------------------------------------------------------------------------------------- what is handed over
@@ -196,7 +198,8 @@ class Spheres(Kind):
     @cached_property
     def moderate(self) -> Bools:
         """(m,): which ones' numbers are within the range of the filter."""
-        return _moderate(self.centers) & _moderate(self.radii[:, None]) & _moderate(self.maps.reshape(-1, 9))
+        numbers = np.concatenate([self.centers, self.radii[:, None], self.maps.reshape(-1, 9)], axis=1)
+        return moderate(numbers, MOST)
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
         """With f from the start to a centre, R its reach and u = 2^-53, a ray along w passes by where |f x w| > R |w|,
@@ -212,7 +215,7 @@ class Spheres(Kind):
         size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
         room = self._outer[first] * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * size * length
         beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
-        ray, item = np.nonzero(~(beside & _fit(rough)[:, None] & self.moderate[first]))
+        ray, item = np.nonzero(~(beside & rough.fits(MOST)[:, None] & self.moderate[first]))
         return ray, first[item]
 
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
@@ -228,7 +231,7 @@ class Spheres(Kind):
         outside, ahead, meets = np.where(own, -1, c.sign()), b.sign(), D.sign()
         sure = (meets > 0) & np.where(outside > 0, ahead > 0, (outside < 0) & (~own | (ahead > 0)))
         miss = np.where(own, ahead < 0, (meets < 0) | ((outside > 0) & (ahead < 0)))
-        fit = _fit(rays.rough)[ray] & self.moderate[item]
+        fit = rays.rough.fits(MOST)[ray] & self.moderate[item]
         direct, root = (outside < 0) & (b.h >= 0), Fine(np.maximum(D.h, 0), D.l, D.error).root()
         n = select(b.h < 0, -b, b) + root
         t = select(direct, n, select(outside < 0, -c, c)) / select(direct, a, n)
@@ -296,17 +299,6 @@ def put(v: FineVector, rows: Ids, values: FineVector) -> None:
         x.h[rows], x.l[rows], x.error[rows] = y.h, y.l, y.error
 
 
-def _fit(rough: Rough) -> Bools:
-    """(n,): for which rays the filter's numbers are within its range."""
-    w = rounded(rough.way)
-    return _moderate(w) & _moderate(rounded(rough.step)) & _moderate(rough.anchor) & w.any(axis=1)
-
-
-def _moderate(values: Floats) -> Bools:
-    size = np.abs(values)
-    return np.asarray(((size == 0) | ((size >= LOW) & (size <= HIGH))).all(axis=1))
-
-
 def _whole_inverse(K: Floats) -> Inverse:
     """K^-1; of a singular matrix, the divisor is 0."""
     k = grid_of(K)
@@ -346,7 +338,7 @@ def on_spheres(spheres: Spheres, own: Ids, normal: Floats, basis: ArrayLike) -> 
         factor = Fine.of(spheres.radii[own]) / select(spheres.bent[own], dot(q, q), dot(n, n)).root()
         if len(bent):
             put(n, bent, product(spheres.rounded_inverses(own[bent]), at_rows(q, bent)))
-        factor.error[~(_moderate(normal) & spheres.moderate[own])] = np.inf
+        factor.error[~(moderate(normal, MOST) & spheres.moderate[own])] = np.inf
         x, y, z = (part * factor for part in n)
     return Points((spheres.centers[own], (x, y, z)), spheres.grid, exact, own, Spheres)
 

@@ -58,6 +58,9 @@ class Triangles(Kind):
             np.concatenate([np.empty(0, np.int64), *map(np.arange, counts)]),
         )
 
+    def primitives(self) -> Ids:
+        return self.primitive
+
     @property
     def grid(self) -> int:  # type: ignore[override]
         return grid_of(self.vertices)

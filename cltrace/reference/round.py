@@ -87,6 +87,7 @@ class Round(Surface):
     space. reach: how far the surface is from its centre at most. stretch, spread: see ellipsoid.py.
     """
 
+    kind = "sphere"
     stretch = 1.0
 
     def __init__(self, place: Point, ball: Ball, frame: Frame, material: Material, number: int) -> None:

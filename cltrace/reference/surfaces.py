@@ -93,7 +93,7 @@ class Surface(ABC):
     """Something that can be hit.
 
     number: among the scene's surfaces; frame: the camera's axes; spread: of its normals' rounding, see bounce.lift();
-    shape: what its normals are made of; kind: what it is in a file.
+    shape: what its normals are made of; kind: what it is in a file; primitive: the number of a triangle in its mesh.
     """
 
     material: Material
@@ -101,7 +101,8 @@ class Surface(ABC):
     frame: Frame
     spread: float = 1.0
     shape: str
-    kind: str = "sphere"
+    kind: str
+    primitive: int = -1
 
     @abstractmethod
     def intersect(self, ray: Ray) -> float | None:

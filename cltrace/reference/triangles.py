@@ -107,6 +107,8 @@ class Mesh(Group):
     of: the scene's.
     """
 
+    kind = "mesh"
+
     def __init__(self, of: PlacedMesh, setting: Setting) -> None:
         super().__init__(of.number, setting.eye, setting.frame)
         self.of, self.material = of, setting.material(of.material)
@@ -160,6 +162,8 @@ class Triangle(RoughFace, Surface):
     primitive: its number in the mesh; front: 1 if N points to the outside, -1 if to the inside; normals: the corners',
     in the object's space, or None; uvs: where the corners are in the texture.
     """
+
+    kind = "mesh"
 
     def __init__(self, mesh: Mesh, primitive: int) -> None:
         self.mesh, self.primitive, self.number = mesh, primitive, mesh.number

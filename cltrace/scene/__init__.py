@@ -1,8 +1,8 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
+from cltrace.scene.boxes import axes, box_corners, box_edges, box_images
 from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
-from cltrace.scene.cylinders import CYLINDER, MAX_CYLINDERS, Bonds, axes, box_corners, box_edges, box_images
 from cltrace.scene.lights import (
     AMBIENT,
     BALL,
@@ -40,7 +40,9 @@ from cltrace.scene.meshes import (
     place_faults,
 )
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import OTHERS, Scene, share_all_but_camera
+from cltrace.scene.scene import Scene, share_all_but_camera
+from cltrace.scene.shapes.cylinder import CYLINDER, MAX_CYLINDERS, Bonds
+from cltrace.scene.shapes.table import OTHER_FIELDS
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
 
@@ -65,7 +67,7 @@ __all__ = [
     "MAX_TRIANGLES",
     "MAX_VERTICES",
     "NOT_NEGATIVE",
-    "OTHERS",
+    "OTHER_FIELDS",
     "PANEL",
     "PARALLEL",
     "POINT",

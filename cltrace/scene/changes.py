@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.scene.colormaps import colors_given
 from cltrace.scene.colors import decoded
 from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
 from cltrace.scene.materials import check_index, packed
 from cltrace.scene.rules import POSITIVE
-from cltrace.scene.scene import Scene, colors_given
+from cltrace.scene.scene import Scene
+from cltrace.scene.shapes.shape import Other, held
 from cltrace.scene.surfaces import extent_faults, reaches
 
 
@@ -28,7 +30,7 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     Raises ValueError, which names the argument and the index, also where the number of spheres changes and an array of
     as many as there were is not given, where there are ellipsoids, or meshes between the spheres.
     """
-    columns, meshes = scene.columns, scene.meshes
+    columns, others = scene.columns, scene.others
     n = len(columns)
     given = dict(given)
     shown = {name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim", "norm")}
@@ -40,8 +42,7 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     if "centers" in given:
         center = points(given["centers"], given.get("radii", 1.0))
         if len(center) != n:
-            _check_number(scene, given, len(center))
-            meshes = tuple(mesh.of(mesh.material, mesh.number + len(center) - n) for mesh in meshes)
+            others = _with_number(scene, given, len(center))
             n = len(center)
         columns = replace(columns, center=center)
     if "radii" in given:
@@ -52,22 +53,19 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
-    made = scene.with_columns(columns, meshes, scale=scale)
+    made = scene.with_fields(columns=columns, **held(others), **{"scale": scale} if scale else {})
     if len(columns) != len(scene.columns) or shade:
         made = _shaded(made, shade)
-    return made.with_bonds_placed()
+    return made.following()
 
 
-def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:
-    """Raises ValueError if the number of spheres may not become n with what is given."""
+def _with_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> tuple[Other, ...]:
+    """The other surfaces, if the number of spheres becomes n. Raises ValueError if it may not with what is given."""
     columns = scene.columns
     was = len(columns)
     if (columns.to_object >= 0).any():
         raise ValueError(f"centers: must be {was}, as ellipsoids keep their shapes, got {n}")
-    if any(mesh.number < was for mesh in scene.meshes):
-        raise ValueError(f"centers: must be {was}, as there are meshes between the spheres, got {n}")
-    if len(scene.cylinders):
-        raise ValueError(f"centers: must be {was}, as there are bonds or other cylinders, got {n}")
+    others = tuple(shape.beside(n, was) for shape in scene.others)
     lengths = {"radii": columns.radius.ndim > 0}
     shared = columns.material is not None and columns.material.ndim == 0
     for name, argument in ARGUMENTS.items():
@@ -76,6 +74,7 @@ def _check_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> None:
     for argument, per_sphere in lengths.items():
         if per_sphere and argument not in given:
             raise ValueError(f"{argument}: must be given, too, where there are {n} centers instead of {was}")
+    return others
 
 
 def _check_extents(columns: Columns, to_object: NDArray[np.float64]) -> None:
@@ -88,7 +87,7 @@ def _check_extents(columns: Columns, to_object: NDArray[np.float64]) -> None:
 
 def _shaded(scene: Scene, given: Shade) -> Scene:
     """The same with another shade of the spheres, one value of which is for all or for each."""
-    columns, meshes, cylinders, bonds = scene.columns, scene.meshes, scene.cylinders, scene.bonds
+    columns, others = scene.columns, scene.others
     n = len(columns)
     follows = columns.follows and "ka" not in given
     if follows and "kd" in given:
@@ -99,11 +98,10 @@ def _shaded(scene: Scene, given: Shade) -> Scene:
     one = not any(values.ndim > (name == "color") for name, values in shade.items())
     material: NDArray[np.int32] | None
     count, material = (1, np.zeros((), np.int32)) if one else (n, None)
-    # Who has a material of its own: meshes, cylinders that are no bonds, and bonds that have not those of their ends.
-    rest, bound = columns.rest, bonds.count if bonds else 0
-    of_bonds: NDArray[Any] = bonds.material.reshape(-1) if bonds else np.zeros(0, np.int32)
-    parts = [np.array([mesh.material for mesh in meshes], np.int64), cylinders["material"][bound:], of_bonds]
-    of = was = np.concatenate(parts).astype(np.int64)
+    # Who has a material that no sphere has.
+    parts = [shape.materials for shape in others]
+    of = was = np.concatenate(parts)
+    rest = columns.rest
     if (of < columns.count).any():  # those of a file are in no order
         kinds = np.unique(of)
         rest = packed(columns.materials_count, columns.every_shade())[kinds]
@@ -111,14 +109,10 @@ def _shaded(scene: Scene, given: Shade) -> Scene:
     else:
         of = of + (count - columns.count)
     if of.tolist() != was.tolist():
-        of_meshes, own, of_bonds = np.split(of, np.cumsum([len(part) for part in parts[:2]]))
-        meshes = tuple(mesh.of(place, mesh.number) for mesh, place in zip(meshes, of_meshes.tolist(), strict=True))
-        cylinders = cylinders.copy()
-        cylinders["material"][bound:] = own
-        if bonds:
-            bonds = replace(bonds, material=of_bonds.reshape(-1, 2).astype(np.int32))
+        own = np.split(of, np.cumsum([len(part) for part in parts])[:-1])
+        others = tuple(shape.with_materials(some) for shape, some in zip(others, own, strict=True))
     found = replace(columns, material=material, shade=shade, count=count, rest=rest, follows=follows)
-    return scene.with_columns(found, meshes, cylinders, bonds)
+    return scene.with_fields(columns=found, **held(others))
 
 
 def _of_spheres(columns: Columns, name: str) -> NDArray[Any]:

@@ -224,3 +224,26 @@ def _truncating(colormap: Any) -> Map:
     """A map of the package cmap with matplotlib's bytes, which are its numbers times 255, cut to whole ones."""
     table = (np.asarray(colormap.lut(256)) * 255).astype(np.uint8)
     return map_of(table)
+
+
+def colors_given(
+    n: int, colors: ArrayLike | None, before: Scale | None = None, **shown: Any
+) -> tuple[ArrayLike | None, Scale | None]:
+    """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
+
+    before: how earlier values did, which later ones do, too, but for what is given; shown: values, cmap, clim, norm.
+    Raises ValueError.
+    """
+    values = shown.pop("values", None)
+    if values is None:
+        for name, given in shown.items():
+            if given is not None:
+                raise ValueError(f"{name}: goes with values, which are not given")
+        return colors, before
+    if colors is not None:
+        raise ValueError("values: must not be given together with colors")
+    array = values_given(values)
+    if len(array) != n:
+        raise ValueError(f"values: must have shape {(n,)}, got {array.shape}")
+    scale = Scale.of(array, before=before, **shown)
+    return scale.colors(array), scale

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,15 @@ class Columns:
         """How many materials there are in all."""
         return self.count + len(self.rest)
 
+    @property
+    def material_of(self) -> NDArray[np.int32]:
+        """(n,) or (): the index of each sphere's material."""
+        return np.arange(len(self), dtype=np.int32) if self.material is None else self.material
+
+    def with_more(self, materials: NDArray[np.void]) -> Columns:
+        """The same with more MATERIAL records, after all others."""
+        return replace(self, rest=np.concatenate([self.rest, materials]))
+
     def every_shade(self) -> Shade:
         """As `shade`, of all materials: those of the spheres, then the rest."""
         if not len(self.rest):
@@ -78,7 +87,7 @@ class Columns:
         """(n,) SPHERE."""
         out = np.empty(len(self), SPHERE)
         out["center"], out["radius"], out["to_object"] = self.center, self.radius, self.to_object
-        out["material"] = np.arange(len(out)) if self.material is None else self.material
+        out["material"] = self.material_of
         out.flags.writeable = False
         return out
 

@@ -7,11 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.arrays import blockwise
-from cltrace.numbers.inverses import inverses
-from cltrace.scene.columns import Columns
-from cltrace.scene.meshes import PlacedMesh
 from cltrace.scene.rules import NOT_NEGATIVE, Vector, checked, described, vector
+from cltrace.scene.shapes.shape import Shape
 
 Floats = NDArray[np.float64]
 # Where the camera is, as seen from the scene.
@@ -33,19 +30,7 @@ class Fitted(Protocol):
     def camera(self) -> Any: ...
 
     @property
-    def to_object(self) -> Floats: ...
-
-    @property
-    def meshes(self) -> tuple[PlacedMesh, ...]: ...
-
-    @property
-    def cylinders(self) -> NDArray[np.void]: ...
-
-    @property
-    def columns(self) -> Columns: ...
-
-    @property
-    def triangles(self) -> int: ...
+    def shapes(self) -> tuple[Shape, ...]: ...
 
 
 def direction_of(view: str | ArrayLike) -> Vector:
@@ -81,42 +66,14 @@ def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
 
     directions: (k, 3), of any length, in the world. Raises ValueError if the scene has no surfaces.
     """
-    rows = np.asarray(directions, np.float64)
-    columns = scene.columns
-    n, lengths = len(columns), np.sqrt((rows * rows).sum(axis=1))
-    rods = scene.cylinders
-    if not n and not scene.triangles and not len(rods):
+    found = reaches_if_any(scene, directions)
+    if found is None:
         raise ValueError("scene: must have surfaces, or there is nothing to fit a camera to")
-    # An ellipsoid C + r L s, with |s| = 1, reaches d.C + r |L^T d|.
-    stretch = np.sqrt((np.einsum("kij,ni->nkj", inverses(scene.to_object), rows) ** 2).sum(axis=2))
+    return found
 
-    def reach(block: slice) -> Floats:
-        center = columns.center[block].astype(np.float64)
-        radius = np.asarray(columns.radius[block] if columns.radius.ndim else columns.radius, np.float64)
-        kind = columns.to_object[block] if columns.to_object.ndim else columns.to_object
-        found = []
-        for row, length, by in zip(rows, lengths, stretch, strict=True):
-            size = np.where(kind >= 0, by[kind], length) if len(by) else length
-            found.append((center @ row + radius * size).max())
-        return np.array(found)
 
-    def corners(block: slice) -> Floats:
-        return np.asarray((vertices[block] @ rows.T).max(axis=0))
-
-    def ends(block: slice) -> Floats:
-        """Of flat ends, whose discs reach r sin(angle between d and the axis)."""
-        of = rods[block]
-        axis = of["end"] - of["start"]
-        axis /= np.sqrt((axis * axis).sum(axis=1))[:, None]
-        along = axis @ rows.T
-        across = np.sqrt(np.maximum(lengths**2 - along**2, 0))
-        most = np.maximum(of["start"] @ rows.T, of["end"] @ rows.T) + of["radius"][:, None] * across
-        return np.asarray(most.max(axis=0))
-
-    parts = blockwise(n, reach) if n else []
-    parts += blockwise(len(rods), ends) if len(rods) else []
-    for mesh in scene.meshes:
-        if len(mesh.geometry.faces):
-            vertices = mesh.vertices[np.unique(mesh.geometry.faces)]
-            parts += blockwise(len(vertices), corners)
-    return np.asarray(np.max(parts, axis=0))
+def reaches_if_any(scene: Fitted, directions: ArrayLike) -> Floats | None:
+    """The same, but None if the scene has no surfaces."""
+    rows = np.asarray(directions, np.float64)
+    parts = [part for shape in scene.shapes for part in shape.reach(rows)]
+    return np.max(parts, axis=0) if parts else None

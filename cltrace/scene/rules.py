@@ -150,6 +150,16 @@ def _rows(array: NDArray[Any]) -> int:
     return max(1, NUMBERS // max(1, array[:1].size))
 
 
+def records_of(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """A copy of an (n,) array of these records; TypeError if it is none: numpy would turn a number into all fields."""
+    if not isinstance(value, np.ndarray) or value.dtype.names != dtype.names or value.ndim != 1:
+        raise TypeError(
+            f"{name}: must be an (n,) array of dtype cltrace.scene.{name[:-1].upper()}, got {described(value)}; "
+            "Scene.from_spheres() takes plain arrays"
+        )
+    return np.array(value, dtype)
+
+
 def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:
     """Three numbers as a tuple of floats; ValueError names the argument."""
     x, y, z = checked(name, rule, value, (3,)).tolist()

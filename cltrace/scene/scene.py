@@ -7,32 +7,19 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
-import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.numbers.inverses import inverses
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
-from cltrace.scene.colormaps import Scale, values_given
+from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
-from cltrace.scene.cylinders import (
-    CYLINDER,
-    MAX_CYLINDERS,
-    Bonds,
-    check_cylinders,
-    colors_of,
-    cylinders_of,
-    halved,
-    linear,
-    materials_of,
-)
 from cltrace.scene.lights import check_lights, joined
-from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
@@ -42,35 +29,20 @@ from cltrace.scene.materials import (
     check_texels,
     checked_textures,
     linear_texels,
-    packed,
     records,
 )
 from cltrace.scene.members import lamps_of
-from cltrace.scene.meshes import Mesh, PlacedMesh, check_meshes, check_size, materials_shown, mesh_list
-from cltrace.scene.rules import (
-    ANY,
-    POSITIVE,
-    Vector,
-    check_rule,
-    checked,
-    described,
-    numbers,
-)
+from cltrace.scene.meshes import Mesh, PlacedMesh, check_size, materials_shown, mesh_list
+from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
 from cltrace.scene.settings import check_setting, setting
+from cltrace.scene.shapes.cylinder import MAX_CYLINDERS, Bonds, bonds_of, cylinders_of, halved, linear, materials_of
+from cltrace.scene.shapes.shape import Other, Shape, held
+from cltrace.scene.shapes.sphere import Spheres
+from cltrace.scene.shapes.table import OTHERS
 from cltrace.scene.source import Source
-from cltrace.scene.surfaces import (
-    MAX_SPHERES,
-    SPHERE,
-    check_spheres,
-    checked_maps,
-    extent_faults,
-    inverse_faults,
-    row_lengths,
-)
+from cltrace.scene.surfaces import SPHERE, check_spheres, checked_maps, shaped
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
-# The fields that hold surfaces beside the spheres.
-OTHERS = ("meshes", "cylinders")
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -137,22 +109,18 @@ class Scene:
         bonds: Bonds | None = None,
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
-        balls, shades = _records("spheres", spheres, SPHERE), _records("materials", materials, MATERIAL)
+        balls, shades = records_of("spheres", spheres, SPHERE), records_of("materials", materials, MATERIAL)
         maps, images = checked_maps(to_object), checked_textures(textures)
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
         check_transfer(transfer)
-        placed = check_meshes(meshes, len(shades))
-        rods = _records("cylinders", np.zeros(0, CYLINDER) if cylinders is None else cylinders, CYLINDER)
-        check_cylinders(rods, len(shades))
-        _check_numbers(placed, rods)
-        if bonds is not None and bonds.pairs.max(initial=-1) >= len(balls):
-            raise ValueError(f"bonds: must be between {len(balls)} spheres")
+        given = {"meshes": meshes, "cylinders": cylinders, "bonds": bonds}
+        others = [row.checked(given, len(shades), len(balls)) for row in OTHERS]
+        _check_numbers(others)
         color, alpha = background_of(background, background_alpha)
         state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
         state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
-        state |= {"cylinders": rods, "bonds": bonds}
-        self._fill(state | {"to_object": maps, "meshes": placed, "textures": images, "transfer": transfer})
+        self._fill(state | held(others) | {"to_object": maps, "textures": images, "transfer": transfer})
 
     def _fill(self, state: dict[str, Any]) -> None:
         """Takes these fields as they are, of which all but lights and output_file have been checked.
@@ -217,33 +185,28 @@ class Scene:
         other.__setstate__({**self.__dict__, **changes})
         return other
 
-    def with_columns(
-        self,
-        columns: Columns,
-        meshes: tuple[PlacedMesh, ...],
-        cylinders: NDArray[np.void] | None = None,
-        bonds: Bonds | None = None,
-        scale: Scale | None = None,
-    ) -> Scene:
-        """The same scene with other spheres, materials, meshes and so on, which are taken as they are.
-
-        cylinders, bonds, scale: None for the same.
-        """
+    def with_fields(self, **changes: object) -> Scene:
+        """The same scene with other fields, which are taken as they are. `columns` is that of spheres and materials."""
+        state = {**self.__getstate__(), "columns": self.columns, "source": None, **changes}
         other = object.__new__(type(self))
-        state = {**self.__getstate__(), "columns": columns, "meshes": meshes, "source": None}
-        more = {"cylinders": cylinders, "bonds": bonds, "scale": scale}
-        state |= {name: value for name, value in more.items() if value is not None}
         other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
         return other
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """All surfaces, by their shapes: of each row of SHAPES those that there are, the spheres first."""
+        return (Spheres(self.columns, self.to_object), *self.others)
+
+    @property
+    def others(self) -> tuple[Other, ...]:
+        """Those beside the spheres."""
+        return tuple(row(*(getattr(self, f.name) for f in fields(row))) for row in OTHERS)
+
     def __repr__(self) -> str:
         width, height = self.camera.resolution
-        parts = [f"{len(self.columns)} spheres", f"{len(self.lights)} lights"]
-        if self.meshes:
-            parts.insert(1, f"{len(self.meshes)} meshes of {self.triangles} triangles")
-        if len(self.cylinders):
-            parts.insert(1, f"{len(self.cylinders)} cylinders")
-        return f"<cltrace.Scene {width}x{height}: {', '.join(parts)}>"
+        spheres, *others = self.shapes
+        parts = [spheres, *(shape for shape in reversed(others) if len(shape)), f"{len(self.lights)} lights"]
+        return f"<cltrace.Scene {width}x{height}: {', '.join(map(str, parts))}>"
 
     @property
     def triangles(self) -> int:
@@ -253,27 +216,21 @@ class Scene:
     @functools.cached_property
     def sphere_numbers(self) -> NDArray[np.int32]:
         """(n,): the number of each sphere among all surfaces, rising."""
-        taken = np.concatenate([np.array([mesh.number for mesh in self.meshes], np.int64), self.cylinders["number"]])
+        taken = np.concatenate([shape.numbers for shape in self.others])
         free = np.setdiff1d(np.arange(len(self.columns) + len(taken)), taken, assume_unique=True)
         numbers = free[: len(self.columns)].astype(np.int32)
         numbers.flags.writeable = False
         return numbers
 
-    def with_bonds_placed(self) -> Scene:
-        """The same scene with bonds where its spheres are now, and as these are."""
-        if self.bonds is None:
-            return self
-        made = self.bonds.placed(self.columns.center, _material_of(self.columns))
-        found = np.concatenate([made, self.cylinders[self.bonds.count :]])
-        found["number"] = len(self.columns) + len(self.meshes) + np.arange(len(found))
-        if found.tobytes() == self.cylinders.tobytes():
-            return self
-        return self._with(cylinders=found, bonds=replace(self.bonds, count=len(made)))
+    def following(self) -> Scene:
+        """The same scene where what follows the spheres is where these are now."""
+        first = sum(map(len, self.shapes[:-1]))
+        return self.with_fields(**held(shape.following(self.columns, first) for shape in self.others))
 
     @property
     def mixed(self) -> bool:
         """Whether there are surfaces beside the spheres."""
-        return any(len(getattr(self, name)) for name in OTHERS)
+        return any(map(len, self.others))
 
     @functools.cached_property
     def columns(self) -> Columns:
@@ -386,12 +343,14 @@ class Scene:
             shade["ka"] = shade["kd"]
         shapes = mesh_list(meshes)
         one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
-        radius, to_object, maps = _shaped(radius, n, transform)
+        radius, to_object, maps = shaped(radius, n, transform)
         material = np.zeros((), np.int32) if one else None
         found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
         known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps, "scale": scale}
         made = cls._made(known, found, shapes, background, transfer)
-        return _bonded(made, {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box})
+        of = {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box}
+        columns, joining = bonds_of(made.columns, transfer, of)
+        return made.with_fields(columns=columns, bonds=joining).following() if joining else made
 
     @classmethod
     def from_meshes(
@@ -439,9 +398,9 @@ class Scene:
         placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
-        state = {**given, "columns": replace(columns, shade=shade, rest=more), "transfer": transfer}
+        state = {**held(row() for row in OTHERS), **given, "transfer": transfer}
+        state |= {"columns": replace(columns, shade=shade, rest=more)}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
-        state |= {"cylinders": np.zeros(0, CYLINDER), "bonds": None}
         named = isinstance(given["lights"], str)
         scene._fill(state | {"lights": joined(())} if named else state)
         return scene.lit_by(given["lights"]) if named else scene
@@ -469,8 +428,11 @@ class Scene:
         made = halved(made) if two else made
         made["material"] = np.arange(len(made)) if len(kinds) == len(made) else 0
         made["material"] += self.columns.materials_count
-        columns = replace(self.columns, rest=np.concatenate([self.columns.rest, linear(kinds, self.transfer)]))
-        return self.with_columns(columns, self.meshes, _numbered(self, np.concatenate([self.cylinders, made])))
+        found = np.concatenate([self.cylinders, made])
+        found["number"][len(self.cylinders) :] = sum(map(len, self.shapes)) + np.arange(len(made))
+        if len(found) > MAX_CYLINDERS:
+            raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(found)}")
+        return self.with_fields(columns=self.columns.with_more(linear(kinds, self.transfer)), cylinders=found)
 
     def replicate(self, offsets: ArrayLike) -> Scene:
         """The same scene with all surfaces once for each of k offsets, (k, 3), by which they are moved, scene units.
@@ -482,111 +444,27 @@ class Scene:
         Raises ValueError, which names offsets and the index.
         """
         moves = checked("offsets", ANY, offsets, (-1, 3))
-        k, n, m = len(moves), len(self.columns), len(self.meshes)
-        columns, bonds, own = self.columns, self.bonds, self.cylinders[self.bonds.count if self.bonds else 0 :]
-        bound = len(bonds.pairs) if bonds else 0
-        for name, count, most in (("spheres", n, MAX_SPHERES), ("cylinders", len(own) + 2 * bound, MAX_CYLINDERS)):
-            if k * count > most:
-                raise ValueError(f"offsets: must make at most {most} {name}, got {k} times {count}")
-        tiled: dict[str, Any] = {"radius": columns.radius, "to_object": columns.to_object}
-        tiled["material"] = _material_of(columns)
-        tiled = {name: np.tile(values, k) if values.ndim else values for name, values in tiled.items()}
-        columns = replace(columns, center=_moved("centers", columns.center, moves), **tiled)
-        meshes = tuple(
-            mesh.moved(move, n * k + i) for i, (move, mesh) in enumerate(itertools.product(moves, self.meshes))
-        )
-        check_size(meshes)
-        rods = np.tile(own, k).copy()  # of nothing, numpy makes no copy
-        rods["start"], rods["end"] = (_moved(f"cylinders.{end}", own[end], moves) for end in ("start", "end"))
-        rods["number"] = k * (n + m) + np.arange(len(rods))
-        if bonds:
-            pairs = (bonds.pairs + n * np.arange(k, dtype=np.int32)[:, None, None]).reshape(-1, 2)
-            radius, kinds = np.tile(bonds.radius, k), np.tile(bonds.material, (k, 1))
-            bonds = replace(bonds, pairs=pairs, radius=radius, material=kinds, count=0)
-        return self.with_columns(columns, meshes, rods, bonds).with_bonds_placed()
+        for shape in self.shapes:
+            if len(moves) * shape.counted > shape.most:
+                most = f"must make at most {shape.most} {shape.words}"
+                raise ValueError(f"offsets: {most}, got {len(moves)} times {shape.counted}")
+        firsts = accumulate((len(moves) * len(shape) for shape in self.shapes), initial=0)
+        made = [shape.moved(moves, k, len(self.columns)) for shape, k in zip(self.shapes, firsts, strict=False)]
+        return self.with_fields(**held(made)).following()
 
 
-def _moved(name: str, points: NDArray[Any], moves: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k n, 3): n points by each of k offsets. Raises ValueError."""
-    found: NDArray[np.float64] = (moves[:, None] + points).reshape(-1, 3)
-    check_rule(f"{name}, moved by offsets", ANY, found)
-    return found
-
-
-def _bonded(scene: Scene, given: Mapping[str, ArrayLike | None]) -> Scene:
-    """A scene with cylinders between its spheres. given: by their names, from_spheres()'s arguments about bonds."""
-    pairs, radius, colors, box = (given[name] for name in ("bonds", "bond_radius", "bond_colors", "box"))
-    if pairs is None:
-        for name, value in given.items():
-            if value is not None:
-                raise ValueError(f"{name}: goes with bonds, which are not given")
-        return scene
-    columns = scene.columns
-    bonds = Bonds.of(pairs, radius, box, len(columns))
-    if colors is not None:
-        kinds = colors_of("bond_colors", len(bonds.pairs), colors)
-        kinds = kinds[:, None] if kinds.ndim == 2 else kinds
-        ends = np.broadcast_to(_material_of(columns), (len(columns),))[bonds.pairs]
-        shade = packed(columns.materials_count, columns.every_shade())[ends]
-        shade["color"] = decoded(np.broadcast_to(kinds, shade["color"].shape), scene.transfer)
-        shade["texture"] = -1
-        if kinds.shape[-2:-1] != (2,):  # one colour for both halves is one material, the first end's
-            shade[:, 1] = shade[:, 0]
-        rows, index = np.unique(shade.reshape(-1), return_inverse=True)
-        bonds = replace(bonds, material=(columns.materials_count + index.reshape(-1, 2)).astype(np.int32))
-        columns = replace(columns, rest=np.concatenate([columns.rest, rows]))
-    return scene.with_columns(columns, scene.meshes, bonds=bonds).with_bonds_placed()
-
-
-def _material_of(columns: Columns) -> NDArray[np.int32]:
-    """(n,) or (): the index of each sphere's material."""
-    return np.arange(len(columns), dtype=np.int32) if columns.material is None else columns.material
-
-
-def _numbered(scene: Scene, cylinders: NDArray[np.void]) -> NDArray[np.void]:
-    """More cylinders than those of a scene, with numbers after all other surfaces."""
-    known = len(scene.cylinders)
-    cylinders["number"][known:] = len(scene.columns) + len(scene.meshes) + np.arange(known, len(cylinders))
-    if len(cylinders) > MAX_CYLINDERS:
-        raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(cylinders)}")
-    return cylinders
-
-
-def _check_numbers(meshes: Iterable[PlacedMesh], cylinders: NDArray[np.void]) -> None:
-    """Raises ValueError if a cylinder has a number that is taken."""
-    taken = np.concatenate([np.array([mesh.number for mesh in meshes], np.int64), cylinders["number"]])
-    found, counts = np.unique(taken, return_counts=True)
-    if (counts > 1).any():
-        raise ValueError(f"cylinders.number: {found[np.argmax(counts)]} is given twice")
+def _check_numbers(others: Sequence[Other]) -> None:
+    """Raises ValueError if a surface has a number that is taken."""
+    found, counts = np.unique(np.concatenate([shape.numbers for shape in others]), return_counts=True)
+    for number in found[counts > 1].tolist():
+        last = next(shape for shape in reversed(others) if number in shape.numbers)
+        raise ValueError(f"{last.words}.number: {number} is given twice")
 
 
 def share_all_but_camera(old: Scene, new: Scene) -> bool:
     """Whether two scenes share all but the camera."""
     names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "scale", "spheres", "materials"}
     return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
-
-
-def colors_given(
-    n: int, colors: ArrayLike | None, before: Scale | None = None, **shown: Any
-) -> tuple[ArrayLike | None, Scale | None]:
-    """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
-
-    before: how earlier values did, which later ones do, too, but for what is given; shown: values, cmap, clim, norm.
-    Raises ValueError.
-    """
-    values = shown.pop("values", None)
-    if values is None:
-        for name, given in shown.items():
-            if given is not None:
-                raise ValueError(f"{name}: goes with values, which are not given")
-        return colors, before
-    if colors is not None:
-        raise ValueError("values: must not be given together with colors")
-    array = values_given(values)
-    if len(array) != n:
-        raise ValueError(f"values: must have shape {(n,)}, got {array.shape}")
-    scale = Scale.of(array, before=before, **shown)
-    return scale.colors(array), scale
 
 
 def _joined(lights: Lights | str) -> NDArray[np.void] | str:
@@ -602,45 +480,3 @@ def _check_camera(camera: object, order: str = "") -> None:
     if not isinstance(camera, (Camera, Orthographic)):
         advice = f"; the order is {order}" if order else ""
         raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
-
-
-def _shaped(
-    radius: NDArray[Any], n: int, transform: ArrayLike | None
-) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
-    """What a linear map makes of n spheres: their radii, which of the maps each of them has, and the scene's to_object.
-
-    Raises ValueError, which names the argument and the index.
-    """
-    if transform is None:
-        return radius, np.array(-1, np.int32), np.empty((0, 3, 3))
-    to_world = numbers("transform", transform)
-    if to_world.shape not in ((3, 3), (n, 3, 3)):
-        raise ValueError(f"transform: must have shape (3, 3) or {(n, 3, 3)}, got {to_world.shape}")
-    check_rule("transform", ANY, to_world)
-    maps = to_world.reshape(-1, 3, 3)
-    scales = uniform_scales(maps)
-    bent = np.flatnonzero(np.isnan(scales))
-    to_object = inverses(maps[bent])
-    for i, fault in inverse_faults(maps[bent], to_object):
-        raise ValueError(f"transform{f'[{bent[i]}]' if to_world.ndim == 3 else ''}: {fault}")
-    radii = np.broadcast_to(radius * np.where(np.isnan(scales), 1.0, scales), (n,))
-    for i in np.flatnonzero(~POSITIVE.admits(radii)).tolist():
-        raise ValueError(f"transform: of sphere {i}, the radius {POSITIVE.fault(float(radii[i]))}")
-    index = np.full(len(maps), -1, np.int32)
-    index[bent] = np.arange(len(bent))
-    of_sphere = np.array(np.broadcast_to(index, (n,)))
-    turned = np.flatnonzero(of_sphere >= 0)
-    reach = row_lengths(maps[bent])[of_sphere[turned]]
-    for i, fault in extent_faults(radii[turned], reach):
-        raise ValueError(f"transform: of sphere {turned[i]}, {fault}")
-    return np.array(radii), of_sphere, to_object
-
-
-def _records(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """A copy of an (n,) array of these records; TypeError if it is none: numpy would turn a number into all fields."""
-    if not isinstance(value, np.ndarray) or value.dtype.names != dtype.names or value.ndim != 1:
-        raise TypeError(
-            f"{name}: must be an (n,) array of dtype cltrace.scene.{name[:-1].upper()}, got {described(value)}; "
-            "Scene.from_spheres() takes plain arrays"
-        )
-    return np.array(value, dtype)

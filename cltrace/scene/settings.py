@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene.fit import Fitted, reaches_of
+from cltrace.scene.fit import Fitted, reaches_if_any
 from cltrace.scene.lights import ambient_light, panel_light, sky_light, sun_light
 
 Lights = list[NDArray[np.void]]
@@ -27,8 +27,9 @@ class Place:
     def __init__(self, scene: Fitted) -> None:
         self.axes = np.array(scene.camera.basis())
         self.middle, self.radius = np.zeros(3), 1.0
-        if len(scene.columns) or scene.triangles:
-            high, low = np.split(reaches_of(scene, [*self.axes, *-self.axes]), 2)
+        reaches = reaches_if_any(scene, [*self.axes, *-self.axes])
+        if reaches is not None:
+            high, low = np.split(reaches, 2)
             self.middle = (high / 2 - low / 2) @ self.axes
             self.radius = float(np.hypot(*np.hypot((high / 2 + low / 2)[:2], (high / 2 + low / 2)[2])))
 

@@ -7,13 +7,14 @@ entry of the scene's to_object, or 1 without one.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.numbers.inverses import inverses
-from cltrace.scene.maps import deviations
-from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked
+from cltrace.scene.maps import deviations, uniform_scales
+from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, numbers
 
 SPHERE = np.dtype(
     [
@@ -103,3 +104,35 @@ def row_lengths(maps: NDArray[np.float64]) -> NDArray[np.float64]:
     with np.errstate(over="ignore"):
         lengths: NDArray[np.float64] = np.sqrt(np.square(maps).sum(axis=2))
         return lengths
+
+
+def shaped(
+    radius: NDArray[Any], n: int, transform: ArrayLike | None
+) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+    """What a linear map makes of n spheres: their radii, which of the maps each of them has, and the scene's to_object.
+
+    Raises ValueError, which names the argument and the index.
+    """
+    if transform is None:
+        return radius, np.array(-1, np.int32), np.empty((0, 3, 3))
+    to_world = numbers("transform", transform)
+    if to_world.shape not in ((3, 3), (n, 3, 3)):
+        raise ValueError(f"transform: must have shape (3, 3) or {(n, 3, 3)}, got {to_world.shape}")
+    check_rule("transform", ANY, to_world)
+    maps = to_world.reshape(-1, 3, 3)
+    scales = uniform_scales(maps)
+    bent = np.flatnonzero(np.isnan(scales))
+    to_object = inverses(maps[bent])
+    for i, fault in inverse_faults(maps[bent], to_object):
+        raise ValueError(f"transform{f'[{bent[i]}]' if to_world.ndim == 3 else ''}: {fault}")
+    radii = np.broadcast_to(radius * np.where(np.isnan(scales), 1.0, scales), (n,))
+    for i in np.flatnonzero(~POSITIVE.admits(radii)).tolist():
+        raise ValueError(f"transform: of sphere {i}, the radius {POSITIVE.fault(float(radii[i]))}")
+    index = np.full(len(maps), -1, np.int32)
+    index[bent] = np.arange(len(bent))
+    of_sphere = np.array(np.broadcast_to(index, (n,)))
+    turned = np.flatnonzero(of_sphere >= 0)
+    reach = row_lengths(maps[bent])[of_sphere[turned]]
+    for i, fault in extent_faults(radii[turned], reach):
+        raise ValueError(f"transform: of sphere {turned[i]}, {fault}")
+    return np.array(radii), of_sphere, to_object

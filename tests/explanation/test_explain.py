@@ -22,6 +22,8 @@ from cltrace.explanation import many, meeting
 from cltrace.explanation.many import Swarm
 from cltrace.explanation.pixel import Explainer
 from cltrace.explanation.record import Hit, TracedRay
+from cltrace.explanation.shapes.sphere import SphereTest
+from cltrace.explanation.shapes.triangle import TriangleTest
 from cltrace.reference import Pixel, byte_of
 from cltrace.run.devices import Device
 from cltrace.students.check import CONTRACT
@@ -187,8 +189,8 @@ def test_the_numbers_of_a_small_scene(tmp_path: Path) -> None:
     near, far = ray.tests
     assert (near.surface.kind, near.surface.id, near.surface.line, near.distance) == ("sphere", 0, 11, 5)
     assert (far.surface.kind, far.surface.id, far.surface.line, far.distance) == ("sphere", 1, 14, 9)
-    sphere = near.sphere
-    assert sphere is not None
+    sphere = near.textbook
+    assert isinstance(sphere, SphereTest)
     assert (sphere.a, sphere.b, sphere.c, sphere.discriminant, sphere.t) == (1, -12, 35, 1, (5, 7))
     hit = ray.hit
     assert hit is not None
@@ -271,8 +273,8 @@ def test_what_is_narrowly_missed(tmp_path: Path) -> None:
     (missed,) = found.rays[0].missed
     assert (missed.surface.id, missed.distance) == (0, np.inf)
     assert missed.gap == pytest.approx(0.5, rel=1e-9)
-    assert missed.sphere is not None
-    assert missed.sphere.discriminant < 0
+    assert isinstance(missed.textbook, SphereTest)
+    assert missed.textbook.discriminant < 0
     assert "sphere 0 (line 11), by 0.5 pixels\n" in str(found)
     assert "Closest: nothing, so the ray sees background_color" in str(found)
     assert not explained(tmp_path, ball(0, x=1 + 1.1 * pixel)).rays[0].missed
@@ -311,8 +313,8 @@ def test_where_exact_arithmetic_differs_it_says_so(center: float, radius: Callab
         hits = Fraction(x) - Fraction(center) <= Fraction(r)
         assert (found.hit is not None) == hits
         for test in found.tests + found.missed:
-            assert test.sphere is not None
-            assert bool(test.remark) or hits == (test.sphere.discriminant >= 0)
+            assert isinstance(test.textbook, SphereTest)
+            assert bool(test.remark) or hits == (test.textbook.discriminant >= 0)
             said += test.remark.startswith(remark)
     assert said > 5
 
@@ -526,16 +528,16 @@ def check_tests(ray: TracedRay) -> None:
     """Of spheres and triangles that it meets."""
     o, d = np.array(ray.origin), np.array(ray.direction)
     for test in ray.tests:
-        if test.sphere:
-            s = test.sphere
+        if isinstance(test.textbook, SphereTest):
+            s = test.textbook
             solutions: tuple[float, ...] = s.t
             assert s.discriminant == (s.b / 2) ** 2 - s.a * s.c
             assert near([(s.a * t + s.b) * t / (1 + abs(s.c)) for t in s.t], [-s.c / (1 + abs(s.c))] * len(s.t))
             if not s.own_axes:
                 assert near(np.linalg.norm(o + test.distance * d - s.center) / s.radius, 1)
         else:
-            t = test.triangle
-            assert t is not None
+            t = test.textbook
+            assert isinstance(t, TriangleTest)
             solutions = (t.t,)
             assert near(t.weights @ np.array(t.corners), o + t.t * d)
             assert near(sum(t.weights), 1)

@@ -19,8 +19,9 @@ import pytest
 
 import cltrace
 from cltrace.base.errors import SceneError
-from cltrace.formats import xml_bulk, xml_reader, xml_source
+from cltrace.formats import xml_bulk, xml_checks, xml_reader, xml_source
 from cltrace.formats.faults import closest
+from cltrace.formats.shapes import sphere
 from cltrace.formats.xml_reader import read
 from cltrace.formats.xml_transforms import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Camera, Scene
@@ -212,7 +213,7 @@ def finished(r: str, t: str, iof: str) -> str:
 @pytest.mark.parametrize("bulk", [xml_bulk.bulk, all_carefully])
 def test_mirrors_and_glass(bulk: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also of more than all light. Where nothing is let through, the index says nothing, and is 1."""
-    monkeypatch.setattr(xml_reader, "bulk", bulk)
+    monkeypatch.setattr(sphere, "bulk", bulk)
     written = [
         ("0.25", "0", "0"),
         ("5e-1", "2.5E-1", "+15e-1"),
@@ -1028,10 +1029,10 @@ def test_both_paths_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     text = odd_spheres(300)
     taken = []
     bulk = xml_bulk.bulk
-    monkeypatch.setattr(xml_reader, "bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
+    monkeypatch.setattr(sphere, "bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
     in_bulk = scene_of(text)
     assert 150 < sum(good.sum() for good, _ in taken) < 300
-    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
+    monkeypatch.setattr(sphere, "bulk", all_carefully)
     assert same(in_bulk, scene_of(text))
 
 
@@ -1046,7 +1047,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
     old, new, _ = FAULTS.get(fault, ('radius="1.5"', f'radius="{fault}"', []))
     text = changed(old, new)
     in_bulk = faults_of(text)
-    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
+    monkeypatch.setattr(sphere, "bulk", all_carefully)
     assert faults_of(text) == in_bulk
 
 
@@ -1061,7 +1062,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_the_bulk_path_is_not_deceived(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_bulk = faults_of(changed(SPHERE_TEXT, text))
-    monkeypatch.setattr(xml_reader, "bulk", all_carefully)
+    monkeypatch.setattr(sphere, "bulk", all_carefully)
     assert faults_of(changed(SPHERE_TEXT, text)) == in_bulk
 
 
@@ -1368,13 +1369,13 @@ def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: py
 def test_hints_are_made_for_few_of_many_attributes(old: str, line: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """40,000 of them took 18 s."""
     compared: list[int] = []
-    closest = xml_reader.closest
+    closest = xml_checks.closest
 
     def counted(name: str, others: tuple[str, ...]) -> str | None:
         compared.append(len(others))
         return closest(name, others)
 
-    monkeypatch.setattr(xml_reader, "closest", counted)
+    monkeypatch.setattr(xml_checks, "closest", counted)
     text = changed(old, old + " " + " ".join(f'a{i}="1"' for i in range(40_000)) + " ")
     warnings = warnings_of(text)
     assert warnings[-1] == f"{line}: … and 39900 more"
@@ -1481,7 +1482,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 3)
     assert faults_of(SCENE) == ["17: lights: must be at most 3"]
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 4)
-    monkeypatch.setattr(xml_reader, "MAX_SPHERES", 2)
+    monkeypatch.setattr(sphere, "MAX_SPHERES", 2)
     assert faults_of(changed(SPHERE_TEXT, SPHERE_TEXT * 3)) == ["45: surfaces: must be at most 2 spheres"]
     monkeypatch.setattr(xml_source, "MAX_BYTES", 1000)
     assert faults_of(SCENE) == [" must not be larger than 1000 bytes"]

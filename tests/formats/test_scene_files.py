@@ -13,7 +13,8 @@ from PIL import Image
 
 import cltrace
 from cltrace.base.errors import Fault, SceneError, SceneWarning
-from cltrace.formats import obj, texture, xml_files, xml_reader
+from cltrace.formats import obj, texture, xml_files
+from cltrace.formats.shapes import mesh as meshes
 from cltrace.formats.xml_reader import read
 from cltrace.numbers.inverses import inverses
 from cltrace.scene import Scene
@@ -449,13 +450,13 @@ def test_a_mesh_named_again_adds_so_many_triangles_only() -> None:
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_reader, "MAX_MESHES", 2)
+    monkeypatch.setattr(meshes, "MAX_MESHES", 2)
     assert faults_of(*[mesh("a.obj")] * 3) == [f"scene.xml:{FIRST + 2}: surfaces: must be at most 2 meshes"]
-    monkeypatch.setattr(xml_reader, "MAX_TRIANGLES", 3)
+    monkeypatch.setattr(meshes, "MAX_TRIANGLES", 3)
     assert len(scene_of(mesh("a.obj"), mesh("sub/b.obj")).meshes) == 2
     (fault,) = faults_of(mesh("sub/b.obj"), mesh("sub/b.obj"))
     assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 67108864 vertices of meshes"
-    monkeypatch.setattr(xml_reader, "MAX_VERTICES", 5)
+    monkeypatch.setattr(meshes, "MAX_VERTICES", 5)
     (fault,) = faults_of(mesh("a.obj"), mesh("a.obj"))
     assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 5 vertices of meshes"
     monkeypatch.setattr(xml_files, "MAX_TEXELS", 15)

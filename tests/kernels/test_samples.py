@@ -309,7 +309,7 @@ def test_look_update_and_movies(any_device: Device) -> None:
         for name in OUTPUTS:
             np.testing.assert_array_equal(getattr(image, name), getattr(fresh, name))
     centers = scene.columns.center + np.float64(0.125)
-    other = scene.with_columns(replace(scene.columns, center=centers), ())
+    other = scene.with_fields(columns=replace(scene.columns, center=centers), meshes=())
     fresh = cltrace.render(other, any_device, **how)
     image = renderer.update(centers=centers).render()
     for name in OUTPUTS:

@@ -213,7 +213,7 @@ def test_other_ellipsoids_in_the_same_places(device: Device, changed: str, refle
     other = scene._with(to_object=np.ascontiguousarray(scene.to_object.transpose(0, 2, 1) * (2.0, 1.0, 0.5)))
     if changed != "maps":
         columns = replace(scene.columns, to_object=scene.columns.to_object[::-1].copy())
-        other = scene.with_columns(columns, scene.meshes)
+        other = scene.with_fields(columns=columns)
     assert other.columns.center is scene.columns.center
     first = Renderer(scene, device, outputs=OUTPUTS)
     assert not np.array_equal(first.following(other).render().normal, first.render().normal)

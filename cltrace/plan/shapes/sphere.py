@@ -22,7 +22,7 @@ from cltrace.plan.rounding import Array, Ints, Mask, U, along, rotated, rounded_
 from cltrace.plan.shapes.ellipsoid import Maps
 from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
 from cltrace.plan.space import Space
-from cltrace.scene import OTHERS, AnyCamera, Scene
+from cltrace.scene import OTHER_FIELDS, AnyCamera, Scene
 
 # Up to so many times as far as at first may neighbours in an order be from each other before it is made anew.
 WORSE = 2.0
@@ -50,7 +50,7 @@ class Spheres(Shape):
     def of(cls, scene: Scene, request: Request, before: tuple[Scene, Spheres] | None, order_of: OrderOf) -> Spheres:
         columns = scene.columns
         row, far, by_place, center, radius = _places(scene, request, before, order_of)
-        if before and share(before[0], scene, "columns.to_object", "to_object", *OTHERS):
+        if before and share(before[0], scene, "columns.to_object", "to_object", *OTHER_FIELDS):
             known = before[1]
             if known.center is center and known.radius is radius:
                 return known

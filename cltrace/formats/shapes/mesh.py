@@ -1,0 +1,110 @@
+"""Meshes, whose files are read when the scene's own is over: a row of SHAPES."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from cltrace.base.errors import located
+from cltrace.formats.faults import FatalError
+from cltrace.formats.shapes.shape import Shape
+from cltrace.formats.xml_bulk import FINISHED
+from cltrace.formats.xml_checks import Checks, Numbers
+from cltrace.formats.xml_files import Contents
+from cltrace.formats.xml_transforms import to_world
+from cltrace.scene import ANY, MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, MeshFile, PlacedMesh, place_faults
+
+if TYPE_CHECKING:
+    from cltrace.formats.obj import Obj
+
+
+class _Mesh(NamedTuple):
+    """A mesh as the file has it: its line, which of the named files it is, its place, number and finish (xml_bulk)."""
+
+    line: int
+    file: int
+    to_world: Numbers
+    number: int
+    finish: list[float]
+
+
+class Meshes(Shape):
+    """Those of the file, and what their files hold."""
+
+    def __init__(self, checks: Checks, instances: int) -> None:
+        super().__init__(checks, instances)
+        self._meshes: list[_Mesh] = []
+        self._contents: Contents[Obj] = Contents()
+        self._placed: list[PlacedMesh] = []
+
+    def take(self, element: etree._Element, number: int) -> None:
+        checks = self.checks
+        if len(self._meshes) >= MAX_MESHES:
+            raise FatalError(checks.document.line_of(element), f"surfaces: must be at most {MAX_MESHES} meshes")
+        values, whole = checks.element(element)
+        finish, line = checks.finish(element, values), checks.document.line_of(element)
+        file = checks.files.meshes.add(values["name"], line) if "name" in values else -1
+        place = np.array(to_world(checks.steps(values, number)))
+        extreme = place[~ANY.admits(place)].tolist()
+        if extreme:
+            checks.fault(element, f"mesh transform: a number of its matrix {ANY.fault(extreme[0])}")
+            return
+        for fault in place_faults(place):
+            checks.fault(element, f"mesh transform: {fault}")
+            return
+        sizes = np.linalg.norm(place[:, :3], axis=0)
+        checks.doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
+        if whole and finish is not None:
+            self._meshes.append(_Mesh(line, file=file, to_world=place, number=number, finish=finish))
+            checks.doubt_finish(element, finish)
+
+    def complete(self) -> None:
+        """Places the meshes whose files are right in the world; complains about those that are not right there."""
+        faults = self.checks.faults
+        self._contents = contents = self.checks.files.read_meshes(faults)
+        triangles = vertices = again = 0
+        seen = set[int]()
+        for mesh in self._meshes:
+            file = contents.of[mesh.file]
+            if file is None:
+                continue
+            geometry = contents.found[file].geometry
+            triangles, vertices = triangles + len(geometry.faces), vertices + len(geometry.vertices)
+            if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
+                most = f"{MAX_TRIANGLES} triangles and {MAX_VERTICES} vertices"
+                faults.add(mesh.line, f"surfaces: must be at most {most} of meshes")
+                break
+            again += len(geometry.faces) if file in seen else 0
+            seen.add(file)
+            if again > self.instances:
+                most = f"at most {self.instances} triangles of files that are named again"
+                faults.add(mesh.line, f"surfaces: must have {most}; --instances allows more")
+                break
+            try:
+                self._placed.append(PlacedMesh(geometry, mesh.to_world, 0, mesh.number))
+            except ValueError as error:
+                faults.add(mesh.line, f"mesh: after the transform {str(error).partition('in the world, ')[2]}")
+
+    def files(self) -> dict[int, MeshFile]:
+        contents = self._contents
+        files = [MeshFile(name, obj.lines) for name, obj in zip(contents.names, contents.found, strict=True)]
+        file_of = ((mesh.number, contents.of[mesh.file]) for mesh in self._meshes)
+        return {number: files[k] for number, k in file_of if k is not None}
+
+    def notes(self) -> Iterator[str]:
+        contents = self._contents
+        textured = {contents.of[mesh.file] for mesh in self._meshes if mesh.finish[-1] >= 0}
+        for i, (name, obj) in enumerate(zip(contents.names, contents.found, strict=True)):
+            for warning in sorted([*obj.warnings, *(obj.unmapped if i in textured else [])]):
+                yield located(self.checks.files.shown(name), warning.line, warning.message)
+
+    @property
+    def finishes(self) -> Numbers:
+        return np.array([mesh.finish for mesh in self._meshes], np.float64).reshape(-1, FINISHED)
+
+    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
+        return {"meshes": [mesh.of(int(k), mesh.number) for mesh, k in zip(self._placed, materials, strict=True)]}

@@ -1,0 +1,49 @@
+"""What a shape is to a scene file: a row of SHAPES in table.py, of which the reader knows this alone."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from cltrace.formats.xml_checks import Checks, Numbers
+from cltrace.scene import MeshFile
+
+
+class Shape(ABC):
+    """The surfaces of one element so far, whose faults and warnings `checks` are told of."""
+
+    def __init__(self, checks: Checks, instances: int) -> None:
+        """instances: as of read()."""
+        self.checks, self.instances = checks, instances
+
+    @abstractmethod
+    def take(self, element: etree._Element, number: int) -> None:
+        """Reads a complete element with its number among all surfaces. Raises FatalError if these are too many."""
+
+    def take_rest(self) -> None:  # noqa: B027 (most put off none)
+        """Reads the elements that take() has put off, before they are dropped. Raises FatalError likewise."""
+
+    def complete(self) -> None:  # noqa: B027 (most name none)
+        """Reads the files that the elements name, after all of these."""
+
+    def files(self) -> dict[int, MeshFile]:
+        """The file of each surface that has one, by its number."""
+        return {}
+
+    def notes(self) -> Iterator[str]:
+        """The warnings of these files."""
+        return iter(())
+
+    @property
+    @abstractmethod
+    def finishes(self) -> Numbers:
+        """(n, 11), a finish of xml_bulk for each surface."""
+
+    @abstractmethod
+    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
+        """The fields of Scene that they are. materials: (n,), the index of that of each surface."""

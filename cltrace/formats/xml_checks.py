@@ -1,0 +1,219 @@
+"""The careful path: what is valid in an element of a scene file, and the words for what is not."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from cltrace.formats.faults import MAX_MESSAGES, Messages, closest
+from cltrace.formats.xml_bulk import SHARES
+from cltrace.formats.xml_elements import ELEMENTS, MEANT, SECTIONS, Values, rotations
+from cltrace.formats.xml_files import Files
+from cltrace.formats.xml_source import Document
+from cltrace.formats.xml_transforms import Steps, maps_of
+from cltrace.formats.xml_values import like_bytes, short, value
+from cltrace.scene import Vector
+
+MAX_TRANSFORMS = 10_000  # whose steps are kept
+
+# Colours are computed in float32, whose numbers are 2^-126 to 2^128 where they keep their digits. Sizes and their
+# inverses are squared for lengths, so they stay in there up to this.
+MAX_SIZE = 2.0**63
+
+Numbers = NDArray[np.float64]
+
+
+class Children:
+    """The children of an element so far: which of those that may occur once it has, and which are unknown."""
+
+    def __init__(self, reader: Checks, element: etree._Element) -> None:
+        self.reader, self.element = reader, element
+        self.schema, self.label = ELEMENTS[element.tag], label_of(element)
+        self.filled: set[str] = set()
+        self.strays: dict[str, int] = {}
+
+    def claim(self, child: etree._Element) -> bool:
+        """Whether the child is to be read; if not, it has been complained about."""
+        slot = self.schema.slots.get(child.tag)
+        if slot is None and child.tag not in self.schema.many:
+            known = self.wanted(child)
+            line = self.reader.warn_unknown(child, self.label, what="element <{}>", name=child.tag, known=known)
+            if len(self.strays) < MAX_MESSAGES:
+                self.strays.setdefault(child.tag, line)
+            return False
+        if slot in self.filled:
+            self.reader.fault(child, f"{self.label}: <{child.tag}> must occur only once")
+            return False
+        if slot:
+            self.filled.add(slot)
+        return True
+
+    def wanted(self, stray: etree._Element) -> tuple[str, ...]:
+        """What a stray child may have been meant to be."""
+        if self.element.tag == "transform" and stray.tag.lower() in ("rotate", "rotation"):
+            return rotations({str(name): str(value) for name, value in stray.attrib.items()})
+        return tuple(name for name in self.schema.known if self.schema.slots.get(name) not in self.filled)
+
+    def complete(self) -> bool:
+        """Whether every required child has been there; complains about those that have not."""
+        missing = [slot for slot in self.schema.children if slot not in self.filled]
+        if self.element not in self.reader.cut_off:
+            for slot in missing:
+                self._complain(slot)
+        return not missing
+
+    def _complain(self, slot: str) -> None:
+        names = slot.split("|")
+
+        def hint() -> str:
+            stray = next(filter(None, (closest(name, tuple(self.strays)) for name in names)), None)
+            known = (MEANT[self.element.tag, name] for name in self.strays if (self.element.tag, name) in MEANT)
+            return next(known, f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else "")
+
+        missing = " or ".join(f"<{name}>" for name in names)
+        self.reader.fault(self.element, f"{self.label}: {missing} is missing", hint)
+
+
+def label_of(element: etree._Element) -> str:
+    parent = element.getparent()
+    return element.tag if parent is None or parent.tag in SECTIONS else f"{parent.tag} {element.tag}"
+
+
+class Checks:
+    """A file, the elements of which are looked at one by one, and what is wrong with it so far.
+
+    files: those that it names; transforms: the maps of the first surfaces that have some, by their numbers.
+    """
+
+    def __init__(self, path: str, exact: bool) -> None:
+        self.path, self.document, self.files = path, Document(path, exact), Files(path)
+        self.faults, self.warnings = Messages(), Messages()
+        self.cut_off: set[etree._Element] = set()  # the elements that may be open where the file ceases to be XML
+        self.transforms: dict[int, NDArray[np.float64]] = {}
+
+    def fault(self, element: etree._Element, message: str, hint: Callable[[], str] = lambda: "") -> None:
+        self.faults.add(self.document.line_of(element), message, hint)
+
+    def warn_unknown(self, element: etree._Element, label: str, what: str, name: str, known: tuple[str, ...]) -> int:
+        """Warns of an unknown attribute or element and returns its line."""
+        line = self.document.line_of(element)
+
+        def hint() -> str:
+            meant = closest(name, known)
+            return f"; did you mean {what.partition(' ')[2].format(meant)}?" if meant else ""
+
+        self.warnings.add(line, f"{label}: unknown {what.format(short(name))} ignored", hint)
+        return line
+
+    def element(self, element: etree._Element) -> tuple[Values, bool]:
+        """What is valid in an element, and whether that is all that it needs."""
+        schema, label = ELEMENTS[element.tag], label_of(element)
+        values, whole = self.attributes(element)
+        children = Children(self, element)
+        for child in element.iterchildren("*"):
+            if children.claim(child):
+                inner, good = self.element(child)
+                whole &= good
+                if child.tag not in schema.many:
+                    values[child.tag] = inner
+                elif good:
+                    values.setdefault("steps", []).append((child, inner))
+        whole &= children.complete()
+        with suppress(KeyError):
+            if fault := schema.check(values):
+                self.fault(element, f"{label}: {fault}")
+                whole = False
+        return values, whole
+
+    def attributes(self, element: etree._Element) -> tuple[Values, bool]:
+        """The valid attributes of an element, in the order of the schema, and whether these are all."""
+        kinds, label = ELEMENTS[element.tag].attributes, label_of(element)
+        wanted = tuple(kind for kind in kinds if element.get(kind) is None)
+        strays = [str(name) for name in element.attrib if name not in kinds]
+        for name in strays:
+            self.warn_unknown(element, label, what="attribute '{}'", name=name, known=wanted)
+        del strays[MAX_MESSAGES:]
+        values: Values = {}
+        for name, kind in kinds.items():
+            text = element.get(name)
+            if text is None:
+                self.fault(
+                    element,
+                    f"{label}: attribute {name} is missing",
+                    functools.partial(_meant, element.tag, name, *strays),
+                )
+                continue
+            try:
+                values[name] = value(kind, text)
+            except ValueError as error:
+                self.fault(element, f"{label}: {name} {error}")
+        return values, len(values) == len(kinds)
+
+    def steps(self, values: Values, number: int) -> Steps:
+        """The steps of the transform of the surface with this number, of which the first surfaces' are kept."""
+        steps: Steps = values.get("transform", {}).get("steps", [])
+        if steps and len(self.transforms) < MAX_TRANSFORMS:
+            self.transforms[number] = maps_of(steps)
+        return steps
+
+    def finish(self, element: etree._Element, values: Values) -> list[float] | None:
+        """What a row has of the material; None where something is missing. A texture's file is read later."""
+        material = values.get("material_solid") or values.get("material_textured", {})
+        texture = -1
+        if name := material.get("texture", {}).get("name"):
+            texture = self.files.textures.add(name, self.document.line_of(next(element.iter("texture"))))
+        try:
+            color = (1.0, 1.0, 1.0) if "texture" in material else vector_of(material["color"])
+            parts = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
+            return [*color, *(number for part in parts for number in part.values()), texture]
+        except (KeyError, ValueError):
+            return None
+
+    def doubt(self, elements: Sequence[etree._Element], colors: NDArray[np.float64]) -> None:
+        """Warns of colours, (n, 3), that seem to be meant as bytes, each in its element or in a <color> within."""
+        for i in np.flatnonzero(like_bytes(colors)).tolist():
+            element = next(elements[i].iter("color"), elements[i])
+            numbers = ", ".join(f"{share:g}" for share in colors[i])
+            message = f"{label_of(element)}: {numbers} looks like bytes of 0..255, but 1 is full: divide by 255"
+            self.warnings.add(self.document.line_of(element), message)
+
+    def doubt_sizes(self, elements: Sequence[etree._Element], largest: Numbers, least: Numbers) -> None:
+        """Warns of surfaces whose radii or scales, (n,) at most and at least, are none for colours."""
+        for i in np.flatnonzero((largest > MAX_SIZE) | (least < 1 / MAX_SIZE)).tolist():
+            size = largest[i] if largest[i] > MAX_SIZE else least[i]
+            message = (
+                f"{elements[i].tag}: a radius or scale of {size:.2g} may spoil colours, which hold "
+                f"within {1 / MAX_SIZE:.2g}..{MAX_SIZE:.2g}"
+            )
+            self.warnings.add(self.document.line_of(elements[i]), message)
+
+    def doubt_shares(self, elements: Sequence[etree._Element], finishes: Numbers) -> None:
+        """Warns of materials, a row of FINISH each, that send on more light than reaches them."""
+        shares = finishes[:, SHARES].sum(axis=1)
+        for i in np.flatnonzero(shares > 1 + np.finfo(np.float32).eps).tolist():  # what is written as 0.7 + 0.3 is 1
+            material = next(elements[i].iter("material_solid", "material_textured"))
+            message = f"{material.tag}: r + t = {shares[i]:g} is above 1: more light goes on than reaches it"
+            self.warnings.add(self.document.line_of(material), message)
+
+    def doubt_finish(self, element: etree._Element, finish: list[float]) -> None:
+        """Warns of the colour and the shares of one element."""
+        row = np.array([finish])
+        self.doubt([element], row[:, :3])
+        self.doubt_shares([element], row)
+
+
+def vector_of(values: Values) -> Vector:
+    x, y, z = values.values()
+    return x, y, z
+
+
+def _meant(element: str, name: str, *strays: str) -> str:
+    """The end of the message that an attribute is missing, where an unknown one may have been meant to be it."""
+    stray = closest(name, strays)
+    known = next((MEANT[element, stray] for stray in strays if (element, stray) in MEANT), "")
+    return known or (f"; did you mean '{short(stray)}'?" if stray else "")

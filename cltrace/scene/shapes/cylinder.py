@@ -1,0 +1,322 @@
+"""Cylinders with flat ends, and bonds between spheres, which are some of them: a row of SHAPES.
+
+The solid is { x : |(x - start) x u| <= radius |u|, 0 <= (x - start).u <= u.u } with u = end - start, all of these
+numbers as they are: no axis is normalised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cltrace.base.arrays import blockwise
+from cltrace.scene.boxes import box_of, to_nearest
+from cltrace.scene.colors import Transfer, color_numbers, decoded
+from cltrace.scene.columns import Columns
+from cltrace.scene.materials import Frozen, Material, packed, records
+from cltrace.scene.rules import (
+    ANY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    check_not_bytes,
+    check_rule,
+    checked,
+    described,
+    numbers,
+    records_of,
+)
+from cltrace.scene.shapes.shape import Floats, Ids, Other, moved
+
+CYLINDER = np.dtype(
+    [
+        ("start", "f8", (3,)),  # the middle of one end, scene units
+        ("end", "f8", (3,)),  # the middle of the other one
+        ("radius", "f8"),  # scene units
+        ("material", "i4"),  # index into the scene's materials
+        ("number", "i4"),  # among all surfaces
+    ]
+)
+MAX_CYLINDERS = 2**24
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bonds(Frozen):
+    """Cylinders between the centres of spheres, which follow these.
+
+    pairs: (k, 2) int32, which spheres; radius: (k,); material: (k, 2), of each half, or none, (0, 2), where each has
+    that of its end; box: (3, 3), the edges of a periodic box, or none, (0, 3); count: how many cylinders they are in
+    their scene. A bond is whole where both its halves have one material, else it is two halves that meet in the middle.
+    Across the box's boundary it is two halves also, each from its end to the middle of the way to the nearest image of
+    the other one.
+    """
+
+    pairs: NDArray[np.int32]
+    radius: Floats
+    material: NDArray[np.int32]
+    box: Floats
+    count: int = 0
+
+    @classmethod
+    def of(cls, pairs: ArrayLike, radius: ArrayLike | None, box: ArrayLike | None, spheres: int) -> Bonds:
+        """Checked. spheres: how many there are. Raises ValueError, which names the argument and the index."""
+        given = numbers("bonds", pairs)
+        given = given.reshape(0, 2) if given.shape == (0,) else given
+        if given.ndim != 2 or given.shape[1] != 2:
+            raise ValueError(f"bonds: must have shape (k, 2), got {given.shape}")
+        if len(given) > MAX_CYLINDERS // 2:
+            raise ValueError(f"bonds: must be at most {MAX_CYLINDERS // 2}, got {len(given)}")
+        bad = np.argwhere(~((given >= 0) & (given < spheres) & (given == np.floor(given))))
+        if len(bad):
+            i, j = bad[0]
+            raise ValueError(f"bonds[{i}][{j}]: must be the index of one of {spheres} centers, got {given[i, j]:g}")
+        alone = np.flatnonzero(given[:, 0] == given[:, 1])
+        if len(alone):
+            raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]:g} twice")
+        if radius is None:
+            raise ValueError("bond_radius: must be given with bonds")
+        sizes = numbers("bond_radius", radius)
+        if sizes.shape not in ((), (len(given),)):
+            raise ValueError(f"bond_radius: must have shape {(len(given),)} or be one value, got {sizes.shape}")
+        check_rule("bond_radius", POSITIVE, sizes)
+        edges = np.zeros((0, 3)) if box is None else box_of(box)
+        none = np.zeros((0, 2), np.int32)
+        return cls(given.astype(np.int32), np.array(np.broadcast_to(sizes, (len(given),))), none, edges)
+
+    def placed(self, center: NDArray[Any], of_spheres: NDArray[Any]) -> NDArray[np.void]:
+        """CYLINDER records without numbers.
+
+        center: (n, 3); of_spheres: (n,) or (), the spheres' materials. Raises ValueError, which names the bond, where
+        two spheres that it joins are at one place.
+        """
+        i, j = self.pairs.T
+        a, b = center[i].astype(np.float64), center[j].astype(np.float64)
+        shift = to_nearest(b - a, self.box) if len(self.box) else np.zeros_like(a)
+        across = shift.any(axis=1)
+        _check_length("bonds", a, b + shift)
+        material = self.material
+        if not len(material):
+            material = np.stack([np.broadcast_to(of_spheres, (len(center),))[k] for k in (i, j)], axis=1)
+        split = across | (material[:, 0] != material[:, 1])
+        out = np.zeros((len(a), 2), CYLINDER)
+        out["radius"], out["material"] = self.radius[:, None], material
+        out["start"], out["end"] = np.stack([a, b], axis=1), np.stack([b, a], axis=1)
+        middle = a / 2 + (b + shift) / 2
+        out["end"][split, 0] = middle[split]
+        out["end"][split, 1] = middle[split]
+        # Across the boundary, the second half leads to where the first one's other end is seen from there.
+        out["end"][across, 1] = (b / 2 + (a - shift) / 2)[across]
+        out["start"][:, 1], out["end"][:, 1] = out["end"][:, 1].copy(), out["start"][:, 1].copy()
+        _check_length("bonds", *(out[name].reshape(-1, 3).reshape(len(a), 6) for name in ("start", "end")))
+        return np.asarray(out[np.stack([np.ones(len(a), bool), split], axis=1)])
+
+    def repeated(self, times: int, spheres: int) -> Bonds:
+        """Those of as many copies of the spheres, not yet placed. spheres: how many there are of each."""
+        pairs = (self.pairs + spheres * np.arange(times, dtype=np.int32)[:, None, None]).reshape(-1, 2)
+        radius, material = np.tile(self.radius, times), np.tile(self.material, (times, 1))
+        return replace(self, pairs=pairs, radius=radius, material=material, count=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinders(Other):
+    """cylinders: CYLINDER; bonds: what moves the first ones of them with the spheres, None for none."""
+
+    cylinders: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, CYLINDER))
+    bonds: Bonds | None = None
+    words: ClassVar[str] = "cylinders"
+    most: ClassVar[float] = MAX_CYLINDERS
+
+    @classmethod
+    def checked(cls, given: Mapping[str, Any], materials: int, spheres: int) -> Cylinders:
+        cylinders, bonds = given["cylinders"], given["bonds"]
+        rods = cls().cylinders if cylinders is None else records_of("cylinders", cylinders, CYLINDER)
+        _check(rods, materials)
+        if bonds is not None and bonds.pairs.max(initial=-1) >= spheres:
+            raise ValueError(f"bonds: must be between {spheres} spheres")
+        return cls(rods, bonds)
+
+    def __len__(self) -> int:
+        return len(self.cylinders)
+
+    @property
+    def bound(self) -> int:
+        """How many of the first ones are bonds."""
+        return self.bonds.count if self.bonds else 0
+
+    @property
+    def counted(self) -> int:
+        return len(self.cylinders) - self.bound + (2 * len(self.bonds.pairs) if self.bonds else 0)
+
+    @property
+    def numbers(self) -> Ids:
+        return self.cylinders["number"].astype(np.int64)
+
+    @property
+    def materials(self) -> Ids:
+        """Of those that are no bonds, then of bonds that have not those of their ends."""
+        of_bonds = self.bonds.material.reshape(-1) if self.bonds else np.zeros(0, np.int32)
+        return np.concatenate([self.cylinders["material"][self.bound :], of_bonds]).astype(np.int64)
+
+    def with_materials(self, materials: Ids) -> Cylinders:
+        own, of_bonds = np.split(materials, [len(self.cylinders) - self.bound])
+        cylinders = self.cylinders.copy()
+        cylinders["material"][self.bound :] = own
+        return Cylinders(cylinders, self.bonds and replace(self.bonds, material=of_bonds.reshape(-1, 2).astype("i4")))
+
+    def beside(self, spheres: int, was: int) -> Cylinders:
+        if len(self.cylinders):
+            raise ValueError(f"centers: must be {was}, as there are bonds or other cylinders, got {spheres}")
+        return self
+
+    def moved(self, moves: Floats, first: int, spheres: int) -> Cylinders:
+        """Without bonds, which are yet to be placed where the spheres then are."""
+        own = self.cylinders[self.bound :]
+        rods = np.tile(own, len(moves)).copy()  # of nothing, numpy makes no copy
+        rods["start"], rods["end"] = (moved(f"cylinders.{end}", own[end], moves) for end in ("start", "end"))
+        rods["number"] = first + np.arange(len(rods))
+        return Cylinders(rods, self.bonds and self.bonds.repeated(len(moves), spheres))
+
+    def following(self, columns: Columns, first: int) -> Cylinders:
+        """With bonds where the spheres are now, and as these are."""
+        if self.bonds is None:
+            return self
+        made = self.bonds.placed(columns.center, columns.material_of)
+        found = np.concatenate([made, self.cylinders[self.bound :]])
+        found["number"] = first + np.arange(len(found))
+        if found.tobytes() == self.cylinders.tobytes():
+            return self
+        return Cylinders(found, replace(self.bonds, count=len(made)))
+
+    def reach(self, directions: Floats) -> list[Floats]:
+        """Of flat ends, whose discs reach r sin(angle between d and the axis)."""
+        lengths = np.sqrt((directions * directions).sum(axis=1))
+
+        def ends(block: slice) -> Floats:
+            of = self.cylinders[block]
+            axis = of["end"] - of["start"]
+            axis /= np.sqrt((axis * axis).sum(axis=1))[:, None]
+            along = axis @ directions.T
+            across = np.sqrt(np.maximum(lengths**2 - along**2, 0))
+            most = np.maximum(of["start"] @ directions.T, of["end"] @ directions.T) + of["radius"][:, None] * across
+            return np.asarray(most.max(axis=0))
+
+        return blockwise(len(self.cylinders), ends) if len(self.cylinders) else []
+
+
+def _check(cylinders: NDArray[np.void], materials: int) -> None:
+    """Raises ValueError, which names field and index, where a CYLINDER array holds what is not allowed.
+
+    materials: how many there are.
+    """
+    if len(cylinders) > MAX_CYLINDERS:
+        raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(cylinders)}")
+    for name, rule in (("start", ANY), ("end", ANY), ("radius", POSITIVE)):
+        check_rule(f"cylinders.{name}", rule, cylinders[name])
+    _check_length("cylinders.end", cylinders["start"], cylinders["end"])
+    for name, lost, words in (
+        ("material", (cylinders["material"] < 0) | (cylinders["material"] >= materials), "the index of a material"),
+        ("number", cylinders["number"] < 0, "at least 0"),
+    ):
+        if lost.any():
+            i = int(np.argmax(lost))
+            raise ValueError(f"cylinders.{name}[{i}]: must be {words}, got {cylinders[name][i]}")
+
+
+def _check_length(name: str, starts: Floats, ends: Floats) -> None:
+    """Raises ValueError, which names the index, if one ends where it starts."""
+    same = np.flatnonzero((starts == ends).all(axis=1))
+    if len(same):
+        raise ValueError(f"{name}[{same[0]}]: must not be the start")
+
+
+def materials_of(count: int, colors: ArrayLike | None, material: Material | None) -> tuple[NDArray[np.void], bool]:
+    """The materials of cylinders, colours as they were given: one for all, or one for each, or two for each in turn.
+
+    The second answer is whether there are two. Raises ValueError and TypeError, which name the argument and the index.
+    """
+    base = Material() if material is None else material
+    if not isinstance(base, Material):
+        raise TypeError(f"material: must be a cltrace.Material, got {described(material)}")
+    if base.texture is not None:
+        raise ValueError("material: must have no texture")
+    one, _ = records([base])
+    if colors is None:
+        return one, False
+    shown = colors_of("colors", count, colors)
+    rows = shown.reshape(-1, 3)
+    made = np.repeat(one, len(rows))
+    made["color"] = rows
+    return made, shown.ndim == 3
+
+
+def colors_of(name: str, count: int, colors: ArrayLike) -> NDArray[Any]:
+    """(3,), (count, 3) or, for both halves of each, (count, 2, 3). Raises ValueError, which names them."""
+    shown = np.asarray(color_numbers(name, colors))
+    if shown.shape not in ((3,), (count, 3), (count, 2, 3)):
+        raise ValueError(f"{name}: must have shape (3,), {(count, 3)} or {(count, 2, 3)}, got {shown.shape}")
+    check_rule(name, NOT_NEGATIVE, shown)
+    check_not_bytes(name, shown, reflected=True)
+    return shown
+
+
+def linear(materials: NDArray[np.void], transfer: Transfer) -> NDArray[np.void]:
+    """The same with linear colours."""
+    out = materials.copy()
+    out["color"] = decoded(materials["color"], transfer)
+    return out
+
+
+def cylinders_of(starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> NDArray[np.void]:
+    """Checked CYLINDER records, (n,), without materials and numbers. The arguments are Scene.with_cylinders()'s."""
+    first, last = (checked(name, ANY, value, (-1, 3)) for name, value in (("starts", starts), ("ends", ends)))
+    if len(first) != len(last):
+        raise ValueError(f"ends: must be as many as starts, {len(first)}, got {len(last)}")
+    sizes = numbers("radius", radius)
+    if sizes.shape not in ((), (len(first),)):
+        raise ValueError(f"radius: must have shape {(len(first),)} or be one value, got {sizes.shape}")
+    check_rule("radius", POSITIVE, sizes)
+    _check_length("ends", first, last)
+    out = np.zeros(len(first), CYLINDER)
+    out["start"], out["end"], out["radius"] = first, last, sizes
+    return out
+
+
+def halved(cylinders: NDArray[np.void]) -> NDArray[np.void]:
+    """Each one as two, (2 n,), in turn, which meet in the middle."""
+    middle = cylinders["start"] / 2 + cylinders["end"] / 2
+    out = np.repeat(cylinders, 2)
+    out["end"][::2] = middle
+    out["start"][1::2] = middle
+    return out
+
+
+def bonds_of(
+    columns: Columns, transfer: Transfer, given: Mapping[str, ArrayLike | None]
+) -> tuple[Columns, Bonds | None]:
+    """The bonds of a scene of spheres, not yet placed, and what the spheres and materials then are.
+
+    given: by their names, the arguments of Scene.from_spheres() about bonds. Raises ValueError.
+    """
+    pairs, radius, colors, box = (given[name] for name in ("bonds", "bond_radius", "bond_colors", "box"))
+    if pairs is None:
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(f"{name}: goes with bonds, which are not given")
+        return columns, None
+    bonds = Bonds.of(pairs, radius, box, len(columns))
+    if colors is not None:
+        kinds = colors_of("bond_colors", len(bonds.pairs), colors)
+        kinds = kinds[:, None] if kinds.ndim == 2 else kinds
+        ends = np.broadcast_to(columns.material_of, (len(columns),))[bonds.pairs]
+        shade = packed(columns.materials_count, columns.every_shade())[ends]
+        shade["color"] = decoded(np.broadcast_to(kinds, shade["color"].shape), transfer)
+        shade["texture"] = -1
+        if kinds.shape[-2:-1] != (2,):  # one colour for both halves is one material, the first end's
+            shade[:, 1] = shade[:, 0]
+        rows, index = np.unique(shade.reshape(-1), return_inverse=True)
+        bonds = replace(bonds, material=(columns.materials_count + index.reshape(-1, 2)).astype(np.int32))
+        columns = columns.with_more(rows)
+    return columns, bonds
