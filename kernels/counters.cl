@@ -22,8 +22,8 @@ static Work no_work(void) {
 #define COUNT(kind, mask) COUNT_EACH(kind, (mask) ? (INT)1 : (INT)0)
 
 /* Whether the host wants nothing more. What long loops leave then is no picture: the host has it drawn again. */
-static int is_over(const Scene scene) {
-    return *scene.last < 0;
+static int is_over(const Scene *scene) {
+    return *scene->last < 0;
 }
 
 /* A sum of such numbers says what all rays of a sample have met, in whatever order: surfaces at each depth, and lights

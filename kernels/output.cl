@@ -74,7 +74,7 @@ static void keep_colors(const Shade3 color, const Outputs out, const int first) 
 }
 
 /* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
-static void write(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, const Work *work,
+static void write(const Frame frame, const Scene *scene, const Packet packet, const Pixels pixels, const Work *work,
                   const Outputs out, const int first) {
     const int pitch = out.pitch;
     if (HAS(WITH_PASSES)) keep_colors(pixels.color, out, first);

@@ -28,28 +28,27 @@ static int number_of(const Packet packet) {
     return packet.first.y / PACKET_HEIGHT * columns + packet.first.x / PACKET_WIDTH;
 }
 
-static int is_given_up(const Scene scene, const Packet packet) {
-    return HAS(WITH_CEILING) ? number_of(packet) > *scene.last / W : is_over(scene);
+static int is_given_up(const Scene *scene, const Packet packet) {
+    return HAS(WITH_CEILING) ? number_of(packet) > *scene->last / W : is_over(scene);
 }
 
 /* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
-static void note_overgrown(const Scene scene, const Packet packet, const Pixels pixels) {
+static void note_overgrown(const Scene *scene, const Packet packet, const Pixels pixels) {
     if (!HAS(WITH_CEILING) || !RARELY(ANY(pixels.overgrown))) return;
     int each[W], lane = 0;
     STORE_LANES(pixels.overgrown, each);
     while (!each[lane]) lane++;
-    atomic_min(scene.last, number_of(packet) * W + lane);
+    atomic_min(scene->last, number_of(packet) * W + lane);
 }
 
-static Pixels traced(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Work *work) {
-    const Ray ray = for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
-    return trace(frame, scene, ray, packet.tile, pixels, work);
+static Ray ray_of(const Frame frame, const Packet packet) {
+    return for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
 }
 
 /* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit. */
 #ifdef WITH_AVERAGE
-static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
-    if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
+static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
+    if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
     const int first = (packet.first.x - known->begin.x) / PACKET_WIDTH * W;
     const Means means = proofs_of(&known->proofs, first, &known->work);
     Packet rest = packet;
@@ -63,22 +62,21 @@ static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet,
     return proved_pixels(scene, means, pixels, &known->work);
 }
 #elif defined(WITH_SAMPLES)
-static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, Pixels pixels, Known *known) {
-    if (HAS(WITH_CENTRES)) pixels = traced(frame, scene, packet, pixels, &known->work);
+static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
+    if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
     sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
     Work *work = &known->work;
     COUNT(ESTIMATES, packet.within);
     return pixels;
 }
 #else
-static Pixels seen_by(const Frame frame, const Scene scene, const Packet packet, const Pixels pixels, Known *known) {
-    return traced(frame, scene, packet, pixels, &known->work);
-}
+#define seen_by(frame, scene, packet, pixels, known) \
+    trace(frame, scene, ray_of(frame, packet), (packet).tile, pixels, &(known)->work)
 #endif
 
 /* Renders the packet at a place of a region, which is x, y, width and height of a part of the picture: all in pixels.
  */
-static void render_packet(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 place,
+static void render_packet(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 place,
                           const Outputs out, Known *known) {
     const int2 first = region.xy + place;
     const INT column = first.x + LANE_COLUMN, row = first.y + LANE_ROW;
@@ -88,9 +86,9 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = within;
     const int at = place.y * out.pitch + place.x;
-    if (HAS(WITH_PASSES) && scene.started) pixels.color = colors_so_far(out, at);
+    if (HAS(WITH_PASSES) && scene->started) pixels.color = colors_so_far(out, at);
     Work *work = &known->work;
-    if (tile_has_any(scene.lists, packet.tile)) {
+    if (tile_has_any(scene->lists, packet.tile)) {
         pixels = seen_by(frame, scene, packet, pixels, known);
     } else {
         if (HAS(WITH_MEANS)) {
@@ -110,51 +108,56 @@ static void render_packet(const Frame frame, const Scene scene, const int2 size,
  * for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
 #define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK_ROWS : 1)
 
-/* Renders what a work-item does, from a place of the region on. */
+/* Where in the region a work-item begins. row: of the region, at which the launch starts. */
+static int2 place_of_item(const int row) {
+    return (int2)((int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * ROWS * PACKET_HEIGHT);
+}
+
+/* The loops are in the kernel itself, as compilers work on all that is in a function once more in each one that calls
+ * it, which took a twentieth of the time that a first picture takes. */
 #ifdef WITH_AVERAGE
-static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
-                         const Outputs out) {
+__kernel void render(RENDER_PARAMETERS) {
+    const Scene scene = SCENE_OF_PARAMETERS;
+    const Outputs out = OUTPUTS_OF_PARAMETERS;
+    const int2 begin = place_of_item(row);
     Known known;
     known.region = region;
     known.begin = region.xy + begin;
     known.cornered = 0;
     for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
-        const Row row = {size, region.xy + (int2)(begin.x, y), region.x + region.z, region.y + region.w};
-        prove_row(frame, scene, row, &known.proofs);
+        const Row line = {size, region.xy + (int2)(begin.x, y), region.x + region.z, region.y + region.w};
+        prove_row(frame, &scene, line, &known.proofs);
         for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
             const int2 place = {x, y};
             known.work = no_work();
-            render_packet(frame, scene, size, region, place, out, &known);
+            render_packet(frame, &scene, size, region, place, out, &known);
         }
     }
 }
 #elif defined(WITH_SAMPLES)
-static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
-                         const Outputs out) {
+__kernel void render(RENDER_PARAMETERS) {
+    const Scene scene = SCENE_OF_PARAMETERS;
+    const Outputs out = OUTPUTS_OF_PARAMETERS;
+    const int2 begin = place_of_item(row);
     Known known = {no_work()};
-    find_corners(frame, scene, size, region, region.xy + begin, &known.corners, &known.work);
+    find_corners(frame, &scene, size, region, region.xy + begin, &known.corners, &known.work);
     for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
         for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
             const int2 place = {x, y};
-            render_packet(frame, scene, size, region, place, out, &known);
+            render_packet(frame, &scene, size, region, place, out, &known);
             known.work = no_work();
         }
 }
 #else
-static void render_block(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
-                         const Outputs out) {
+__kernel void render(RENDER_PARAMETERS) {
+    const Scene scene = SCENE_OF_PARAMETERS;
+    const Outputs out = OUTPUTS_OF_PARAMETERS;
+    const int2 begin = place_of_item(row);
     for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
         for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
             const int2 place = {x, y};
             Known known = {no_work()};
-            render_packet(frame, scene, size, region, place, out, &known);
+            render_packet(frame, &scene, size, region, place, out, &known);
         }
 }
 #endif
-
-__kernel void render(RENDER_PARAMETERS) {
-    const Scene scene = SCENE_OF_PARAMETERS;
-    const Outputs out = OUTPUTS_OF_PARAMETERS;
-    const int2 begin = {(int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * ROWS * PACKET_HEIGHT};
-    render_block(frame, scene, size, region, begin, out);
-}

@@ -1,9 +1,6 @@
 /* trace.cl: from a ray to its colour, as in the course's tutorial. cltrace/reference/trace.py has the same functions in
- * the same order.
- *
- * Functions of a packet get what they need as it is, scene and ray and counters apart: a struct around them all is
- * copied by compilers where the parts are not.
- */
+ * the same order. The scene is passed by a pointer, and all else that functions of a packet need as it is: a struct
+ * around ray, hit and counters is copied by compilers where the parts are not. */
 
 /* The rays through the centres of the packet's pixels; row 0 is the top. size: of the whole picture. */
 static Ray primary_ray(const Frame frame, const int2 size, const INT column, const INT row) {
@@ -26,19 +23,19 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
 }
 
 /* The nearest surface along the ray; of equally near ones, the first in the scene file. tile: see trace(). */
-static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *work) {
+static Hit closest_hit(const Scene *scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = no_hit();
     EyeLine line = eye_line(scene, ray);
     float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
-    const Grid grid = scene.lists.grid[0];
+    const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
     while (level.mask) {
         level = next_level(grid, level);
-        const int cell = cell_of(level, tile), end = scene.lists.start[cell + 1];
+        const int cell = cell_of(level, tile), end = scene->lists.start[cell + 1];
         /* Of the next tile: its list is the next one. */
         fetch_ahead(scene, -1, end);
-        for (int k = scene.lists.start[cell]; k < end; k++) {
-            const int2 entry = scene.lists.entry[k];
+        for (int k = scene->lists.start[cell]; k < end; k++) {
+            const int2 entry = scene->lists.entry[k];
             if (as_float(entry.y) > reach) break;
             fetch_entry(scene, -1, k + AHEAD);
             fetch_material_of(scene, k + AHEAD);
@@ -50,14 +47,14 @@ static Hit closest_hit(const Scene scene, const Ray ray, const int2 tile, Work *
 }
 
 /* Normal and material of each lane's hit. */
-static Intersection intersection_at(const Frame frame, const Scene scene, const Ray ray, const Hit hit) {
+static Intersection intersection_at(const Frame frame, const Scene *scene, const Ray ray, const Hit hit) {
     Intersection at = material_at(scene, hit.id);
     put_surfaces(frame, scene, ray, hit, &at);
     return at;
 }
 
 /* The lanes of `lit` in which nothing stops the light. rays: how many each lane has sent, counted up. */
-static MASK cast_shadow_ray(const Scene scene, const ShadowRay ray, const Start start, const MASK lit, INT *rays,
+static MASK cast_shadow_ray(const Scene *scene, const ShadowRay ray, const Start start, const MASK lit, INT *rays,
                             Work *work) {
     if (!HAS(WITH_SHADOWS)) return lit;
     *rays += lit ? (INT)1 : (INT)0;
@@ -70,9 +67,9 @@ static MASK cast_shadow_ray(const Scene scene, const ShadowRay ray, const Start 
 
 /* Adds what one light does to the colours of points, where it shines and nothing stands between. number: the light's
  * index in the buffers; own: index of the surface that was hit. */
-static void illuminate(const Scene scene, const int number, const Intersection at, const INT own, Lighting *lighting,
+static void illuminate(const Scene *scene, const int number, const Intersection at, const INT own, Lighting *lighting,
                        Work *work) {
-    const Light light = scene.light[number];
+    const Light light = scene->light[number];
     const int kind = kind_of(light);
     const Direction direction = direction_to(light, kind, at.normal, at.start);
     MASK lit = at.hit & TO_MASK(at.start.side * direction.cosine > 0);
@@ -84,36 +81,37 @@ static void illuminate(const Scene scene, const int number, const Intersection a
     lit = cast_shadow_ray(scene, ray, at.start, lit, &lighting->rays, work);
     if (!ANY(lit)) return;
     MARK(mark, lit, own, ~number);
-    const Shade3 l = unit_to(ray, lit, scene.unit);
+    const Shade3 l = unit_to(ray, lit, scene->unit);
     phong(light, strength_of(light, kind, l), l, at, lit, lighting, work);
 }
 
 /* The colour of each ray that hit. d: the rays' directions, a: d.d; own: index of the sphere that was hit; rays: each
  * lane's shadow rays, counted up. */
-static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
+static Shade3 shade(const Scene *scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
                     Work *work) {
     if (!HAS(WITH_LIGHTS)) return at.ambient;
     const SHADE over = 1 / sqrt(TO_SHADE(a));
     Lighting lighting = {{TO_SHADE(d.x) * over, TO_SHADE(d.y) * over, TO_SHADE(d.z) * over}, at.ambient, *rays};
-    for (int number = 0; number < scene.lights; number++) illuminate(scene, number, at, own, &lighting, work);
+    for (int number = 0; number < scene->lights; number++) illuminate(scene, number, at, own, &lighting, work);
     *rays = lighting.rays;
     return lighting.color;
 }
 
+#ifdef WITH_BOUNCES
 /* The same with all that mirrors and glass add to it. */
-static Shade3 follow(const Frame frame, const Scene scene, const Ray ray, const Intersection at, const INT own,
+static Shade3 follow(const Frame frame, const Scene *scene, const Ray ray, const Intersection at, const INT own,
                      Pixels *pixels, Work *work) {
-    if (!HAS(WITH_BOUNCES)) return shade(scene, ray.d, ray.a, at, own, &pixels->rays, work);
     return color_with_branches(frame, scene, ray, at, own, pixels, work);
 }
+#endif
 
 /* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`, which other lights may have made.
  * tile: the packet's place in the picture, in units of TILE x TILE pixels. */
-static Pixels trace(const Frame frame, const Scene scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
+static Pixels trace(const Frame frame, const Scene *scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
     if (!HAS(WITH_INTERSECTION) || !ANY(hit.id >= 0)) return pixels;
     Intersection at = intersection_at(frame, scene, ray, hit);
-    if (HAS(WITH_PASSES) && scene.started) at.ambient = pixels.color;
+    if (HAS(WITH_PASSES) && scene->started) at.ambient = pixels.color;
     if (HAS(WITH_SHADING)) show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
     show_points(frame, at, &pixels);
     return pixels;

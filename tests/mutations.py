@@ -66,7 +66,7 @@ FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.
 
 MUTATIONS = [
     Mutation(
-        "scene.started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
+        "scene->started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
     ),
     Mutation(
         "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
@@ -144,7 +144,7 @@ MUTATIONS = [
     Mutation("{s, (a - (s - t)) + (b - t)}", "{s, 0}", "sums of pairs", f"{EXACT} {STRESS}"),
     Mutation("(real)0.5 * ((real)3 - DOT(n, n))", "(real)0.5 * ((real)3.001 - DOT(n, n))", "length of normals", STRESS),
     Mutation("REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", SCENES),
-    Mutation("(scene.id_of[index] < ids_of", "(scene.id_of[index] > ids_of", "ties", STRESS),
+    Mutation("(scene->id_of[index] < ids_of", "(scene->id_of[index] > ids_of", "ties", STRESS),
     Mutation("margin = best * (real)0x1p-22f", "margin = best * (real)0x1p-60f", "nearly equal distances", STRESS),
     Mutation("return (exact < 0) | ((exact == 0) & tie);", "return exact < 0;", "exact ties", EXACT),
     Mutation("(wanted & !rounds_to_hi(e.D, e.D_error))", "(wanted & (e.D.hi != e.D.hi))", "doubts of pairs", EXACT),
@@ -336,7 +336,7 @@ MUTATIONS = [
     Mutation("!same & (k < 0)", "!same & (k < -0x1p-28)", "the critical angle", BOUNCES),
     Mutation("!same & (k < 0)", "(REAL_MASK)(k < 0)", "an index of 1", BOUNCES),
     Mutation("total ? rays.weight * (R + T)", "total ? rays.weight * R", "what total reflection adds", BOUNCES),
-    Mutation("rays.depth > scene.bounces", "rays.depth >= scene.bounces", "the last depth", BOUNCES),
+    Mutation("rays.depth > scene->bounces", "rays.depth >= scene->bounces", "the last depth", BOUNCES),
     Mutation("kept < most ? kept : most", "kept", "the largest contribution", BOUNCES),
     Mutation("parts > 0 ? parts : (REAL)0", "parts", "black times infinity", BOUNCES),
     Mutation("next.inner = through ? !bounce.inside", "next.inner = through ? bounce.inside", "the new side", BOUNCES),
@@ -390,7 +390,7 @@ MUTATIONS = [
     ),
     Mutation("rays.weight * bounce.share, &all", "bounce.share, &all", "weights", BOUNCES),
     Mutation("const MASK only = sends & !mirrors;", "const MASK only = sends;", "branches", BOUNCES),
-    Mutation("slack->y += slack_of(w * scene.brightest.y, roundings);", "", "what was dropped", TREE),
+    Mutation("slack->y += slack_of(w * scene->brightest.y, roundings);", "", "what was dropped", TREE),
     Mutation(
         "parts > (real)0.5f ? parts + more : (REAL)0",
         "parts > (real)0.5f ? (real)0.25f * parts : (REAL)0",

@@ -147,7 +147,7 @@ static void store_means(const Means means, const int *order, Part *parts, Batch 
 }
 
 /* Looks at parts of pixels, MOST_SEEN at most. level: of the cells. */
-static void look_at_parts(const Frame frame, const Scene scene, const int level, const int count, Part *parts,
+static void look_at_parts(const Frame frame, const Scene *scene, const int level, const int count, Part *parts,
                           Batch *batch) {
     int order[MOST_SEEN + W], rank[MOST_SEEN + W];
     Sights sights;
@@ -172,7 +172,7 @@ static void look_at_parts(const Frame frame, const Scene scene, const int level,
 }
 
 /* Puts in the means of a batch, by parts of its pixels, but for those of which a part is `beyond` proof. */
-static void split_batch(const Frame frame, const Scene scene, Batch *batch) {
+static void split_batch(const Frame frame, const Scene *scene, Batch *batch) {
     ushort split[W * MOST_SPLIT];
     Part cells[4 * W * MOST_SPLIT];
     int count = batch->count;
@@ -187,7 +187,7 @@ static void split_batch(const Frame frame, const Scene scene, Batch *batch) {
             while (end < 4 * count && cells[end].place >> 12 == pixel) end++;
             batch->cells[pixel] += end - first;
             if (!batch->beyond[pixel])
-                next += keep_or_split(cells + first, end - first, level, scene.levels, &batch->sum[pixel],
+                next += keep_or_split(cells + first, end - first, level, scene->levels, &batch->sum[pixel],
                                       split + next);
         }
         count = next;
@@ -212,7 +212,7 @@ static Cells cells_of_row(const Frame frame, const Row row, const int *order) {
 }
 
 /* Splits those pixels of a row that are not known well enough, W at once. which: the pixels that may be so. */
-static void split_row(const Frame frame, const Scene scene, const Row row, const int *which, const int count,
+static void split_row(const Frame frame, const Scene *scene, const Row row, const int *which, const int count,
                       Proofs *proofs) {
     for (int next = 0; next < count;) {
         int place[W];
@@ -221,7 +221,7 @@ static void split_row(const Frame frame, const Scene scene, const Row row, const
         batch.count = 0;
         for (; next < count && batch.count < W; next++) {
             const int i = which[next];
-            if (proofs->beyond[i] || proofs->error[i] <= scene.levels) continue;
+            if (proofs->beyond[i] || proofs->error[i] <= scene->levels) continue;
             const Sum nothing = {{0, 0, 0}, 0, 0};
             const int k = batch.count++;
             place[k] = i;
@@ -262,13 +262,13 @@ static void put_proofs(const Means means, const int *place, Proofs *proofs) {
 }
 
 /* Looks at the pixels of a row: quickly, and at the others, packed together, as usual. */
-static void prove_row(const Frame frame, const Scene scene, const Row row, Proofs *proofs) {
+static void prove_row(const Frame frame, const Scene *scene, const Row row, Proofs *proofs) {
     int order[RUN * W + W], rank[RUN * W], rest[RUN * W], sorted[RUN * W + W], count = 0;
     Sights sights;
     for (int packet = 0; packet < RUN && row.first.x + packet * PACKET_WIDTH < row.right; packet++) {
         const int begin = row.first.x + packet * PACKET_WIDTH, first = packet * W;
         const int2 tile = {begin / TILE, row.first.y / TILE};
-        if (!tile_has_any(scene.lists, tile)) continue;
+        if (!tile_has_any(scene->lists, tile)) continue;
         const INT column = begin + LANE_COLUMN, line = row.first.y + LANE_ROW;
         const Cells cells = cells_at(frame, row.size, 0, column, line);
         const Sight view = sight_of(scene, cells, tile);
@@ -321,7 +321,7 @@ static MASK need_samples(const Means means) {
 /* What pixels show. pixels: what samples show of those that need them. Where the proof leaves an interval, the samples'
  * mean is mostly the best guess, so it is moved into that interval. The error is the distance to the interval's other
  * end. */
-static Pixels proved_pixels(const Scene scene, const Means means, Pixels pixels, Work *work) {
+static Pixels proved_pixels(const Scene *scene, const Means means, Pixels pixels, Work *work) {
     const MASK sampled = need_samples(means), beyond = means.beyond, moved = sampled & !beyond;
     const FLOAT room = means.error * (1.0f / 255), shown[4] = {TO_FLOAT(pixels.color.x), TO_FLOAT(pixels.color.y),
                                                                TO_FLOAT(pixels.color.z), pixels.coverage};
@@ -338,7 +338,7 @@ static Pixels proved_pixels(const Scene scene, const Means means, Pixels pixels,
     pixels.coverage = mean[3];
     pixels.error = beyond ? pixels.error : means.error + (moved ? levels_of(off) : (FLOAT)0);
     COUNT(ESTIMATES, beyond);
-    COUNT(TOO_FAR, !beyond & (means.error > scene.levels));
+    COUNT(TOO_FAR, !beyond & (means.error > scene->levels));
     return pixels;
 }
 #endif

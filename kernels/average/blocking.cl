@@ -42,14 +42,14 @@ static Cover cover_of(const Grid grid, const Shaft *shaft, const MASK wanted) {
 }
 
 /* All that may block the light, of the list of one cell of the light's buffer. */
-static void block_by_list(const Scene scene, const Shaft *shaft, const int cell, const MASK in, Blocking *blocking) {
-    const int end = scene.lists.start[cell + 1];
-    for (int k = scene.lists.start[cell]; k < end; k++) {
-        const int2 entry = scene.lists.entry[k];
+static void block_by_list(const Scene *scene, const Shaft *shaft, const int cell, const MASK in, Blocking *blocking) {
+    const int end = scene->lists.start[cell + 1];
+    for (int k = scene->lists.start[cell]; k < end; k++) {
+        const int2 entry = scene->lists.entry[k];
         const MASK dark = (blocking->blocked.least >= 1) | blocking->odd;
         const MASK may = in & (shaft->far > as_float(entry.y)) & !dark;
         if (!ANY(may)) break;
-        ASK_SHAPE(scene.spheres, entry.x, block(scene, shaft, entry.x, may, blocking));
+        ASK_SHAPE(scene->spheres, entry.x, block(scene, shaft, entry.x, may, blocking));
     }
 }
 
@@ -57,7 +57,7 @@ static void block_by_list(const Scene scene, const Shaft *shaft, const int cell,
 #define MOST_CELLS_A_SIDE 12
 
 /* The same of the lists of those cells of a level on which a patch may lie. */
-static void block_by_level(const Scene scene, const Shaft *shaft, const Level level, const Cover cover,
+static void block_by_level(const Scene *scene, const Shaft *shaft, const Level level, const Cover cover,
                            Blocking *blocking) {
     const INT column = cover.first_column >> level.level, row = cover.first_row >> level.level;
     const INT columns = (cover.last_column >> level.level) - column, rows = (cover.last_row >> level.level) - row;
@@ -79,11 +79,11 @@ static void block_by_level(const Scene scene, const Shaft *shaft, const Level le
 }
 
 /* What is between a patch's points and a light. */
-static Blocking blocking_of(const Scene scene, const Shaft *shaft, const MASK wanted) {
+static Blocking blocking_of(const Scene *scene, const Shaft *shaft, const MASK wanted) {
     Blocking blocking = {{0, 0}, -1, {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}}, {-1, -1}, 0};
-    const int4 grids = scene.light_buffer[shaft->number];
+    const int4 grids = scene->light_buffer[shaft->number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
-        const Grid grid = scene.lists.grid[g];
+        const Grid grid = scene->lists.grid[g];
         const Cover cover = cover_of(grid, shaft, wanted);
         blocking.blocked.most = cover.unknown ? (FLOAT)1 : blocking.blocked.most;
         if (!ANY(cover.here)) continue;

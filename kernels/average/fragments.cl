@@ -13,10 +13,10 @@ static MASK is_straight(const Model m) {
     return is_known(m) & (m.r < fabs(m.x) + fabs(m.y));
 }
 
-static Front front_of(const Scene scene, const Cells cells, const INT id) {
+static Front front_of(const Scene *scene, const Cells cells, const INT id) {
     Front front;
-    front.shape = quadrics_of(scene.spheres, id);
-    front.outline = outline_of(cells, front.shape, scene.unit);
+    front.shape = quadrics_of(scene->spheres, id);
+    front.outline = outline_of(cells, front.shape, scene->unit);
     front.straight = (id >= 0) & (front.outline.c > 0) & (least_of(front.outline.b) > 0) & is_straight(front.outline.D);
     return front;
 }
@@ -49,7 +49,7 @@ typedef struct {
 } Division;
 
 /* Which part the front has. What crosses the cover, or may, has any part of it. */
-static void divide(const Scene scene, const Cells cells, const Sight view, Division *parts) {
+static void divide(const Scene *scene, const Cells cells, const Sight view, Division *parts) {
     const Kind kind = kind_of_sight(view);
     parts->plain = kind.plain;
     parts->mixed = kind.mixed;
@@ -84,8 +84,8 @@ static void divide(const Scene scene, const Cells cells, const Sight view, Divis
 }
 
 /* What cells show of a surface. id: which it is, -1 in lanes that do not ask. */
-static Tint tint_in(const Scene scene, const Cells cells, const Front *front, const INT id, const Window *window) {
-    Area patch = patch_of_sphere(cells, front->shape, front->outline, scene.unit);
+static Tint tint_in(const Scene *scene, const Cells cells, const Front *front, const INT id, const Window *window) {
+    Area patch = patch_of_sphere(cells, front->shape, front->outline, scene->unit);
     patch.id = id;
     Tint tint = tint_of(scene, &patch, window);
     clamp_tint(&tint, window->share);
@@ -93,7 +93,7 @@ static Tint tint_in(const Scene scene, const Cells cells, const Front *front, co
 }
 
 /* The colours of the parts. */
-static void put_tints(const Frame frame, const Scene scene, const Cells cells, const Sight view, const Division *parts,
+static void put_tints(const Frame frame, const Scene *scene, const Cells cells, const Sight view, const Division *parts,
                       Tint *tints) {
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
     for (int k = 0; k < 3; k++)
@@ -143,7 +143,7 @@ static Blend blend_of(const Division *parts, const Tint *tints, const int k) {
 }
 
 /* What cells show, given which surfaces these are. Where that is not known, colours are within 0 .. 1 all the same. */
-static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene scene, const Cells cells,
+static __attribute__((noinline)) void look_at_cells(const Frame frame, const Scene *scene, const Cells cells,
                                                     const Sight *sight, Means *means) {
     const Sight view = *sight;
     Division parts;

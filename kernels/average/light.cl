@@ -102,13 +102,13 @@ static void fade_by_cosine(Beam *beam) {
 }
 
 /* A light, as a patch's points see it. */
-static Beam beam_to(const Scene scene, const int number, const Area *patch, const Moments *moments) {
+static Beam beam_to(const Scene *scene, const int number, const Area *patch, const Moments *moments) {
     Beam beam;
-    const Light light = scene.light[number];
+    const Light light = scene->light[number];
     const int kind = kind_of(light), at_point = is_at_point(light, kind);
     const Real3 to = {light.position.x, light.position.y, light.position.z};
-    const Real3 way = {scene.unit * to.x - patch->anchor.x, scene.unit * to.y - patch->anchor.y,
-                       scene.unit * to.z - patch->anchor.z};
+    const Real3 way = {scene->unit * to.x - patch->anchor.x, scene->unit * to.y - patch->anchor.y,
+                       scene->unit * to.z - patch->anchor.z};
     const Model3 L = constant_vector_in(at_point ? way : to, 1);
     beam.number = number;
     beam.kind = kind;
@@ -134,7 +134,7 @@ static Beam beam_to(const Scene scene, const int number, const Area *patch, cons
 }
 
 /* Leaves out what something stops. Returns where that is not known. */
-static MASK cast_shadows(const Scene scene, const Area *patch, Beam *beam) {
+static MASK cast_shadows(const Scene *scene, const Area *patch, Beam *beam) {
     const MASK unsure = beam->on & may_be_stopped(scene, beam->number, patch->id);
     if (!ANY(unsure)) return 0;
     const FLOAT depth = is_at_point(beam->light, beam->kind) ? most_of(beam->a)
@@ -206,7 +206,7 @@ static void add_light(Tint *tint, const Beam *beam, const Intersection at, const
 }
 
 /* What one light adds to a patch: illuminate() for all points at once. */
-static void illuminate_patch(const Scene scene, const int number, const Area *patch, const Intersection at,
+static void illuminate_patch(const Scene *scene, const int number, const Area *patch, const Intersection at,
                              const Window *seen, const Moments *moments, Tint *tint) {
     Beam beam = beam_to(scene, number, patch, moments);
     if (HAS(WITH_BLACK)) beam.on = beam.on & !at.black;
@@ -218,7 +218,7 @@ static void illuminate_patch(const Scene scene, const int number, const Area *pa
 }
 
 /* The colour of patches within a window. */
-static Tint tint_of(const Scene scene, const Area *patch, const Window *seen) {
+static Tint tint_of(const Scene *scene, const Area *patch, const Window *seen) {
     const Intersection at = material_at(scene, patch->id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     Tint tint;
@@ -231,7 +231,7 @@ static Tint tint_of(const Scene scene, const Area *patch, const Window *seen) {
     if (!HAS(WITH_LIGHTS)) return tint;
     Moments moments;
     find_moments(seen, &patch->limb, &moments);
-    for (int number = 0; number < scene.lights; number++)
+    for (int number = 0; number < scene->lights; number++)
         illuminate_patch(scene, number, patch, at, seen, &moments, &tint);
     return tint;
 }

@@ -161,8 +161,8 @@ static MASK cone_of(const Light light, const Float3 l, const FLOAT l1, const FLO
 }
 /* Whether something cuts off a light from all of a cell, and, as what is returned, whether it may from a part. w: the
  * way to it. */
-static MASK shade_of(const Scene scene, const int number, const Middle m, const Float3 w, const MASK here, MASK *lit) {
-    const Light light = scene.light[number];
+static MASK shade_of(const Scene *scene, const int number, const Middle m, const Float3 w, const MASK here, MASK *lit) {
+    const Light light = scene->light[number];
     const int at_point = is_at_point(light, kind_of(light));
     const FLOAT radius = m.P1 * (1 + 16 * ROUNDING) + m.P_off, size = sqrt(DOT(w, w));
     const Float3 P = {TO_FLOAT(m.P.x), TO_FLOAT(m.P.y), TO_FLOAT(m.P.z)};
@@ -200,12 +200,12 @@ static MASK fade_of(const Light light, const Float3 l, const Gentle bends, MASK 
 }
 
 /* What one light gives. here: the lanes that ask; returns those of them in which it is known. */
-static MASK gift_of(const Scene scene, const int number, const Middle m, const Intersection at, const MASK here,
+static MASK gift_of(const Scene *scene, const int number, const Middle m, const Intersection at, const MASK here,
                     Gift *gift) {
-    const Light light = scene.light[number];
+    const Light light = scene->light[number];
     const int kind = kind_of(light), at_point = is_at_point(light, kind);
     const Gentle none = {0, 0, 0, 0};
-    const real unit = at_point ? scene.unit : (real)1;
+    const real unit = at_point ? scene->unit : (real)1;
     const REAL zero = 0;
     const Real3 from = {at_point ? m.P.x : zero, at_point ? m.P.y : zero, at_point ? m.P.z : zero};
     const Float3 w = {TO_FLOAT(unit * light.position.x - from.x), TO_FLOAT(unit * light.position.y - from.y),
@@ -245,7 +245,7 @@ static MASK gift_of(const Scene scene, const int number, const Middle m, const I
 }
 
 /* The ambient colour, and what all lights give. Returns the lanes in which these are known. */
-static MASK colors_of(const Scene scene, const Middle m, const MASK asked, Gentle *color) {
+static MASK colors_of(const Scene *scene, const Middle m, const MASK asked, Gentle *color) {
     const Intersection at = material_at(scene, m.id);
     const FLOAT ambient[3] = {TO_FLOAT(at.ambient.x), TO_FLOAT(at.ambient.y), TO_FLOAT(at.ambient.z)};
     const FLOAT kd[3] = {TO_FLOAT(at.diffuse.x), TO_FLOAT(at.diffuse.y), TO_FLOAT(at.diffuse.z)};
@@ -254,11 +254,11 @@ static MASK colors_of(const Scene scene, const Middle m, const MASK asked, Gentl
         const Gentle first = {ambient[k], 0, 0, 0x1p-20f};
         color[k] = first;
     }
-    for (int number = 0; HAS(WITH_LIGHTS) && number < scene.lights; number++) {
+    for (int number = 0; HAS(WITH_LIGHTS) && number < scene->lights; number++) {
         Gift gift;
         here = here & gift_of(scene, number, m, at, here, &gift);
         if (!ANY(here)) return here;
-        const float4 light = scene.light[number].color;
+        const float4 light = scene->light[number].color;
         const float each[3] = {light.x, light.y, light.z};
         for (int k = 0; k < 3; k++) {
             color[k].at += gift.on ? (kd[k] * gift.amount.at + gift.shine.at) * each[k] : (FLOAT)0;
@@ -271,7 +271,7 @@ static MASK colors_of(const Scene scene, const Middle m, const MASK asked, Gentl
 }
 
 /* Looks at those cells of which that may be enough. Returns the lanes in which it is. */
-static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells,
+static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scene *scene, const Cells *cells,
                                                    const Sight *view, Means *means) {
     const MASK plain = kind_of_sight(*view).plain, some = plain & (view->cover >= 0);
     const float background[3] = {frame.background.x, frame.background.y, frame.background.z};
@@ -280,10 +280,10 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
     for (int k = 0; k < 3; k++) means->color[k] = background[k] < 1 ? background[k] : 1;
     const MASK none = plain & (view->cover < 0);
     if (!ANY(some)) return none;
-    Middle m = middle_of_sphere(*cells, spheres_of(scene.spheres, some ? view->cover : (INT)-1), view->of_cover.most,
-                                scene.unit);
+    Middle m = middle_of_sphere(*cells, spheres_of(scene->spheres, some ? view->cover : (INT)-1), view->of_cover.most,
+                                scene->unit);
     /* Where white light from behind the eye is off by more, so may any other. */
-    const MASK asked = some & (m.n2 * 42.5f <= scene.levels);
+    const MASK asked = some & (m.n2 * 42.5f <= scene->levels);
     if (!ANY(asked)) return none;
     m.id = asked ? m.id : (INT)-1;
     Gentle color[3];
@@ -299,14 +299,14 @@ static __attribute__((noinline)) MASK look_quickly(const Frame frame, const Scen
         PUT_WHERE(here, means->color[k], over ? (FLOAT)1 : color[k].at);
     }
     error = levels_of(error);
-    here = here & (error <= scene.levels);
+    here = here & (error <= scene->levels);
     PUT_WHERE(here, means->error, error);
     PUT_WHERE(here, means->coverage, (FLOAT)1);
     return none | here;
 }
 #elif HAS(WITH_AVERAGE)
 /* Of ellipsoids and of parallel rays, all is looked at alike. */
-static MASK look_quickly(const Frame frame, const Scene scene, const Cells *cells, const Sight *view, Means *means) {
+static MASK look_quickly(const Frame frame, const Scene *scene, const Cells *cells, const Sight *view, Means *means) {
     return 0;
 }
 #endif

@@ -59,10 +59,10 @@ static Model model_along(const float3 row, const Model3 v) {
     return m;
 }
 
-static OwnAxes own_axes(const Scene scene, const int index) {
-    OwnAxes axes = {1, HAS(WITH_ELLIPSOIDS) && scene.spheres.map_of[index] != 0, 0, 0, 0};
+static OwnAxes own_axes(const Scene *scene, const int index) {
+    OwnAxes axes = {1, HAS(WITH_ELLIPSOIDS) && scene->spheres.map_of[index] != 0, 0, 0, 0};
     if (!axes.stretched) return axes;
-    __global const Map *K = scene.spheres.map + scene.spheres.map_of[index];
+    __global const Map *K = scene->spheres.map + scene->spheres.map_of[index];
     const real over = 1 / K->to_x.w;
     axes.over = over;
     axes.x = convert_float4(over * K->camera_x).xyz;
@@ -116,10 +116,10 @@ static MASK leads_away(const Real3 C, const REAL r, const Area *patch, const Mod
     return TO_MASK(cosine < 0) & (gap > patch->radius * (1 + 4 * ROUNDING));
 }
 /* Whether the eye, or all that parallel rays start at, surely is outside of a sphere. */
-static int eye_is_outside(const Scene scene, const int index) {
-    if (HAS(WITH_ELLIPSOIDS) && scene.spheres.map_of[index] != 0) return 0;
-    const real4 s = scene.spheres.center_radius[index];
-    return HAS(WITH_PARALLEL_RAYS) ? s.z + s.w < 0 : scene.spheres.power[index].x > 0;
+static int eye_is_outside(const Scene *scene, const int index) {
+    if (HAS(WITH_ELLIPSOIDS) && scene->spheres.map_of[index] != 0) return 0;
+    const real4 s = scene->spheres.center_radius[index];
+    return HAS(WITH_PARALLEL_RAYS) ? s.z + s.w < 0 : scene->spheres.power[index].x > 0;
 }
 
 /* What is positive where the way w from a point to a light goes through a sphere: r |w| - |X|, with X = f x w and f
@@ -169,15 +169,15 @@ typedef struct {
     FLOAT radius, apart, reach, off;
 } Beside;
 
-static Beside beside(const Scene scene, const Shaft *shaft, const int index) {
+static Beside beside(const Scene *scene, const Shaft *shaft, const int index) {
     const Area *patch = shaft->patch;
-    const real4 s = scene.spheres.center_radius[index];
+    const real4 s = scene->spheres.center_radius[index];
     Beside at;
     at.index = index;
-    at.light_side = scene.light_side[(long)shaft->number * scene.count + index];
+    at.light_side = scene->light_side[(long)shaft->number * scene->count + index];
     at.seen_from_outside = eye_is_outside(scene, index);
     at.axes = own_axes(scene, index);
-    const Real3 C = {scene.unit * s.x, scene.unit * s.y, scene.unit * s.z};
+    const Real3 C = {scene->unit * s.x, scene->unit * s.y, scene->unit * s.z};
     /* From the anchor to C. */
     const Float3 g = {TO_FLOAT(C.x - patch->anchor.x), TO_FLOAT(C.y - patch->anchor.y),
                       TO_FLOAT(C.z - patch->anchor.z)};
@@ -185,7 +185,7 @@ static Beside beside(const Scene scene, const Shaft *shaft, const int index) {
     at.C = C;
     at.f = along_axes(at.axes, way);
     at.w = along_axes(at.axes, v);
-    at.radius = (FLOAT)((float)(scene.unit * s.w) * at.axes.over);
+    at.radius = (FLOAT)((float)(scene->unit * s.w) * at.axes.over);
     const FLOAT along = DOT(at.f, at.w) / DOT(at.w, at.w), low = along > 0 ? along : (FLOAT)0;
     const FLOAT x = shaft->at_point ? (low > 1 ? (FLOAT)1 : low) : low;
     const Float3 q = {at.f.x - x * at.w.x, at.f.y - x * at.w.y, at.f.z - x * at.w.z};
@@ -199,7 +199,7 @@ static Beside beside(const Scene scene, const Shaft *shaft, const int index) {
 
 /* What share of the light a sphere stops whose rim may be in the shadow on the patch: a line, where that is near to it.
  * outside: where the patch is, all of it. */
-static Share block_by_rim(const Scene scene, const Shaft *shaft, const Beside at, const MASK outside, const MASK asked,
+static Share block_by_rim(const Scene *scene, const Shaft *shaft, const Beside at, const MASK outside, const MASK asked,
                           Blocking *blocking) {
     const Area *patch = shaft->patch;
     const Real3 C = at.C;
@@ -209,15 +209,15 @@ static Share block_by_rim(const Scene scene, const Shaft *shaft, const Beside at
                                 narrowed(C.z - patch->anchor.z, 0, 0, rounded)};
     const Model3 f = models_along(at.axes, minus_vectors(from_anchor, patch->p)), v = models_along(at.axes, shaft->w);
     const Model a = square_of_vector(v), b = shaft->at_point ? dot_models(f, v) : dot_constant(f, v);
-    const real4 to = scene.light[shaft->number].position;
-    const Float3 from_light = {TO_FLOAT(C.x - scene.unit * to.x), TO_FLOAT(C.y - scene.unit * to.y),
-                               TO_FLOAT(C.z - scene.unit * to.z)},
+    const real4 to = scene->light[shaft->number].position;
+    const Float3 from_light = {TO_FLOAT(C.x - scene->unit * to.x), TO_FLOAT(C.y - scene->unit * to.y),
+                               TO_FLOAT(C.z - scene->unit * to.z)},
                  back = {-at.w.x, -at.w.y, -at.w.z};
     Lever lever = {back, 0, patch->radius, ALL_LANES};
     if (shaft->at_point) {
         lever.s = along_axes(at.axes, from_light);
         lever.off = TO_FLOAT(2 *
-                             (rounded + (REAL)CENTER_ROUNDING * scene.unit * (fabs(to.x) + fabs(to.y) + fabs(to.z))));
+                             (rounded + (REAL)CENTER_ROUNDING * scene->unit * (fabs(to.x) + fabs(to.y) + fabs(to.z))));
         lever.shorter = DOT(at.f, at.f) < DOT(at.w, at.w);
     }
     const Model D = shadow_of(f, v, a, lever, at.radius);
@@ -241,7 +241,8 @@ static Share block_by_rim(const Scene scene, const Shaft *shaft, const Beside at
  *
  * The way from a point P' that is no further than `radius` from P is nowhere further than that from the way from P. So
  * what the distance of C from that way says of P', it says of all of the patch, but for `radius`. */
-static void block_by_other(const Scene scene, const Shaft *shaft, const int index, const MASK may, Blocking *blocking) {
+static void block_by_other(const Scene *scene, const Shaft *shaft, const int index, const MASK may,
+                           Blocking *blocking) {
     const Beside at = beside(scene, shaft, index);
     const FLOAT outer = at.radius + at.reach;
     const MASK within = may & !(at.apart > outer * outer);
@@ -251,7 +252,7 @@ static void block_by_other(const Scene scene, const Shaft *shaft, const int inde
     const MASK inside = (away + at.reach < at.radius) & (light_side < 0);
     MASK near = within & !inside;
     if (!at.axes.stretched && ANY(near & (at.off > shaft->patch->radius)))
-        near = near & !leads_away(at.C, scene.unit * scene.spheres.center_radius[index].w, shaft->patch, shaft->w);
+        near = near & !leads_away(at.C, scene->unit * scene->spheres.center_radius[index].w, shaft->patch, shaft->w);
     if (!ANY(near)) return;
     const MASK outside = away > outer;
     const MASK wholly = near &
@@ -264,8 +265,8 @@ static void block_by_other(const Scene scene, const Shaft *shaft, const int inde
     block(blocking, index, near, share);
 }
 
-static Shaft shaft_of(const Scene scene, const int number, const Area *patch, const Model3 w, const FLOAT far) {
-    const Light light = scene.light[number];
+static Shaft shaft_of(const Scene *scene, const int number, const Area *patch, const Model3 w, const FLOAT far) {
+    const Light light = scene->light[number];
     const FLOAT off = 0x1p-22f * (fabs(patch->p.x.v) + fabs(patch->p.y.v) + fabs(patch->p.z.v));
     Shaft shaft = {number,
                    is_at_point(light, kind_of(light)),
@@ -292,11 +293,11 @@ static Shaft shaft_of(const Scene scene, const int number, const Area *patch, co
  * sphere_filter_leaves() tells it. That is made of 5 roundings, for which 2^-19 of it is enough, and as many of c' are
  * less than 2^-21. A parallel light's coordinates are off by 2^-24 of (2 |U| + R), and the sum of squares by three
  * roundings. */
-static MASK shaft_may_meet(const Scene scene, const Shaft *shaft, const int index, const MASK may) {
+static MASK shaft_may_meet(const Scene *scene, const Shaft *shaft, const int index, const MASK may) {
     if (!HAS(WITH_FILTER)) return may;
-    if (HAS(WITH_ELLIPSOIDS) && scene.spheres.map_of[index] != 0) return may;
-    const float4 s = scene.light_filter[(long)shaft->number * scene.count + index];
-    const float r = (float)(scene.unit * scene.spheres.center_radius[index].w);
+    if (HAS(WITH_ELLIPSOIDS) && scene->spheres.map_of[index] != 0) return may;
+    const float4 s = scene->light_filter[(long)shaft->number * scene->count + index];
+    const float r = (float)(scene->unit * scene->spheres.center_radius[index].w);
     if (!shaft->at_point) {
         const FLOAT x = s.x - shaft->x, y = s.y - shaft->y;
         const FLOAT R = (1 + ROUNDING) * (r + shaft->radius) + ROUNDING * (fabs(s.x) + fabs(s.y)) + 0x1p-60f;
@@ -306,7 +307,7 @@ static MASK shaft_may_meet(const Scene scene, const Shaft *shaft, const int inde
     return may & ((shaft->a < 0x1p-40f) | !(b * magnitude(b) < shaft->a * (s.w - 0x1p-21f * fabs(s.w) - more)));
 }
 
-static void sphere_block(const Scene scene, const Shaft *shaft, const int index, MASK may, Blocking *blocking) {
+static void sphere_block(const Scene *scene, const Shaft *shaft, const int index, MASK may, Blocking *blocking) {
     const Area *patch = shaft->patch;
     may = shaft_may_meet(scene, shaft, index, may);
     if (!ANY(may)) return;
@@ -314,7 +315,7 @@ static void sphere_block(const Scene scene, const Shaft *shaft, const int index,
     if (ANY(own)) {
         /* From inside, it stands before every light outside of it. */
         const Share all = {1, 1};
-        const int light_side = scene.light_side[(long)shaft->number * scene.count + index];
+        const int light_side = scene->light_side[(long)shaft->number * scene->count + index];
         block(blocking, index, own & (patch->side < 0) & ((FLOAT)light_side > 0), all);
         may = may & !own;
     }

@@ -19,15 +19,15 @@ static Sight empty_sight(void) {
     return view;
 }
 
-static int sphere_is_odd(const Scene scene, const int index) {
+static int sphere_is_odd(const Scene *scene, const int index) {
     if (!HAS(WITH_BOUNCES) & !HAS(WITH_TEXTURES)) return 0;
-    const int material = scene.material_of[index];
-    if (HAS(WITH_TEXTURES) && scene.texture_of[material] >= 0) return 1;
-    return HAS(WITH_BOUNCES) && (scene.bounce[material].x > 0 || scene.bounce[material].y > 0);
+    const int material = scene->material_of[index];
+    if (HAS(WITH_TEXTURES) && scene->texture_of[material] >= 0) return 1;
+    return HAS(WITH_BOUNCES) && (scene->bounce[material].x > 0 || scene->bounce[material].y > 0);
 }
 
-static Extent sphere_extent(const Scene scene, const Cells cells, const int index) {
-    return extent_of(cells, outline_of(cells, quadric_at(scene.spheres, index), scene.unit));
+static Extent sphere_extent(const Scene *scene, const Cells cells, const int index) {
+    return extent_of(cells, outline_of(cells, quadric_at(scene->spheres, index), scene->unit));
 }
 
 static void put_extent(const MASK here, Extent *to, const Extent from) {
@@ -58,23 +58,23 @@ static MASK behind_cover(const Sight view, const FLOAT least) {
 }
 
 /* tile: the cells' place in the picture, in units of TILE x TILE pixels. */
-static Sight sight_of(const Scene scene, const Cells cells, const int2 tile) {
+static Sight sight_of(const Scene *scene, const Cells cells, const int2 tile) {
     Sight view = empty_sight();
     float reach = INFINITY;
     const FLOAT a = most_of(cells.a);
-    const Grid grid = scene.lists.grid[0];
+    const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
     while (level.mask) {
         level = next_level(grid, level);
-        const int cell = cell_of(level, tile), end = scene.lists.start[cell + 1];
+        const int cell = cell_of(level, tile), end = scene->lists.start[cell + 1];
         fetch_ahead(scene, -1, end);
-        for (int k = scene.lists.start[cell]; k < end; k++) {
-            const int2 entry = scene.lists.entry[k];
+        for (int k = scene->lists.start[cell]; k < end; k++) {
+            const int2 entry = scene->lists.entry[k];
             if (as_float(entry.y) > reach) break;
             fetch_entry(scene, -1, k + AHEAD);
-            const Extent extent = ASK_SHAPE(scene.spheres, entry.x, extent(scene, cells, entry.x));
+            const Extent extent = ASK_SHAPE(scene->spheres, entry.x, extent(scene, cells, entry.x));
             if (!ANY((!extent.misses))) continue;
-            if (ASK_SHAPE(scene.spheres, entry.x, is_odd(scene, entry.x))) {
+            if (ASK_SHAPE(scene->spheres, entry.x, is_odd(scene, entry.x))) {
                 view.odd = (!extent.misses & (extent.least < view.odd)) ? extent.least : view.odd;
             } else {
                 see(&view, entry.x, extent);

@@ -1,8 +1,8 @@
 /* balls.cl: rays that leave surfaces against the balls in a leaf of the tree, in float32: see find/leaves.cl. A ball is
  * a sphere, or what of another shape lies between two spheres with one centre. */
 #ifdef WITH_BOUNCES
-static void ball_fetch_leaf(const Scene scene, const int leaf) {
-    __global const uchar *lines = (__global const uchar *)(scene.tree.block + leaf);
+static void ball_fetch_leaf(const Scene *scene, const int leaf) {
+    __global const uchar *lines = (__global const uchar *)(scene->tree.block + leaf);
     for (int line = 0; line < 4; line++) FETCH(lines, 64 * line);
 }
 
@@ -39,12 +39,12 @@ static void ball_fetch_leaf(const Scene scene, const int leaf) {
 CHORDS(float8, int8, Chord8, chord_of_8, range_of_chord_8, Range8)
 
 /* Adds those spheres of a leaf that one ray may meet within its reach. */
-static void ball_add_leaf(const Scene scene, const int leaf, Walker *walker, Search *search) {
-    __global const Block *block = scene.tree.block + leaf;
+static void ball_add_leaf(const Scene *scene, const int leaf, Walker *walker, Search *search) {
+    __global const Block *block = scene->tree.block + leaf;
     const float8 x = block->x - walker->o.x, y = block->y - walker->o.y, z = block->z - walker->o.z;
     Chord8 chord = chord_of_8(x, y, z, walker->w.x, walker->w.y, walker->w.z, block->outer);
     if (!BITS_OF(chord.may)) return;
-    const Range8 range = range_of_chord_8(&chord, block->inner, scene.tree.widen);
+    const Range8 range = range_of_chord_8(&chord, block->inner, scene->tree.widen);
     add_eight(search, walker, chord.may, range, block->index);
 }
 
@@ -65,9 +65,9 @@ static int spheres_met(__global const Block *block, const Bundle *bundle, const 
 }
 
 /* The same for rays of a packet. */
-static void ball_add_leaf_for_packet(const Scene scene, const int leaf, const MASK live, const Bundle *bundle,
+static void ball_add_leaf_for_packet(const Scene *scene, const int leaf, const MASK live, const Bundle *bundle,
                                      const float furthest, Search *search) {
-    __global const Block *block = scene.tree.block + leaf;
+    __global const Block *block = scene->tree.block + leaf;
     const FLOAT ox = LOAD_LANES(search->o[0]), oy = LOAD_LANES(search->o[1]), oz = LOAD_LANES(search->o[2]);
     const FLOAT wx = LOAD_LANES(search->w[0]), wy = LOAD_LANES(search->w[1]), wz = LOAD_LANES(search->w[2]);
     FLOAT reach = LOAD_LANES(search->reach);
@@ -77,7 +77,7 @@ static void ball_add_leaf_for_packet(const Scene scene, const int leaf, const MA
         const FLOAT x = one_of(&block->x, i) - ox, y = one_of(&block->y, i) - oy, z = one_of(&block->z, i) - oz;
         ChordW chord = chord_of_W(x, y, z, wx, wy, wz, one_of(&block->outer, i));
         if (!ANY(chord.may & live)) continue;
-        const RangeW range = range_of_chord_W(&chord, one_of(&block->inner, i), scene.tree.widen);
+        const RangeW range = range_of_chord_W(&chord, one_of(&block->inner, i), scene->tree.widen);
         add_for_packet(search, chord.may & live, range, index, &reach);
     }
     if (search->shorter) STORE_LANES(reach, search->reach);

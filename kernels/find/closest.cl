@@ -31,9 +31,9 @@ typedef struct {
     int found; /* whether any lane may have met a sphere */
 } EyeLine;
 
-static EyeLine eye_line(const Scene scene, const Ray ray) {
+static EyeLine eye_line(const Scene *scene, const Ray ray) {
     if (HAS(WITH_PARALLEL_RAYS)) {
-        const EyeLine line = {TO_FLOAT(ray.o.x * scene.unit), TO_FLOAT(ray.o.y * scene.unit), 1, 0};
+        const EyeLine line = {TO_FLOAT(ray.o.x * scene->unit), TO_FLOAT(ray.o.y * scene->unit), 1, 0};
         return line;
     }
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
@@ -48,30 +48,30 @@ static Hit no_hit(void) {
 }
 
 /* No lane has a use for anything of which the nearest point is beyond, squared. */
-static float end_of_lists(const Scene scene, const EyeLine line, const Hit hit) {
-    const FLOAT far = ANY_LATE ? far_of(hit.near.low) : TO_FLOAT(hit.t * scene.unit);
+static float end_of_lists(const Scene *scene, const EyeLine line, const Hit hit) {
+    const FLOAT far = ANY_LATE ? far_of(hit.near.low) : TO_FLOAT(hit.t * scene->unit);
     return LARGEST_FLOAT(DEPTH_AT(far, line.a) * REACH_SLACK);
 }
 
 #if ANY_LATE
 /* Which lanes meet what is at t before what they have hit so far, where float32 cannot tell: dispatch.cl asks all
  * shapes. index: of what is met. */
-static REAL_MASK comes_before(const Scene *all, const EyeRay *ray, const REAL t, const INT index, const Rival *hit);
+static REAL_MASK comes_before(const Scene *scene, const EyeRay *ray, const REAL t, const INT index, const Rival *hit);
 
 /* In which lanes A comes before B in the scene file. */
-static MASK first_in_file(const Scene scene, const INT A, const INT B);
+static MASK first_in_file(const Scene *scene, const INT A, const INT B);
 
 /* Which lanes' rays meet something at t before what they have hit so far, where that may be a late surface: `nearer`
  * tells of all others. */
-static REAL_MASK nearer_than_any(const Scene scene, const Ray ray, const int index, const REAL t, const Hit hit,
+static REAL_MASK nearer_than_any(const Scene *scene, const Ray ray, const int index, const REAL t, const Hit hit,
                                  const REAL_MASK nearer) {
-    const MASK late = IS_LATE(scene.spheres, hit.id);
+    const MASK late = IS_LATE(scene->spheres, hit.id);
     if (!ANY(late)) return nearer;
-    const Bounds near = near_of(t, scene.unit);
+    const Bounds near = near_of(t, scene->unit);
     const MASK before = near.low > hit.near.high, open = late & !before & !(near.high < hit.near.low);
     const REAL_MASK sure = TO_REAL_MASK(late) ? TO_REAL_MASK(before) : nearer;
     if (!RARELY(ANY(open))) return sure;
-    const Scene all = scene;
+    const Scene all = *scene;
     const EyeRay own = eye_ray(ray);
     const Rival rival = {hit.t, hit.id, hit.sure};
     return TO_REAL_MASK(open) ? comes_before(&all, &own, t, (INT)index, &rival) : sure;

@@ -3,59 +3,59 @@
 #define FETCHES (HAS(WITH_PREFETCH) && CAN_FETCH)
 
 /* Fetches what an entry of a list will ask for. light: whose list it is, -1: of the eye. */
-static void fetch_entry(const Scene scene, const int light, const int k) {
+static void fetch_entry(const Scene *scene, const int light, const int k) {
     if (!FETCHES) return;
-    const int index = scene.lists.entry[k].x;
-    ASK_SHAPE(scene.spheres, index, fetch(scene, light, index));
+    const int index = scene->lists.entry[k].x;
+    ASK_SHAPE(scene->spheres, index, fetch(scene, light, index));
 }
 
 /* The same for the first entries of a list. */
-static void fetch_ahead(const Scene scene, const int light, const int first) {
+static void fetch_ahead(const Scene *scene, const int light, const int first) {
     for (int k = first; FETCHES && k < first + AHEAD; k++) fetch_entry(scene, light, k);
 }
 
 /* The same for the lists of all lanes' cells in a light's buffer. Points of different surfaces have lists that are far
  * apart, and what has to be waited for is there in three steps: where a list begins, its first entry, that surface's
  * filter. Few of the cells are different ones. */
-static void fetch_lists(const Scene scene, const int light, INT cell) {
+static void fetch_lists(const Scene *scene, const int light, INT cell) {
     const int pays = FETCHES & (ANY_FETCHED | HAS(WITH_BOUNCES));
     if (!pays) return;
     int each[W], count = 0;
     for (int c = LARGEST(cell); c >= 0; c = LARGEST(cell)) {
-        FETCH(scene.lists.start, c);
+        FETCH(scene->lists.start, c);
         each[count++] = c;
         cell = cell == c ? (INT)-1 : cell;
     }
-    for (int k = 0; k < count; k++) FETCH(scene.lists.entry, scene.lists.start[each[k]]);
+    for (int k = 0; k < count; k++) FETCH(scene->lists.entry, scene->lists.start[each[k]]);
     for (int k = 0; k < count; k++) {
-        const int index = scene.lists.entry[scene.lists.start[each[k]]].x;
-        ASK_SHAPE(scene.spheres, index, fetch_first(scene, light, index));
+        const int index = scene->lists.entry[scene->lists.start[each[k]]].x;
+        ASK_SHAPE(scene->spheres, index, fetch_first(scene, light, index));
     }
 }
 
 /* The same for the materials of surfaces, which shading waits for where each has its own: which one an entry has, and
  * of a surface that some lanes hit, that itself. */
-static void fetch_material_of(const Scene scene, const int k) {
-    if (FETCHES && HAS(WITH_SHADING)) FETCH(scene.material_of, scene.lists.entry[k].x);
+static void fetch_material_of(const Scene *scene, const int k) {
+    if (FETCHES && HAS(WITH_SHADING)) FETCH(scene->material_of, scene->lists.entry[k].x);
 }
 
-static void fetch_material(const Scene scene, const int index, const REAL_MASK hit) {
-    if (FETCHES && HAS(WITH_SHADING) && ANY(TO_MASK(hit))) FETCH(scene.material, scene.material_of[index]);
+static void fetch_material(const Scene *scene, const int index, const REAL_MASK hit) {
+    if (FETCHES && HAS(WITH_SHADING) && ANY(TO_MASK(hit))) FETCH(scene->material, scene->material_of[index]);
 }
 
 /* The same for the surfaces that each of the lanes has met. */
-static void fetch_surfaces(const Scene scene, const INT index) {
+static void fetch_surfaces(const Scene *scene, const INT index) {
     if (!FETCHES) return;
     int each[W];
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++) {
         if (each[lane] < 0) continue;
-        ASK_SHAPE(scene.spheres, each[lane], fetch_hit(scene, each[lane]));
-        FETCH(scene.material_of, each[lane]);
+        ASK_SHAPE(scene->spheres, each[lane], fetch_hit(scene, each[lane]));
+        FETCH(scene->material_of, each[lane]);
     }
     for (int lane = 0; lane < W; lane++) {
         if (each[lane] < 0) continue;
-        FETCH(scene.material, scene.material_of[each[lane]]);
-        FETCH(scene.bounce, scene.material_of[each[lane]]);
+        FETCH(scene->material, scene->material_of[each[lane]]);
+        FETCH(scene->bounce, scene->material_of[each[lane]]);
     }
 }

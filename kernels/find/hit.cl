@@ -54,9 +54,9 @@ static REAL_MASK too_close(const REAL t, const REAL best) {
 }
 
 /* The number in the scene file of each lane's surface; -1 for none. */
-static INT ids_of(const Scene scene, const INT index) {
+static INT ids_of(const Scene *scene, const INT index) {
     int each[W];
     STORE_LANES(index, each);
-    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene.id_of[each[lane]];
+    for (int lane = 0; lane < W; lane++) each[lane] = each[lane] < 0 ? -1 : scene->id_of[each[lane]];
     return LOAD_LANES(each);
 }

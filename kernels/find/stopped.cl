@@ -2,9 +2,9 @@
 
 /* In which lanes anything can stand between the light and the own surface at all. Of few spheres the host has a bit for
  * each one; of many, and of triangles, all bits are set. */
-static MASK may_be_stopped(const Scene scene, const int number, const INT own) {
+static MASK may_be_stopped(const Scene *scene, const int number, const INT own) {
     if (IS_PROVED(scene, number)) return may_be_shaded(scene, number, own);
-    return -(((INT)scene.light_buffer[number].z >> (own & 31)) & 1);
+    return -(((INT)scene->light_buffer[number].z >> (own & 31)) & 1);
 }
 
 /* The cell of level 0 of a grid that each lane's shadow ray goes through. here: the lanes that meet the grid's
@@ -51,12 +51,12 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const MASK lit) {
 /* The lanes of `lit` that stay lit after the list of one cell, which the rays of the lanes `in` go through. The list
  * is in depth order, by the surfaces' points nearest to the light. A surface no point of which is nearer to the light
  * than P stops nothing, so there the list ends for a lane. */
-static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Start start, const int cell, const MASK in,
+static MASK lit_after_list(const Scene *scene, const ShadowRay ray, const Start start, const int cell, const MASK in,
                            MASK lit, Work *work) {
-    const int first = scene.lists.start[cell], end = scene.lists.start[cell + 1];
+    const int first = scene->lists.start[cell], end = scene->lists.start[cell + 1];
     if (ANY_FETCHED) fetch_ahead(scene, ray.number, first);
     for (int k = first; k < end; k++) {
-        const int2 entry = scene.lists.entry[k];
+        const int2 entry = scene->lists.entry[k];
         const MASK deeper = lit & (ray.depth > as_float(entry.y)), may = in & deeper;
         if (!ANY(may)) break;
         if (ANY_FETCHED) fetch_entry(scene, ray.number, k + AHEAD);
@@ -66,7 +66,7 @@ static MASK lit_after_list(const Scene scene, const ShadowRay ray, const Start s
 }
 
 /* The same after the lists of one grid, from the coarsest level on. */
-static MASK lit_after_grid(const Scene scene, const Grid grid, const ShadowRay ray, const Start start, MASK lit,
+static MASK lit_after_grid(const Scene *scene, const Grid grid, const ShadowRay ray, const Start start, MASK lit,
                            Work *work) {
     const Cell cell = cell_on(grid, ray, lit);
     if (!ANY(cell.here)) return lit;
@@ -91,11 +91,11 @@ static MASK lit_after_grid(const Scene scene, const Grid grid, const ShadowRay r
  * The own surface needs no test. It is convex, so a ray that leaves it outwards never meets it again; a ray that leaves
  * it inwards is stopped by it if and only if the light is outside of it.
  */
-static MASK lit_after_all(const Scene scene, ShadowRay ray, const Start start, MASK lit, Work *work) {
+static MASK lit_after_all(const Scene *scene, ShadowRay ray, const Start start, MASK lit, Work *work) {
     find_lists(scene, start, lit, &ray);
-    const int4 grids = scene.light_buffer[ray.number];
+    const int4 grids = scene->light_buffer[ray.number];
     for (int g = grids.x; g < grids.x + grids.y; g++) {
-        lit = lit_after_grid(scene, scene.lists.grid[g], ray, start, lit, work);
+        lit = lit_after_grid(scene, scene->lists.grid[g], ray, start, lit, work);
         if (!ANY(lit)) return lit;
     }
     return lit;

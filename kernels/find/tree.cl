@@ -8,7 +8,7 @@
 #ifdef WITH_BOUNCES
 
 /* Which lanes' rays meet a surface, at t, before what they have met so far. As closer(). */
-static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT index, const REAL t, const Met met) {
+static REAL_MASK closer_from(const Scene *scene, const Leaving ray, const INT index, const REAL t, const Met met) {
     const REAL_MASK nearer = t < met.at.t;
     const REAL_MASK close = too_close(t, met.at.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
@@ -16,11 +16,11 @@ static REAL_MASK closer_from(const Scene scene, const Leaving ray, const INT ind
 }
 
 /* Takes one surface for each lane, -1 for none, into account. */
-static void meet(const Scene scene, const Leaving ray, const INT index, Met *met, Work *work) {
+static void meet(const Scene *scene, const Leaving ray, const INT index, Met *met, Work *work) {
     const MASK wanted = index >= 0;
     COUNT(DECIDED, wanted);
     Encounter at = met->at;
-    EACH_SHAPE(scene.spheres, index, encounter(scene, ray, index, &at));
+    EACH_SHAPE(scene->spheres, index, encounter(scene, ray, index, &at));
     const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, *met);
     PUT_WHERE(nearer, met->at.t, at.t);
     PUT_WHERE(nearer, met->at.inside, at.inside);
@@ -33,7 +33,7 @@ static void meet(const Scene scene, const Leaving ray, const INT index, Met *met
 
 /* Decides all candidates, and forgets them. Tells how far each ray has to look from now on. */
 static __attribute__((noinline)) void decide_all(Search *search) {
-    const Scene scene = *search->scene;
+    const Scene *scene = search->scene;
     const REAL scale = search->scale;
     Met *met = search->met;
     FLOAT reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;
@@ -67,8 +67,8 @@ static Walker walker_of(const Search *search, const int lane) {
     return walker;
 }
 
-static int leaves_of(const Scene scene) {
-    return scene.tree.blocks + scene.patches;
+static int leaves_of(const Scene *scene) {
+    return scene->tree.blocks + scene->patches;
 }
 
 /* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of
@@ -88,20 +88,20 @@ static float entered(const ulong entry) {
 #define LARGE_TREE 2048
 
 /* Fetches a node or a leaf that is to be visited soon: in large trees, half of the time is waiting. */
-static void fetch_child(const Scene scene, const int child) {
+static void fetch_child(const Scene *scene, const int child) {
     if (!CAN_FETCH || leaves_of(scene) < LARGE_TREE) return;
     if (child < 0) {
-        ASK_LEAF(scene.tree, ~child, fetch_leaf(scene, ~child));
+        ASK_LEAF(scene->tree, ~child, fetch_leaf(scene, ~child));
         return;
     }
-    __global const uchar *lines = (__global const uchar *)(scene.tree.node + child);
+    __global const uchar *lines = (__global const uchar *)(scene->tree.node + child);
     for (int line = 0; line < 4; line++) FETCH(lines, 64 * line);
 }
 
 /* Puts those children of a node on the stack whose boxes the ray enters within its reach, the nearest on top. Boxes are
  * rounded outwards. */
-static void add_children(const Scene scene, const int number, const Walker *walker, Stack *stack) {
-    __global const Node *node = scene.tree.node + number;
+static void add_children(const Scene *scene, const int number, const Walker *walker, Stack *stack) {
+    __global const Node *node = scene->tree.node + number;
     __global const float8 *planes = &node->low_x;
     const float3 over = walker->over, from = walker->from, to = walker->to;
     const int x = over.x < 0, y = over.y < 0, z = over.z < 0;
@@ -132,8 +132,8 @@ static __attribute__((always_inline)) void visit_leaf(const int leaf, Walker *wa
         decide_all(search);
         walker->reach = search->reach[walker->lane];
     }
-    const Scene scene = *search->scene;
-    ASK_LEAF(scene.tree, leaf, add_leaf(scene, leaf, walker, search));
+    const Scene *scene = search->scene;
+    ASK_LEAF(scene->tree, leaf, add_leaf(scene, leaf, walker, search));
 }
 
 /* The same in all leaves below a child of the tree; where there is no tree, in the first `from` leaves, which are all.
@@ -143,7 +143,7 @@ static __attribute__((always_inline)) void visit_leaves(const int from, Walker *
         for (int leaf = 0; leaf < from; leaf++) visit_leaf(leaf, walker, search);
         return;
     }
-    const Scene scene = *search->scene;
+    const Scene *scene = search->scene;
     Stack stack;
     stack.top = 1;
     stack.entry[0] = (uint)from;
@@ -168,7 +168,7 @@ static void walk_alone(const int lane, const int from, Search *search) {
 
 /* The same for each of these rays. */
 static void walk_each(const MASK live, Search *search) {
-    const int from = HAS(WITH_TREE) ? 0 : leaves_of(*search->scene);
+    const int from = HAS(WITH_TREE) ? 0 : leaves_of(search->scene);
     int wanted[W];
     STORE_LANES(live, wanted);
     for (int lane = 0; lane < W; lane++)
@@ -181,9 +181,9 @@ static void walk_each(const MASK live, Search *search) {
 
 /* Puts those children of a node on the stack whose boxes any of the rays may enter within the furthest reach: as 8
  * times the node plus the child's place. The nearest is on top. */
-static void add_children_for_bundle(const Scene scene, const int number, const Bundle *bundle, const float furthest,
+static void add_children_for_bundle(const Scene *scene, const int number, const Bundle *bundle, const float furthest,
                                     Stack *stack) {
-    __global const Node *node = scene.tree.node + number;
+    __global const Node *node = scene->tree.node + number;
     __global const float8 *planes = &node->low_x;
     const int x = bundle->back[0], y = bundle->back[1], z = bundle->back[2];
     float8 near;
@@ -205,8 +205,8 @@ static void add_children_for_bundle(const Scene scene, const int number, const B
 }
 
 /* Which rays of a bundle enter a child of a node within their reach. */
-static MASK entering(const Scene scene, const Bundle *bundle, const int number, const int i, const FLOAT reach) {
-    __global const float8 *planes = &scene.tree.node[number].low_x;
+static MASK entering(const Scene *scene, const Bundle *bundle, const int number, const int i, const FLOAT reach) {
+    __global const float8 *planes = &scene->tree.node[number].low_x;
     const int x = bundle->back[0], y = bundle->back[1], z = bundle->back[2];
     const FLOAT x0 = FMA((FLOAT)one_of(planes + x, i), bundle->over.x, bundle->from.x);
     const FLOAT y0 = FMA((FLOAT)one_of(planes + 2 + y, i), bundle->over.y, bundle->from.y);
@@ -221,7 +221,7 @@ static MASK entering(const Scene scene, const Bundle *bundle, const int number, 
 
 /* Looks for what these rays may meet. Their directions have the same signs. */
 static void walk_together(const MASK live, Search *search) {
-    const Scene scene = *search->scene;
+    const Scene *scene = search->scene;
     Bundle bundle;
     if (popcount(lane_bits(live)) > ALONE) bundle_rays(search, live, &bundle);
     FLOAT reach = LOAD_LANES(search->reach);
@@ -237,7 +237,7 @@ static void walk_together(const MASK live, Search *search) {
         } else {
             if (popcount(bits) > ALONE) {
                 if (!make_room_for_packet(search, here)) decide_all(search);
-                ASK_LEAF(scene.tree, ~child, add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search));
+                ASK_LEAF(scene->tree, ~child, add_leaf_for_packet(scene, ~child, here, &bundle, furthest, search));
             } else {
                 for (; bits; bits &= bits - 1) walk_alone(lowest_of(bits), child, search);
             }
@@ -255,7 +255,7 @@ static void walk_together(const MASK live, Search *search) {
                 continue;
             }
             const int number = (int)((uint)entry >> 3), i = (int)entry & 7;
-            child = ((__global const int *)&scene.tree.node[number].child)[i];
+            child = ((__global const int *)&scene->tree.node[number].child)[i];
             here = entering(scene, &bundle, number, i, reach);
         } while (!ANY(here));
     }
@@ -315,7 +315,7 @@ static __attribute__((noinline)) Met closest_from(const Scene *all, const Leavin
     const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
     /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);
-    if (ANY_ROUND && ANY(inner)) meet(*all, *ray, inner ? ray->own : (INT)-1, &met, work);
+    if (ANY_ROUND && ANY(inner)) meet(all, *ray, inner ? ray->own : (INT)-1, &met, work);
     Search search; /* is large: most of it is never read before it is written */
     search.scene = all;
     search.ray = ray;

@@ -34,7 +34,7 @@ static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
 }
 
 /* lit: the lanes whose rays are cast. */
-static void find_lists(const Scene scene, const Start start, const MASK lit, ShadowRay *ray) {
-    const Light light = scene.light[ray->number];
+static void find_lists(const Scene *scene, const Start start, const MASK lit, ShadowRay *ray) {
+    const Light light = scene->light[ray->number];
     ASK_LIGHT(kind_of(light), lists(scene, light, start, lit, ray));
 }

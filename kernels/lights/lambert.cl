@@ -19,6 +19,6 @@ static SHADE lambert_strength(const Light light, const Shade3 l) {
     return cosine > 0 ? cosine : (SHADE)0;
 }
 
-static void lambert_lists(const Scene scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
+static void lambert_lists(const Scene *scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
     point_lists(scene, light, start, lit, ray);
 }

@@ -20,11 +20,11 @@ static SHADE parallel_strength(const Light light, const Shade3 l) {
 }
 
 /* Its lists are of cells across it, in the order of how far what they name reaches towards it. */
-static void parallel_lists(const Scene scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
+static void parallel_lists(const Scene *scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
     const Real3 P = point_of(start);
-    ray->from.x = P.x * scene.unit;
-    ray->from.y = P.y * scene.unit;
-    ray->from.z = P.z * scene.unit;
+    ray->from.x = P.x * scene->unit;
+    ray->from.y = P.y * scene->unit;
+    ray->from.z = P.z * scene->unit;
     ray->u = TO_FLOAT(DOT(ray->from, light.axis));
     ray->v = TO_FLOAT(DOT(ray->from, light.across));
     ray->depth = -TO_FLOAT(DOT(ray->from, light.position));

@@ -20,9 +20,9 @@ static SHADE point_strength(const Light light, const Shade3 l) {
 }
 
 /* Its lists are of cells of directions from it, in the order of distances. */
-static void point_lists(const Scene scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
+static void point_lists(const Scene *scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
     ray->touches = ANY(lit & (ray->a < 0x1p-40f));
-    const real lift = scene.unit * (real)(ray->touches ? 0x1p80f : 1.0f);
+    const real lift = scene->unit * (real)(ray->touches ? 0x1p80f : 1.0f);
     ray->from.x = -ray->w.x * lift;
     ray->from.y = -ray->w.y * lift;
     ray->from.z = -ray->w.z * lift;

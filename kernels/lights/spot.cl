@@ -23,6 +23,6 @@ static SHADE spot_strength(const Light light, const Shade3 l) {
     return fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
 }
 
-static void spot_lists(const Scene scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
+static void spot_lists(const Scene *scene, const Light light, const Start start, const MASK lit, ShadowRay *ray) {
     point_lists(scene, light, start, lit, ray);
 }

@@ -27,7 +27,7 @@
 #define MOST_CONTRAST (48 * ONE / 255)
 #define QUARTER_SCATTER 2.8284271f
 
-static Outlook outlook_of(const Frame frame, const Scene scene, const Packet packet) {
+static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
     const Outlook view = {ray, eye_line(scene, ray), margins_of(frame, scene)};
     return view;
@@ -76,10 +76,9 @@ static INT parts_of(const SHADE color) {
 
 /* What rays through the middles of pixels find, all of which are in a tile. few: all that they may meet, if that is
  * known. Corners and samples share one copy of the code. */
-static __attribute__((noinline)) void find(const Frame *camera, const Scene *all, const Places *places, const int2 tile,
-                                           const Few *few, Found *found, Work *work) {
+static __attribute__((noinline)) void find(const Frame *camera, const Scene *scene, const Places *places,
+                                           const int2 tile, const Few *few, Found *found, Work *work) {
     const Frame frame = *camera;
-    const Scene scene = *all;
     const Ray ray = for_shapes(frame, primary_ray(frame, places->size, places->column, places->row));
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
@@ -92,7 +91,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *all
         if (HAS(WITH_TEXTURES) & !HAS(WITH_BOUNCES)) MARK(texels, at.texel >= 0, at.texel, 0);
         if (HAS(WITH_INSIDE)) inside = at.hit & TO_MASK(at.start.side < 0);
     }
-    const FLOAT far = TO_FLOAT(hit.t * scene.unit) * (1 + 0x1p-20f);
+    const FLOAT far = TO_FLOAT(hit.t * scene->unit) * (1 + 0x1p-20f);
     found->of[RED] = parts_of(pixels.color.x);
     found->of[GREEN] = parts_of(pixels.color.y);
     found->of[BLUE] = parts_of(pixels.color.z);
@@ -104,7 +103,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *all
 
 /* What the rays through the upper left corners of those packets find. The last tile of the region has the corners on
  * its right and lower edges, too. */
-static void find_corners(const Frame frame, const Scene scene, const int2 size, const int4 region, const int2 begin,
+static void find_corners(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 begin,
                          PixelCorners *corners, Work *work) {
     const int2 last = (region.xy + region.zw - 1) / TILE;
     corners->origin = begin;
@@ -114,7 +113,7 @@ static void find_corners(const Frame frame, const Scene scene, const int2 size, 
             /* With a pixel more, the middle of the picture is half a pixel further, and a pixel's middle is a corner.
              */
             const Places places = {size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW};
-            find(&frame, &scene, &places, min(first / TILE, last), 0, &corners->of[j][i], work);
+            find(&frame, scene, &places, min(first / TILE, last), 0, &corners->of[j][i], work);
         }
 }
 
@@ -143,7 +142,7 @@ static INT contrast_of(const Totals *totals) {
 }
 
 /* The sums over corners. Returns the pixels in which these are not the mean. */
-static MASK add_corners(const Scene scene, const Packet packet, const PixelCorners *corners, Outlook *view,
+static MASK add_corners(const Scene *scene, const Packet packet, const PixelCorners *corners, Outlook *view,
                         Totals *totals) {
     const int i = (packet.first.x - corners->origin.x) / PACKET_WIDTH,
               j = (packet.first.y - corners->origin.y) / PACKET_HEIGHT;
@@ -228,7 +227,7 @@ static void sample_pixel(const Frame *finer, const Scene *scene, const Packet pa
     const int n = 1 << scene->lattice.x;
     Totals own = NO_TOTALS;
     int end = n < STAGED ? n : n / 4;
-    for (int first = 0; first < end && !is_over(*scene); first += W) {
+    for (int first = 0; first < end && !is_over(scene); first += W) {
         const Places places = lattice_places(scene, packet, lane, first);
         Found found;
         find(finer, scene, &places, packet.tile, few, &found, work);
@@ -264,7 +263,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
     STORE_LANES(doubtful, each);
     for (int lane = 0; lane < W; lane++)
         if (each[lane]) pixel[count++] = lane;
-    for (int first = 0; first < 4 * count && !is_over(*scene); first += W) {
+    for (int first = 0; first < 4 * count && !is_over(scene); first += W) {
         for (int lane = 0; lane < W; lane++) {
             const int number = min(first + lane, 4 * count - 1), own = pixel[number / 4],
                       i = number % 4 * (n / 4) + n / 8;
@@ -282,13 +281,13 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
  * doubtful ones four rays are tried first. */
-static MASK add_samples(const Frame frame, const Scene scene, const Packet packet, const Outlook view, MASK mixed,
+static MASK add_samples(const Frame frame, const Scene *scene, const Packet packet, const Outlook view, MASK mixed,
                         Totals *totals, Work *work) {
     Frame finer = frame;
-    finer.pixel.x /= 1 << scene.lattice.x;
-    finer.pixel.y /= 1 << scene.lattice.x;
+    finer.pixel.x /= 1 << scene->lattice.x;
+    finer.pixel.y /= 1 << scene->lattice.x;
     if (ANY(view.doubtful))
-        mixed = (mixed & !view.doubtful) | try_few(&finer, &scene, packet, view.doubtful, totals, work);
+        mixed = (mixed & !view.doubtful) | try_few(&finer, scene, packet, view.doubtful, totals, work);
     if (!ANY(mixed)) return mixed;
     Crowd crowd;
     gather_crowd(scene, packet.tile, view, mixed, &crowd);
@@ -298,7 +297,7 @@ static MASK add_samples(const Frame frame, const Scene scene, const Packet packe
         if (!each[lane]) continue;
         Few few;
         if (!crowd.full) list_few(&crowd, lane, &few);
-        sample_pixel(&finer, &scene, packet, lane, crowd.full ? 0 : &few, totals, work);
+        sample_pixel(&finer, scene, packet, lane, crowd.full ? 0 : &few, totals, work);
     }
     return mixed;
 }
@@ -307,10 +306,10 @@ static MASK add_samples(const Frame frame, const Scene scene, const Packet packe
  * ray of a lattice meets may be black or white; mostly it covers no more than an eighth of the area that one ray stands
  * for. Where colours alone told that corners are not enough, rays may be like random ones of two colours, whose
  * standard deviation is half of the difference. mixed: the pixels that have a lattice. */
-static FLOAT error_of(const Scene scene, const Outlook view, const Totals *totals, const MASK mixed) {
-    const INT count = totals->count, lattice = 1 << scene.lattice.x;
+static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *totals, const MASK mixed) {
+    const INT count = totals->count, lattice = 1 << scene->lattice.x;
     const FLOAT staged = count < lattice ? (FLOAT)QUARTER_SCATTER : (FLOAT)1.0f, rays = TO_FLOAT(count),
-                grain = GRAIN_SCATTER / sqrt(rays), edge = scene.scatter * staged;
+                grain = GRAIN_SCATTER / sqrt(rays), edge = scene->scatter * staged;
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
                 error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
     const FLOAT few = contrast * (view.doubtful ? grain : (FLOAT)CORNER_SCATTER);
@@ -318,7 +317,7 @@ static FLOAT error_of(const Scene scene, const Outlook view, const Totals *total
 }
 
 /* Puts the means into a packet of pixels. */
-static void sample_pixels(const Frame frame, const Scene scene, const Packet packet, const PixelCorners *corners,
+static void sample_pixels(const Frame frame, const Scene *scene, const Packet packet, const PixelCorners *corners,
                           Pixels *pixels, Work *work) {
     Totals totals = NO_TOTALS;
     Outlook view = outlook_of(frame, scene, packet);

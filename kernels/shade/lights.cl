@@ -79,8 +79,8 @@ static void phong(const Light light, const SHADE strength, const Shade3 l, const
 }
 
 /* The shadow ray to a light, along w. */
-static ShadowRay shadow_ray_to(const Scene scene, const int number, const int at_point, const Real3 w, const INT own) {
-    const real unit = at_point ? scene.unit : (real)1;
+static ShadowRay shadow_ray_to(const Scene *scene, const int number, const int at_point, const Real3 w, const INT own) {
+    const real unit = at_point ? scene->unit : (real)1;
     ShadowRay ray = {number, own, at_point, w, {TO_FLOAT(w.x * unit), TO_FLOAT(w.y * unit), TO_FLOAT(w.z * unit)}};
     ray.a = FMA(ray.w32.x, ray.w32.x, FMA(ray.w32.y, ray.w32.y, ray.w32.z * ray.w32.z));
     return ray;

@@ -18,8 +18,8 @@ static __attribute__((noinline)) INT numbers_at(__global const int *array, const
 }
 
 /* The index of the material of each lane's surface, -1 for none. */
-static __attribute__((always_inline)) INT materials_of(const Scene scene, const INT id) {
-    return scene.materials == 1 ? (id < 0 ? (INT)-1 : (INT)0) : numbers_at(scene.material_of, id);
+static __attribute__((always_inline)) INT materials_of(const Scene *scene, const INT id) {
+    return scene->materials == 1 ? (id < 0 ? (INT)-1 : (INT)0) : numbers_at(scene->material_of, id);
 }
 
 /* Puts a material into the lanes of `here`. */
@@ -34,15 +34,15 @@ static __attribute__((always_inline)) void put_material(const SHADE_MASK here, c
     PUT_WHERE(here, at->exponent, (SHADE)m.s7);
 }
 
-static __attribute__((always_inline)) void put_materials(const Scene scene, const INT id, Intersection *at) {
+static __attribute__((always_inline)) void put_materials(const Scene *scene, const INT id, Intersection *at) {
     if (!ANY_TINY) {
-        FOR_EACH_INDEX(one, id) put_material(TO_SHADE_MASK(id == one), scene.material[scene.material_of[one]], at);
+        FOR_EACH_INDEX(one, id) put_material(TO_SHADE_MASK(id == one), scene->material[scene->material_of[one]], at);
         return;
     }
     INT left = materials_of(scene, id);
     do {
         const int one = LARGEST(left);
-        put_material(TO_SHADE_MASK(left == one), scene.material[max(one, 0)], at);
+        put_material(TO_SHADE_MASK(left == one), scene->material[max(one, 0)], at);
         left = left == one ? (INT)-1 : left;
     } while (RARELY(ANY(left >= 0)));
 }
@@ -50,11 +50,11 @@ static __attribute__((always_inline)) void put_materials(const Scene scene, cons
 #if ANY_TINY
 /* As a function of its own it would keep intersections in memory, as triangle_put() would: frames with mirrors take
  * 0.9 of the time. */
-static __attribute__((always_inline)) Intersection material_at(const Scene scene, const INT id);
+static __attribute__((always_inline)) Intersection material_at(const Scene *scene, const INT id);
 #endif
 
 /* Material of each lane's hit. Lanes without a hit keep harmless values. */
-static Intersection material_at(const Scene scene, const INT id) {
+static Intersection material_at(const Scene *scene, const INT id) {
     Intersection at;
     at.hit = id >= 0;
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;

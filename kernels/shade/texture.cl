@@ -23,11 +23,11 @@ static Between between(const REAL c, const INT size) {
  * else. Textures of which SIGNED_FULL is a full colour may go below 0, and have each number larger by as much. */
 typedef LANES(ulong) Texel;
 
-static Texel texels_at(const Scene scene, const INT place) {
+static Texel texels_at(const Scene *scene, const INT place) {
     int each[W];
     ulong bytes[W];
     STORE_LANES(place, each);
-    for (int lane = 0; lane < W; lane++) bytes[lane] = as_ulong(vload8(0, scene.texel + each[lane]));
+    for (int lane = 0; lane < W; lane++) bytes[lane] = as_ulong(vload8(0, scene->texel + each[lane]));
     return LOAD_LANES(bytes);
 }
 
@@ -42,12 +42,12 @@ static SHADE blended(const Texel four[4], const Texel shift, const Texel bits, c
 }
 
 /* Multiplies the colours of points with those of their textures there, if they have one. id: what was hit. */
-static void paint(const Scene scene, const INT id, Intersection *at) {
+static void paint(const Scene *scene, const INT id, Intersection *at) {
     int each[W], width[W], height[W], begin[W], full[W];
     STORE_LANES(id, each);
     for (int lane = 0; lane < W; lane++) {
-        const int which = each[lane] < 0 ? -1 : scene.texture_of[scene.material_of[each[lane]]];
-        const int4 texture = which < 0 ? (int4)(1, 1, 0, 0) : scene.texture[which];
+        const int which = each[lane] < 0 ? -1 : scene->texture_of[scene->material_of[each[lane]]];
+        const int4 texture = which < 0 ? (int4)(1, 1, 0, 0) : scene->texture[which];
         width[lane] = texture.x;
         height[lane] = texture.y;
         begin[lane] = texture.z;

@@ -4,7 +4,7 @@
  * the sum of what all of them see, each with its weight.
  */
 #ifdef WITH_BOUNCES
-static Shade3 shade(const Scene scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
+static Shade3 shade(const Scene *scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
                     Work *work);
 
 /* Colours that add up to a pixel's, as whole numbers of 2^-40. So their sum does not depend on the order of the rays.
@@ -70,30 +70,30 @@ typedef struct {
 
 /* Of each lane's surface: how much it mirrors, how much it sends on, and its index of refraction. Lanes with a negative
  * id get any ones. */
-static Real3 bounces_of_tiny(const Scene scene, const INT id) {
+static Real3 bounces_of_tiny(const Scene *scene, const INT id) {
     /* As in material_at(). */
     INT left = materials_of(scene, id);
-    real4 m = scene.bounce[max(LARGEST(left), 0)];
+    real4 m = scene->bounce[max(LARGEST(left), 0)];
     Real3 r = {m.x, m.y, m.z};
     for (;;) {
         left = left == LARGEST(left) ? (INT)-1 : left;
         const int one = LARGEST(left);
         if (one < 0) return r;
         const REAL_MASK here = TO_REAL_MASK(left == one);
-        m = scene.bounce[one];
+        m = scene->bounce[one];
         PUT_WHERE(here, r.x, (REAL)m.x);
         PUT_WHERE(here, r.y, (REAL)m.y);
         PUT_WHERE(here, r.z, (REAL)m.z);
     }
 }
 
-static Real3 bounces_of(const Scene scene, const INT id) {
+static Real3 bounces_of(const Scene *scene, const INT id) {
     if (ANY_TINY) return bounces_of_tiny(scene, id);
     real r[W], t[W], index[W];
     int each[W];
     STORE_LANES(id, each);
     for (int lane = 0; lane < W; lane++) {
-        const real4 m = scene.bounce[scene.material_of[max(each[lane], 0)]];
+        const real4 m = scene->bounce[scene->material_of[max(each[lane], 0)]];
         r[lane] = m.x;
         t[lane] = m.y;
         index[lane] = m.z;
@@ -102,7 +102,7 @@ static Real3 bounces_of(const Scene scene, const INT id) {
     return all;
 }
 
-static Bounce bounce_at(const Scene scene, const Intersection at, const Branch rays, Work *work) {
+static Bounce bounce_at(const Scene *scene, const Intersection at, const Branch rays, Work *work) {
     const Real3 of = bounces_of(scene, rays.own);
     const REAL R = of.x, T = of.y, rest = (1 - R) - T;
     Bounce bounce;
@@ -119,7 +119,7 @@ static Bounce bounce_at(const Scene scene, const Intersection at, const Branch r
         bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
         bounce.sends = total ? (REAL)0 : rays.weight * T;
     }
-    if (rays.depth > scene.bounces) {
+    if (rays.depth > scene->bounces) {
         bounce.share = 1;
         bounce.mirrors = bounce.sends = 0;
     }
@@ -148,19 +148,19 @@ static LONG slack_of(const REAL parts, const real roundings) {
 /* Which lanes' branches are dropped: those that add `faint` to no sum. Their weights are as if something of the scene's
  * greatest brightness filled all that they see; it is that even after rounding, see plan/dropping.py. depth: of the
  * rays that branch, so that 2^(bounces + 1 - depth) - 1 rays follow in each branch. */
-static MASK drop(const Scene scene, const MASK branches, const REAL weight, const real faint, const int depth,
+static MASK drop(const Scene *scene, const MASK branches, const REAL weight, const real faint, const int depth,
                  Sum3 *slack, Work *work) {
-    const MASK dropped = branches & TO_MASK(weight * scene.brightest.w <= faint);
+    const MASK dropped = branches & TO_MASK(weight * scene->brightest.w <= faint);
     COUNT(DROPPED, dropped);
     if (!ANY(dropped)) return dropped;
     const REAL w = TO_REAL_MASK(dropped) ? weight : (REAL)0;
-    const real roundings = ldexp((real)1, scene.bounces - depth);
-    slack->x += slack_of(w * scene.brightest.x, roundings);
-    slack->y += slack_of(w * scene.brightest.y, roundings);
-    slack->z += slack_of(w * scene.brightest.z, roundings);
+    const real roundings = ldexp((real)1, scene->bounces - depth);
+    slack->x += slack_of(w * scene->brightest.x, roundings);
+    slack->y += slack_of(w * scene->brightest.y, roundings);
+    slack->z += slack_of(w * scene->brightest.z, roundings);
     return dropped;
 }
-#define FIRST_FAINT(scene) (scene).faint
+#define FIRST_FAINT(scene) (scene)->faint
 #else
 #define drop(scene, branches, weight, faint, depth, slack, work) ((MASK)0)
 #define FIRST_FAINT(scene) ((real) - 1)
@@ -197,7 +197,7 @@ static void clear_marks(const MASK where, Work *work) {
 #endif
 
 /* Adds the own colours of what rays have met. */
-static void add_own_color(const Scene scene, const Branch rays, Intersection at, const REAL weight, Gathered *all,
+static void add_own_color(const Scene *scene, const Branch rays, Intersection at, const REAL weight, Gathered *all,
                           Work *work) {
     const MASK shown = at.hit & TO_MASK(weight > 0);
     COUNT(WEIGHTLESS, at.hit & !shown);
@@ -222,7 +222,7 @@ typedef struct {
 
 /* How rays go on: with the mirrored ray, or where there is none with the refracted one. Where there are both, that
  * waits. */
-static Branch go_on(const Scene scene, const Branch rays, const Intersection at, const Bounce bounce, Gathered *all,
+static Branch go_on(const Scene *scene, const Branch rays, const Intersection at, const Bounce bounce, Gathered *all,
                     Waiting *waiting, Work *work) {
     MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
     if (rays.depth == 0) all->alone = rays.live & !mirrors;
@@ -250,7 +250,7 @@ static Branch go_on(const Scene scene, const Branch rays, const Intersection at,
 
 /* Sums up the colours of rays along d that hit, with all that mirrors and glass add to them. at, own: what was hit;
  * faint: what adds no more than this to a sum may be dropped, in its units. */
-static Gathered gather(const Frame frame, const Scene scene, const Real3 d, Intersection at, const INT own,
+static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Intersection at, const INT own,
                        const real faint, Work *work) {
     const Shade3 background = {frame.background.x, frame.background.y, frame.background.z};
     Gathered all = {{0, 0, 0}, {0, 0, 0}, 1, 0, 0, {0, 0, 0}, faint};
@@ -272,8 +272,8 @@ static Gathered gather(const Frame frame, const Scene scene, const Real3 d, Inte
                     all.rays += rays.live ? (INT)1 : (INT)0;
                     if (ANY(all.rays > MOST_RAYS)) return all;
                 }
-                path = leaving(frame, scene.spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
-                met = closest_from(&scene, &path, rays.live, work);
+                path = leaving(frame, scene->spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
+                met = closest_from(scene, &path, rays.live, work);
                 fetch_surfaces(scene, met.id);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);
@@ -315,7 +315,7 @@ static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) 
  * times fainter, and so on until all that is dropped would be rounded to nothing. A ray that is traced with one limit
  * is traced with all lower ones. So where there are too many rays with one limit, there would be too many without any.
  */
-static Shade3 color_with_branches(const Frame frame, const Scene scene, const Ray ray, Intersection at, const INT own,
+static Shade3 color_with_branches(const Frame frame, const Scene *scene, const Ray ray, Intersection at, const INT own,
                                   Pixels *pixels, Work *work) {
     Shade3 color = {0, 0, 0};
     at.hit = at.hit & wanted_lanes(*pixels);
@@ -339,5 +339,5 @@ static Shade3 color_with_branches(const Frame frame, const Scene scene, const Ra
     return color;
 }
 #else
-#define color_with_branches(frame, scene, ray, at, own, pixels, work) (at).ambient
+#define follow(frame, scene, ray, at, own, pixels, work) shade(scene, (ray).d, (ray).a, at, own, &(pixels)->rays, work)
 #endif

@@ -22,28 +22,28 @@
  */
 
 /* The number of each lane's surface in its mesh; -1 for none. */
-static INT primitives_of(const Scene scene, const INT index) {
+static INT primitives_of(const Scene *scene, const INT index) {
     int each[W];
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++)
-        each[lane] = each[lane] < 0 ? -1 : ASK_SHAPE(scene.spheres, each[lane], primitive(scene, each[lane]));
+        each[lane] = each[lane] < 0 ? -1 : ASK_SHAPE(scene->spheres, each[lane], primitive(scene, each[lane]));
     return LOAD_LANES(each);
 }
 
 /* Takes a surface into account, and tells whether any lane's hit may be another one now. */
-static __attribute__((always_inline)) int meet_surface(const Scene scene, const Ray ray, EyeLine *line, const int index,
-                                                       Hit *hit, Work *work) {
-    return ASK_SHAPE(scene.spheres, index, take(scene, ray, line, index, hit, work));
+static __attribute__((always_inline)) int meet_surface(const Scene *scene, const Ray ray, EyeLine *line,
+                                                       const int index, Hit *hit, Work *work) {
+    return ASK_SHAPE(scene->spheres, index, take(scene, ray, line, index, hit, work));
 }
 
-static MASK first_in_file(const Scene scene, const INT A, const INT B) {
+static MASK first_in_file(const Scene *scene, const INT A, const INT B) {
     const INT a = ids_of(scene, A), b = ids_of(scene, B);
     return (a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B)));
 }
 
 /* Puts into a hit what its shape tells late. */
-static __attribute__((always_inline)) void settle_hit(const Scene scene, const Ray ray, Hit *hit) {
-    EACH_SHAPE(scene.spheres, hit->id, settle(scene, ray, hit));
+static __attribute__((always_inline)) void settle_hit(const Scene *scene, const Ray ray, Hit *hit) {
+    EACH_SHAPE(scene->spheres, hit->id, settle(scene, ray, hit));
 }
 
 #ifdef WITH_PLACED
@@ -74,32 +74,31 @@ static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Le
 
 /* Which of the lanes' rays, which meet both surfaces, meet A before B; where they are met at once, the one that comes
  * first in the scene file, unless their shape breaks the tie. Lanes that do not ask have A twice. */
-static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene scene, const Leaving ray, const INT A,
+static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, const Leaving ray, const INT A,
                                                           const INT B) {
     REAL_MASK first = TO_REAL_MASK(first_in_file(scene, A, B));
     if (is_over(scene)) return first;
 #if REAL_BYTES == 8
     REAL_MASK open = TO_REAL_MASK(A != B);
-    EACH_SHAPE(scene.spheres, A, leave_out_tied(scene.spheres, A, B, &open));
+    EACH_SHAPE(scene->spheres, A, leave_out_tied(scene->spheres, A, B, &open));
     if (!ANY(TO_MASK(open))) return first;
-    const FineT t = fine_t_of(scene.spheres, ray, A), other = fine_t_of(scene.spheres, ray, B);
+    const FineT t = fine_t_of(scene->spheres, ray, A), other = fine_t_of(scene->spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
     const REAL_MASK close = (gap >= -error) & (gap <= error);
-    EACH_SHAPE(scene.spheres, A, break_tie(scene.spheres, ray, A, B, close, &first));
+    EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, close, &first));
     first = open ? (gap < -error) | (!(gap > error) & first) : first;
 #endif
     return first;
 }
 
-static __attribute__((noinline)) REAL_MASK comes_before(const Scene *all, const EyeRay *ray, const REAL t,
+static __attribute__((noinline)) REAL_MASK comes_before(const Scene *scene, const EyeRay *ray, const REAL t,
                                                         const INT index, const Rival *hit) {
-    const Scene scene = *all;
     REAL rival = hit->t;
-    EACH_SHAPE(scene.spheres, hit->id, settle_t(scene, *ray, *hit, &rival));
+    EACH_SHAPE(scene->spheres, hit->id, settle_t(scene, *ray, *hit, &rival));
     const REAL_MASK close = too_close(t, rival);
     if (!ANY(TO_MASK(close))) return t < rival;
     const INT other = TO_MASK(close) ? hit->id : index;
-    return close ? comes_first_of(scene, from_eye(scene.spheres, *ray), index, other) : t < rival;
+    return close ? comes_first_of(scene, from_eye(scene->spheres, *ray), index, other) : t < rival;
 }
 
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */
@@ -114,9 +113,9 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
 }
 
 /* Where a ray that left a surface has met another one, rounded, in camera space. */
-static Real3 point_from(const Frame frame, const Scene scene, const Leaving ray, const Met met) {
+static Real3 point_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met) {
     const Real3 C = ray.center, p = ray.p, w = ray.w;
-    const real4 eye = scene.spheres.eye;
+    const real4 eye = scene->spheres.eye;
     const Real3 way = {(C.x - eye.x) + (p.x + met.at.t * w.x), (C.y - eye.y) + (p.y + met.at.t * w.y),
                        (C.z - eye.z) + (p.z + met.at.t * w.z)};
     return turned_to_camera(frame, way);

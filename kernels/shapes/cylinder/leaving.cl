@@ -36,15 +36,15 @@ static void cylinder_place(const Spheres spheres, Start *start) {
 }
 
 /* Puts where the lanes' rays meet the cylinders that `index` names into their lanes. */
-static void cylinder_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene.spheres, index));
-    const RodMeeting met = rod_encounter(scene.spheres, ray, index, here);
+static void cylinder_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->spheres, index));
+    const RodMeeting met = rod_encounter(scene->spheres, ray, index, here);
     PUT_OF_SHAPE(here, at->t, met.t);
     PUT_OF_SHAPE(here, at->inside, !met.is.out);
 }
 
 /* A cylinder is no part of anything. */
-static int cylinder_primitive(const Scene scene, const int index) {
+static int cylinder_primitive(const Scene *scene, const int index) {
     return -1;
 }
 

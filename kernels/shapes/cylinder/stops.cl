@@ -50,8 +50,8 @@ static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const re
 }
 
 /* Whether a light is outside of a cylinder. */
-static int is_outside_of(const Scene scene, const ShadowRay ray, const int number) {
-    return scene.rod_side[(long)ray.number * scene.rods + number] > 0;
+static int is_outside_of(const Scene *scene, const ShadowRay ray, const int number) {
+    return scene->rod_side[(long)ray.number * scene->rods + number] > 0;
 }
 
 /* What float32 is sure of: the lanes of a mask that a cylinder may stop, and those that it does. */
@@ -61,13 +61,13 @@ typedef struct {
 
 /* The line through a light at a point leads from there, at t = 0, to P at t = -1. If a point between the two is within
  * the cylinder and the light is not, the way from one to the other leaves it. */
-static RodGuess guess_rod(const Scene scene, const ShadowRay ray, const int number, const MASK asked) {
+static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int number, const MASK asked) {
     RodGuess is = {asked, 0};
     if (!HAS(WITH_FILTER) || (ray.at_point && ray.touches)) return is;
-    const real4 L = scene.light[ray.number].position * scene.unit;
+    const real4 L = scene->light[ray.number].position * scene->unit;
     const Float3 light = {TO_FLOAT((REAL)L.x), TO_FLOAT((REAL)L.y), TO_FLOAT((REAL)L.z)};
     const Float3 P = {TO_FLOAT(ray.from.x), TO_FLOAT(ray.from.y), TO_FLOAT(ray.from.z)};
-    const RodLine line = rod_line(scene.rod_seen + 2 * number, ray.at_point ? light : P, ray.w32, ray.a);
+    const RodLine line = rod_line(scene->rod_seen + 2 * number, ray.at_point ? light : P, ray.w32, ray.a);
     const FLOAT size = (magnitude(ray.w32.x) + magnitude(ray.w32.y)) + magnitude(ray.w32.z), off = line.error * size;
     const MASK between = ray.at_point ? (line.b < -off) & (line.b + line.a > off + 0x1p-20f * ray.a) : line.b > off;
     if (is_outside_of(scene, ray, number)) is.stopped = asked & line.within & between;
@@ -77,9 +77,9 @@ static RodGuess guess_rod(const Scene scene, const ShadowRay ray, const int numb
 
 /* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
  * does if and only if the light is outside of it. */
-static MASK cylinder_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK may,
+static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
                             const MASK lit, Work *work) {
-    const int number = index - FIRST_CYLINDER(scene.spheres);
+    const int number = index - FIRST_CYLINDER(scene->spheres);
     const MASK own = may & (ray.own == index);
     const RodGuess guess = guess_rod(scene, ray, number, may & !own);
     MASK stops = own & TO_MASK(start.side < 0);
@@ -89,5 +89,5 @@ static MASK cylinder_shadow(const Scene scene, const ShadowRay ray, const Start 
     if (!ANY(guess.open)) return stops;
     COUNT(DECIDED, guess.open);
     if (is_over(scene)) return stops;
-    return stops | decide_rod(scene.spheres, scene.lamp[ray.number], ray.at_point, &start, number, guess.open);
+    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, guess.open);
 }

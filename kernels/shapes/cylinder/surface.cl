@@ -52,11 +52,11 @@ static void map_rods(const REAL_MASK here, const Rod rod, const Real3 q, Interse
 /* Puts the points of cylinders into an intersection. id: what the rays met, at t; P: the point, rounded, in camera
  * space.
  */
-static __attribute__((always_inline)) void round_off(const Frame frame, const Scene scene, const Leaving ray,
+static __attribute__((always_inline)) void round_off(const Frame frame, const Scene *scene, const Leaving ray,
                                                      const INT id, const REAL t, const Real3 P, Intersection *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene.spheres, id));
-    const Rod rod = rods_of(scene.spheres, CYLINDER_OR_NONE(scene.spheres, id));
-    const RodVerdict is = rod_encounter(scene.spheres, ray, id, here).is;
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->spheres, id));
+    const Rod rod = rods_of(scene->spheres, CYLINDER_OR_NONE(scene->spheres, id));
+    const RodVerdict is = rod_encounter(scene->spheres, ray, id, here).is;
     const RodPoint point = rod_point(ray, rod, t, is);
     const Real3 n = turned_to_camera(frame, point.n);
     PUT3(PUT_OF_SHAPE, here, at->normal, n);
@@ -73,14 +73,14 @@ static __attribute__((always_inline)) void round_off(const Frame frame, const Sc
 }
 
 /* Puts what a ray from the eye has met into an intersection. */
-static __attribute__((always_inline)) void cylinder_put(const Frame frame, const Scene scene, const Ray ray,
+static __attribute__((always_inline)) void cylinder_put(const Frame frame, const Scene *scene, const Ray ray,
                                                         const Hit hit, Intersection *at) {
-    round_off(frame, scene, from_eye(scene.spheres, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
+    round_off(frame, scene, from_eye(scene->spheres, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
 }
 
 #ifdef WITH_BOUNCES
 /* The same of a ray that left a surface. */
-static void cylinder_put_from(const Frame frame, const Scene scene, const Leaving ray, const Met met,
+static void cylinder_put_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met,
                               Intersection *at) {
     round_off(frame, scene, ray, met.id, met.at.t, point_from(frame, scene, ray, met), at);
 }

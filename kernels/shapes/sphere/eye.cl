@@ -3,9 +3,9 @@
 #if defined(WITH_ELLIPSOIDS) && REAL_BYTES == 8
 /* Which lanes' rays, which meet both, meet a sphere or an ellipsoid before their rivals; where they are met at once,
  * `tie` says. */
-static REAL_MASK sphere_before(const Scene scene, const Ray ray, const Sphere sphere, const INT rival,
+static REAL_MASK sphere_before(const Scene *scene, const Ray ray, const Sphere sphere, const INT rival,
                                const REAL_MASK tie, const REAL_MASK close) {
-    const Spheres spheres = scene.spheres;
+    const Spheres spheres = scene->spheres;
     const MASK maps = (maps_of(spheres, sphere.index) != 0) | (maps_of(spheres, rival) != 0);
     const REAL_MASK stretched = close & TO_REAL_MASK(maps);
     const REAL_MASK mixed = comes_first_from(spheres, from_eye(spheres, eye_ray(ray)), sphere.index, rival, tie);
@@ -15,28 +15,28 @@ static REAL_MASK sphere_before(const Scene scene, const Ray ray, const Sphere sp
 }
 #elif REAL_BYTES == 8
 #define sphere_before(scene, ray, sphere, rival, tie, close) \
-    sphere_comes_first((scene).spheres, ray, sphere, spheres_of((scene).spheres, rival), tie, close)
+    sphere_comes_first((scene)->spheres, ray, sphere, spheres_of((scene)->spheres, rival), tie, close)
 #else
 #define sphere_before(scene, ray, sphere, rival, tie, close) tie
 #endif
 
 /* Which lanes' rays meet a sphere, at t, before what they have hit so far. Of equally near ones, the sphere that comes
  * first in the scene file is hit. */
-static REAL_MASK closer(const Scene scene, const Ray ray, const Sphere sphere, const int index, const REAL t,
+static REAL_MASK closer(const Scene *scene, const Ray ray, const Sphere sphere, const int index, const REAL t,
                         const Hit hit) {
     const REAL_MASK nearer = t < hit.t;
     const REAL_MASK close = too_close(t, hit.t);
     if (!RARELY(ANY(TO_MASK(close)))) return nearer;
-    const REAL_MASK tie = TO_REAL_MASK(scene.id_of[index] < ids_of(scene, hit.id));
-    const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene.spheres, hit.id), tie, close);
+    const REAL_MASK tie = TO_REAL_MASK(scene->id_of[index] < ids_of(scene, hit.id));
+    const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene->spheres, hit.id), tie, close);
     return close ? first : nearer;
 }
 
 /* Which lanes may meet a sphere, as far as float32 knows. Of parallel rays it is the test of a parallel light, see
  * sphere_filter_leaves(). The host has made the disc larger by what the axes of the camera are not orthonormal by. */
-static __attribute__((always_inline)) MASK passes_filter(const Scene scene, const EyeLine line, const int index) {
+static __attribute__((always_inline)) MASK passes_filter(const Scene *scene, const EyeLine line, const int index) {
     const FLOAT dx = line.x, dy = line.y;
-    const float4 s = scene.eye_filter[index];
+    const float4 s = scene->eye_filter[index];
     if (HAS(WITH_PARALLEL_RAYS)) {
         const FLOAT du = s.x - dx, dv = s.y - dy;
         return FMA(du, du, dv * dv) <= s.z;
@@ -47,29 +47,29 @@ static __attribute__((always_inline)) MASK passes_filter(const Scene scene, cons
 
 #ifdef WITH_ELLIPSOIDS
 /* Where the rays meet a sphere or an ellipsoid. inside: of an ellipsoid, whether from there. */
-static __attribute__((always_inline)) Meeting meeting_of(const Scene scene, const Ray ray, const Sphere sphere,
+static __attribute__((always_inline)) Meeting meeting_of(const Scene *scene, const Ray ray, const Sphere sphere,
                                                          const int index, REAL_MASK *inside) {
-    if (!scene.spheres.map_of[index]) return sphere_meet(scene.spheres, ray, sphere);
-    const Ball ball = balls_of(scene.spheres, (INT)index);
-    const Leaving path = from_eye(scene.spheres, eye_ray(ray));
-    const Encounter met = sphere_meet_from(scene.spheres, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
+    if (!scene->spheres.map_of[index]) return sphere_meet(scene->spheres, ray, sphere);
+    const Ball ball = balls_of(scene->spheres, (INT)index);
+    const Leaving path = from_eye(scene->spheres, eye_ray(ray));
+    const Encounter met = sphere_meet_from(scene->spheres, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
     const Meeting at = {met.t, ray.d};
     *inside = met.inside;
     return at;
 }
 #else
-#define meeting_of(scene, ray, sphere, index, inside) sphere_meet((scene).spheres, ray, sphere)
+#define meeting_of(scene, ray, sphere, index, inside) sphere_meet((scene)->spheres, ray, sphere)
 #endif
 
 /* Takes a sphere into account, and tells whether any lane may meet it. */
-static __attribute__((always_inline)) int sphere_take(const Scene scene, const Ray ray, EyeLine *line, const int index,
+static __attribute__((always_inline)) int sphere_take(const Scene *scene, const Ray ray, EyeLine *line, const int index,
                                                       Hit *hit, Work *work) {
     if (HAS(WITH_FILTER) && !ANY(passes_filter(scene, *line, index))) {
         COUNT(FILTERED, ALL_LANES);
         return 0;
     }
     COUNT(DECIDED, ALL_LANES);
-    const Sphere sphere = sphere_at(scene.spheres, index);
+    const Sphere sphere = sphere_at(scene->spheres, index);
     REAL_MASK inside = 0;
     const Meeting at = meeting_of(scene, ray, sphere, index, &inside);
     REAL_MASK nearer = at.t < hit->t;
@@ -82,7 +82,7 @@ static __attribute__((always_inline)) int sphere_take(const Scene scene, const R
     PUT3(PUT_WHERE, nearer, hit->from_center, at.from_center);
     if (HAS(WITH_ELLIPSOIDS)) PUT_WHERE(nearer, hit->inside, inside);
     if (ANY_LATE) {
-        const Bounds near = near_of(at.t, scene.unit);
+        const Bounds near = near_of(at.t, scene->unit);
         PUT_WHERE(TO_MASK(nearer), hit->near.low, near.low);
         PUT_WHERE(TO_MASK(nearer), hit->near.high, near.high);
     }
@@ -90,8 +90,8 @@ static __attribute__((always_inline)) int sphere_take(const Scene scene, const R
 }
 
 /* A sphere is decided when it is taken. */
-static void sphere_settle(const Scene scene, const Ray ray, Hit *hit) {
+static void sphere_settle(const Scene *scene, const Ray ray, Hit *hit) {
 }
 
-static void sphere_settle_t(const Scene scene, const EyeRay ray, const Rival hit, REAL *t) {
+static void sphere_settle_t(const Scene *scene, const EyeRay ray, const Rival hit, REAL *t) {
 }

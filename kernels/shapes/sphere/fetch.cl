@@ -1,20 +1,20 @@
 /* fetch.cl: what is read of spheres. light: the number of a light, -1: the eye. */
 
-static void sphere_fetch(const Scene scene, const int light, const int index) {
-    __global const float4 *filter = light < 0 ? scene.eye_filter : scene.light_filter + (long)light * scene.count;
+static void sphere_fetch(const Scene *scene, const int light, const int index) {
+    __global const float4 *filter = light < 0 ? scene->eye_filter : scene->light_filter + (long)light * scene->count;
     FETCH(filter, index);
-    FETCH(scene.spheres.center_radius, index);
-    FETCH(scene.spheres.power, index);
+    FETCH(scene->spheres.center_radius, index);
+    FETCH(scene->spheres.power, index);
 }
 
-static void sphere_fetch_first(const Scene scene, const int light, const int index) {
-    FETCH(scene.light_filter, (long)light * scene.count + index);
+static void sphere_fetch_first(const Scene *scene, const int light, const int index) {
+    FETCH(scene->light_filter, (long)light * scene->count + index);
 }
 
-static void sphere_fetch_hit(const Scene scene, const int index) {
-    FETCH(scene.spheres.place, index);
-    FETCH(scene.spheres.center_radius, index);
-    FETCH(scene.spheres.power, index);
+static void sphere_fetch_hit(const Scene *scene, const int index) {
+    FETCH(scene->spheres.place, index);
+    FETCH(scene->spheres.center_radius, index);
+    FETCH(scene->spheres.power, index);
 }
 
 /* Leaves of the tree hold them as balls. */

@@ -347,10 +347,10 @@ static void sphere_place(const Spheres spheres, Start *start) {
 }
 
 /* Puts where the lanes' rays meet the spheres that `index` names into all lanes. */
-static void sphere_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
-    const INT sphere = SPHERE_OR_NONE(scene.spheres, index);
-    const Ball ball = balls_of(scene.spheres, sphere);
-    const Encounter on = sphere_meet_from(scene.spheres, ray, ball, sphere, TO_REAL_MASK(sphere >= 0));
+static void sphere_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
+    const INT sphere = SPHERE_OR_NONE(scene->spheres, index);
+    const Ball ball = balls_of(scene->spheres, sphere);
+    const Encounter on = sphere_meet_from(scene->spheres, ray, ball, sphere, TO_REAL_MASK(sphere >= 0));
     at->t = on.t;
     at->inside = on.inside;
 }

@@ -99,6 +99,6 @@ static Real3 sphere_surface(const Sphere sphere, const Real3 from_center) {
 }
 
 /* A sphere is no part of anything. */
-static int sphere_primitive(const Scene scene, const int index) {
+static int sphere_primitive(const Scene *scene, const int index) {
     return -1;
 }

@@ -17,9 +17,9 @@
  * of V, and the sum of squares is off by 3 e of itself: both together are less than what r' has more than r,
  * r' = r + 8 e (|U| + |V| + r) + 2^-60 [DISC_ROUNDINGS = 8]. See disc_filter in cltrace/plan/shapes/sphere.py.
  */
-static int sphere_filter_leaves(const Scene scene, const ShadowRay ray, const int index, const MASK may) {
+static int sphere_filter_leaves(const Scene *scene, const ShadowRay ray, const int index, const MASK may) {
     if (!HAS(WITH_FILTER)) return 1;
-    const float4 s = scene.light_filter[(long)ray.number * scene.count + index];
+    const float4 s = scene->light_filter[(long)ray.number * scene->count + index];
     if (!ray.at_point) {
         const FLOAT du = s.x - ray.u, dv = s.y - ray.v;
         return ANY(may & (FMA(du, du, dv * dv) <= s.z));
@@ -27,30 +27,30 @@ static int sphere_filter_leaves(const Scene scene, const ShadowRay ray, const in
     if (ray.touches) return 1;
     const MASK open = may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s);
     if (!SMALL_SPHERES || !ANY(open)) return ANY(open);
-    const float r = (float)(scene.spheres.center_radius[index].w * scene.unit);
+    const float r = (float)(scene->spheres.center_radius[index].w * scene->unit);
     return ANY(open & small_sphere_may_meet(ray.w32, ray.a, s, r));
 }
 
 /* On which side of a sphere a light is: of abi.py's light_side. Where c' > 0 (see sphere_filter_leaves()), |L - C|^2 -
  * r^2 is greater still, so it is outside: of many spheres, that waits for no further array. */
-static int side_of_light(const Scene scene, const ShadowRay ray, const int index) {
-    const long seen = (long)ray.number * scene.count + index;
-    if (SMALL_SPHERES && ray.at_point && scene.light_filter[seen].w > 0) return 1;
-    return scene.light_side[seen];
+static int side_of_light(const Scene *scene, const ShadowRay ray, const int index) {
+    const long seen = (long)ray.number * scene->count + index;
+    if (SMALL_SPHERES && ray.at_point && scene->light_filter[seen].w > 0) return 1;
+    return scene->light_side[seen];
 }
 
 /* Whether a sphere or an ellipsoid that is not the own surface stops the rays. */
-static REAL_MASK stands_in_the_way(const Scene scene, const ShadowRay ray, const Start start, const int index,
+static REAL_MASK stands_in_the_way(const Scene *scene, const ShadowRay ray, const Start start, const int index,
                                    const int side) {
-    const Sphere sphere = sphere_at(scene.spheres, index);
-    const int map = HAS(WITH_ELLIPSOIDS) ? scene.spheres.map_of[index] : 0;
-    return map ? ellipsoid_stops(scene.spheres, start, sphere, map, ray.w, ray.at_point, side)
+    const Sphere sphere = sphere_at(scene->spheres, index);
+    const int map = HAS(WITH_ELLIPSOIDS) ? scene->spheres.map_of[index] : 0;
+    return map ? ellipsoid_stops(scene->spheres, start, sphere, map, ray.w, ray.at_point, side)
                : sphere_stops(start, sphere, ray.w, ray.at_point, side);
 }
 
 /* The lanes of `may` that a sphere stops; none where the filter rules it out for all those of `asked`. */
-static MASK stopped_by(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK asked, MASK may,
-                       Work *work) {
+static MASK stopped_by(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK asked,
+                       MASK may, Work *work) {
     if (!HAS(WITH_INSIDE)) {
         asked = asked & (ray.own != index);
         may = may & (ray.own != index);
@@ -80,16 +80,16 @@ static MASK stopped_by(const Scene scene, const ShadowRay ray, const Start start
  * look larger by 2^-44 at least [FINE_SLACK in cltrace/plan/accel/silhouettes.py]. To a parallel light |w| = 1 in the
  * float buffers' unit, in which coordinates are about 1 at most. Where the rays `touch`, |w|^2 may have vanished in
  * float. In single there is no such room. */
-static MASK shared_by(const Scene scene, const ShadowRay ray, const Start start, const int index, const MASK lit) {
+static MASK shared_by(const Scene *scene, const ShadowRay ray, const Start start, const int index, const MASK lit) {
     if (ray.touches) return 0;
-    const float r = (float)(scene.spheres.center_radius[index].w * scene.unit);
-    const FLOAT R = TO_FLOAT(start.own.r * scene.unit);
+    const float r = (float)(scene->spheres.center_radius[index].w * scene->unit);
+    const FLOAT R = TO_FLOAT(start.own.r * scene->unit);
     return lit & (FMA(R, R, (FLOAT)(r * r)) <= 0x1p8f * ray.a);
 }
 
 /* The lanes that a sphere stops, of those of `may`, which ask, and of others of `lit`, for which the answer is the
  * same. */
-static MASK sphere_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, const MASK may,
+static MASK sphere_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, const MASK may,
                           const MASK lit, Work *work) {
     const MASK all = SHARES_ANSWERS ? may | shared_by(scene, ray, start, index, lit) : may;
     return stopped_by(scene, ray, start, index, may, all, work);

@@ -18,11 +18,11 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 }
 
 /* The same of what a ray from the eye has met. */
-static __attribute__((always_inline)) void stretch_at(const Frame frame, const Scene scene, const Ray ray,
+static __attribute__((always_inline)) void stretch_at(const Frame frame, const Scene *scene, const Ray ray,
                                                       const Hit hit, const INT round, Intersection *at) {
-    const Ball ball = balls_of(scene.spheres, round);
+    const Ball ball = balls_of(scene->spheres, round);
     if (ANY((round >= 0) & (ball.map != 0)))
-        stretch(at, spot_at(frame, scene.spheres, from_eye(scene.spheres, eye_ray(ray)), ball, hit.t), hit.inside);
+        stretch(at, spot_at(frame, scene->spheres, from_eye(scene->spheres, eye_ray(ray)), ball, hit.t), hit.inside);
 }
 #else
 #define stretch(at, spot, inside)
@@ -31,8 +31,8 @@ static __attribute__((always_inline)) void stretch_at(const Frame frame, const S
 
 #ifdef WITH_LEAVING
 /* The same start in the world, of points of spheres. */
-static void start_in_world(const Frame frame, const Scene scene, const INT id, Intersection *at) {
-    const Ball ball = balls_of(scene.spheres, SPHERE_OR_NONE(scene.spheres, id));
+static void start_in_world(const Frame frame, const Scene *scene, const INT id, Intersection *at) {
+    const Ball ball = balls_of(scene->spheres, SPHERE_OR_NONE(scene->spheres, id));
     Start *start = &at->start;
     start->anchor = ball.center;
     start->step = turned_to_world(frame, start->p);
@@ -62,10 +62,10 @@ static void map_spheres(const Frame frame, Intersection *at) {
 #endif
 
 /* Puts what a ray from the eye has met into an intersection. */
-static __attribute__((always_inline)) void sphere_put(const Frame frame, const Scene scene, const Ray ray,
+static __attribute__((always_inline)) void sphere_put(const Frame frame, const Scene *scene, const Ray ray,
                                                       const Hit hit, Intersection *at) {
-    const INT round = SPHERE_OR_NONE(scene.spheres, hit.id);
-    const Sphere sphere = spheres_of(scene.spheres, round);
+    const INT round = SPHERE_OR_NONE(scene->spheres, hit.id);
+    const Sphere sphere = spheres_of(scene->spheres, round);
     at->normal = sphere_surface(sphere, hit.from_center);
     at->start = start_at(ray, sphere, at->normal, hit.t);
     if (HAS(WITH_SHAPES)) {
@@ -79,12 +79,12 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
 
 #ifdef WITH_BOUNCES
 /* The same of a ray that left a surface. */
-static __attribute__((always_inline)) void sphere_put_from(const Frame frame, const Scene scene, const Leaving ray,
+static __attribute__((always_inline)) void sphere_put_from(const Frame frame, const Scene *scene, const Leaving ray,
                                                            const Met met, Intersection *at) {
-    const INT round = SPHERE_OR_NONE(scene.spheres, met.id);
-    const Spot spot = spot_at(frame, scene.spheres, ray, balls_of(scene.spheres, round), met.at.t);
+    const INT round = SPHERE_OR_NONE(scene->spheres, met.id);
+    const Spot spot = spot_at(frame, scene->spheres, ray, balls_of(scene->spheres, round), met.at.t);
     at->normal = spot.n;
-    const Sphere sphere = spheres_of(scene.spheres, round);
+    const Sphere sphere = spheres_of(scene->spheres, round);
     const Real3 C = sphere.center, n = at->normal;
     const Real3 point = {C.x + sphere.r * n.x, C.y + sphere.r * n.y, C.z + sphere.r * n.z};
     at->start = start_of(sphere, n, met.at.inside ? (REAL)-1 : (REAL)1, point);

@@ -95,10 +95,11 @@ static __attribute__((always_inline)) Crossing crossing_of(const Spheres spheres
 }
 
 /* Puts t of the lanes that have hit triangles so far into theirs. */
-static __attribute__((noinline)) void triangle_settle_t(const Scene scene, const EyeRay ray, const Rival hit, REAL *t) {
-    const MASK here = IS_TRIANGLE(scene.spheres, hit.id);
+static __attribute__((noinline)) void triangle_settle_t(const Scene *scene, const EyeRay ray, const Rival hit,
+                                                        REAL *t) {
+    const MASK here = IS_TRIANGLE(scene->spheres, hit.id);
     if (!ANY(here)) return;
-    const Crossing at = crossing_of(scene.spheres, ray, hit.id, hit.sure);
+    const Crossing at = crossing_of(scene->spheres, ray, hit.id, hit.sure);
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -110,26 +111,25 @@ typedef struct {
 
 /* That of the lanes of `open`, where float32 cannot tell. inside: as in triangle_meet(); hit: what they have hit so
  * far. */
-static __attribute__((noinline)) Decision decide_triangle(const Scene *all, const EyeRay *ray, const int index,
+static __attribute__((noinline)) Decision decide_triangle(const Scene *scene, const EyeRay *ray, const int index,
                                                           const MASK open, const MASK inside, const Rival *hit) {
-    const Scene scene = *all;
-    const int number = index - FIRST_TRIANGLE(scene.spheres);
-    const REAL t = triangle_meet_from_eye(scene.spheres, *ray, triangle_at(scene.spheres, number), (INT)number,
+    const int number = index - FIRST_TRIANGLE(scene->spheres);
+    const REAL t = triangle_meet_from_eye(scene->spheres, *ray, triangle_at(scene->spheres, number), (INT)number,
                                           TO_REAL_MASK(open), TO_REAL_MASK(inside))
                        .t;
-    const REAL_MASK nearer = comes_before(all, ray, t, (INT)index, hit) & (t < INFINITY);
-    const Decision decision = {TO_MASK(nearer), near_of(t, scene.unit)};
+    const REAL_MASK nearer = comes_before(scene, ray, t, (INT)index, hit) & (t < INFINITY);
+    const Decision decision = {TO_MASK(nearer), near_of(t, scene->unit)};
     return decision;
 }
 
 /* Takes a triangle into account, and tells whether any lane hits it. Of an orthographic camera, the facets are lines on
  * the image plane, as those of a parallel light are. */
-static __attribute__((always_inline)) int triangle_take(const Scene scene, const Ray ray, EyeLine *line,
+static __attribute__((always_inline)) int triangle_take(const Scene *scene, const Ray ray, EyeLine *line,
                                                         const int index, Hit *hit, Work *work) {
     const FLOAT x = line->x, y = line->y;
     MASK open = ALL_LANES, inside = 0;
     if (HAS(WITH_FILTER)) {
-        __global const float4 *facet = scene.facet + 3 * (long)(index - FIRST_TRIANGLE(scene.spheres));
+        __global const float4 *facet = scene->facet + 3 * (long)(index - FIRST_TRIANGLE(scene->spheres));
         const Sides sides = sides_of(x, y, (FLOAT)(HAS(WITH_PARALLEL_RAYS) ? 1 : -1), 1, facet);
         if (!ANY(sides.open)) {
             COUNT(FILTERED, ALL_LANES);
@@ -151,13 +151,13 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
     COUNT(DECIDED, open);
     if (is_over(scene)) return 0;
     /* Lanes that surely meet it, and have met another one in its plane: so at the same t. */
-    const MASK level = open & inside & known_in_one_plane(scene.spheres, (INT)index, hit->id);
+    const MASK level = open & inside & known_in_one_plane(scene->spheres, (INT)index, hit->id);
     const MASK lower = level & first_in_file(scene, (INT)index, hit->id);
     PUT_WHERE(lower, hit->id, (INT)index);
     hit->sure = hit->sure | lower;
     open = open & !level;
     if (!ANY(open)) return 1;
-    const Scene all = scene;
+    const Scene all = *scene;
     const EyeRay own = eye_ray(ray);
     const Rival rival = {hit->t, hit->id, hit->sure};
     const Decision is = decide_triangle(&all, &own, index, open, inside, &rival);
@@ -169,11 +169,11 @@ static __attribute__((always_inline)) int triangle_take(const Scene scene, const
 }
 
 /* Puts into a hit where the rays meet triangles. */
-static __attribute__((always_inline)) void triangle_settle(const Scene scene, const Ray ray, Hit *hit) {
-    const MASK face = IS_TRIANGLE(scene.spheres, hit->id);
+static __attribute__((always_inline)) void triangle_settle(const Scene *scene, const Ray ray, Hit *hit) {
+    const MASK face = IS_TRIANGLE(scene->spheres, hit->id);
     if (!ANY(face)) return;
     const REAL_MASK here = TO_REAL_MASK(face);
-    const Crossing at = crossing_of(scene.spheres, eye_ray(ray), hit->id, hit->sure);
+    const Crossing at = crossing_of(scene->spheres, eye_ray(ray), hit->id, hit->sure);
     hit->shares = at.shares;
     /* Where a triangle is seen all but from its edge, rounding to float may lose it. */
     const REAL t = REAL_BYTES == 8 ? at.t : at.t < INFINITY ? at.t : TO_REAL(far_of(hit->near.low));

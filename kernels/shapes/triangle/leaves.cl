@@ -46,8 +46,8 @@
 PASSAGES(float8, int8, Passage8, passage_of_8, range_of_passage_8, Range8)
 
 /* Adds those triangles of a leaf that one ray may meet within its reach. */
-static void triangle_add_leaf(const Scene scene, const int leaf, Walker *walker, Search *search) {
-    __global const Patch *patch = scene.patch + (leaf - scene.tree.blocks);
+static void triangle_add_leaf(const Scene *scene, const int leaf, Walker *walker, Search *search) {
+    __global const Patch *patch = scene->patch + (leaf - scene->tree.blocks);
     const float8 x = patch->ax - walker->o.x, y = patch->ay - walker->o.y, z = patch->az - walker->o.z;
     const float8 ex = patch->ex, ey = patch->ey, ez = patch->ez, fx = patch->fx, fy = patch->fy, fz = patch->fz;
     const float8 nx = FMA(ey, fz, -(ez * fy)), ny = FMA(ez, fx, -(ex * fz)), nz = FMA(ex, fy, -(ey * fx));
@@ -77,9 +77,9 @@ static int triangles_met(__global const Patch *patch, const Bundle *bundle, cons
 }
 
 /* The same for rays of a packet. */
-static void triangle_add_leaf_for_packet(const Scene scene, const int leaf, const MASK live, const Bundle *bundle,
+static void triangle_add_leaf_for_packet(const Scene *scene, const int leaf, const MASK live, const Bundle *bundle,
                                          const float furthest, Search *search) {
-    __global const Patch *patch = scene.patch + (leaf - scene.tree.blocks);
+    __global const Patch *patch = scene->patch + (leaf - scene->tree.blocks);
     const FLOAT ox = LOAD_LANES(search->o[0]), oy = LOAD_LANES(search->o[1]), oz = LOAD_LANES(search->o[2]);
     const FLOAT wx = LOAD_LANES(search->w[0]), wy = LOAD_LANES(search->w[1]), wz = LOAD_LANES(search->w[2]);
     FLOAT reach = LOAD_LANES(search->reach);

@@ -48,20 +48,20 @@ static __attribute__((noinline)) void triangle_place(const Spheres spheres, Star
 }
 
 /* Puts where the lanes' rays meet the triangles that `index` names into their lanes. */
-static void triangle_encounter(const Scene scene, const Leaving ray, const INT index, Encounter *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene.spheres, index));
-    const INT number = TRIANGLE_OR_NONE(scene.spheres, index);
+static void triangle_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->spheres, index));
+    const INT number = TRIANGLE_OR_NONE(scene->spheres, index);
     const REAL_MASK other = here & TO_REAL_MASK(index != ray.own);
-    Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene.spheres, number), other, 0);
-    decide_encounter(scene.spheres, ray, index, &crossing);
+    Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene->spheres, number), other, 0);
+    decide_encounter(scene->spheres, ray, index, &crossing);
     at->shares = crossing.shares;
     PUT_OF_SHAPE(here, at->t, crossing.t);
     PUT_OF_SHAPE(here, at->inside, (REAL_MASK)0);
 }
 
 /* The number of a triangle in its mesh. */
-static int triangle_primitive(const Scene scene, const int index) {
-    return scene.number_of[index - FIRST_TRIANGLE(scene.spheres)];
+static int triangle_primitive(const Scene *scene, const int index) {
+    return scene->number_of[index - FIRST_TRIANGLE(scene->spheres)];
 }
 
 #if REAL_BYTES == 8

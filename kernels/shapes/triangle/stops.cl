@@ -149,13 +149,13 @@ static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const rea
 
 /* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
  * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
-static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start start, const int index, MASK may,
+static MASK triangle_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
                             const MASK lit, Work *work) {
-    const int number = index - FIRST_TRIANGLE(scene.spheres);
+    const int number = index - FIRST_TRIANGLE(scene->spheres);
     may = may & (ray.own != index);
     MASK unsure = may, inside = 0, stops = 0;
     if (HAS(WITH_FILTER) && !ray.touches) {
-        __global const float4 *facet = scene.light_facet + 3 * ((long)ray.number * scene.triangles + number);
+        __global const float4 *facet = scene->light_facet + 3 * ((long)ray.number * scene->triangles + number);
         const FLOAT x = ray.at_point ? ray.w32.x : ray.u, y = ray.at_point ? ray.w32.y : ray.v;
         const FLOAT z = ray.at_point ? ray.w32.z : (FLOAT)1;
         const Sides sides = sides_of(x, y, z, ray.at_point ? sqrt(ray.a) : (FLOAT)1, facet);
@@ -175,10 +175,10 @@ static MASK triangle_shadow(const Scene scene, const ShadowRay ray, const Start 
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
     if (is_over(scene)) return stops;
-    unsure = unsure & !known_in_one_plane(scene.spheres, (INT)index, ray.own);
+    unsure = unsure & !known_in_one_plane(scene->spheres, (INT)index, ray.own);
     if (!ANY(unsure)) return stops;
     /* Copied here, lest compilers keep it in memory all the time. */
-    const Spheres spheres = scene.spheres;
+    const Spheres spheres = scene->spheres;
     const Start copy = start;
-    return stops | decide_stops(&spheres, scene.lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
+    return stops | decide_stops(&spheres, scene->lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
 }

@@ -19,11 +19,11 @@ static __attribute__((noinline)) Real3 rescued_normals(const Frame frame, const 
  *
  * As a function of its own it would keep all intersections in memory, with a copy for each one that calls: frames with
  * mirrors take 0.85 of the time. */
-static __attribute__((always_inline)) void flatten(const Frame frame, const Scene scene, const INT id,
+static __attribute__((always_inline)) void flatten(const Frame frame, const Scene *scene, const INT id,
                                                    const Shares shares, const Real3 d, const Real3 P,
                                                    Intersection *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene.spheres, id));
-    const INT number = TO_MASK(here) ? id - FIRST_TRIANGLE(scene.spheres) : (INT)-1;
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->spheres, id));
+    const INT number = TO_MASK(here) ? id - FIRST_TRIANGLE(scene->spheres) : (INT)-1;
     const FacePoint point = face_point(shares);
     const Real3 N = shading_normals(scene, number, point.weights);
     const REAL square = DOT(N, N), over = 1 / sqrt(square);
@@ -37,7 +37,7 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
      * that go on ask for it. */
     REAL side = 1;
     if (HAS(WITH_BOUNCES)) {
-        const REAL_MASK back = TO_REAL_MASK((fourths_of(scene.spheres.face, number) & 1) != 0);
+        const REAL_MASK back = TO_REAL_MASK((fourths_of(scene->spheres.face, number) & 1) != 0);
         side = (shares.all < 0) == back ? (REAL)-1 : (REAL)1;
     }
     const REAL turn = DOT(n, d) > 0 ? -side : side;
@@ -53,14 +53,14 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
 }
 
 /* Puts what a ray from the eye has met into an intersection. */
-static __attribute__((always_inline)) void triangle_put(const Frame frame, const Scene scene, const Ray ray,
+static __attribute__((always_inline)) void triangle_put(const Frame frame, const Scene *scene, const Ray ray,
                                                         const Hit hit, Intersection *at) {
     flatten(frame, scene, hit.id, hit.shares, ray.d, point_at(ray, hit.t), at);
 }
 
 #ifdef WITH_BOUNCES
 /* The same of a ray that left a surface. */
-static void triangle_put_from(const Frame frame, const Scene scene, const Leaving ray, const Met met,
+static void triangle_put_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met,
                               Intersection *at) {
     flatten(frame, scene, met.id, met.at.shares, ray.d, point_from(frame, scene, ray, met), at);
 }
