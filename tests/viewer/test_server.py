@@ -79,7 +79,7 @@ def running(spec: str) -> Iterator[Running]:
 
 def test_the_page(running: Running) -> None:
     path = urlsplit(running.address).path
-    for name in ("", "index.html", "viewer.js", "explanation.js", "viewer.css"):
+    for name in ("", "index.html", "socket.js", "viewer.js", "explanation.js", "viewer.css"):
         assert running.status(path + name, Host=running.host) == 200
     assert running.status(path, Host=running.host.replace("127.0.0.1", "localhost")) == 200
     assert running.status(path, Host=running.host, Origin=f"http://{running.host}") == 200
