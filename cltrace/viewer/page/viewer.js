@@ -21,15 +21,16 @@ const KEYS = {
 /**
  * Makes the elements of index.html work that are in `root`, a document or a shadow root.
  *
- * tell: takes an event, see messages.py. Returns what the channel calls: begin() when it is open, fail(text) when it is
- * broken, and receive(message, blob) with a message and its data.
+ * tell: takes an event, see messages.py; signal: is aborted when the view goes, if it can. Returns what the channel calls:
+ * begin() when it is open, fail(text) when it is broken, and receive(message, blob) with a message and its data.
  */
-export function view(root, tell) {
+export function view(root, tell, signal) {
   const $ = (id) => root.getElementById(id);
   const picture = $("picture"), other = $("other"), slider = $("slider"), difference = $("difference");
   const size = { width: 1, height: 1 }; // of the picture at rest
   const compared = {}; // the pictures that lie over it: mine, difference
   let saved, home = true; // the PNG at rest, and whether it is by the scene's own camera
+  let name = "scene"; // what the scene is called
 
   /** Tells the server what was done. */
   function send(kind, x = 0, y = 0, name = "") {
@@ -74,7 +75,8 @@ export function view(root, tell) {
     showCompared();
     if (kind === "moving") return;
     $("caption").textContent = text;
-    document.title = text.split(": ")[0];
+    name = text.split(": ")[0];
+    if (root === document) document.title = name;
     saved = blob;
   }
 
@@ -107,7 +109,11 @@ export function view(root, tell) {
     const area = $("copied").querySelector("textarea");
     $("copied").hidden = false;
     area.value = text;
-    await navigator.clipboard.writeText(text).catch(() => area.select());
+    try {
+      await navigator.clipboard.writeText(text);
+    } catch {
+      area.select(); // pages that came without https may not
+    }
   }
 
   /** What is wrong with the scene's file; when it is another one, the comparison is, too. */
@@ -183,6 +189,7 @@ export function view(root, tell) {
     if (!(event.key in KEYS) || event.target.matches(own) || event.ctrlKey || event.metaKey || event.altKey) return;
     const [kind, x = 0, y = 0] = KEYS[event.key];
     event.preventDefault();
+    event.stopPropagation(); // what is around the view has keys, too
     send(kind === "orbit" && event.shiftKey ? "pan" : kind, x, y);
   });
   for (const button of root.querySelectorAll("[data-kind]:not(canvas)")) {
@@ -195,12 +202,13 @@ export function view(root, tell) {
   });
   $("save").addEventListener("click", () => {
     const link = document.createElement("a");
-    const file = document.title.replace(/^.*\//, "").replace(/\.\w*$/, "");
+    const file = name.replace(/^.*\//, "").replace(/\.\w*$/, "");
     Object.assign(link, { href: URL.createObjectURL(saved), download: `${file}.png` });
     link.click();
     URL.revokeObjectURL(link.href);
   });
   $("compare").addEventListener("input", showCompared);
-  addEventListener("resize", layOut);
+  addEventListener("resize", layOut, { signal });
+  new ResizeObserver(layOut).observe($("frame").parentElement);
   return { begin, fail, receive: (message, blob) => SHOW[message.kind](message, blob) };
 }
