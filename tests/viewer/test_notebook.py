@@ -9,6 +9,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,17 +79,16 @@ def jupyterlab(folder: Path) -> Iterator[str]:
     ]
     options += [f"--ServerApp.root_dir={folder}", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"]
     line = [sys.executable, "-m", "jupyterlab", *options]
-    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=env) as process:
-        assert process.stderr
+    log = folder / "log"
+    with log.open("w") as said, subprocess.Popen(line, stderr=said, env=env) as process:
         try:
-            for said in process.stderr:
-                if "is running at" in said:
-                    break
-            # What it says later is read by nobody, and fits into the pipe.
+            while "is running at" not in log.read_text():
+                assert process.poll() is None, log.read_text()
+                time.sleep(0.1)
             yield f"http://127.0.0.1:{port}/lab/tree/book.ipynb?token=t"
         finally:
             process.terminate()
-            process.communicate(timeout=60)
+            process.wait(60)
 
 
 def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
@@ -104,22 +104,31 @@ def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
         page.keyboard.press("Shift+Enter")
         rested(page)
         assert page.evaluate(STYLES) == before
-        assert (shown(page) == cltrace.render(scene, spec, antialias=True).rgb8).all()
-        assert luminance(page, "header") < 100
+        home = cltrace.render(scene, spec, antialias=True).rgb8
+        assert (shown(page) == home).all()
+        assert luminance(page, "#views") < 100
 
-        # Keys are the widget's where it has the focus, and else the notebook's.
+        # Keys and the wheel are the widget's where it has the focus, and else the notebook's.
         x, y = middle(page)
         page.mouse.move(x, y)
+        page.mouse.wheel(0, -100)
+        rested(page)
+        assert (shown(page) == home).all()
         page.mouse.down()
         page.mouse.move(x + 60, y - 30, steps=6)
         page.mouse.up()
         page.keyboard.press("o")
         rested(page)
+        before = shown(page)
+        page.mouse.wheel(0, -100)
+        rested(page)
+        assert (shown(page) != before).any()
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("r")
         page.keyboard.press("u")
+        page.keyboard.press("x")  # which cuts a cell
         rested(page)
-        assert page.locator(".jp-RawCell").count() == 0
+        assert page.locator(".jp-CodeCell").count() == 2
         turned = shown(page)
         page.click(".jp-Cell >> nth=1")
         page.keyboard.press("Shift+Enter")
@@ -132,5 +141,5 @@ def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
 
 def luminance(page: Any, selector: str) -> float:
     """Of the corner of an element, 0 to 255."""
-    with Picture.open(io.BytesIO(page.locator(selector).last.screenshot())) as picture:
+    with Picture.open(io.BytesIO(page.locator(selector).screenshot())) as picture:
         return float(np.asarray(picture.convert("L"))[-2:, -2:].mean())
