@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, fields
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 Kind = Literal[
     "orbit",
@@ -72,8 +72,12 @@ class Message:
     number: int = 0
     home: bool = True
 
-    def encoded(self) -> bytes:
-        """A line of JSON, and then the data."""
+    def head(self) -> dict[str, Any]:
+        """All but the data, as JSON has it."""
         head = asdict(self)
         del head["data"]
-        return json.dumps(head).encode() + b"\n" + self.data
+        return head
+
+    def encoded(self) -> bytes:
+        """A line of JSON, and then the data."""
+        return json.dumps(self.head()).encode() + b"\n" + self.data

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -21,10 +21,9 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import Session
 from cltrace.viewer.stage import Stage
+from cltrace.viewer.window import Window
 
 HOST, PORT = "127.0.0.1", 8042
-# Seconds without an event after which the exact picture is drawn.
-REST = 0.12
 # Seconds after which a window that does not answer counts as closed.
 HEARTBEAT = 20.0
 # Windows whose line was broken that keep their camera.
@@ -33,7 +32,6 @@ LEFT = 16
 LARGEST = 512
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 PAGE = resources.files("cltrace.viewer") / "page"
-ASKED = ("explain", "centre", "copy", "compare")
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
@@ -103,85 +101,27 @@ class Server:
         name = request.query.get("window", secrets.token_urlsafe())
         session = self._left.pop(name, None) or Session(self._stage)
         session.reopen()
-        await Window(session, line, self._draws, self._answers).live()
+        try:
+            await Window(session, partial(_send, line), self._draws, self._answers).live(_events(line))
+        except ValueError as error:
+            await line.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error)[:100].encode())
         self._left[name] = session
         if len(self._left) > LEFT:
             del self._left[next(iter(self._left))]
         return line
 
 
-class Window:
-    """A window of the page and its session.
+async def _events(line: web.WebSocketResponse) -> AsyncIterator[Event]:
+    """What the page says until it is closed. Raises ValueError for what no page says."""
+    async for said in line:
+        if said.type != WSMsgType.TEXT:
+            return
+        yield Event.of(said.data)
 
-    A picture is drawn when the one before it is on the screen: none waits anywhere, and each shows what is newest.
-    """
 
-    def __init__(
-        self, session: Session, line: web.WebSocketResponse, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor
-    ) -> None:
-        self._stage, self._session, self._line = session.stage, session, line
-        self._draws, self._answers, self._loop = draws, answers, asyncio.get_running_loop()
-        self._woken, self._shown = asyncio.Event(), asyncio.Event()
-        self._shown.set()
-
-    async def live(self) -> None:
-        """Until it is closed, or says what no page says."""
-        changed = partial(self._loop.call_soon_threadsafe, self._changed)
-        self._stage.changed.add(changed)
-        tasks = {asyncio.create_task(self._tell_fault()), asyncio.create_task(self._draw())}
-        try:
-            async for said in self._line:
-                if said.type != WSMsgType.TEXT:
-                    break
-                event = Event.of(said.data)
-                if event.kind == "shown":
-                    self._shown.set()
-                elif event.kind in ASKED:
-                    tasks.add(task := asyncio.create_task(self._answer(event)))
-                    task.add_done_callback(tasks.discard)
-                else:
-                    self._session.handle(event)
-                    self._woken.set()
-        except ValueError as error:
-            await self._line.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error)[:100].encode())
-        finally:
-            self._stage.changed.discard(changed)
-            self._session.close()
-            for task in tasks:
-                task.cancel()
-
-    def _changed(self) -> None:
-        """The scene, or what is wrong with it, is another one."""
-        self._session.refresh()
-        self._woken.set()
-        self._told = asyncio.create_task(self._tell_fault())
-
-    async def _tell_fault(self) -> None:
-        await self._send(Message("fault", self._stage.fault))
-
-    async def _send(self, message: Message) -> None:
-        with suppress(ConnectionError):  # the window has gone
-            await self._line.send_bytes(message.encoded())
-
-    async def _draw(self) -> None:
-        """Draws one picture after the other, as long as there is something new to see."""
-        while True:
-            await self._shown.wait()
-            with suppress(TimeoutError):
-                wait = {"moving": 0.0, "done": None}.get(self._session.phase, REST)
-                await asyncio.wait_for(self._woken.wait(), wait)
-            self._woken.clear()
-            message = await self._loop.run_in_executor(self._draws, self._session.draw)
-            if message:
-                self._shown.clear()
-                await self._send(message)
-
-    async def _answer(self, event: Event) -> None:
-        """Answers a question."""
-        answers = self._session.answer(event)
-        while message := await self._loop.run_in_executor(self._answers, next, answers, None):
-            await self._send(message)
-        self._woken.set()
+async def _send(line: web.WebSocketResponse, message: Message) -> None:
+    with suppress(ConnectionError):  # the window has gone
+        await line.send_bytes(message.encoded())
 
 
 def _listening() -> socket.socket:

@@ -1,4 +1,4 @@
-"""cltrace.view(): a program's scene in the browser, and what it shares with the command."""
+"""cltrace.view(): a program's scene in the browser or in its notebook, and what it shares with the command."""
 
 from __future__ import annotations
 
@@ -27,19 +27,21 @@ def view(
     samples: int | None = None,
     outline: tuple[Any, float] | None = None,
     fog: tuple[Any, float, float] | None = None,
-) -> None:
-    """Shows a scene in the browser, to be turned and clicked, until Ctrl-C: `cltrace view` for scenes of arrays.
+) -> Any:
+    """Shows a scene, to be turned and clicked.
 
-    It prints the address. The arguments are those of Renderer; antialias and samples are about the last picture at rest
-    alone. It needs the extra `view`.
+    In a notebook it returns a widget, which shows itself at the end of a cell: its `camera` is where it looks from now,
+    `close()` ends it. Elsewhere it shows the scene in the browser until Ctrl-C, as `cltrace view` does, and prints the
+    address. The arguments are those of Renderer; antialias and samples are about the last picture at rest alone. It
+    needs the extra `view`.
 
-    Raises MissingPackageError without it, RuntimeError in a notebook, which has no Ctrl-C, and what Renderer raises.
+    Raises MissingPackageError without it, and what Renderer raises.
     """
-    if "ipykernel" in sys.modules:
-        raise RuntimeError("view: a notebook cannot wait for the browser; call it in a script")
     options: dict[str, Any] = {"precision": precision, "outline": outline, "fog": fog}
     chosen = device if isinstance(device, Device) else choose(device)
     stage = Stage(scene, chosen, options=options, smooth={"antialias": antialias, "samples": samples})
+    if _in_notebook():
+        return _needed("widget", "cltrace.view in a notebook", "anywidget").Widget(stage)
     with suppress(KeyboardInterrupt):
         serve(stage, "cltrace.view", print, lambda: None)
 
@@ -50,10 +52,7 @@ def serve(stage: Stage, what: str, say: Callable[[str], object], begun: Callable
     what: who needs the extra, in words; say: where messages go; begun: is called when it serves. Raises
     MissingPackageError without the extra.
     """
-    try:
-        server = importlib.import_module("cltrace.viewer.server").Server(stage)
-    except ModuleNotFoundError:
-        raise MissingPackageError(what, "aiohttp", "view") from None
+    server = _needed("server", what, "aiohttp").Server(stage)
 
     def ready() -> None:
         say(f"cltrace: {stage.name} is at {server.address}; Ctrl-C ends it")
@@ -65,3 +64,17 @@ def serve(stage: Stage, what: str, say: Callable[[str], object], begun: Callable
         begun()
 
     server.run(ready)
+
+
+def _in_notebook() -> bool:
+    """Whether the program is cells that a Jupyter kernel runs."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
+def _needed(module: str, what: str, package: str) -> Any:
+    """A module of the viewer that needs a package of the extra. Raises MissingPackageError without it."""
+    try:
+        return importlib.import_module(f"cltrace.viewer.{module}")
+    except ModuleNotFoundError:
+        raise MissingPackageError(what, package, "view") from None

@@ -79,7 +79,7 @@ def running(spec: str) -> Iterator[Running]:
 
 def test_the_page(running: Running) -> None:
     path = urlsplit(running.address).path
-    for name in ("", "index.html", "viewer.js", "explanation.js", "viewer.css"):
+    for name in ("", "index.html", "socket.js", "viewer.js", "explanation.js", "viewer.css"):
         assert running.status(path + name, Host=running.host) == 200
     assert running.status(path, Host=running.host.replace("127.0.0.1", "localhost")) == 200
     assert running.status(path, Host=running.host, Origin=f"http://{running.host}") == 200
@@ -234,7 +234,7 @@ def test_a_browser_is_opened(spec: str, tmp_path: Path) -> None:
     assert seen.read_text() == f"{address[0]}\n"
 
 
-def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program(spec: str) -> None:
     """Shows its scene until Ctrl-C, and goes on after it. What makes no sense is said before."""
     scene = f"import cltrace; scene = cltrace.load({str(FILE)!r}); "
     line = [sys.executable, "-u", "-c", f"{scene}cltrace.view(scene, {spec!r}, samples=64); print('goes on')"]
@@ -251,9 +251,6 @@ def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
         cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)
     with pytest.raises(ValueError, match=r"^outline: "):
         cltrace.view(cltrace.load(FILE), spec, outline=("black", -1))
-    monkeypatch.setitem(sys.modules, "ipykernel", sys)
-    with pytest.raises(RuntimeError, match="notebook"):
-        cltrace.view(cltrace.load(FILE))
 
 
 def test_a_port_in_use_is_another_port(spec: str) -> None:

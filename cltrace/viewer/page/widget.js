@@ -1,0 +1,45 @@
+// The channel of a notebook's widget: messages of the kernel. widget.py makes one module of the page's; BODY and STYLE
+// are index.html's elements and viewer.css, which a shadow root keeps from those of the notebook.
+import { view } from "./viewer.js";
+
+async function render({ model, el }) {
+  const host = document.createElement("div"), root = host.attachShadow({ mode: "open" });
+  const ended = new AbortController(), id = `${Math.random()}`;
+  root.innerHTML = `<style>${STYLE}</style>${BODY}`;
+  host.dataset.lmSuppressShortcuts = "true"; // keys that are typed here are not JupyterLab's
+  el.append(host);
+  followTheme(host, ended.signal);
+  const page = view(root, (event) => model.send({ event: JSON.stringify(event) }), ended.signal);
+  await showFirst(page, new Blob([model.get("picture")]));
+  page.fail("The kernel is busy, or not there.");
+  const receive = (message, buffers) => page.receive(message, new Blob(buffers));
+  const leave = () => model.send({ close: id });
+  model.on("msg:custom", receive);
+  model.send({ open: id });
+  addEventListener("pagehide", leave, { signal: ended.signal });
+  return () => {
+    model.off("msg:custom", receive);
+    leave();
+    ended.abort();
+  };
+}
+
+/** Shows the picture that is there without a kernel, too. */
+async function showFirst(page, blob) {
+  const { width, height } = await createImageBitmap(blob);
+  await page.receive({ kind: "exact", text: "", width, height, number: 0, home: true }, blob);
+}
+
+/** Dark where the notebook's letters are light, now and when its theme changes. */
+function followTheme(host, signal) {
+  const follow = () => {
+    const [red, green, blue] = getComputedStyle(document.body).color.match(/[\d.]+/g);
+    host.style.colorScheme = +red + +green + +blue > 382 ? "dark" : "light";
+  };
+  const observer = new MutationObserver(follow);
+  observer.observe(document.body, { attributes: true });
+  signal.addEventListener("abort", () => observer.disconnect());
+  follow();
+}
+
+export default { render };
