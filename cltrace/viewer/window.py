@@ -72,7 +72,8 @@ class Window:
             self._woken.clear()
             message = await self._loop.run_in_executor(self._draws, self._session.draw)
             if message:
-                self._shown.clear()
+                if message.data:  # of an error, no page says that it is on the screen
+                    self._shown.clear()
                 await self._send(message)
 
     async def _answer(self, event: Event) -> None:

@@ -57,7 +57,10 @@ export function view(root, tell, signal) {
     moving: showPicture,
     exact: showPicture,
     smooth: showPicture,
-    outline: (message, blob) => over.setOutline(blob, size),
+    outline: async ({ number }, blob) => {
+      await over.setOutline(blob, size);
+      send("shown", number);
+    },
     lines: ({ text }) => over.setLines(text),
     said: ({ text }) => ($("said").textContent = text),
     explanation: ({ text }) => answer($("explanation"), ...opened(text)),
