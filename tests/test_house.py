@@ -175,6 +175,7 @@ WIDE: dict[tuple[str, str], str] = {
     ("cltrace/scene/meshes.py", "of"): PUBLIC,
     ("cltrace/scene/scene.py", "__init__"): PUBLIC,
     ("cltrace/scene/scene.py", "from_spheres"): PUBLIC,
+    ("cltrace/viewer/view.py", "view"): PUBLIC,
 }
 
 

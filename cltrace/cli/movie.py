@@ -17,15 +17,18 @@ from cltrace.movie.animate import FPS, Target
 from cltrace.movie.frames import Frame, ahead, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
 from cltrace.movie.on_devices import OnDevices
-from cltrace.movie.pipeline import FrameRenderer, Shown
+from cltrace.movie.pipeline import Each, FrameRenderer, Shown
 from cltrace.picture.files import Inputs
 from cltrace.process.console import tell
-from cltrace.scene import Scene
+from cltrace.scene import AnyCamera, Scene
 
 
-def draw_movie(movie: Movie, reporter: Reporter) -> int:
-    """Draws all frames of all scenes. Returns 0, or 2 where a scene has a fault; the others are drawn all the same."""
-    work = _Work(movie, reporter)
+def draw_movie(movie: Movie, reporter: Reporter, each: Each | None = None) -> int:
+    """Draws all frames of all scenes. Returns 0, or 2 where a scene has a fault; the others are drawn all the same.
+
+    each: is called after each frame, and draws nothing.
+    """
+    work = _Work(movie, reporter, each)
     work.check_names()
     try:
         work.draw()
@@ -38,12 +41,26 @@ def draw_movie(movie: Movie, reporter: Reporter) -> int:
     return work.status
 
 
+def orbit_of(movie: Movie, reporter: Reporter, scene: Scene) -> tuple[list[AnyCamera], str]:
+    """The cameras of the frames around the only scene of a movie, and the name of its file. Raises what draw_movie()
+    raises."""
+    work = _Work(movie, reporter)
+    work.check_names()
+    try:
+        cameras = work.cameras(scene)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    file = work.pattern(scene, movie.scenes[0].path).text
+    return [cameras[number] for number in work.picked(len(cameras), "frames")], file
+
+
 @dataclass
 class _Work:
-    """What is drawn, and what came of it. status: the exit status."""
+    """What is drawn, and what came of it. each: see draw_movie(); status: the exit status."""
 
     movie: Movie
     reporter: Reporter
+    each: Each | None = None
     status: int = 0
 
     def __post_init__(self) -> None:
@@ -55,7 +72,7 @@ class _Work:
             if self.movie.orbit is None:
                 self.draw_scenes()
             else:
-                self.draw_orbits(self.movie.orbit)
+                self.draw_orbits()
 
     @cached_property
     def renderer(self) -> FrameRenderer:
@@ -64,7 +81,7 @@ class _Work:
         # Fingerprints of files that are there have the depth twice.
         options = drawing.renderer_options((*look.outputs, *look.scale))
         if self.movie.cluster is None:
-            return OnDevices(drawing.device, options)
+            return OnDevices(drawing.device, options, self.each)
         from cltrace.cli.cluster import client_of
 
         client = self._begun.enter_context(client_of(self.movie.cluster))
@@ -92,11 +109,11 @@ class _Work:
         """One picture of each scene."""
         names = Listed({})
         target = Target(names, skip_existing=self.movie.skip_existing, inputs=self.inputs)
-        self._write(target, ahead(self._scenes(names)), len(self._picked(len(self.movie.scenes), "scenes")))
+        self._write(target, ahead(self._scenes(names)), len(self.picked(len(self.movie.scenes), "scenes")))
 
     def _scenes(self, names: Listed) -> Iterator[Frame]:
         """The scenes that can be read, whose pictures get their names."""
-        for number in self._picked(len(self.movie.scenes), "scenes"):
+        for number in self.picked(len(self.movie.scenes), "scenes"):
             asked = self.movie.scenes[number]
             scene = self._read(asked)
             if scene is None:
@@ -111,35 +128,38 @@ class _Work:
             names.names[number] = name
             yield Frame(number, scene)
 
-    def _picked(self, count: int, what: str) -> range:
+    def picked(self, count: int, what: str) -> range:
         """Which numbers below this one --frames picks."""
         numbers = range(count)[self.movie.frames or slice(None)]
         if not numbers:
             raise UsageError(f"--frames: there are only {count} {what}, from 0 on")
         return numbers
 
-    def draw_orbits(self, n: int) -> None:
-        """n frames around each scene."""
+    def draw_orbits(self) -> None:
+        """Frames around each scene."""
         taken: set[str] = set()
         for path, scene in ahead((asked.path, self._read(asked)) for asked in self.movie.scenes):
             if scene is None:
                 continue
-            pattern = self._pattern(scene, path)
+            pattern = self.pattern(scene, path)
             if pattern.text in taken:
                 raise UsageError(
                     f"{path}: another scene has {pattern.text}, too; -o '{{}}%04d.png' takes scenes' names"
                 )
             taken.add(pattern.text)
             target = Target(pattern, self.movie.fps or FPS, self.movie.skip_existing, self.inputs)
-            degrees = 360.0 if self.movie.degrees is None else self.movie.degrees
-            cameras = orbit(scene, n, self.movie.axis, degrees)
-            chosen = self.movie.frames or slice(None)
-            count = len(self._picked(len(cameras), "frames"))
+            cameras = self.cameras(scene)
             if pattern.suffix == ".mp4":
                 self._tell_even(scene)
-            self._write(target, frames_of(cameras, scene, chosen), count)
+            chosen = self.movie.frames or slice(None)
+            self._write(target, frames_of(cameras, scene, chosen), len(self.picked(len(cameras), "frames")))
 
-    def _pattern(self, scene: Scene, path: str) -> Pattern:
+    def cameras(self, scene: Scene) -> list[AnyCamera]:
+        """Those of --orbit."""
+        degrees = 360.0 if self.movie.degrees is None else self.movie.degrees
+        return orbit(scene, self.movie.orbit or 0, self.movie.axis, degrees)
+
+    def pattern(self, scene: Scene, path: str) -> Pattern:
         if self.movie.output is None:
             return Pattern(Path(scene.output_file).stem.replace("%", "%%") + "%04d.png")
         pattern = pattern_of(self.movie.output, Path(path).stem, frames=True)

@@ -177,10 +177,12 @@ class Lit(OneScene):
 
 @dataclass(frozen=True)
 class View(OneScene):
-    """--view. compare: the file of another tracer's picture, None for none; watch: whether files are followed."""
+    """--view. compare: the file of another tracer's picture, None for none; watch: whether files are followed; movie:
+    frames around the scene, None for none."""
 
     compare: str | None
     watch: bool
+    movie: Movie | None
 
 
 @dataclass(frozen=True)
@@ -250,6 +252,8 @@ class _Given:
     def _kind(self) -> Callable[[], Work]:
         """What makes the options of the kind of work that is asked for."""
         args = self._args
+        if args.view and len(args.scenes) == 1:
+            return self._view
         if len(args.scenes) > 1 or self._first(MANY):
             if args.watch:
                 raise UsageError("--watch is for one picture, of one scene")
@@ -257,8 +261,6 @@ class _Given:
             return self._movie
         if args.tiles is not None and args.cluster is None:
             raise UsageError("--tiles goes with --cluster")
-        if args.view:
-            return self._view
         if args.explain is not None:
             return self._explain
         if args.trace:
@@ -355,7 +357,8 @@ class _Given:
         from cltrace.movie.names import MOVIES
 
         args = self._args
-        single = self._first(ONE) or ("--show lit" if args.show == LIT else "-o -" if output == "-" else None)
+        single = None if args.view else self._first(ONE)
+        single = single or ("--show lit" if args.show == LIT else "-o -" if output == "-" else None)
         if single:
             raise UsageError(f"{single} is for one picture, of one scene")
         if args.orbit is None and (other := self._first(("axis", "degrees"))):
@@ -385,8 +388,9 @@ class _Given:
 
     def _view(self) -> View:
         taken = {"size", "square_pixels", "transparent", "outline", "fog", "antialias", "samples", "truncate"}
-        self._refuse_others("--view", taken | {"compare", "device", "precision"})
-        return self._of_scenes(View)
+        taken |= {"compare", "device", "precision"} | ({*MANY, "output"} if self._args.orbit is not None else set())
+        self._refuse_others("--view", taken)
+        return self._of_scenes(View, movie=self._movie() if self._args.orbit is not None else None)
 
     def _lit(self) -> Lit:
         taken = {"show", "output", "size", "crop", "square_pixels", "device", "precision"}

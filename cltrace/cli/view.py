@@ -8,15 +8,18 @@ from functools import partial
 from typing import Any
 
 from cltrace.base.errors import CltraceError, UsageError
-from cltrace.cli.options import View
+from cltrace.cli.movie import draw_movie, orbit_of
+from cltrace.cli.options import Movie, View
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
 from cltrace.cli.watch import changes
+from cltrace.movie.animate import FPS
 from cltrace.process.console import tell
 from cltrace.run.devices import Device, choose
-from cltrace.scene import Scene
+from cltrace.scene import AnyCamera, Scene
 from cltrace.students.compare import compare
 from cltrace.students.comparison import Comparison
+from cltrace.viewer.film import Film
 from cltrace.viewer.stage import Stage
 from cltrace.viewer.view import serve
 
@@ -32,8 +35,10 @@ def view(work: View, reporter: Reporter) -> int:
         del options[name]
     smooth = {"antialias": drawing.antialias or True, "samples": drawing.samples}
     read = partial(scene_of, work.scene, reporter, lines=True)
+    scene = read()
+    film = _film(work.movie, reporter, scene) if work.movie else None
     try:
-        stage = Stage(read(), device, options=options, smooth=smooth, judge=_judge(work, device))
+        stage = Stage(scene, device, options=options, smooth=smooth, judge=_judge(work, device), film=film)
     except ValueError as error:
         raise UsageError(str(error)) from None
 
@@ -43,6 +48,19 @@ def view(work: View, reporter: Reporter) -> int:
 
     serve(stage, "--view", tell, begun)
     return 0
+
+
+def _film(movie: Movie, reporter: Reporter, scene: Scene) -> Film:
+    """The movie that the command would write. Raises UsageError where it would write none."""
+
+    def cameras(seen: Scene) -> list[AnyCamera]:
+        return orbit_of(movie, reporter, seen)[0]
+
+    def write(check: Callable[[], None]) -> int:
+        return draw_movie(movie, reporter, lambda *_: check())
+
+    frames, file = orbit_of(movie, reporter, scene)
+    return Film(cameras, len(frames), movie.fps or FPS, file, write)
 
 
 def _judge(work: View, device: Device) -> Callable[[Scene], Comparison] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cltrace.explanation import words
 from cltrace.explanation.names import Names
+from cltrace.picture.image import Image
 from cltrace.picture.palettes import Colors, light_sets
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Crop
@@ -59,10 +60,15 @@ def lighting(
     scene: Scene, device: str | Device | None = None, precision: Precision | None = None, crop: Crop | None = None
 ) -> Lighting:
     """What lit() finds, with what it is about."""
+    return lighting_by(scene, lambda some: render(some, device, precision, ("id", "color"), crop))
+
+
+def lighting_by(scene: Scene, draw: Callable[[Scene], Image]) -> Lighting:
+    """The same by what draws ids and colours of scenes like this one."""
     numbers = np.flatnonzero(scene.lights["kind"] != AMBIENT)
     lit = seen = None
     for three in [numbers[i : i + 3] for i in range(0, len(numbers), 3)] or [numbers]:
-        image = render(_matte(scene, three), device, precision, ("id", "color"), crop)
+        image = draw(_matte(scene, three))
         if lit is None:
             seen = image.id >= 0
             lit = np.repeat(seen[:, :, None], len(scene.lights), axis=2)

@@ -86,6 +86,23 @@ def other_kind(camera: AnyCamera, like: Camera) -> AnyCamera:
     return replace(seen, position=camera.lookat + way, lookat=camera.lookat, up=camera.up)
 
 
+def opened(camera: AnyCamera, degrees: float) -> AnyCamera:
+    """With another opening angle, the whole of it, from the same place. An orthographic camera has none."""
+    return replace(camera, horizontal_fov=degrees / 2) if isinstance(camera, Camera) else camera
+
+
+def projection(camera: AnyCamera) -> tuple[float, ...]:
+    """A matrix of 3 rows of 4: of (x, y, z, 1) in the world it makes the column times w, the row times w, and w.
+
+    Columns and rows are those of the picture's pixels, whose middles are at halves; w > 0 is in front of the camera.
+    """
+    (width, height), (wide, high) = camera.resolution, camera.image_plane()
+    right, up, back = (np.array([*axis, -(axis @ camera.position)]) for axis in _axes(camera))
+    w = np.array([0.0, 0.0, 0.0, 1.0]) if camera.parallel else -back
+    rows = np.stack([width / 2 * (w + right / wide), height / 2 * (w - up / high), w])
+    return tuple(rows.ravel().tolist())
+
+
 def ray(camera: AnyCamera, x: int, y: int) -> tuple[Floats, Floats]:
     """Where the ray of a pixel starts, and its direction, of any length, in the world."""
     (width, height), (wide, high) = camera.resolution, camera.image_plane()

@@ -20,6 +20,12 @@ Kind = Literal[
     "copy",
     "compare",
     "shown",
+    "fov",
+    "samples",
+    "light",
+    "reset",
+    "frame",
+    "write",
 ]
 LARGEST = 2**28  # pixels, and more than any way of a pointer
 
@@ -30,7 +36,9 @@ class Event:
 
     orbit, pan, zoom: a way of the pointer, x and y, see cameras.py; fit, parallel, back, undo: keys; show: the button
     of `name`; centre, explain: about the pixel in column x and row y; copy: the camera, as `name`; compare: with the
-    picture of --compare; shown: the picture that counts x events is on the screen.
+    picture of --compare; shown: the picture that counts x events is on the screen; fov: the whole opening angle, x
+    degrees; samples: x rays a pixel of the smooth picture; light: number x shines y times as bright as the scene says,
+    0 to 1; reset: these three as the scene has them; frame: number x of the movie; write: the movie's file.
     """
 
     kind: Kind
@@ -53,17 +61,50 @@ class Event:
 
 
 @dataclass(frozen=True)
+class State:
+    """What a window's controls show beside a picture.
+
+    projection: from the world to the picture, see cameras.projection(); fov: the whole opening angle, degrees, 0 of
+    parallel rays; samples: rays a pixel of the smooth picture, 0 where that is proved; lights: name and strength of
+    each, none where they are many; frame, frames: which one of how many; fps: frames a second; file: of the movie, ""
+    for none.
+    """
+
+    projection: tuple[float, ...]
+    fov: float
+    samples: int
+    lights: tuple[tuple[str, float], ...]
+    frame: int
+    frames: int
+    fps: float
+    file: str
+
+
+@dataclass(frozen=True)
 class Message:
     """What the page is to show.
 
     moving, exact, smooth: a picture, with its caption, of `width` and `height` pixels at rest, that counts `number`
     events; home: whether it is by the scene's own camera; data is a JPEG while it moves, else the PNG of the command.
-    explanation, comparison, copy: a text. mine, difference: PNGs beside a comparison. fault: what is wrong with the
-    scene's file now, "" for nothing; error: what was asked for and cannot be.
+    explanation, comparison, copy, said: a text. lines: those of an explanation, see lines.py, as JSON; outline: a PNG
+    that lies over the picture, around the surface that is explained. mine, difference: PNGs beside a comparison. fault:
+    what is wrong with the scene's file now, "" for nothing; error: what was asked for and cannot be.
     """
 
     kind: Literal[
-        "moving", "exact", "smooth", "explanation", "comparison", "copy", "mine", "difference", "fault", "error"
+        "moving",
+        "exact",
+        "smooth",
+        "outline",
+        "explanation",
+        "lines",
+        "comparison",
+        "copy",
+        "said",
+        "mine",
+        "difference",
+        "fault",
+        "error",
     ]
     text: str = ""
     data: bytes = b""
@@ -71,6 +112,7 @@ class Message:
     height: int = 0
     number: int = 0
     home: bool = True
+    state: State | None = None
 
     def head(self) -> dict[str, Any]:
         """All but the data, as JSON has it."""

@@ -46,8 +46,8 @@ class Server:
 
     def __init__(self, stage: Stage) -> None:
         self._stage, self._token = stage, secrets.token_urlsafe(16)
-        # One thread draws for all windows, and one answers.
-        self._draws, self._answers = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+        # One thread draws for all windows; one answers, also while another one writes a movie.
+        self._draws, self._answers = ThreadPoolExecutor(1), ThreadPoolExecutor(2)
         self._left = dict[str, Session]()  # of windows whose line was broken, which may come again
         self._socket = _listening()
         self.port: int = self._socket.getsockname()[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import threading
 from collections import deque
@@ -11,17 +12,24 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cltrace.base.errors import CltraceError, located
+from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.pixel import explain
 from cltrace.picture.image import Image
+from cltrace.plan.request import LATTICES
 from cltrace.rays import trace_rays
-from cltrace.scene import AnyCamera, Camera
+from cltrace.scene import AnyCamera, Camera, Scene
 from cltrace.students.comparison import Comparison
+from cltrace.students.places import look_at
 from cltrace.viewer import cameras
-from cltrace.viewer.messages import Event, Message
+from cltrace.viewer.lights import Lights
+from cltrace.viewer.lines import as_json
+from cltrace.viewer.messages import Event, Message, State
 from cltrace.viewer.stage import VIEWS, Drawn, OverError, Phase, Stage
 
-AFTER: dict[Phase, Phase] = {"moving": "exact", "exact": "smooth", "smooth": "done", "done": "done"}
 # Seconds that the pixels of a moving picture may take, and by what its sides are divided at most.
 PACE, SMALLEST = 1 / 60, 4
 # Cameras that can be gone back to.
@@ -36,40 +44,50 @@ MOVES: dict[str, Callable[[AnyCamera, float, float], AnyCamera]] = {
 class Session:
     """A window on a stage.
 
-    phase: which picture comes next; view: what it shows, of VIEWS; closed: whether the window is. One thread may tell
-    it what happens while another one draws, and a third one answers.
+    phase: which picture comes next; view: what it shows, of VIEWS; frame: of the movie; samples: as of State; closed:
+    whether the window is. One thread may tell it what happens while another one draws, and others answer.
     """
 
     def __init__(self, stage: Stage) -> None:
-        self.stage, self.view, self.closed = stage, "color", False
+        self.stage, self.view, self.closed, self.frame, self.samples = stage, "color", False, 0, stage.samples
         self.phase: Phase = "exact"
-        self._scene = stage.scene
+        self._scene, self._frames, self._lights = stage.scene, stage.frames, Lights()
         self.camera = self._scene.camera
+        self._pinhole = self.camera if isinstance(self.camera, Camera) else Camera()
+        self._explained: int | None = None  # the surface that is outlined
+        self._rest: Phase = "smooth"  # what comes after the outline
         self._undo, self._count, self._divisor = deque[AnyCamera](maxlen=UNDO), 0, 2
         self._rested = True  # whether the exact picture of this camera was there
         self._lock = threading.Lock()
 
     def handle(self, event: Event) -> None:
         """Does what needs no time. What cannot be done changes nothing."""
-        if event.kind == "undo":
-            if self._undo:
-                self._go(self._undo.pop(), remember=False)
-        elif event.kind == "show" and event.name in VIEWS:
-            self.view = event.name
-            self._go(self.camera, remember=False)
-        else:
-            try:
-                self._go(self._moved(event))
-            except (ValueError, OverflowError):  # as where a camera would be in what it looks at
-                return
+        camera, remember = self.camera, False
+        match event.kind:
+            case "undo" if self._undo:
+                camera = self._undo.pop()
+            case "show" if event.name in VIEWS:
+                self.view = event.name
+            case "samples" if self.samples and event.x in LATTICES:
+                self.samples = int(event.x)
+            case "light" if self._lights.dim(int(event.x), event.y):
+                pass
+            case "frame" if 0 <= event.x < len(self._frames):
+                self.frame = int(event.x)
+            case _:
+                try:
+                    camera, remember = self._moved(event), True
+                except (ValueError, OverflowError):  # as where a camera would be in what it looks at
+                    return
+        self._go(camera, remember and camera != self.camera)
 
     def refresh(self) -> None:
-        """The scene may be another one. A camera that was not moved is then the new one's."""
-        if self._scene is self.stage.scene:
+        """The scene may be another one."""
+        if self._frames is self.stage.frames:
             return
-        before, self._scene = self._scene.camera, self.stage.scene
-        self._go(self._scene.camera if self.camera == before else self.camera, remember=False)
-        self.phase = "exact"
+        with self._lock:
+            self._frames, self.phase, self._count = self.stage.frames, "exact", self._count + 1
+        self.stage.press()
 
     def reopen(self) -> None:
         """It begins, or goes on after close() with the camera that it had."""
@@ -87,36 +105,44 @@ class Session:
         phase, count = self.phase, self._count
         if phase == "done":
             return None
-        moving = phase == "moving"
-        camera, home = self.camera, self.camera == self._scene.camera
+        moving, outline = phase == "moving", phase == "outline"
         try:
-            seen = cameras.reduced(camera, self._divisor) if moving else camera
-            picture = self.stage.draw(seen, self.view, phase, lambda: self.closed)
+            self._follow()
+            camera, home = self.camera, self.camera == self._scene.camera
+            scene = self._seen(cameras.reduced(camera, self._divisor) if moving else camera)
+            view = "id" if outline else self.view
+            picture = self.stage.draw(scene, view, phase, lambda: self.closed, self.samples)
         except OverError:
             return None
         except (CltraceError, ValueError, MemoryError) as error:
             self._done(count, "done")
             return Message("error", str(error) or "not enough memory")
-        data = picture.file(".jpg" if moving else ".png")
+        self._done(count, self._after(phase))
+        if outline:
+            return Message(phase, data=_around(picture.image.id == self._explained), number=count)
         if moving:
             self._divisor = next_divisor(self._divisor, picture.seconds)
-        self._done(count, AFTER[phase] if moving or self.view == "color" else "done")
+        data = picture.file(".jpg" if moving else ".png")
         width, height = camera.resolution
-        text = self._caption(picture, phase)
-        return Message(phase, text, data, width=width, height=height, number=count, home=home)
+        text, state = self._caption(picture, phase), self._state(camera)
+        return Message(phase, text, data, width=width, height=height, number=count, home=home, state=state)
 
     def answer(self, event: Event) -> Iterator[Message]:
         """What is asked for, which may take long."""
         try:
             if event.kind == "explain":
-                yield Message("explanation", self._explained(int(event.x), int(event.y)))
+                yield from self._explain(int(event.x), int(event.y))
             elif event.kind == "centre":
                 self._centre(int(event.x), int(event.y))
             elif event.kind == "copy":
                 yield Message("copy", self._copied(event.name))
+            elif event.kind == "write":
+                yield from self._written()
             elif found := self.stage.compared():
                 yield from _compared(found)
-        except (CltraceError, ValueError) as error:
+        except OverError:
+            return
+        except (CltraceError, ValueError, OSError) as error:
             yield Message("error", str(error))
 
     def _go(self, camera: AnyCamera, remember: bool = True) -> None:
@@ -130,6 +156,7 @@ class Session:
             if remember and self._rested:  # once for a way of the pointer
                 self._undo.append(self.camera)
             self._rested = self._rested and not remember
+            self._pinhole = camera if isinstance(camera, Camera) else self._pinhole
             self.camera, self.phase, self._count = camera, "moving", self._count + 1
         self.stage.press()
 
@@ -138,6 +165,47 @@ class Session:
         with self._lock:
             if count == self._count:
                 self.phase, self._rested = phase, self._rested or phase != "exact"
+
+    def _after(self, phase: Phase) -> Phase:
+        """What comes after a picture."""
+        if phase == "moving":
+            return "exact"
+        if phase == "exact":
+            self._rest = "smooth" if self.view == "color" else "done"
+        return (
+            "outline"
+            if phase == "exact" and self._explained is not None
+            else self._rest
+            if phase != "smooth"
+            else "done"
+        )
+
+    def _follow(self) -> None:
+        """Takes the scene of the frame. A camera that was not moved is then the new one's."""
+        scene = self._frames[self.frame]
+        with self._lock:
+            if scene is not self._scene:
+                before, self._scene = self._scene.camera, scene
+                camera = scene.camera if self.camera == before else self.camera
+                home = scene.camera
+                self.camera = replace(camera, resolution=home.resolution, max_bounces=home.max_bounces)
+
+    def _seen(self, camera: AnyCamera) -> Scene:
+        """The scene in this window's lights, seen by a camera."""
+        return self._lights.on(self._scene).seen_by(camera)
+
+    def _state(self, camera: AnyCamera) -> State:
+        film = self.stage.film
+        return State(
+            projection=cameras.projection(camera),
+            fov=2 * camera.horizontal_fov if isinstance(camera, Camera) else 0.0,
+            samples=self.samples,
+            lights=self._lights.listed(self._scene),
+            frame=self.frame,
+            frames=len(self._frames),
+            fps=film.fps,
+            file=film.file,
+        )
 
     def _moved(self, event: Event) -> AnyCamera:
         """The camera after an event. Raises ValueError where there is none."""
@@ -148,7 +216,12 @@ class Session:
             case "fit":
                 return cameras.fit(self._scene.seen_by(self.camera))
             case "parallel":
-                return cameras.other_kind(self.camera, home if isinstance(home, Camera) else Camera())
+                return cameras.other_kind(self.camera, self._pinhole)
+            case "fov":
+                return cameras.opened(self.camera, event.x)
+            case "reset":
+                self.samples, self._lights = self.stage.samples, Lights()
+                return cameras.opened(self.camera, 2 * home.horizontal_fov) if isinstance(home, Camera) else self.camera
             case "back":
                 return home
         raise ValueError(f"{event.kind} moves no camera")
@@ -159,15 +232,47 @@ class Session:
         parts = (self.view, size, phase, f"on {self.stage.device.name}", picture.legend)
         return f"{self.stage.name}: {', '.join(filter(None, parts))}"
 
-    def _explained(self, x: int, y: int) -> str:
-        """Why a pixel has its colour; before that, the line of the scene's file where its surface is."""
-        found = explain(self.stage.scene.seen_by(self.camera), x, y, truncate=self.stage.options.get("truncate", False))
+    def _explain(self, x: int, y: int) -> Iterator[Message]:
+        """Why a pixel has its colour; before that, the line of the scene's file where its surface is, and what is wrong
+        there with the picture of --compare. Its surface is outlined from now on."""
+        camera = self.camera
+        found = explain(self._seen(camera), x, y, truncate=self.stage.options.get("truncate", False))
         hit = found.rays[0].hit
-        return "\n".join([found.line, *_line_of(found.path, hit.surface.line if hit else 0), "", str(found)])
+        told = [*self._beside(found), *_line_of(found.path, hit.surface.line if hit else 0)]
+        yield Message("explanation", "\n".join([found.line, *told, "", str(found)]))
+        yield Message("lines", as_json(found, reach=math.dist(camera.position, camera.lookat)))
+        with self._lock:
+            self._explained = hit.surface.id if hit else None
+            if hit and self.phase in ("smooth", "done"):
+                self._rest, self.phase = self.phase, "outline"
+
+    def _beside(self, found: Explanation) -> Iterator[str]:
+        """What the picture of --compare has there, if it is of the same camera and size."""
+        compared = self.stage.compared() if self.camera == self.stage.scene.camera else None
+        if compared and compared.mine.shape[1::-1] == (found.width, found.height):
+            mine = compared.mine[found.y, found.x]
+            wrong = compared.error[found.y, found.x] > compared.tolerance
+            advice = (
+                f", which is wrong: look at {look_at(found, tuple(mine.tolist()))}" if wrong else ", which is right"
+            )
+            yield f"the other picture has {' '.join(map(str, mine))}{advice}"
+
+    def _written(self) -> Iterator[Message]:
+        """Writes the movie, unless the window is closed meanwhile."""
+        film = self.stage.film
+
+        def check() -> None:
+            if self.closed:
+                raise OverError
+
+        if film.file:
+            yield Message("said", f"{film.file} is being written")
+            film.write(check)
+            yield Message("said", f"{film.file} is written")
 
     def _centre(self, x: int, y: int) -> None:
         """Looks at what a pixel shows, if that is a surface."""
-        hits = trace_rays(self.stage.scene, *cameras.ray(self.camera, x, y))
+        hits = trace_rays(self._scene, *cameras.ray(self.camera, x, y))
         if hits.id[0] >= 0:
             self._go(cameras.centre(self.camera, hits.point[0]))
 
@@ -177,13 +282,24 @@ class Session:
             return cameras.as_xml(self.camera)
         if form == "python":
             return cameras.as_python(self.camera)
-        source, options = self.stage.scene.source, {"antialias": True} | self.stage.options | self.stage.smooth
+        source, options = self._scene.source, {"antialias": True} | self.stage.options | self.stage.smooth
+        options["samples"] = self.samples if self.samples != self.stage.samples else options["samples"]
         if form != "command" or source is None:
             raise ValueError(f"there is no {form!r} of this camera")
         how = "".join(f", {name}={value!r}" for name, value in options.items() if value)
         look = f"cltrace.load({source.path!r}).seen_by({cameras.as_python(self.camera)})"
-        program = f"import cltrace; cltrace.render({look}{how}).save('view.png')"
+        program = f"import cltrace; scene = {look}; {self._lights.as_python}cltrace.render(scene{how}).save('view.png')"
         return f"python -c {shlex.quote(program)}"
+
+
+def _around(seen: NDArray[np.bool_]) -> bytes:
+    """A PNG of (h, w) pixels: a light line inside what is seen and a dark one outside, and nothing elsewhere."""
+    pixels = np.zeros((*seen.shape, 4), np.uint8)
+    for some, color in ((seen, (255, 220, 0, 255)), (~seen, (0, 0, 0, 255))):
+        near = np.pad(some, 1, mode="edge")
+        whole = near[:-2, 1:-1] & near[2:, 1:-1] & near[1:-1, :-2] & near[1:-1, 2:]
+        pixels[some & ~whole] = color
+    return Drawn(Image(rgba8=pixels)).file(".png")
 
 
 def _compared(found: Comparison) -> Iterator[Message]:

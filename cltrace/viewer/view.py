@@ -7,15 +7,18 @@ import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from cltrace.base.errors import MissingPackageError
+from cltrace.movie.animate import FPS, animate
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Antialias
 from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
+from cltrace.viewer.film import film_of
 from cltrace.viewer.stage import Stage
 
 
@@ -27,6 +30,11 @@ def view(
     samples: int | None = None,
     outline: tuple[Any, float] | None = None,
     fog: tuple[Any, float, float] | None = None,
+    *,
+    frames: Sequence[object] | Callable[[int], object] | None = None,
+    count: int | None = None,
+    output: str | os.PathLike[str] | None = None,
+    fps: float = FPS,
 ) -> Any:
     """Shows a scene, to be turned and clicked.
 
@@ -35,11 +43,19 @@ def view(
     address. The arguments are those of Renderer; antialias and samples are about the last picture at rest alone. It
     needs the extra `view`.
 
+    frames: a movie to look through: a list of what animate() takes, such as cameras, scenes and dicts of what changes,
+    or a function that makes one of its number, from 0 to count - 1; output, fps: as of animate(), which a button calls.
+
     Raises MissingPackageError without it, and what Renderer raises.
     """
     options: dict[str, Any] = {"precision": precision, "outline": outline, "fog": fog}
     chosen = device if isinstance(device, Device) else choose(device)
-    stage = Stage(scene, chosen, options=options, smooth={"antialias": antialias, "samples": samples})
+    smooth: dict[str, Any] = {"antialias": antialias, "samples": samples}
+    film = None
+    if frames is not None:
+        write = partial(animate, scene=scene, device=chosen, fps=fps, progress=False, **options, **smooth)
+        film = film_of(frames, count, output, fps, write)
+    stage = Stage(scene, chosen, options=options, smooth=smooth, film=film)
     if _in_notebook():
         return _needed("widget", "cltrace.view in a notebook", "anywidget").Widget(stage)
     with suppress(KeyboardInterrupt):

@@ -46,7 +46,7 @@ class Widget(anywidget.AnyWidget):
     def __init__(self, stage: Stage) -> None:
         self._session, self._views = Session(stage), set[str]()
         self._line: Line | None = None
-        super().__init__(picture=stage.draw(stage.scene.camera, "color", "exact", lambda: False).file(".png"))
+        super().__init__(picture=stage.draw(stage.frames[0], "color", "exact", lambda: False).file(".png"))
         self.on_msg(self._hear)
         self._shell = get_ipython()
         self._shell.observe(self._end, "exit_now")  # which it says when the kernel stops
@@ -113,7 +113,7 @@ class Line(threading.Thread):
             self._before.join()
             self._before = None
         self._session.reopen()
-        with ThreadPoolExecutor(1) as draws, ThreadPoolExecutor(1) as answers, self._runner:
+        with ThreadPoolExecutor(1) as draws, ThreadPoolExecutor(2) as answers, self._runner:
             self._runner.run(self._live(draws, answers))
 
     async def _live(self, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor) -> None:

@@ -14,14 +14,14 @@ from cltrace.viewer.session import Session
 # Seconds without an event after which the exact picture is drawn.
 REST = 0.12
 # Kinds of events that are answered, which may take long.
-ASKED = ("explain", "centre", "copy", "compare")
+ASKED = ("explain", "centre", "copy", "compare", "write")
 
 
 class Window:
     """A session's pictures and answers, which are sent while events come.
 
-    send: takes a message to the window; draws, answers: a thread each, for pictures and for answers. A picture is drawn
-    when the one before it is on the screen: none waits anywhere, and each shows what is newest.
+    send: takes a message to the window; draws: a thread, for pictures; answers: two, one of which may write a movie. A
+    picture is drawn when the one before it is on the screen: none waits anywhere, and each shows what is newest.
     """
 
     def __init__(
@@ -72,7 +72,8 @@ class Window:
             self._woken.clear()
             message = await self._loop.run_in_executor(self._draws, self._session.draw)
             if message:
-                self._shown.clear()
+                if message.data:  # of an error, no page says that it is on the screen
+                    self._shown.clear()
                 await self._send(message)
 
     async def _answer(self, event: Event) -> None:

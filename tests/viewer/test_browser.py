@@ -281,3 +281,64 @@ def test_a_broken_line(page: Any, spec: str) -> None:
         rested(page)
         assert (shown(page) == before).all()
     page.wait_for_selector("text=The server is not there")
+
+
+def test_rays_over_the_picture(page: Any, address: str) -> None:
+    """They are where the click was, turn with the camera, and are said in words; the outline waits for rest."""
+    page.goto(address)
+    rested(page)
+    x, y = middle(page)
+    page.mouse.click(x, y)
+    page.wait_for_selector("#outline:not([hidden])")
+    circle = page.locator("#overlay circle").bounding_box()
+    assert (circle["x"] + circle["width"] / 2, circle["y"] + circle["height"] / 2) == pytest.approx((x, y), abs=1)
+    assert "1 ray of the pixel" in page.inner_text("#legend")
+    assert "its light" in page.inner_text("#legend")
+    ends = "() => [...document.querySelectorAll('#overlay line')].map((line) => line.getAttribute('x2')).join()"
+    before = page.evaluate(ends)
+    page.focus("#picture")
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function(f"(before) => ({ends})() !== before", arg=before)
+    rested(page)
+    page.wait_for_selector("#outline:not([hidden])")
+    page.uncheck("#overlaid")
+    assert page.is_hidden("#outline")
+    assert page.locator("#overlay line").count() == 0
+
+
+def test_sliders_and_movie(page: Any, spec: str, tmp_path: Path) -> None:
+    """By keys: what each does is seen in the picture and said by the slider; play goes on by itself."""
+    with viewer(spec, str(FILE), "--orbit", "5", "-o", "turn.gif", cwd=tmp_path) as running:
+        page.goto(running.address)
+        rested(page)
+        home = camera_of(page)
+
+        def moved(slider: str, key: str) -> str:
+            before = shown(page)
+            page.focus(slider)
+            page.keyboard.press(key)
+            page.wait_for_timeout(300)
+            rested(page)
+            assert (shown(page) != before).any(), slider
+            return str(page.get_attribute(slider, "aria-valuetext"))
+
+        assert moved("#fov", "PageUp").endswith("°")
+        assert camera_of(page).horizontal_fov > home.horizontal_fov
+        assert moved("#samples", "ArrowRight") == "32"
+        assert moved("#lights input >> nth=1", "Home") == "0 %"
+        page.click("text=reset")
+        page.wait_for_function(
+            "() => document.querySelector('#fov').ariaValueText === '%s°'" % (2 * home.horizontal_fov)
+        )
+        rested(page)
+        assert page.input_value("#lights input >> nth=1") == "1"
+        moved("#frames", "ArrowRight")
+        assert camera_of(page) == cltrace.orbit(cltrace.load(FILE), 5)[1]
+        page.click("#play")
+        for number in (4, 1):
+            page.wait_for_function(f"() => document.querySelector('#frame-number').value.startsWith('{number} of 5')")
+        page.click("text=pause")
+        page.click("text=write the movie")
+        page.wait_for_selector("text=turn.gif is written")
+        with Picture.open(tmp_path / "turn.gif") as movie:
+            assert movie.n_frames == 5

@@ -138,7 +138,7 @@ async def until(line: Any, *kinds: str) -> tuple[dict[str, Any], bytes]:
     while True:
         head, _, data = (await line.receive_bytes(timeout=60)).partition(b"\n")
         message = json.loads(head)
-        if message["kind"] in ("moving", "exact", "smooth"):
+        if data and message["kind"] not in ("mine", "difference"):
             await line.send_json({"kind": "shown", "x": message["number"]})
         if message["kind"] in kinds:
             return message, data
@@ -197,6 +197,26 @@ def test_pictures_wait_for_the_one_before(running: Running) -> None:
         assert (first["number"], second["number"]) == (1, 51)
 
     assert run(running, body) == 101
+
+
+def test_an_error_is_no_picture(spec: str, tmp_path: Path) -> None:
+    """No page says that it is on the screen, and pictures come after it all the same."""
+    light = '<parallel_light><color r="0" g="0" b="0"/><direction x="0" y="0" z="-1"/></parallel_light>'
+    (tmp_path / "s.xml").write_text(re.sub("<lights>", "<lights>" + 33 * light, FILE.read_text()))
+
+    async def body(line: Any) -> None:
+        await until(line, "smooth")
+        await line.send_json({"kind": "show", "name": "lit"})
+        message, _ = await until(line, "error")
+        assert message["text"].startswith("lit: must be of at most 32 lights")
+        await line.send_json({"kind": "show", "name": "color"})
+        await until(line, "exact")
+        await line.send_json({"kind": "explain", "x": 240, "y": 180})
+        await until(line, "outline")
+        await until(line, "smooth")
+
+    with viewer(spec, "s.xml", cwd=tmp_path) as running:
+        assert run(running, body) == 101
 
 
 @pytest.mark.parametrize(

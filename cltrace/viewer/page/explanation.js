@@ -23,7 +23,7 @@ function details(summary, lines) {
   return found;
 }
 
-function element(name, text = "") {
+export function element(name, text = "") {
   const found = document.createElement(name);
   found.textContent = text;
   if (/\S {3}/.test(text)) found.className = "table";

@@ -1,5 +1,7 @@
 // The view: what is done in it goes out as events, and what comes back as messages is shown. It knows no network.
+import { controls } from "./controls.js";
 import { opened } from "./explanation.js";
+import { overlay } from "./overlay.js";
 
 const STEP = 1 / 24; // of the picture's height: an arrow's way
 const NOTCH = 600; // pixels of a wheel for a factor of two
@@ -29,6 +31,8 @@ export function view(root, tell, signal) {
   const picture = $("picture"), other = $("other"), slider = $("slider"), difference = $("difference");
   const size = { width: 1, height: 1 }; // of the picture at rest
   const compared = {}; // the pictures that lie over it: mine, difference
+  const over = overlay($("overlay"), $("outline"), $("legend"), $("overlaid"));
+  const adjusted = controls($, send);
   let saved, home = true; // the PNG at rest, and whether it is by the scene's own camera
   let name = "scene"; // what the scene is called
 
@@ -53,6 +57,12 @@ export function view(root, tell, signal) {
     moving: showPicture,
     exact: showPicture,
     smooth: showPicture,
+    outline: async ({ number }, blob) => {
+      await over.setOutline(blob, size);
+      send("shown", number);
+    },
+    lines: ({ text }) => over.setLines(text),
+    said: ({ text }) => ($("said").textContent = text),
     explanation: ({ text }) => answer($("explanation"), ...opened(text)),
     comparison: ({ text }) => answer($("comparison"), text),
     copy: ({ text }) => copy(text),
@@ -72,6 +82,8 @@ export function view(root, tell, signal) {
     image.close();
     send("shown", number);
     picture.dataset.kind = kind;
+    over.follow(message);
+    adjusted(message);
     showCompared();
     if (kind === "moving") return;
     $("caption").textContent = text;
@@ -93,7 +105,7 @@ export function view(root, tell, signal) {
     const room = $("frame").parentElement.clientWidth;
     const fits = Math.min(room / size.width, (innerHeight - 150) / size.height) * devicePixelRatio;
     const scale = (fits >= 1 ? Math.floor(fits) : fits) / devicePixelRatio;
-    for (const canvas of [picture, other]) {
+    for (const canvas of [picture, other, $("outline")]) {
       canvas.style.width = `${size.width * scale}px`;
       canvas.style.height = `${size.height * scale}px`;
       canvas.style.imageRendering = fits >= 1 ? "pixelated" : "auto";

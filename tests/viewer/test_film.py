@@ -1,0 +1,158 @@
+"""Movies in the viewer: their frames, and the file that a button writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_session import FILE, drawn, kinds, pixels
+
+import cltrace
+from cltrace import cli
+from cltrace.cli import view as command
+from cltrace.cli.options import options_of
+from cltrace.cli.parsing import parser
+from cltrace.cli.reporter import Reporter
+from cltrace.run.devices import choose
+from cltrace.viewer.film import film_of
+from cltrace.viewer.messages import Event
+from cltrace.viewer.session import Session
+from cltrace.viewer.stage import Stage
+
+SCENE = cltrace.load(FILE)
+
+
+@pytest.fixture
+def spec(request: pytest.FixtureRequest) -> str:
+    return request.config.getoption("--device") or "cpu"
+
+
+def session_of(frames: Any, spec: str, count: int | None = None, output: str | None = None) -> Session:
+    def write(items: Any, output: str) -> object:
+        return cltrace.animate(items, output, scene=SCENE, device=spec, progress=False, fps=10)
+
+    return Session(Stage(SCENE, choose(spec), film=film_of(frames, count, output, 10, write)))
+
+
+def test_frames_are_those_of_animate(spec: str) -> None:
+    """Cameras, scenes and changes, each of what was there before it, in any order; a moved camera stays."""
+    center = SCENE.spheres["center"]
+    frames = [
+        SCENE.camera,
+        {"centers": center + 0.2},
+        {"colors": np.full((len(center), 3), 0.5)},
+        cltrace.orbit(SCENE, 8)[1],
+    ]
+    wanted = [image.rgb8 for image in cltrace.animate(frames, scene=SCENE, device=spec)]
+    session = session_of(frames, spec)
+    for number in (3, 1, 2, 0):
+        session.handle(Event("frame", number))
+        _, exact, smooth = drawn(session)
+        assert (pixels(exact) == wanted[number]).all()
+        assert exact.home
+        assert (smooth.state.frame, smooth.state.frames, smooth.state.fps) == (number, 4, 10)
+    session.handle(Event("orbit", 0.3))
+    drawn(session)
+    moved = session.camera
+    session.handle(Event("frame", 3))
+    assert not drawn(session)[-1].home
+    assert session.camera == moved
+    session.handle(Event("back"))
+    assert session.camera == frames[3]
+    session.handle(Event("frame", 4))
+    assert session.frame == 3
+
+
+def test_a_function_makes_frames(spec: str) -> None:
+    asked = []
+
+    def frame(number: int) -> cltrace.Camera:
+        asked.append(number)
+        if number == 2:
+            raise OSError("no such step")
+        return cltrace.orbit(SCENE, 8)[number]
+
+    session = session_of(frame, spec, count=3)
+    assert asked == []
+    session.handle(Event("frame", 1))
+    drawn(session)
+    assert asked == [0, 1]
+    session.handle(Event("frame", 2))
+    message = session.draw()
+    assert message
+    assert (message.kind, message.text) == ("error", "frames[2]: OSError('no such step')")
+    session.handle(Event("frame", 0))
+    assert kinds(drawn(session)) == ["moving", "exact", "smooth"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "count", "words"),
+    [
+        ([], None, "frames: must be a list"),
+        ("ab", None, "frames: must be a list"),
+        (iter([1]), None, "frames: must be a list"),
+        ([SCENE.camera], 3, "count: goes with a function"),
+        (lambda k: SCENE, None, "count: must be how many"),
+        (lambda k: SCENE, 0, "count: must be how many"),
+    ],
+)
+def test_what_is_no_movie(frames: Any, count: Any, words: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=words):
+        film_of(frames, count, None, 25, lambda *_: None)
+
+
+def test_the_button_writes_what_animate_does(spec: str, tmp_path: Path) -> None:
+    cameras, file = cltrace.orbit(SCENE, 3), tmp_path / "turn.apng"
+    session = session_of(cameras, spec, output=str(file))
+    assert kinds(session.answer(Event("write"))) == ["said", "said"]
+    written = file.read_bytes()
+    cltrace.animate(cameras, file, scene=SCENE, device=spec, fps=10, progress=False)
+    assert file.read_bytes() == written
+    file.unlink()
+    session.close()
+    assert kinds(session.answer(Event("write"))) == ["said"]
+    assert not file.exists()
+    assert list(session_of(cameras, spec).answer(Event("write"))) == []
+
+
+def stage_of(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Stage:
+    """What the command would serve."""
+    found: list[Stage] = []
+    monkeypatch.setattr(command, "serve", lambda stage, *_: found.append(stage))
+    p = parser()
+    work = options_of(p.parse_intermixed_args(["--view", str(FILE), *arguments]), p).work
+    assert command.view(work, Reporter(True)) == 0
+    return found[0]
+
+
+def test_the_commands_movie(spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The frames and the file of the command without `view`."""
+    for name, options in (("a.gif", ("--fps", "10")), ("a%02d.png", ("--frames", "1:4:2", "--axis", "x"))):
+        file = tmp_path / name
+        arguments = ["--orbit", "4", "-o", str(file), "-d", spec, *options]
+        session = Session(stage_of(monkeypatch, *arguments))
+        count = 4 if name == "a.gif" else 2
+        state = drawn(session)[-1].state
+        assert (state.frames, state.file, state.fps) == (count, str(file), 10 if name == "a.gif" else 25)
+        assert [message.text for message in session.answer(Event("write"))][-1] == f"{file} is written"
+        written = {path: path.read_bytes() for path in tmp_path.iterdir()}
+        for path in written:
+            path.unlink()
+        assert cli.main([str(FILE), "-q", *arguments]) == 0
+        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == written
+        for path in written:
+            path.unlink()
+
+
+def test_what_does_not_go_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def fault(*arguments: str) -> str:
+        assert cli.main(["view", str(FILE), *arguments]) == 2
+        return capsys.readouterr().err
+
+    assert fault("--fps", "9") == "cltrace: --view takes no --fps\n"
+    assert fault("--orbit", "9", "-o", "-") == "cltrace: -o - is for one picture, of one scene\n"
+    assert "--frames: there are only 9 frames" in fault("--orbit", "9", "--frames", "9")
+    assert "must end in" in fault("--orbit", "9", "-o", str(tmp_path / "a.tiff"))
+    assert fault("--orbit", "9", "--fps", "3").startswith("cltrace: --fps goes with --orbit and a movie")
