@@ -13,16 +13,28 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import Run, too_rich
+from cltrace.bench.tracers import ACROSS, Run, too_rich
 from cltrace.scene import AMBIENT, POINT, Scene
 
 from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, understood
 
+# Rays that differ by more of the full colour have more between them.
+THRESHOLD = 0.05
+
 
 class PovRay(Peer):
-    """POV-Ray. kernel: what it calls trace time; whole: the whole process, which reads the scene and writes a PNG."""
+    """POV-Ray. kernel: what it calls trace time; whole: the whole process, which reads the scene and writes a PNG.
+
+    level: with its own antialiasing, of as many rays across a pixel where neighbours differ.
+    """
 
     name = "POV-Ray"
+
+    def __init__(self, program: str, folder: Path, version: str = "", level: int | None = None) -> None:
+        super().__init__(program, folder)
+        self.version = version
+        if level:
+            self.task, self.level, self.variant = "samples", level, "antialiasing"
 
     def refuses(self, scene: Scene) -> str:
         many = "too many spheres to write as text" if len(scene.spheres) > 20_000 else ""
@@ -31,7 +43,9 @@ class PovRay(Peer):
     def run(self, scene: Scene, frames: int) -> Run:
         path, out = self._file(scene, ".pov"), self._folder / "povray.png"
         width, height = scene.camera.resolution
-        options = [f"+W{width}", f"+H{height}", "-A", "-D", f"+WT{processors()}", "File_Gamma=1.0"]
+        depth = int(self.level or 1).bit_length() - 1
+        smooth = [f"+A{THRESHOLD}", "+AM2", f"+R{depth}", "-J"] if depth else ["-A"]
+        options = [f"+W{width}", f"+H{height}", *smooth, "-D", f"+WT{processors()}", "File_Gamma=1.0"]
         start = time.perf_counter()
         done = call([self._program, f"+I{path}", f"+O{out}", *options])
         whole = time.perf_counter() - start
@@ -92,4 +106,5 @@ def tracers(folder: Path) -> Iterable[Peer]:
     program = shutil.which("povray")
     if not program:
         raise PeerError("POV-Ray is not installed (Debian: povray)")
-    return [PovRay(program, folder)]
+    version = next(iter(re.findall(r"POV-Ray (\d[\w.]*)", call([program, "--version"]).stderr)), "")
+    return [PovRay(program, folder, version, level) for level in (None, *ACROSS)]
