@@ -18,7 +18,7 @@ import cltrace
 from cltrace import Scene, parallel_light, point_light, spot_light
 from cltrace.bench import catalogue, cli, errors, measure, report, scenes, stress, tracers, truth
 from cltrace.bench.cases import balls, everything, looking
-from cltrace.bench.peers import PeerError, embree, installed, povray
+from cltrace.bench.peers import povray
 from cltrace.bench.textbook import Textbook
 from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device
@@ -238,67 +238,6 @@ def test_too_many_tests_are_refused(any_device: Device) -> None:
     assert "too many" in tracers.Baseline(any_device).refuses(scene)
     assert "too many" in tracers.Product(any_device, "single", ("lists",)).refuses(scene)
     assert not tracers.Product(any_device, "single").refuses(scene)
-
-
-def test_a_peer(tmp_path: Path) -> None:
-    """A program in Embree's place: what is written for it can be read, and what it writes is taken."""
-    program = tmp_path / "peer"
-    program.write_text(
-        f"#!{sys.executable}\n"
-        "import struct, sys\n"
-        "data = open(sys.argv[1], 'rb').read()\n"
-        "w, h, samples, bounces, flat, n, *mesh, materials, lights = struct.unpack('<12i', data[:48])\n"
-        "assert (n, materials, lights, samples, flat, *mesh) == (16, 16, 2, 1, 0, 0, 0, 0, 0)\n"
-        "assert len(data) == 68 + n * 20 + materials * 40 + lights * 48, len(data)\n"
-        "assert struct.unpack('<i3f', data[-48:-32]) == (2, 5, 8, 2)\n"
-        "open(sys.argv[3], 'wb').write(bytes(range(3)) * (w * h))\n"
-        'print(\'{"build": 1.5, "frames": [2.5, 3]}\')\n'
-    )
-    program.chmod(0o755)
-    peer = embree.Embree(str(program), tmp_path)
-    scene = scenes.cloud(16, SMALL)
-    assert peer.refuses(scene) == ""
-    assert peer.refuses(rich()) == "ellipsoids, textures"
-    done = peer.run(scene, 3)
-    assert (done.kernel, done.whole) == ([2.5, 3], 4)
-    assert done.rgb8.shape == (27, 48, 3)
-    assert done.rgb8[5, 7].tolist() == [0, 1, 2]
-    with pytest.raises(PeerError, match="peer failed with status 1: AssertionError"):
-        peer.run(scenes.cloud(17, SMALL), 3)
-    program.write_text("#!/bin/sh\necho hello\n")
-    with pytest.raises(PeerError, match="peer: cannot read what it wrote: "):
-        peer.run(scene, 3)
-
-
-def test_peers_that_are_not_installed_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    found, missing = installed(tmp_path)
-    assert (found, missing) == ([], ["Embree: there is no C++ compiler", "POV-Ray is not installed (Debian: povray)"])
-
-
-@pytest.fixture(scope="session")
-def embree_program(tmp_path_factory: pytest.TempPathFactory) -> str:
-    try:
-        return embree.build(tmp_path_factory.mktemp("embree"))
-    except PeerError as error:
-        pytest.skip(str(error))
-
-
-def drawn_by_embree() -> list[scenes.Case]:
-    """All that the benchmark draws with both, but what single precision cannot draw, and what takes long."""
-    wrong = (scenes.GROUND, scenes.FAR, scenes.SCALE, scenes.MILLION)
-    return [case for case in scenes.generated((160, 90)) if case.group not in wrong]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", drawn_by_embree(), ids=lambda case: case.name)
-def test_embree_draws_what_cltrace_draws(embree_program: str, case: scenes.Case, tmp_path: Path) -> None:
-    """The peer is measured with the same picture: outlines and mirrored ones aside, it is so to a level."""
-    peer = embree.Embree(embree_program, tmp_path)
-    assert peer.refuses(case.scene) == ""
-    got, want = peer.run(case.scene, 1).rgb8, cltrace.render(case.scene).rgb8
-    assert (np.abs(got.astype(int) - want).max(axis=2) > 1).mean() < 2e-3
-    assert (want != want[0, 0]).any(axis=2).mean() > 0.02
 
 
 # --------------------------------------------------------------------------------------------------------- the report

@@ -114,6 +114,7 @@ def _mappers(vtk: Any, support: Any, scene: Scene) -> Iterable[Any]:
         mapper = vtk.vtkOpenGLSphereMapper()
         centers = seen_from_the_eye(scene, scene.spheres["center"])
         data = _data(vtk, support, centers, colors[scene.spheres["material"]])
+        data.SetVerts(_cells(vtk, support, 1, len(centers)))
         radii = support.numpy_to_vtk(scene.spheres["radius"].astype("f4"), deep=True)
         radii.SetName("radius")
         data.GetPointData().AddArray(radii)
@@ -125,10 +126,7 @@ def _mappers(vtk: Any, support: Any, scene: Scene) -> Iterable[Any]:
         places, normals = (array.reshape(-1, 3) for array in mesh.smooth())
         data = _data(vtk, support, places, np.repeat(colors[mesh.material], 3, axis=0))
         data.GetPointData().SetNormals(support.numpy_to_vtk(normals.astype("f4"), deep=True))
-        cells = vtk.vtkCellArray()
-        corners = np.arange(len(places), dtype=np.int64).reshape(-1, 3)
-        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners.ravel(), deep=True))
-        data.SetPolys(cells)
+        data.SetPolys(_cells(vtk, support, 3, len(places)))
         mapper = vtk.vtkPolyDataMapper()
         mapper.SetInputData(data)
         yield mapper
@@ -142,6 +140,13 @@ def _data(vtk: Any, support: Any, places: Floats, colors: NDArray[Any]) -> Any:
     shades = (np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
     data.GetPointData().SetScalars(support.numpy_to_vtk(shades, deep=True))
     return data
+
+
+def _cells(vtk: Any, support: Any, corners: int, points: int) -> Any:
+    """All points, so many at a time."""
+    cells = vtk.vtkCellArray()
+    cells.SetData(corners, support.numpy_to_vtkIdTypeArray(np.arange(points, dtype=np.int64), deep=True))
+    return cells
 
 
 def tracers(folder: Path) -> Iterable[Tracer]:
