@@ -77,6 +77,10 @@ class Tracer(ABC):
         """Whether it is measured at what that case is for."""
         return case.task == self.task
 
+    def command(self, scene: Scene) -> list[str] | None:
+        """Writes the scene's file, and gives the command of a process that makes a picture's file of it, if any."""
+        return None
+
     def refuses(self, scene: Scene) -> str:
         """Why this scene is not measured; empty if it is."""
         return ""

@@ -63,6 +63,10 @@ class Embree(Peer):
             kernel = [frame + build for frame in kernel]
         return Run(kernel, min(report["frames"]) + build, rgb8)
 
+    def command(self, scene: Scene) -> list[str]:
+        """Reads the scene, builds the tree, draws one picture and writes its bytes."""
+        return [self._program, str(self._file(scene, ".embree")), "1", str(self._folder / "embree.rgb")]
+
     def _write(self, scene: Scene, path: Path) -> None:
         """The Head and the arrays of embree.cpp."""
         camera, spheres, rods = scene.camera, scene.spheres, scene.cylinders
