@@ -54,6 +54,7 @@ BETWEEN = f"{MESHES} glass_show_of_spheres"
 REFERENCE = "-m slow tests/oracle/test_mesh_oracle.py -k reference"
 SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
+RESULTS = "tests/bench/test_results.py"
 FREE = "tests/run/test_unstoppable.py"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
@@ -719,6 +720,30 @@ MUTATIONS = [
     Mutation("presses != self.presses", "False", "viewer: rest", "tests/viewer/test_session.py -k at_rest_ends"),
     Mutation("if remember and self._rested:", "if remember:", "viewer: undo", "tests/viewer/test_session.py -k undo"),
     Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/base/test_progress.py"),
+    Mutation(
+        "self.high - self.low <= AGREE * self.median",
+        "self.low - self.high <= AGREE * self.median",
+        "the benchmark draws times that waver",
+        RESULTS,
+    ),
+    Mutation(
+        'if shares["others"] > OTHERS:',
+        'if shares["others"] < OTHERS:',
+        "a loaded machine does not say so",
+        RESULTS,
+    ),
+    Mutation(
+        "yield Change(MORE if b > a else LESS",
+        "yield Change(MORE if b < a else LESS",
+        "more work than before is taken for less",
+        RESULTS,
+    ),
+    Mutation(
+        "if not ratios and not gone:",
+        "if ratios or not gone:",
+        "figures that are older than the code are not marked",
+        RESULTS,
+    ),
 ]
 
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import importlib.util
 import math
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 from cltrace.base.errors import UsageError
 from cltrace.cli.arguments import picture_size
@@ -25,11 +23,12 @@ from cltrace.process.console import Parser, command, positive, tell
 from cltrace.renderers.renderer import default_precision
 from cltrace.run.devices import Device, choose, devices
 
-from . import report
-from .measure import Budget, Row, configurations, measure
+from . import against, counted, machine, points, report, ways
+from .measure import Budget, measure
 from .peers import installed
-from .scenes import GIVEN, Case, Size, few, generated, growing
-from .tracers import Product, Tracer
+from .points import Results
+from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
+from .tracers import Product, Tracer, configurations
 
 SIZE, QUICK_SIZE = (960, 540), (320, 180)
 FULL, QUICK = Budget(), Budget(rounds=3, seconds=1, sample=100)
@@ -40,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     p = Parser(
         prog="cltrace-bench",
         description="Measure run time against error: cltrace in each precision with and without what it skips, the "
-        "textbook's tracer, and Embree and POV-Ray where they are installed.",
+        "textbook's tracer, and other programs where they are installed.",
         allow_abbrev=False,
     )
     p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help="scenes to draw (default: a set of its own)")
@@ -49,11 +48,23 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--precision", action="append", choices=PRECISIONS,
                    help="only this one; may be repeated (default: all that the device has)")  # fmt: skip
     p.add_argument("--size", type=picture_size, metavar="WxH", help=f"picture size (default: {SIZE[0]}x{SIZE[1]})")
-    p.add_argument("--rounds", type=positive, metavar="N", help=f"measure each up to N times (default: {FULL.rounds})")
+    p.add_argument("--rounds", type=positive, metavar="N",
+                   help=f"measure each N times (default: up to {FULL.rounds}, until they agree)")  # fmt: skip
     p.add_argument("-o", "--output", default="bench-results", metavar="FOLDER",
                    help="where results.json, table.md and the plots go (default: %(default)s)")  # fmt: skip
     p.add_argument("--no-plots", action="store_true", help="tables and results.json only; needs no matplotlib")
     p.add_argument("--quick", action="store_true", help="three small scenes, in less than half a minute")
+    p.add_argument(
+        "--counted", action="store_true", help="count rays and tests instead of measuring: no clock, no errors"
+    )
+    p.add_argument("--from", dest="source", metavar="FILE", help="no run: the results.json of another one, again")
+    p.add_argument("--against", metavar="FILE",
+                   help="also say what is slower, less right or more work than in that results.json")  # fmt: skip
+    p.add_argument("--tolerance", type=positive, default=10, metavar="PERCENT",
+                   help="by how much times and errors may grow (default: %(default)s); counts may not")  # fmt: skip
+    p.add_argument(
+        "--publish", action="store_true", help="in a checkout: also write docs/benchmark.md, and its figures"
+    )
     p.add_argument(
         "--stress", action="store_true", help="the stress catalogue instead: required and found, case by case"
     )
@@ -63,7 +74,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command. Returns its exit status: 0 ok, 1 a stress case failed, 2 usage or scene, 3 device."""
+    """Runs the command. Returns its exit status: 0 ok, 1 worse than before or a stress case failed, 2 usage or scene,
+    3 device."""
     return command(
         "cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted="interrupted; what was measured is kept"
     )
@@ -99,13 +111,14 @@ class Bench:
 
     cases: list[Case]
     growth: list[Case]
+    waited: list[Case]
     devices: list[Device]
     precisions: list[Precision] | None
     budget: Budget
     quick: bool
-    rows: list[Row] = field(default_factory=list)
+    results: Results
 
-    def tracers(self, peers: list[Tracer]) -> list[Tracer]:
+    def tracers(self, peers: Sequence[Tracer]) -> list[Tracer]:
         """On all devices."""
         own = [t for d in self.devices for t in configurations(d, self.precisions_of(d), self.quick)]
         return [*own, *peers]
@@ -125,73 +138,136 @@ class Bench:
         able = next((d for d in [*self.devices, *devices()] if d.has_double), None)
         return Product(able, "double", ("filter",)) if able else None
 
-    def run(self, peers: list[Tracer], progress: Progress) -> None:
+    def run(self, peers: Sequence[Tracer], progress: Progress) -> None:
         """Measures everything. Prints a table as soon as its scene is done."""
-        tracers, reference = self.tracers(peers), self.reference()
+        tracers, reference, out = self.tracers(peers), self.reference(), self.results
         for case in self.cases:
             progress.step(f"{case.group}: {case.name}")
-            first = len(self.rows)
-            measure(case, tracers, reference, self.budget, self.rows, progress.say)
+            first = len(out.points)
+            measure(case, tracers, reference, self.budget, out.points, progress.say)
             progress.clear()
-            print(report.scene_table(self.rows[first:]), end="\n\n", flush=True)
+            print(report.scene_table(out.points[first:]), end="\n\n", flush=True)
         budget = replace(self.budget, errors=False)
         if math.isfinite(budget.seconds):  # else so many rounds were asked for
-            budget = replace(budget, rounds=3, seconds=3)
+            budget = replace(budget, seconds=3)
         few_tracers = [t for t in tracers if t.grows]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
-            measure(case, few_tracers, None, budget, self.rows, progress.say)
+            measure(case, few_tracers, None, budget, out.points, progress.say)
+        for case in self.waited:
+            progress.step(f"whole ways: {case.name}")
+            ways.measure(case, self.devices[0], peers, 1 if self.quick else points.LEAST_ROUNDS, out.ways, progress.say)
         progress.clear()
+        if out.ways:
+            print(report.ways_table(out.ways), end="\n\n", flush=True)
+        if not self.quick:
+            out.work = _counted(self.devices[0], progress)
+        out.finished = True
+
+
+def _counted(device: Device, progress: Progress) -> points.Work:
+    progress.step("counting")
+    work = counted.count(device, progress.say)
+    progress.clear()
+    return work
 
 
 def _run(args: argparse.Namespace) -> int:
     if sys.stdout is None:
         raise UsageError("stdout is closed")
-    if args.stress and (args.scenes or args.size or args.precision or args.rounds):
-        raise UsageError("--stress has scenes of its own, and measures no times")
-    chosen = list({d.spec: d for d in map(choose, args.device or [None])}.values())
+    _refuse(args)
     if args.stress:
         from . import stress
 
+        chosen = _devices(args)
         return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.chosen(args.quick))))
-    if not args.no_plots and not importlib.util.find_spec("matplotlib"):
+    plots = not (args.no_plots or args.counted)
+    if plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
+    old = points.load(args.against) if args.against else None
+    if args.source:
+        results = points.load(args.source)
     folder = _folder(args.output)
+    if not args.source:
+        results = _measured(args, folder, plots)
+    _save(results, folder, plots)
+    if args.publish:
+        from . import publish
 
+        for path in publish.publish(results, plots):
+            tell(f"cltrace-bench: wrote {path}")
+    if not old:
+        return 0
+    found = against.changes(old, results, args.tolerance / 100)
+    print(against.told(found, old, results))
+    return int(any(kind in against.WORSE for kind, _ in found))
+
+
+def _refuse(args: argparse.Namespace) -> None:
+    """UsageError for options that do not go together."""
+    chosen = args.scenes or args.size or args.precision or args.rounds
+    if args.stress and (chosen or args.counted or args.source or args.against or args.publish):
+        raise UsageError("--stress has scenes of its own, and measures no times")
+    if args.counted and (chosen or args.quick):
+        raise UsageError("--counted has scenes of its own, in one size and one precision")
+    if args.source and (chosen or args.quick or args.counted or args.device):
+        raise UsageError("--from measures nothing, so it has no scenes, sizes or devices")
+    if args.publish and (chosen or args.quick or args.no_plots):
+        raise UsageError("--publish wants all that the page shows")
+
+
+def _devices(args: argparse.Namespace) -> list[Device]:
+    return list({d.spec: d for d in map(choose, args.device or [None])}.values())
+
+
+def _measured(args: argparse.Namespace, folder: Path, plots: bool) -> Results:
+    """A run. What there is of it is saved if it is interrupted."""
+    chosen = _devices(args)
+    results, watch = Results(machine.about([d.label for d in chosen])), machine.Watch()
+    if args.counted:
+        results.work = _counted(chosen[0], Progress(args.quiet, 1))
+        results.finished = True
+        return results
+    bench = _bench(args, chosen, results)
+    bench.tracers([])  # finds what cannot be before the work
+    print(machine.sentence(results.about))
+    for k, device in enumerate(chosen if len(chosen) > 1 else []):
+        print(f"[{k}] is {device.label}")
+    with tempfile.TemporaryDirectory() as name:
+        peers, results.missing = installed(Path(name))
+        print("".join(f"{text}\n" for text in results.missing), flush=True)
+        progress = Progress(args.quiet, len(bench.cases) + len(bench.growth) + len(bench.waited) + (not args.quick))
+        try:
+            bench.run(peers, progress)
+        except BaseException:
+            progress.clear()
+            results.about |= watch.so_far()
+            if results.points:
+                _save(results, folder, plots)
+            raise
+    results.about |= watch.so_far()
+    print("\n".join(text for text in (machine.sentence(results.about), results.loaded) if text))
+    return results
+
+
+def _bench(args: argparse.Namespace, chosen: list[Device], results: Results) -> Bench:
+    """What the options ask for."""
     size = args.size or (QUICK_SIZE if args.quick else SIZE)
     budget = QUICK if args.quick else FULL
     if args.rounds:
         # All of them, whatever they take.
         budget = replace(budget, rounds=args.rounds, seconds=math.inf)
-    bench = Bench(
+    counts = () if args.scenes else (1000,) if args.quick else (1000, 100_000)
+    return Bench(
         cases=_given(args.scenes, args.size) if args.scenes else (few if args.quick else generated)(size),
         growth=[] if args.scenes or args.quick else growing(),
+        waited=[Case(f"{n:,} balls", ORDINARY, cloud(n, size)) for n in counts],
         devices=chosen,
         precisions=args.precision,
         budget=budget,
         quick=args.quick,
+        results=results,
     )
-    bench.tracers([])  # finds what cannot be before the work
-    about = report.about([d.name for d in chosen], datetime.datetime.now(datetime.UTC).date().isoformat())
-    print(report.machine_line(about))
-    for k, device in enumerate(chosen if len(chosen) > 1 else []):
-        print(f"[{k}] is {device.label}")
-    print(flush=True)
-    progress = Progress(args.quiet, len(bench.cases) + len(bench.growth))
-    finished = False
-    try:
-        with tempfile.TemporaryDirectory() as scratch:
-            peers, missing = installed(Path(scratch))
-            for reason in missing:
-                tell(f"cltrace-bench: without {reason}")
-            bench.run(peers, progress)
-        finished = True
-    finally:
-        # What was measured is kept, whatever ended it.
-        progress.clear()
-        if any(row.kernel for row in bench.rows):
-            _save(bench, about, folder, not args.no_plots, finished)
-    return 0
 
 
 def _given(paths: Sequence[str], size: Size | None) -> list[Case]:
@@ -218,22 +294,24 @@ def _folder(name: str) -> Path:
         raise UsageError(f"-o: {getattr(error, 'strerror', None) or error}: {name!r}") from None
 
 
-def _save(bench: Bench, about: dict[str, Any], folder: Path, plots: bool, finished: bool) -> None:
+def _save(results: Results, folder: Path, plots: bool) -> None:
     """Writes all files, each of them whole."""
-    names = ["results.json", "table.md"]
-    with whole_file(folder / names[0]) as file:
-        file.write(report.as_json(bench.rows, about, finished).encode())
-    with whole_file(folder / names[1]) as file:
-        file.write(report.summary(bench.rows, about).encode())
-    if plots:
+    files = {"results.json": results.as_json()}
+    if results.points:
+        files["table.md"] = report.summary(results)
+    for name, text in files.items():
+        with whole_file(folder / name) as file:
+            file.write(text.encode())
+    names = list(files)
+    if plots and results.points:
         from . import plots as figures  # matplotlib takes a second to load, and need not be there
 
-        for device in bench.devices:
-            suffix = f"-{device.spec.replace(':', '.')}" if len(bench.devices) > 1 else ""
-            where = report.machine_line(about | {"devices": [device.name]})
-            for name, figure in figures.figures(bench.rows, device.label, where).items():
-                for kind in ("svg", "png"):
-                    with whole_file(folder / f"{name}{suffix}.{kind}") as file:
-                        figure.savefig(file, format=kind)
-                names.append(f"{name}{suffix}.svg/.png")
+        labels = list(dict.fromkeys(point.device for point in results.points if point.device))
+        for label in labels:
+            suffix = f"-{label.split()[0].replace(':', '.')}" if len(labels) > 1 else ""
+            for scheme in figures.SCHEMES:
+                for name, figure in figures.figures(results, label, scheme).items():
+                    names.append(f"{name}{suffix}{scheme}.png")
+                    with whole_file(folder / names[-1]) as file:
+                        figure.savefig(file, format="png")
     tell(f"cltrace-bench: wrote {', '.join(names)} in {folder}")

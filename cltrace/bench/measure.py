@@ -6,25 +6,29 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cltrace.plan.abi import Precision
-from cltrace.plan.request import Keep
-from cltrace.run.devices import Device
 from cltrace.scene import Scene
 from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
 
 from .errors import Errors, bytes_apart, compare
 from .peers import PeerError
+from .points import LEAST_ROUNDS, Point
 from .scenes import Case
-from .tracers import ACCELERATION, SKIPS, Baseline, Product, Tracer
-from .truth import Answer, answer, can_thin
+from .tracers import Product, Tracer
+from .truth import Answer, answer, can_thin, held_against
+
+Say = Callable[[str], None]
 
 # Short frames are repeated until a measurement takes about this long, in seconds.
 ENOUGH = 0.05
-MOST_FRAMES = 5
+MOST_FRAMES = 20
+# What takes longer than this many seconds for a picture gets no second round.
+TOO_LONG = 10
 
 # So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
 # long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
@@ -37,188 +41,146 @@ class Budget:
     """How much to measure.
 
     rounds: how often each tracer is timed on a scene, at most; seconds: after which a scene gets no further round, once
-    it has had two; errors: whether to look for errors, too; sample: how many pixels are checked exactly.
+    it has had LEAST_ROUNDS, and tracers of which these agree get none before that; if infinite, each has all rounds;
+    errors: whether to look for errors, too; sample: how many pixels are checked exactly.
     """
 
-    rounds: int = 5
+    rounds: int = 7
     seconds: float = 5.0
     errors: bool = True
     sample: int = SAMPLE
 
 
-@dataclass
-class Row:
-    """What was measured of one tracer on one scene.
-
-    name, variant, device: of the tracer; keep: what cltrace did not skip; kernel: seconds of each frame of all rounds;
-    whole: seconds of each round, as of tracers.Run; picture: errors of the whole picture against cltrace's double
-    precision; sample: errors of some pixels against exact arithmetic; differ: share of the picture's pixels of which a
-    byte differs from that of double precision; off: the same, by more than a level; work: of tracers.Run; note: why
-    something is missing.
-    """
-
-    case: Case
-    name: str
-    variant: str
-    device: str
-    keep: tuple[str, ...] = ()
-    kernel: list[float] = field(default_factory=list)
-    whole: list[float] = field(default_factory=list)
-    picture: Errors | None = None
-    sample: Errors | None = None
-    differ: float | None = None
-    off: float | None = None
-    work: object = None
-    note: str = ""
-
-    @property
-    def label(self) -> str:
-        return f"{self.name}, {self.variant}" if self.variant else self.name
-
-    @property
-    def best(self) -> float:
-        """Seconds of the fastest frame, kernel and readback."""
-        return min(self.kernel, default=math.nan)
-
-    @property
-    def errors(self) -> Errors | None:
-        """The errors of the whole picture, or those of the sample if the picture is what others are held against.
-
-        The largest errors are those of the sample where they are larger, as those of an exact normal are.
-        """
-        if not self.picture or not self.sample:
-            return self.picture or self.sample
-        p, s = self.picture, self.sample
-        return replace(
-            p, t_ulp=max(p.t_ulp, s.t_ulp), normal=max(p.normal, s.normal), color_max=max(p.color_max, s.color_max)
-        )
-
-
-def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
-    """The tracers to measure on a device: each precision with and without acceleration and skipping, and the textbook.
-
-    The first of the precisions is also measured with each single piece of work that is otherwise skipped. quick: only
-    with and without acceleration.
-    """
-    out: list[Tracer] = []
-    for precision in precisions:
-        kept: dict[tuple[Keep, ...], str] = {(): "", (ACCELERATION,): "no lists"}
-        if not quick:
-            kept |= {SKIPS: "no skipping", (ACCELERATION, *SKIPS): "neither"}
-            if precision == precisions[0]:
-                kept |= {(name,): f"keep {name}" for name in SKIPS}
-        out += [Product(device, precision, keep, variant) for keep, variant in kept.items()]
-    return [*out, Baseline(device)]
-
-
 def measure(
-    case: Case,
-    tracers: Sequence[Tracer],
-    reference: Product | None,
-    budget: Budget,
-    rows: list[Row],
-    say: Callable[[str], None],
+    case: Case, tracers: Sequence[Tracer], reference: Product | None, budget: Budget, points: list[Point], say: Say
 ) -> None:
     """Measures all tracers on one scene, in turn, round by round.
 
-    Adds a row for each tracer to `rows`, and fills them as it goes: after an interruption they hold what there is.
-    reference: what whole pictures are held against, in double precision, None if no device has that; say: is told what
-    happens, for a user who waits.
+    Adds a point for each tracer to `points`, and replaces them as it goes: after an interruption they hold what there
+    is. reference: what whole pictures are held against, in double precision, None if no device has that; say: is told
+    what happens, for a user who waits.
     """
-    mine = [Row(case, t.name, t.variant, t.device, t.keep if isinstance(t, Product) else ()) for t in tracers]
-    rows += mine
-    live: list[tuple[Tracer, Row]] = []
-    for tracer, row in zip(tracers, mine, strict=True):
-        row.note = tracer.refuses(case.scene)
-        if not row.note:
-            live.append((tracer, row))
+    live: dict[int, Tracer] = {}
+    for tracer in tracers:
+        if tracer.draws(case):
+            note = tracer.refuses(case.scene)
+            if not note:
+                live[len(points)] = tracer
+            points.append(_blank(case, tracer, note))
+
+    def run(k: int, frames: int) -> tuple[list[float], float, NDArray[np.uint8]] | None:
+        """Frames, the whole way, the picture; None, and no more of it, if the peer fails."""
+        try:
+            done = live[k].run(case.scene, frames)
+        except PeerError as error:
+            points[k] = replace(points[k], note=str(error))
+            del live[k]
+            return None
+        return done.kernel, done.whole, done.rgb8
 
     # The first run of each, which may have to compile, is not counted.
-    frames: dict[int, int] = {}
-    pictures = {}
-    for tracer, row in list(live):
-        say(f"{row.label}: first picture")
-        try:
-            run = tracer.run(case.scene, 1)
-        except PeerError as error:
-            row.note = str(error)
-            live.remove((tracer, row))
-            continue
-        frames[id(tracer)] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(run.kernel, default=1)))))
-        pictures[id(tracer)], row.work = run.rgb8, run.work
+    frames, pictures = {}, {}
+    for k in list(live):
+        say(f"{points[k].label}: first picture")
+        if done := run(k, 1):
+            kernel, whole, pictures[k] = done
+            frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(kernel, default=1)))))
+            if kernel[0] > TOO_LONG and math.isfinite(budget.seconds):
+                note = f"{kernel[0]:.0f} s a picture: measured once"
+                points[k] = replace(points[k], kernel=(kernel[0],), whole=(whole,), note=note)
+                frames[k] = 0
     if budget.errors:
-        _errors(case, live, pictures, reference, budget, say)
+        _errors(case, live, pictures, reference, budget, points, say)
 
     start = time.perf_counter()
     for number in range(budget.rounds):
-        for tracer, row in list(live):
-            say(f"{row.label}: round {number + 1} of {budget.rounds}")
-            try:
-                run = tracer.run(case.scene, frames[id(tracer)])
-            except PeerError as error:
-                row.note = str(error)
-                live.remove((tracer, row))
-                continue
-            row.kernel += run.kernel
-            row.whole.append(run.whole)
-        if number and time.perf_counter() - start > budget.seconds:
+        left = [k for k in live if frames[k] and (number < LEAST_ROUNDS or not _enough(points[k], budget))]
+        for k in left:
+            say(f"{points[k].label}: round {number + 1} of {budget.rounds}")
+            if done := run(k, frames[k]):
+                kernel, whole, _ = done
+                before = points[k]
+                times = (*before.kernel, statistics.median(kernel))
+                points[k] = replace(before, kernel=times, whole=(*before.whole, whole))
+        if not left or (number + 1 >= LEAST_ROUNDS and time.perf_counter() - start > budget.seconds):
             break
+
+
+def _blank(case: Case, tracer: Tracer, note: str) -> Point:
+    scene = case.scene
+    return Point(
+        group=case.group,
+        scene=case.name,
+        spheres=len(scene.spheres),
+        triangles=scene.triangles,
+        cylinders=len(scene.cylinders),
+        size=scene.camera.resolution,
+        tracer=tracer.name,
+        variant=tracer.variant,
+        level=tracer.level,
+        version=tracer.version,
+        device=tracer.device,
+        keep=tracer.keep if isinstance(tracer, Product) else (),
+        note=note,
+    )
+
+
+def _enough(point: Point, budget: Budget) -> bool:
+    return math.isfinite(budget.seconds) and point.time.steady
 
 
 def _errors(
     case: Case,
-    live: list[tuple[Tracer, Row]],
-    pictures: dict[int, np.ndarray],
+    live: dict[int, Tracer],
+    pictures: dict[int, NDArray[np.uint8]],
     reference: Product | None,
     budget: Budget,
-    say: Callable[[str], None],
+    points: list[Point],
+    say: Say,
 ) -> None:
-    """Fills in the errors of all rows. No byte depends on what is skipped, so one picture of each mode is enough."""
+    """Fills in the errors of all points. No byte depends on what is skipped, so one picture of each mode is enough."""
+    say("what the picture must be")
+    true = held_against(case, reference)
     answers: dict[object, Answer] = {}
-    true = None
-    if reference:
-        say("double precision, as the reference")
-        true = answers[reference.mode] = reference.answer(case.scene)
+    if true and true.answer and reference:
+        answers[reference.mode] = true.answer
     pixels = np.zeros(0, np.intp)
     checked: Answer | None = None
     seen: dict[object, tuple[Errors | None, Errors | None]] = {}
-    for tracer, row in live:
+    for k, tracer in live.items():
+        found: dict[str, Any] = {"truth": true.text if true else "exact arithmetic, on a sample"}
         mode = tracer.mode if isinstance(tracer, Product) else id(tracer)
-        if mode not in answers:
-            say(f"{row.label}: errors")
-            got = tracer.answer(case.scene)
-            if got is not None:
+        if mode not in answers and (true is None or true.answer):
+            say(f"{points[k].label}: errors")
+            if (got := tracer.answer(case.scene)) is not None:
                 answers[mode] = got
         if checked is None and mode in answers:
             say("exact arithmetic, on a sample")
             width, height = case.scene.camera.resolution
             count = min(budget.sample, max(LEAST_SAMPLE, affordable(case.scene)))
-            chosen_by = true or answers[mode]
+            chosen_by = (true and true.answer) or answers[mode]
             pixels = sample(chosen_by.id.reshape(height, width), count)
             checked = answer(case.scene, pixels)
         if mode in answers and checked is not None:
             if mode not in seen:
-                is_reference = answers[mode] is true
-                whole = compare(answers[mode], true) if true and not is_reference else None
+                want = true.answer if true and answers[mode] is not true.answer else None
+                whole = compare(answers[mode], want) if want else None
                 seen[mode] = whole, compare(answers[mode].at(pixels), checked)
-            if np.array_equal(pictures[id(tracer)].reshape(-1, 3), answers[mode].rgb8):
-                row.picture, row.sample = seen[mode]
+            if np.array_equal(pictures[k].reshape(-1, 3), answers[mode].rgb8):
+                found["picture"], found["sample"] = seen[mode]
             else:
-                row.note = "another picture than with all outputs: its errors are not known"
+                found["note"] = "another picture than with all outputs: its errors are not known"
         if true is not None:
-            differ, off = bytes_apart(pictures[id(tracer)], true.rgb8)
-            row.differ, row.off = differ / len(true.id), off / len(true.id)
-        if row.picture is None and row.sample is not None:
+            differ, off = bytes_apart(pictures[k], np.rint(true.levels).astype(np.uint8))
+            found |= {"differ": differ / pictures[k][..., 0].size, "off": off / pictures[k][..., 0].size}
+            found["rms"] = float(np.sqrt(np.mean((pictures[k] - true.levels) ** 2)))
+        if found.get("picture") is None and (of := found.get("sample")):
             # Its own picture is the reference, or there is none: the sample has to say.
-            row.differ, row.off = (n / row.sample.pixels for n in (row.sample.bytes_differ, row.sample.bytes_off))
+            found |= {"differ": of.bytes_differ / of.pixels, "off": of.bytes_off / of.pixels, "rms": None}
+        points[k] = replace(points[k], **found)
 
 
 def affordable(scene: Scene) -> int:
     """How many pixels can be checked exactly in a while."""
     tests = SAMPLE_TESTS if can_thin(scene) else DEFAULT_TESTS
     return tests // max(1, len(scene.spheres) + scene.triangles // TRIANGLES)
-
-
-def median(values: list[float]) -> float:
-    """The median, NaN of nothing."""
-    return statistics.median(values) if values else math.nan

@@ -1,78 +1,135 @@
-"""The figures: time against error, what was saved by skipping, growth. The one module that needs matplotlib."""
+"""The figures: time against error, antialiasing, growth, for light and for dark pages. Only this has matplotlib."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from .measure import Row
-from .report import by_group, complete, mean_time, number, tracers_of, worst, worst_share
+from . import machine
+from .points import Point, Results
+from .report import by_group, complete, mean_time, steady, tracers_of, worst_share
 from .scenes import GROWTH_PIXELS, GROWTH_SPHERES
 
-# The palette of Okabe and Ito, which colour-blind people can tell apart; the textbook and the peers have shapes, too.
+# By what their files' names end in: ink, fine lines, paper.
+SCHEMES = {"": ("#1f2328", "#d5d9de", "#ffffff"), "-dark": ("#d6dde5", "#30363d", "#0d1117")}
+# The palette of Okabe and Ito, which colour-blind people can tell apart, and what can be seen on both papers; what is
+# not cltrace has shapes of its own, too.
 COLORS = {
-    "accurate": "#0072B2",
+    "accurate": "#2f81d1",
     "double": "#009E73",
-    "single": "#E69F00",
+    "single": "#c98500",
     "textbook": "#D55E00",
     "Embree": "#CC79A7",
-    "POV-Ray": "#555555",
+    "POV-Ray": "#8a8f98",
 }
 SHAPES = {"textbook": "D", "Embree": "P", "POV-Ray": "X"}
-VARIANTS = {"": "o", "no lists": "s", "no skipping": "^", "neither": "v"}
+OTHERS = (("#1f9ab5", "p"), ("#9a6fd0", "h"), ("#a0785a", "*"), ("#6f9a28", "d"), ("#d04848", "8"))
+# A variant has a hollow mark, but for curves of samples, which everybody has.
+VARIANTS = {"no lists": "s", "no skipping": "^", "proved": "^"}
+FILLED = ("", "samples")
 # What the whole time of those is whose growth with the scene is of interest.
 WHOLE = {"accurate": "with packing and making lists", "Embree": "with building its tree"}
-GROUP_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#555555")
-
-mpl.rcParams.update(
-    {
-        "figure.dpi": 100,
-        "savefig.dpi": 120,
-        "font.size": 11,
-        "axes.titlesize": 12,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "grid.color": "#e4e4e4",
-        "axes.axisbelow": True,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "cltrace",
-    }
-)
+TEXTS = {
+    "accurate": "cltrace, accurate",
+    "double": "cltrace, double",
+    "single": "cltrace, single",
+    "textbook": "textbook, float32 with epsilon",
+}
+FRAME = "time of a frame (ms)"
 
 
-def figures(rows: Sequence[Row], device: str, about: str) -> dict[str, Figure]:
-    """By file name: those figures for which there is something on this device. Peers are on all devices."""
-    rows = [row for row in rows if row.device in (device, "") and row.kernel]
-    out = {
-        "time-error": time_against(
-            rows,
-            worst_share,
-            "pixels that differ from the reference",
-            percent_tick,
-            "Run time against wrong pixels",
-            about,
-        ),
-        "time-distance": time_against(
-            rows,
-            lambda some: worst(some, "t_ulp"),
-            "largest error of a distance (ulp of float32)",
-            lambda y: f"{y:g}" if 1e-3 < y < 1e4 else f"$10^{{{round(math.log10(y))}}}$",
-            "Run time against error of distances; 0.5 ulp is rounding to float32",
-            about,
-        ),
-        "skipped": bars(rows, about) if saved(rows) else None,
-        "growth": growth(rows, about) if {GROWTH_SPHERES, GROWTH_PIXELS} & {row.case.group for row in rows} else None,
-    }
-    return {name: figure for name, figure in out.items() if figure}
+def figures(results: Results, device: str, scheme: str = "") -> dict[str, Figure]:
+    """By file name: those figures for which there is something on this device, as label. Peers are on all devices."""
+    ink, fine, paper = SCHEMES[scheme]
+    style: dict[str, Any] = {
+        "figure.dpi": 120, "font.size": 11, "axes.titlesize": 12, "axes.spines.top": False,
+        "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": fine, "text.color": ink,
+        "axes.labelcolor": ink, "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
+        "figure.facecolor": paper, "axes.facecolor": paper,
+    }  # fmt: skip
+    points = [point for point in results.points if point.device in (device, "") and point.kernel]
+    curves = [point for point in points if point.level is not None]
+    rest = [point for point in points if point.level is None]
+    with mpl.rc_context(style):  # type: ignore[arg-type]
+        out = {
+            "time-error": time_error(rest, Page(results)),
+            "antialiasing": antialiasing(curves, Page(results)),
+            "growth": growth(rest, Page(results)),
+        }
+        drawn = {name: figure for name, figure in out.items() if figure}
+        for figure in drawn.values():
+            figure.draw_without_rendering()  # ticks are made now, in these colours
+    return drawn
+
+
+class Page:
+    """What all figures have: a title, a warning if the machine was loaded, and, at the foot, where they come from."""
+
+    def __init__(self, results: Results) -> None:
+        self._about, self._loaded, self._left_out = machine.sentence(results.about), results.loaded, 0
+
+    def steady(self, points: Iterable[Sequence[Point]]) -> list[Sequence[Point]]:
+        """Those of which all repeated rounds agree. The others are counted."""
+        every = list(points)
+        kept = [some for some in every if steady(some)]
+        self._left_out += len(every) - len(kept)
+        return kept
+
+    def figure(self, width: float, height: float, title: str, foot: str = "") -> Figure:
+        """An empty one of this size in inches."""
+        left_out = f"{self._left_out} not drawn: repeated rounds do not agree within 10 %." if self._left_out else ""
+        lines = textwrap.wrap(" ".join(part for part in (foot, left_out, self._about) if part), int(15.5 * width))
+        below, above = (0.1 + 0.15 * len(lines)) / height, (0.7 if self._loaded else 0.4) / height
+        figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, below, 1, 1 - below - above)))
+        figure.suptitle(title, fontsize=14, x=0.02, y=1 - 0.08 / height, va="top", ha="left", weight="bold")
+        figure.text(0.02, 0.05 / height, "\n".join(lines), fontsize=8, va="bottom")
+        if self._loaded:
+            figure.text(0.02, 1 - 0.4 / height, self._loaded, fontsize=12, va="top", color="#e5484d", weight="bold")
+        return figure
+
+
+class Marks:
+    """The colour and the shape of each tracer, and the legend's entries of those that were drawn."""
+
+    def __init__(self, points: Iterable[Point]) -> None:
+        others = [name for name in dict.fromkeys(p.tracer for p in points) if name not in COLORS]
+        more = {name: OTHERS[k % len(OTHERS)] for k, name in enumerate(others)}
+        self._colors = COLORS | {name: color for name, (color, _) in more.items()}
+        self._shapes = SHAPES | {name: shape for name, (_, shape) in more.items()}
+        self._drawn: dict[str, Line2D] = {}
+
+    def of(self, point: Point, line: str = "") -> dict[str, Any]:
+        """For Axes.plot; the same for the legend."""
+        shape = self._shapes.get(point.tracer) or VARIANTS.get(point.variant, "o")
+        color = self._colors[point.tracer]
+        style: dict[str, Any] = {
+            "linestyle": line,
+            "marker": shape,
+            "color": color,
+            "markersize": 7,
+            "markeredgewidth": 1.4,
+        }
+        if point.variant not in FILLED:
+            style["markerfacecolor"] = "none"
+        name = TEXTS.get(point.tracer, point.tracer)
+        label = f"{name}, {point.variant}" if point.variant else name
+        self._drawn.setdefault(label, Line2D([], [], **style))
+        return style
+
+    def legend(self, ax: Axes, more: dict[str, Line2D]) -> None:
+        """In a panel that is left over."""
+        drawn = self._drawn | more
+        ax.axis("off")
+        ax.legend(drawn.values(), drawn.keys(), loc="upper left", frameon=False, fontsize=10.5, labelspacing=0.6)
 
 
 def percent_tick(y: float) -> str:
@@ -80,219 +137,144 @@ def percent_tick(y: float) -> str:
     return f"{100 * y:g} %" if y >= 1e-5 else f"$10^{{{round(math.log10(y)) + 2}}}$ %"
 
 
-def _figure(width: float, height: float, title: str, about: str) -> Figure:
-    """A figure of this size in inches, with a title and, at its foot, where it comes from."""
-    foot = textwrap.wrap(about, int(16 * width))
-    room = (0.1 + 0.15 * len(foot)) / height
-    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, room, 1, 1 - room)))
-    figure.suptitle(title, fontsize=14, x=0.02, ha="left", weight="bold")
-    figure.text(0.02, 0.05 / height, "\n".join(foot), fontsize=8, color="#555555", va="bottom")
-    return figure
+def _panels(page: Page, count: int, title: str, foot: str) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels, and one more for the legend."""
+    lines = math.ceil((count + 1) / 4)
+    columns = math.ceil((count + 1) / lines)
+    figure = page.figure(max(3.6 * columns, 8), 3.2 * lines + 0.9, title, foot)
+    axes = list(figure.subplots(lines, columns, squeeze=False).ravel())
+    for ax in axes[count + 1 :]:
+        ax.axis("off")
+    return figure, axes
 
 
-def time_against(
-    rows: Sequence[Row],
-    value: Callable[[Sequence[Row]], float],
-    label: str,
-    tick: Callable[[float], str],
-    title: str,
-    about: str,
-) -> Figure | None:
-    """One panel for each class of scenes: kernel time and this error of each tracer, and the Pareto front.
-
-    None if that error is not known of anything.
-    """
-    groups = by_group(rows)
-    panels = {
-        group: [
-            (name, variant, 1e3 * mean_time(mine), value(mine))
-            for (name, variant), mine in _by_variant(some).items()
-            if complete(mine, some) and not math.isnan(value(mine))
-        ]
-        for group, some in groups.items()
-    }
-    panels = {group: points for group, points in panels.items() if points}
-    every = [point for points in panels.values() for point in points]
-    if not every:
-        return None
-    positive = [y for *_, y in every if 0 < y < math.inf]
-    # An error of exactly 0 has its own place, below the smallest one of the logarithmic scale.
+def _scale(axes: Iterable[Axes], errors: Iterable[float], tick: Callable[[float], str]) -> float:
+    """Logarithmic scales for times and these errors. An error of 0 has a place below all others, which is returned."""
+    positive = [y for y in errors if 0 < y < math.inf]
     low = math.floor(math.log10(min(positive, default=1e-6)))
     high = max(math.ceil(math.log10(max(positive, default=1.0))), low + 1)
     zero = 10.0 ** (low - 1)
-    columns = min(3, len(panels) + 1)
-    lines = math.ceil((len(panels) + 1) / columns)
-    if any(len({row.case.name for row in some}) > 1 for some in groups.values()):
-        about = f"A mark: the geometric mean of the times of the class's scenes, and the worst of their errors. {about}"
-    figure = _figure(4.4 * columns, 3.6 * lines + 0.9, title, about)
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    left, right = min(x for _, _, x, _ in every), max(x for _, _, x, _ in every)
-    for ax, (group, points) in zip(axes, panels.items(), strict=False):
-        _panel(ax, points, zero)
-        ax.set_title(group)
-        ax.set_xlim(left / 1.8, right * 1.8)
+    decades = [10.0**k for k in range(low, high + 1, 1 if high - low <= 6 else 2)]
+    for ax in axes:
+        ax.set_xscale("log")
+        ax.set_yscale("log")
         ax.set_ylim(zero / 2.5, 10.0**high * 2)
-        decades = [10.0**k for k in range(low, high + 1, 1 if high - low <= 8 else 2)]
         ax.yaxis.set_major_locator(FixedLocator([zero, *decades]))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: "0" if y < zero * 1.01 else tick(y)))
         ax.yaxis.set_minor_locator(NullLocator())
-        ax.axhline(zero * math.sqrt(10), color="#bbbbbb", linewidth=0.8, linestyle=(0, (4, 4)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        ax.set_xlabel("kernel time (ms)")
-    figure.supylabel(label, fontsize=11)
-    for ax in axes[len(panels) :]:
-        ax.axis("off")
-    _legend(axes[len(panels)], {(name, variant) for name, variant, *_ in every})
+        ax.axhline(zero * math.sqrt(10), color="#8a8f98", linewidth=0.8, linestyle=(0, (4, 4)))
+        _plain_ticks(ax)
+    return zero
+
+
+def _plain_ticks(ax: Axes) -> None:
+    """Times as plain numbers, without texts between."""
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def time_error(points: Sequence[Point], page: Page) -> Figure | None:
+    """A panel for each class of scenes: time and share of wrong pixels of each tracer, and the Pareto front.
+
+    None if nothing is known of that.
+    """
+    groups = by_group(points)
+    panels: dict[str, list[Sequence[Point]]] = {}
+    for group, some in groups.items():
+        known = [
+            mine for mine in tracers_of(some).values() if complete(mine, some) and not math.isnan(worst_share(mine))
+        ]
+        if drawn := page.steady(known):
+            panels[group] = drawn
+    if not panels:
+        return None
+    foot = "A mark: geometric means of the medians of a class's scenes, with quartiles; the worst of their errors."
+    figure, axes = _panels(page, len(panels), "Time of a frame against wrong pixels, by class of scenes", foot)
+    zero = _scale(axes[: len(panels)], [worst_share(m) for some in panels.values() for m in some], percent_tick)
+    marks = Marks(points)
+    times = [mean_time(mine).median for drawn in panels.values() for mine in drawn]
+    for ax, (group, drawn) in zip(axes, panels.items(), strict=False):
+        _front(ax, [(1e3 * mean_time(mine).median, worst_share(mine)) for mine in drawn], zero)
+        for mine in drawn:
+            time, style = mean_time(mine), marks.of(mine[0])
+            y = max(worst_share(mine), zero)
+            ax.plot([1e3 * time.low, 1e3 * time.high], [y, y], color=str(style["color"]), linewidth=1.4)
+            ax.plot([1e3 * time.median], [y], **style)
+        ax.set_title(group)
+        ax.set_xlim(1e3 * min(times) / 1.8, 1e3 * max(times) * 1.8)
+        ax.set_xlabel(FRAME)
+    figure.supylabel("pixels that differ from the truth", fontsize=11)
+    ring = Line2D([], [], linestyle="", marker="o", color="#8a8f98", markerfacecolor="none", markersize=13)
+    marks.legend(axes[len(panels)], {"Pareto front: nothing else is\nboth faster and more accurate": ring})
     return figure
 
 
-def _by_variant(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
-    out: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        if row.variant in VARIANTS:
-            out.setdefault((row.name, row.variant), []).append(row)
-    return out
-
-
-def _panel(ax: Axes, points: Sequence[tuple[str, str, float, float]], zero: float) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+def _front(ax: Axes, points: Sequence[tuple[float, float]], zero: float) -> None:
+    """Rings around what nothing beats, and the line along them, which goes down where a tracer is slower and better."""
     front, best = [], math.inf
-    for _, _, x, y in sorted(points, key=lambda p: (p[2], p[3])):
+    for x, y in sorted(points):
         if y < 0.99 * best:  # less is the luck of the draw
             best = y
             front.append((x, max(y, zero)))
-    # The front goes down where a tracer is slower and better.
     along, up = [x for x, _ in front], [y for _, y in front]
-    ax.step(along, up, where="post", color="#999999", linewidth=1.2, zorder=1)
-    ax.scatter(along, up, s=190, facecolors="none", edgecolors="#999999", linewidths=1.2, zorder=1)
-    for name, variant, x, y in points:
-        color = COLORS.get(name, "#000000")
-        shape = SHAPES.get(name, VARIANTS[variant])
-        face = "none" if variant else color
-        ax.scatter(x, max(y, zero), s=48, marker=shape, facecolors=face, edgecolors=color, linewidths=1.4, zorder=2)
+    ax.step(along, up, where="post", color="#8a8f98", linewidth=1.2, zorder=1)
+    ax.scatter(along, up, s=190, facecolors="none", edgecolors="#8a8f98", linewidths=1.2, zorder=1)
 
 
-def _legend(ax: Axes, shown: set[tuple[str, str]]) -> None:
-    """In the panel that is left over."""
-
-    def mark(color: str, shape: str, face: str, size: float = 7) -> Line2D:
-        return Line2D([], [], linestyle="", marker=shape, color=color, markerfacecolor=face, markersize=size,
-                      markeredgewidth=1.4)  # fmt: skip
-
-    texts = {
-        "accurate": "cltrace, accurate",
-        "double": "cltrace, double",
-        "single": "cltrace, single",
-        "textbook": "textbook, float32 with epsilon",
-    }
-    names = [name for name in COLORS if any(name == n for n, _ in shown)]
-    handles = [mark(COLORS[n], SHAPES.get(n, "o"), COLORS[n]) for n in names]
-    labels = [texts.get(n, n) for n in names]
-    kept = {"no lists": "without lists", "no skipping": "without skipping", "neither": "without either"}
-    for variant, text in kept.items():
-        if any(variant == v for _, v in shown):
-            handles.append(mark("#333333", VARIANTS[variant], "none"))
-            labels.append(f"cltrace {text}")
-    handles.append(mark("#999999", "o", "none", 13))
-    labels.append("Pareto front: nothing else is\nboth faster and more accurate")
-    ax.legend(handles, labels, loc="upper left", frameon=False, fontsize=10.5, labelspacing=0.6)
-
-
-def saved(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """For each piece of work that is skipped, and each class: how many times longer a frame takes with it.
-
-    Of the scenes where there is such work; of all, if it is nothing that is prepared on the host.
-    """
-    plain = {(row.name, row.case.name, row.case.group): row for row in rows if not row.keep}
-    pairs = [
-        (row, plain.get((row.name, row.case.name, row.case.group))) for some in by_group(rows).values() for row in some
-    ]
-    single = [(row, base) for row, base in pairs if base and len(row.keep) == 1 and row.name == _first(rows)]
-    seen = {row.keep[0] for row, base in single if row.work != base.work}
-    ratios: dict[str, dict[str, list[float]]] = {}
-    for row, base in single:
-        if row.work != base.work or row.keep[0] not in seen:
-            ratios.setdefault(row.keep[0], {}).setdefault(row.case.group, []).append(row.best / base.best)
-    return {
-        name: {group: math.exp(sum(map(math.log, some)) / len(some)) for group, some in groups.items()}
-        for name, groups in ratios.items()
-    }
-
-
-def _first(rows: Sequence[Row]) -> str:
-    """The precision of which each skipped piece was measured."""
-    return next((row.name for row in rows if row.keep), "")
-
-
-def bars(rows: Sequence[Row], about: str) -> Figure:
-    """What each skipped piece of work saved, by class of scenes."""
-    ratios = saved(rows)
-    groups = [g for g in by_group(rows) if any(g in some for some in ratios.values())]
-    # From the top: a block of bars for each name, and half a bar between two blocks.
-    count = sum(map(len, ratios.values())) + 0.5 * len(ratios)
-    figure = _figure(10, 1.6 + 0.3 * count, "What each piece of work that is skipped would cost", about)
-    ax = figure.subplots()
-    place, ticks, labelled = 0.0, [], set()
-    for some in ratios.values():
-        ticks.append(place + (len(some) - 1) / 2)
-        for group in (g for g in groups if g in some):
-            v = some[group]
-            color = GROUP_COLORS[groups.index(group) % len(GROUP_COLORS)]
-            ax.barh(place, v - 1, 0.9, left=1, color=color, label="" if group in labelled else group)
-            labelled.add(group)
-            text = f"{number(v, 3 if v >= 1 else 2)}x"
-            ax.annotate(text, (max(v, 1), place), (4, 0), textcoords="offset points", va="center", fontsize=9)
-            place += 1
-        place += 0.5
-    ax.set_xscale("log")
-    most = max(v for some in ratios.values() for v in some.values())
-    least = min(v for some in ratios.values() for v in some.values())
-    ax.set_xlim(min(0.9, least / 1.1), most * 1.6)
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}x"))
-    ax.xaxis.set_minor_formatter(FuncFormatter(lambda x, _: f"{x:g}x" if most < 10 else ""))
-    ax.axvline(1, color="#555555", linewidth=1)
-    ax.set_yticks(ticks, [f"--keep {name}" for name in ratios])
-    ax.set_ylim(-0.7, place - 0.3)
-    ax.invert_yaxis()
-    ax.grid(axis="y", visible=False)
-    ax.set_xlabel(
-        f"kernel time with this work, in multiples of that without it ({_first(rows)}; mean of scenes that have any)"
-    )
-    ax.legend(frameon=False, loc="lower right", fontsize=10)
+def antialiasing(points: Sequence[Point], page: Page) -> Figure | None:
+    """A panel for each scene: time and RMS error of the curve of each tracer. None if there is nothing to draw."""
+    panels: dict[tuple[str, str], list[Point]] = {}
+    for (point,) in page.steady([point] for point in points if point.rms is not None):
+        panels.setdefault((point.group, point.scene), []).append(point)
+    if not panels:
+        return None
+    foot = "Beside the ends of each curve: rays across a pixel, levels of a proof, or members of a light."
+    figure, axes = _panels(page, len(panels), "Antialiasing and soft light: time against error", foot)
+    zero = _scale(axes[: len(panels)], [p.rms or 0 for some in panels.values() for p in some], lambda y: f"{y:g}")
+    marks = Marks(points)
+    for ax, ((group, scene), some) in zip(axes, panels.items(), strict=False):
+        for name in dict.fromkeys((p.tracer, p.variant, p.device) for p in some):
+            mine = sorted((p for p in some if (p.tracer, p.variant, p.device) == name), key=lambda p: p.level or 0)
+            x, y = [1e3 * p.time.median for p in mine], [max(p.rms or 0, zero) for p in mine]
+            ax.plot(x, y, linewidth=1.4, **marks.of(mine[0], "-"))
+            for k in {0, len(mine) - 1}:
+                ax.annotate(f"{mine[k].level:g}", (x[k], y[k]), (5, 4), textcoords="offset points", fontsize=9)
+        ax.set_title(f"{group}:\n{scene}", fontsize=11)
+        ax.set_xlabel(FRAME)
+    figure.supylabel("RMS error in levels of 255", fontsize=11)
+    marks.legend(axes[len(panels)], {})
     return figure
 
 
-def growth(rows: Sequence[Row], about: str) -> Figure:
-    """Kernel time and, dotted, whole time by the number of spheres and of pixels."""
+def growth(points: Sequence[Point], page: Page) -> Figure | None:
+    """Time of a frame and, dotted, of the whole way by spheres and by pixels. None if there is nothing to draw."""
     kinds = [(GROWTH_SPHERES, "spheres (640x360 pixels)"), (GROWTH_PIXELS, "pixels (300 spheres)")]
-    shown = [(group, text) for group, text in kinds if any(row.case.group == group for row in rows)]
-    figure = _figure(5.2 * len(shown) + 3, 5, "Kernel time by spheres and by pixels", about)
-    axes = figure.subplots(1, len(shown) + 1, width_ratios=[1.0] * len(shown) + [0.5])
+    lines = {group: list(tracers_of(p for p in points if p.group == group).values()) for group, _ in kinds}
+    lines = {group: [[p for (p,) in page.steady([p] for p in mine)] for mine in some] for group, some in lines.items()}
+    shown = [(group, text) for group, text in kinds if any(lines[group])]
+    if not shown:
+        return None
+    figure = page.figure(4.6 * len(shown) + 3.6, 5, "Time of a frame by spheres and by pixels")
+    axes = figure.subplots(1, len(shown) + 1, width_ratios=[1.0] * len(shown) + [0.6])
+    marks, more = Marks(points), {}
     for ax, (group, text) in zip(axes, shown, strict=False):
-        for (label, _), mine in tracers_of(row for row in rows if row.case.group == group).items():
-            name, variant = mine[0].name, mine[0].variant
-            x = [_extent(row, group) for row in mine]
-            style = {
-                "color": COLORS.get(name, "#000000"),
-                "marker": SHAPES.get(name, VARIANTS.get(variant, "o")),
-                "markersize": 6,
-            }
-            if variant:
-                style["markerfacecolor"] = "none"
-            ax.plot(x, [1e3 * row.best for row in mine], label=label, linewidth=1.6, **style)
-            if name in WHOLE and not variant:
-                whole = [1e3 * min(row.whole) for row in mine]
-                ax.plot(x, whole, linestyle=":", label=f"{label}, {WHOLE[name]}", linewidth=1.4, **style)
+        for mine in filter(None, lines[group]):
+            x, style = [_extent(point) for point in mine], marks.of(mine[0], "-")
+            ax.plot(x, [1e3 * point.time.median for point in mine], linewidth=1.6, **style)
+            name = mine[0].tracer
+            if name in WHOLE and not mine[0].variant:
+                dotted = {**style, "linestyle": ":", "linewidth": 1.4}
+                ax.plot(x, [1e3 * point.way.median for point in mine], **dotted)
+                more[f"{TEXTS.get(name, name)},\n{WHOLE[name]}"] = Line2D([], [], **dotted)
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel(text)
         ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axes[0].set_ylabel("time (ms)")
-    axes[-1].axis("off")
-    axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="center left", frameon=False, fontsize=10.5)
+    marks.legend(axes[-1], more)
     return figure
 
 
-def _extent(row: Row, group: str) -> int:
-    return len(row.case.scene.spheres) if group == GROWTH_SPHERES else math.prod(row.case.scene.camera.resolution)
+def _extent(point: Point) -> int:
+    return point.spheres if point.group == GROWTH_SPHERES else math.prod(point.size)

@@ -1,25 +1,19 @@
-"""What was measured, as tables and as JSON."""
+"""What was measured, as tables: for a terminal while it goes on, and in Markdown for docs/benchmark.md."""
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import platform
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
-from importlib import metadata
-from pathlib import Path
-from typing import Any
+from itertools import groupby
 
-from cltrace.base.arrays import processors
-
-from .errors import Errors
-from .measure import Row, median
+from . import machine
+from .points import Point, Results, Spread, Way
 from .scenes import GROUPS
+from .ways import WAYS
 
-COLUMNS = ("kernel ms", "median", "whole ms", "median", "wrong ids", "t ulp", "normal rad", "false sh.", "leaks",
-           "colour max", "RMS", "bytes differ")  # fmt: skip
+COLUMNS = ("frame ms", "quartiles", "whole ms", "wrong ids", "t ulp", "normal rad", "false sh.", "leaks", "RMS levels",
+           "bytes differ")  # fmt: skip
+UNSTEADY = "~"
 
 
 def number(value: float, digits: int = 2) -> str:
@@ -35,171 +29,187 @@ def number(value: float, digits: int = 2) -> str:
 
 
 def percent(share: float | None) -> str:
-    return "" if share is None else f"{number(100 * share)} %"
+    return "" if share is None or math.isnan(share) else f"{number(100 * share)} %"
 
 
-def cells(row: Row) -> list[str]:
-    """A row's texts under COLUMNS, with times in ms."""
-    times = [number(1e3 * value, 3) for values in (row.kernel, row.whole) for value in _best_and_median(values)]
-    e = row.errors
-    if e is None:
-        return [*times, *[""] * 7, percent(row.differ)]
-    counts = (e.wrong_ids, e.t_ulp, e.normal, e.false_shadows, e.leaks, e.color_max, e.color_rms)
-    return [*times, *(number(float(x)) if isinstance(x, float) else f"{x:,}" for x in counts), percent(row.differ)]
+def milliseconds(time: Spread) -> str:
+    """The median, with a ~ where the rounds do not agree."""
+    return number(1e3 * time.median, 3) + UNSTEADY * (time.rounds > 0 and not time.steady)
 
 
-def _best_and_median(values: list[float]) -> tuple[float, float]:
-    return min(values, default=math.nan), median(values)
+def cells(point: Point) -> list[str]:
+    """A point's texts under COLUMNS, with times in ms."""
+    time, e = point.time, point.errors
+    quartiles = f"{number(1e3 * time.low, 3)}..{number(1e3 * time.high, 3)}" if time.rounds else ""
+    counts = (e.wrong_ids, e.t_ulp, e.normal, e.false_shadows, e.leaks) if e else ()
+    found = [number(x) if isinstance(x, float) else f"{x:,}" for x in counts] or [""] * 5
+    off = "" if point.rms is None else number(point.rms)
+    return [milliseconds(time), quartiles, milliseconds(point.way), *found, off, percent(point.differ)]
 
 
-def title(row: Row) -> str:
-    width, height = row.case.scene.camera.resolution
-    counts = {"sphere": len(row.case.scene.columns), "triangle": row.case.scene.triangles}
+def title(point: Point) -> str:
+    width, height = point.size
+    counts = {"sphere": point.spheres, "triangle": point.triangles, "cylinder": point.cylinders}
     shapes = ", ".join(f"{n:,} {name}{'s' * (n != 1)}" for name, n in counts.items() if n or name == "sphere")
-    return f"{row.case.group}: {row.case.name} ({shapes}, {width}x{height})"
+    return f"{point.group}: {point.scene} ({shapes}, {width}x{height})"
 
 
-def scene_table(rows: Sequence[Row]) -> str:
-    """The rows of one scene, for a terminal."""
-    devices = list(dict.fromkeys(row.device for row in rows if row.device))
-    sample = next((row.sample.pixels for row in rows if row.sample), 0)
-    lines = [["", *COLUMNS]]
-    notes = []
-    for row in rows:
-        where = f" [{devices.index(row.device)}]" if len(devices) > 1 and row.device else ""
-        if row.kernel or row.whole or row.errors:
-            star = "*" if row.picture is None and row.sample is not None else ""
-            lines.append([row.label + where + star, *cells(row)])
-        if row.note:
-            notes.append(f"{row.label}{where}: {row.note}")
+def table(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Columns below each other, the first one to the left."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    table = [title(rows[0])]
-    table += [
-        "  "
-        + "  ".join(c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(line, widths, strict=True)))
+    return [
+        "  ".join(
+            c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
         for line in lines
     ]
+
+
+def scene_table(points: Sequence[Point]) -> str:
+    """The points of one scene, for a terminal."""
+    devices = list(dict.fromkeys(point.device for point in points if point.device))
+    sample = next((point.sample.pixels for point in points if point.sample), 0)
+    lines = [["", *COLUMNS]]
+    notes = []
+    for point in points:
+        where = f" [{devices.index(point.device)}]" if len(devices) > 1 and point.device else ""
+        if point.kernel or point.whole or point.errors:
+            star = "*" if point.picture is None and point.sample is not None else ""
+            lines.append([point.label + where + star, *cells(point)])
+        if point.note:
+            notes.append(f"{point.label}{where}: {point.note}")
     if any(line[0].endswith("*") for line in lines):
-        table.append(f"  * is what whole pictures are held against; its own errors are those of {sample} exact pixels")
-    return "\n".join([line.rstrip() for line in table] + [f"  {note}" for note in notes])
+        notes.append(f"* is what whole pictures are held against; its own errors are those of {sample} exact pixels")
+    if any(UNSTEADY in cell for line in lines for cell in line):
+        notes.append("~ repeated rounds do not agree within 10 %")
+    return "\n".join([title(points[0]), *(f"  {line}" for line in [*table(lines), *notes])])
 
 
-def by_group(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    """Rows by class of scene, in the order of GROUPS; only of classes that have some."""
-    rows = list(rows)
-    return {group: mine for group in GROUPS if (mine := [r for r in rows if r.case.group == group and r.kernel])}
+def ways_table(ways: Sequence[Way]) -> str:
+    """What a user waits for, for a terminal."""
+    return "\n".join(f"  {line}" for line in table(_ways(ways)))
 
 
-def tracers_of(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Rows by label and device, in the order in which they were measured."""
-    out: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        out.setdefault((row.label, row.device), []).append(row)
+def _ways(ways: Sequence[Way]) -> list[list[str]]:
+    lines = [["what a user waits for", *(f"{way}, ms" for way in WAYS), "memory MB", "read MB"]]
+    for (scene, tracer), some in groupby(ways, lambda way: (way.scene, way.tracer)):
+        mine = {way.way: way for way in some if way.seconds}
+        if mine:
+            most = [
+                max((v for w in mine.values() if (v := getattr(w, name))), default=math.nan)
+                for name in ("memory", "read")
+            ]
+            lines.append([f"{scene}: {tracer}", *(milliseconds(mine[w].time) if w in mine else "" for w in WAYS),
+                          *(number(v / 1e6) for v in most)])  # fmt: skip
+    return lines
+
+
+def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:
+    """Points by class of scene, in the order of GROUPS; only of classes that have some."""
+    points = list(points)
+    return {group: mine for group in GROUPS if (mine := [p for p in points if p.group == group and p.kernel])}
+
+
+def tracers_of(points: Iterable[Point]) -> dict[tuple[str, str], list[Point]]:
+    """Points by label and device, in the order in which they were measured."""
+    out: dict[tuple[str, str], list[Point]] = {}
+    for point in points:
+        out.setdefault((point.label, point.device), []).append(point)
     return out
 
 
-def mean_time(rows: Sequence[Row]) -> float:
-    """The geometric mean of the rows' best kernel times, in seconds."""
-    return math.exp(sum(math.log(row.best) for row in rows) / len(rows))
+def mean_time(points: Sequence[Point]) -> Spread:
+    """The geometric means of median and quartiles of the points' times, and the fewest rounds of them."""
+
+    def mean(values: Iterable[float]) -> float:
+        return math.exp(math.fsum(map(math.log, values)) / len(points))
+
+    times = [point.time for point in points]
+    low, median, high = (mean(getattr(t, name) for t in times) for name in ("low", "median", "high"))
+    return Spread(low, median, high, min(t.rounds for t in times))
 
 
-def worst(rows: Iterable[Row], name: str) -> float:
+def steady(points: Iterable[Point]) -> bool:
+    """Whether the rounds of each agree."""
+    return all(point.time.steady for point in points)
+
+
+def worst(points: Iterable[Point], name: str) -> float:
     """The largest error of one kind, by the name of a field of Errors; NaN if none is known."""
-    return max((float(getattr(row.errors, name)) for row in rows if row.errors), default=math.nan)
+    return max((float(getattr(point.errors, name)) for point in points if point.errors), default=math.nan)
 
 
-def worst_share(rows: Iterable[Row]) -> float:
+def worst_share(points: Iterable[Point]) -> float:
     """The largest share of pixels that differ; NaN if none is known."""
-    return max((row.differ for row in rows if row.differ is not None), default=math.nan)
+    return max((point.differ for point in points if point.differ is not None), default=math.nan)
 
 
-def complete(rows: Sequence[Row], group: Sequence[Row]) -> bool:
+def complete(points: Sequence[Point], group: Sequence[Point]) -> bool:
     """Whether a tracer has drawn all scenes of a class: otherwise its mean time cannot be compared."""
-    return {row.case.name for row in rows} == {row.case.name for row in group}
+    return {point.scene for point in points} == {point.scene for point in group}
 
 
-def summary(rows: Sequence[Row], about: dict[str, Any]) -> str:
-    """The table of docs/benchmark.md, in Markdown: time and error of each tracer by class, and its worst errors."""
-    rows = [row for row in rows if row.kernel and not row.variant and row.case.group in GROUPS]
-    groups = by_group(rows)
-    devices = list(dict.fromkeys(row.device for row in rows if row.device))
+def summary(results: Results) -> str:
+    """The tables of docs/benchmark.md: time and error of each tracer by class, its worst errors, and whole ways."""
+    points = [p for p in results.points if p.kernel and not p.variant and p.group in GROUPS]
+    curves = [p for p in results.points if p.kernel and p.level is not None]
+    out = [*_classes([p for p in points if p.level is None]), ""]
+    if curves:
+        out += [*_curves(curves), ""]
+    if results.ways:
+        out += [*_markdown(_ways(results.ways)), ""]
+    versions = sorted({f"{point.tracer} {point.version}" for point in results.points if point.version})
+    sizes = sorted({point.size for point in points if point.level is None}, reverse=True)
+    said = [machine.sentence(results.about), f"Pictures of {', '.join(f'{w}x{h}' for w, h in sizes)} pixels."]
+    if versions:
+        said.append(f"Peers: {', '.join(versions)}.")
+    if results.missing:
+        said.append(f"Missing: {'; '.join(results.missing)}.")
+    if results.loaded:
+        said.append(f"**{results.loaded}**: times are in doubt.")
+    return "\n".join([*out, " ".join(said)]) + "\n"
+
+
+def _markdown(lines: Sequence[Sequence[str]]) -> list[str]:
+    head, *rest = ("| " + " | ".join(line) + " |" for line in lines)
+    return [head, "| " + " | ".join(["---"] * len(lines[0])) + " |", *rest]
+
+
+def _classes(points: Sequence[Point]) -> list[str]:
+    """A line for each class and kind of error, a column for each tracer."""
+    groups = by_group(points)
+    devices = list(dict.fromkeys(point.device for point in points if point.device))
     columns = [["", *groups, "wrong surfaces", "distance off by", "false shadows, leaks"]]
-    for (label, device), mine in tracers_of(rows).items():
+    for (label, device), mine in tracers_of(points).items():
         column = [f"{label}, {device}" if len(devices) > 1 and device else label]
         for group in groups.values():
-            here = [row for row in mine if row in group]
+            here = [point for point in mine if point in group]
             ok = here and complete(here, group)
-            column.append(f"{number(1e3 * mean_time(here))} ms, {percent(worst_share(here))}" if ok else "")
+            mark = "" if steady(here) else UNSTEADY
+            text = f"{number(1e3 * mean_time(here).median)}{mark} ms" if ok else ""
+            column.append(", ".join(part for part in (text, percent(worst_share(here))) if part) if ok else "")
         columns.append(column + _worst_errors(mine))
-    lines = list(zip(*columns, strict=True))
-    out = ["| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(columns), *lines[1:])]
-    return "\n".join([*out, "", machine_line(about)]) + "\n"
+    return _markdown(list(zip(*columns, strict=True)))
 
 
-def _worst_errors(rows: Sequence[Row]) -> list[str]:
+def _curves(points: Sequence[Point]) -> list[str]:
+    """A line for each place on a curve: time and RMS of each of its scenes."""
+    scenes = list(dict.fromkeys((p.group, p.scene) for p in points))
+    lines = [["", *(f"{group}: {scene}" for group, scene in scenes)]]
+    for (label, _), mine in tracers_of(points).items():
+        by = {(p.group, p.scene): p for p in mine}
+        texts = [
+            f"{milliseconds(p.time)} ms, {number(p.rms)}" if (p := by.get(s)) and p.rms is not None else ""
+            for s in scenes
+        ]
+        lines.append([label, *texts])
+    return _markdown(lines)
+
+
+def _worst_errors(points: Sequence[Point]) -> list[str]:
     """Of one tracer, in all scenes: wrong surfaces, the largest error of a distance, false shadows and leaks."""
-    known = [row.errors for row in rows if row.errors]
+    known = [point.errors for point in points if point.errors]
     if not known:
         return [""] * 3
     shadows, leaks = (sum(getattr(e, name) for e in known) for name in ("false_shadows", "leaks"))
-    return [f"{sum(e.wrong_ids for e in known):,}", f"{number(worst(rows, 't_ulp'))} ulp", f"{shadows:,}, {leaks:,}"]
-
-
-def machine_line(about: dict[str, Any]) -> str:
-    """One sentence that names machine, drivers and day."""
-    drivers = "; ".join(about["devices"])
-    where = f"{about['cores']} cores of {about['cpu']}, {drivers}"
-    return f"Measured on {about['date']} with cltrace {about['cltrace']} on {where}."
-
-
-def about(devices: Sequence[str], date: str) -> dict[str, Any]:
-    """The machine, for results.json and the tables."""
-    cpu = platform.processor() or platform.machine()
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
-            if line.startswith("model name"):
-                cpu = line.partition(":")[2].strip()
-                break
-    return {
-        "date": date,
-        "cltrace": metadata.version("cltrace"),
-        "cpu": cpu,
-        "cores": processors(),
-        "system": platform.platform(),
-        "python": platform.python_version(),
-        "devices": list(devices),
-    }
-
-
-def as_json(rows: Sequence[Row], about: dict[str, Any], finished: bool) -> str:
-    """Everything that was measured, as JSON. Times are in seconds; what is infinite or NaN is null."""
-    everything = {"about": about, "finished": finished, "rows": [_plain(row) for row in rows]}
-    return json.dumps(everything, indent=1, allow_nan=False) + "\n"
-
-
-def _plain(row: Row) -> dict[str, Any]:
-    return {
-        "scene": row.case.name,
-        "class": row.case.group,
-        "spheres": len(row.case.scene.columns),
-        "triangles": row.case.scene.triangles,
-        "size": list(row.case.scene.camera.resolution),
-        "tracer": row.name,
-        "variant": row.variant,
-        "keep": list(row.keep),
-        "device": row.device,
-        "kernel": row.kernel,
-        "whole": row.whole,
-        "errors": {
-            "picture": _numbers(row.picture),
-            "sample": _numbers(row.sample),
-            "bytes_differ": row.differ,
-            "bytes_off": row.off,
-        },
-        "note": row.note,
-    }
-
-
-def _numbers(errors: Errors | None) -> dict[str, float | None] | None:
-    """The errors by name, None for what is infinite or NaN, as JSON has neither."""
-    return {name: x if math.isfinite(x) else None for name, x in asdict(errors).items()} if errors else None
+    return [f"{sum(e.wrong_ids for e in known):,}", f"{number(worst(points, 't_ulp'))} ulp", f"{shadows:,}, {leaks:,}"]

@@ -6,7 +6,9 @@ same seeds each time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,31 +31,31 @@ from .cases import looking
 Size = tuple[int, int]
 Floats = NDArray[np.float64]
 
-(ORDINARY, LIGHTS, SOFT_LIGHT, GROUND, FAR, SCALE, MILLION, MESHES, BONDS, MIRRORS, GLASS, PARALLEL, GIVEN) = GROUPS = (
-    "ordinary",
-    "three kinds of lights",
-    "soft light",
-    "ground spheres",
-    "far from the origin",
-    "tiny and huge scales",
-    "a million particles",
-    "meshes",
-    "bonds",
-    "mirrors",
-    "glass to depth 8",
-    "orthographic",
-    "given",
-)
+# What a case is for: one picture; one of means over pixels; one of soft light; the next picture of another camera, or
+# of spheres at other places.
+Task = Literal["frame", "samples", "members", "cameras", "positions"]
+
+# Classes that others name; all of them are in CLASSES, below.
+ORDINARY, GROUND, FAR, SCALE, MILLION = (
+    "ordinary", "ground spheres", "far from the origin", "tiny and huge scales", "a million particles",
+)  # fmt: skip
+ANTIALIASED, MEMBERS, GIVEN = "antialiased", "soft light by members", "given"
 GROWTH_SPHERES, GROWTH_PIXELS = "growth with spheres", "growth with pixels"
+
+# Of a picture of means, so many times fewer pixels a side are drawn: each of them is held against 64 x 64 rays.
+FEWER = 4
+# Directions of the sky, and points of the panel, of soft lights as they would be with any number of them.
+MANY_MEMBERS = 512
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene to measure: its name in tables, and the class of scenes that it belongs to."""
+    """A scene to measure: its name in tables, the class of scenes that it belongs to, and what is measured of it."""
 
     name: str
     group: str
     scene: Scene
+    task: Task = "frame"
 
 
 def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
@@ -106,11 +108,16 @@ def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) 
 
 
 WHITE_LIGHTS = (ambient_light((1, 1, 1)), point_light((5, 8, 2)))
-SOFT_LIGHTS = (sky_light(directions=32), panel_light((5, 8, 2), (1, 1, 1), (2, 0, 1), (0, 2, 2), points=16))
 OTHER_LIGHTS = (
     parallel_light((-1, -2, -1), (0.4, 0.4, 0.3)),
     spot_light((-4, 5, 0), (4, -5, -7), 10, 25, (0.6, 0.3, 0.2)),
 )
+
+
+def soft_lights(members: int) -> list[NDArray[np.void]]:
+    """A sky of so many directions, and a panel of as many points."""
+    panel = panel_light((5, 8, 2), (1, 1, 1), (2, 0, 1), (0, 2, 2), points=members)
+    return [sky_light(directions=members), panel]
 
 
 def clear(size: Size, reflectance: float, transmittance: float) -> Scene:
@@ -167,22 +174,38 @@ def scattered(count: int, width: float) -> tuple[Floats, NDArray[np.int64], None
     return vertices, np.arange(3 * count).reshape(-1, 3), None
 
 
-def meshes(size: Size) -> list[Case]:
-    """Smooth and flat meshes, close and at a slant, and slivers."""
-    shapes = {
-        "smooth, 20,000": bowl(20_000),
-        "terrain, 200,000": hills(200_000),
-        "soup, 20,000": scattered(20_000, 1),
-        "slivers, 20,000": scattered(20_000, 0.03),
-    }
-    look = Material((0.8, 0.6, 0.4), ka=0.1, kd=0.7, ks=0.4, exponent=50)
-    return [
-        Case(name, MESHES, Scene.from_meshes(
-            looking(tan=0.6, size=size), WHITE_LIGHTS,
-            [Mesh(vertices.astype("f4"), faces, normals, material=look)], background=(0.1, 0.1, 0.2),
-        ))
-        for name, (vertices, faces, normals) in shapes.items()
-    ]  # fmt: skip
+LOOK = Material((0.8, 0.6, 0.4), ka=0.1, kd=0.7, ks=0.4, exponent=50)
+
+
+def meshed(size: Size, shape: tuple[Floats, NDArray[np.int64], Floats | None]) -> Scene:
+    """A mesh of these vertices, faces and normals."""
+    vertices, faces, normals = shape
+    mesh = Mesh(vertices.astype("f4"), faces, normals, material=LOOK)
+    return Scene.from_meshes(looking(tan=0.6, size=size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
+
+
+def checks(side: int) -> NDArray[np.uint8]:
+    """A texture of so many pixels a side: squares of two colours, with noise."""
+    i, j = np.indices((side, side)) // max(1, side // 8)
+    colors = np.where(((i + j) % 2)[..., None], (220, 200, 160), (60, 80, 120))
+    return (colors + np.random.default_rng(9).integers(-30, 30, (side, side, 3))).astype(np.uint8)
+
+
+def floor(size: Size) -> Scene:
+    """A floor of two triangles, seen at a slant as far as the horizon, with a texture that repeats 16 times a side."""
+    corners = np.array([(-40, -2, 0), (40, -2, 0), (40, -2, -80), (-40, -2, -80)], float)
+    place = [(0, 0), (16, 0), (16, 16), (0, 16)]
+    look = Material(LOOK.color, ka=0.1, kd=0.7, ks=0.4, exponent=50, texture=checks(256))
+    mesh = Mesh(corners, [(0, 1, 2), (0, 2, 3)], uv=place, material=look)
+    return Scene.from_meshes(looking(tan=0.6, size=size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
+
+
+def painted(count: int, size: Size) -> Scene:
+    """Balls of which each has the texture."""
+    scene = cloud(count, size)
+    materials = scene.materials.copy()
+    materials["texture"], materials["color"] = 0, 1
+    return replace(scene, materials=materials, textures=(checks(128),))
 
 
 def sticks(count: int, size: Size) -> Scene:
@@ -207,24 +230,58 @@ def orthographic(size: Size) -> Scene:
     return scene.seen_by(Orthographic((0, 0, 0), lookat=(0, 0, -1), up=(0, 1, 0), height=5, resolution=size))
 
 
+def fewer(size: Size) -> Size:
+    """The size of a picture of means."""
+    return max(1, size[0] // FEWER), max(1, size[1] // FEWER)
+
+
+def moving(size: Size) -> dict[str, Scene]:
+    """What moves, or is moved around."""
+    return {f"{count:,} balls": cloud(count, size) for count in (1000, 100_000)}
+
+
+# The classes: what is measured of one, and its scenes for a size of pictures, by name.
+CLASSES: dict[str, tuple[Task, Callable[[Size], dict[str, Scene]]]] = {
+    ORDINARY: ("frame", lambda size: {
+        "16 balls": cloud(16, size),
+        "100 balls, one light off": cloud(100, size, point_light((-5, 8, 2), (0, 0, 0))),
+        "1,000 balls": cloud(1000, size),
+        "8 balls, filled": filled(size),
+    }),
+    "three kinds of lights": ("frame", lambda size: {"1,000 balls, three lights": cloud(1000, size, *OTHER_LIGHTS)}),
+    "soft light": ("frame", lambda size: {"100 balls, a sky and a panel": cloud(100, size).lit_by(soft_lights(16))}),
+    GROUND: ("frame", lambda size: {f"R = {radius:.0e}": field(size, radius) for radius in (1e3, 1e5, 1e7)}),
+    FAR: ("frame", lambda size: {f"moved by {offset:.0e}": field(size, offset=offset) for offset in (1e4, 1e6, 1e7)}),
+    SCALE: ("frame", lambda size: {f"times {scale:.0e}": field(size, scale=scale) for scale in (1e-6, 1e6, 1e20)}),
+    MILLION: ("frame", lambda size: {"1,000,000 balls": cloud(1_000_000, size)}),
+    "meshes": ("frame", lambda size: {
+        "smooth, 20,000": meshed(size, bowl(20_000)),
+        "terrain, 200,000": meshed(size, hills(200_000)),
+        "soup, 20,000": meshed(size, scattered(20_000, 1)),
+        "slivers, 20,000": meshed(size, scattered(20_000, 0.03)),
+    }),
+    "bonds": ("frame", lambda size: {"10,000 balls and bonds": sticks(10_000, size)}),
+    "mirrors": ("frame", lambda size: {"25 balls, 0.5 mirrored": clear(size, 0.5, 0)}),
+    "glass to depth 8": ("frame", lambda size: {"25 balls, 0.8 refracted": clear(size, 0.1, 0.8)}),
+    "textures": ("frame", lambda size: {"floor": floor(size), "100 balls, textured": painted(100, size)}),
+    "orthographic": ("frame", lambda size: {"1,000 balls, orthographic": orthographic(size)}),
+    ANTIALIASED: ("samples", lambda size: {
+        "1,000 balls": cloud(1000, fewer(size)),
+        "25 balls, 0.5 mirrored": clear(fewer(size), 0.5, 0),
+        "smooth, 20,000": meshed(fewer(size), bowl(20_000)),
+        "floor": floor(fewer(size)),
+    }),
+    MEMBERS: ("members", lambda size: {"100 balls": cloud(100, fewer(size)).lit_by(soft_lights(MANY_MEMBERS))}),
+    "moving cameras": ("cameras", moving),
+    "moving positions": ("positions", moving),
+}  # fmt: skip
+GROUPS = (*CLASSES, GIVEN)
+
+
 def generated(size: Size) -> list[Case]:
-    """The default set: a few scenes of each class."""
+    """The default set: the scenes of all classes."""
     return [
-        Case("16 balls", ORDINARY, cloud(16, size)),
-        Case("100 balls, one light off", ORDINARY, cloud(100, size, point_light((-5, 8, 2), (0, 0, 0)))),
-        Case("1,000 balls", ORDINARY, cloud(1000, size)),
-        Case("8 balls, filled", ORDINARY, filled(size)),
-        *(Case(f"R = {radius:.0e}", GROUND, field(size, radius)) for radius in (1e3, 1e5, 1e7)),
-        *(Case(f"moved by {offset:.0e}", FAR, field(size, offset=offset)) for offset in (1e4, 1e6, 1e7)),
-        *(Case(f"times {scale:.0e}", SCALE, field(size, scale=scale)) for scale in (1e-6, 1e6, 1e20)),
-        Case("1,000,000 balls", MILLION, cloud(1_000_000, size)),
-        Case("1,000 balls, three lights", LIGHTS, cloud(1000, size, *OTHER_LIGHTS)),
-        Case("100 balls, a sky and a panel", SOFT_LIGHT, cloud(100, size).lit_by(SOFT_LIGHTS)),
-        *meshes(size),
-        Case("10,000 balls and bonds", BONDS, sticks(10_000, size)),
-        Case("25 balls, 0.5 mirrored", MIRRORS, clear(size, 0.5, 0)),
-        Case("25 balls, 0.8 refracted", GLASS, clear(size, 0.1, 0.8)),
-        Case("1,000 balls, orthographic", PARALLEL, orthographic(size)),
+        Case(name, group, scene, task) for group, (task, make) in CLASSES.items() for name, scene in make(size).items()
     ]
 
 

@@ -1,11 +1,15 @@
-"""What is measured: cltrace in each precision with and without what it skips, and the textbook's tracer."""
+"""What is measured: cltrace in each precision, with and without what it skips; its antialiasing, its soft lights and
+what moves; and the textbook's tracer.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +21,7 @@ from cltrace.renderers.renderer import Renderer, default_precision
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, Scene
 
+from .scenes import Case, Task, soft_lights
 from .textbook import Textbook
 from .truth import Answer, lamps
 
@@ -26,6 +31,15 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
+
+# Rays across a pixel, and down, of the curves of antialiasing.
+ACROSS = (1, 2, 4, 8, 16)
+# Levels of 255 to within which a mean is proved.
+PROVED = (8.0, 2.0, 1.0)
+# Directions of the sky, and points of the panel, of the curve of soft light.
+MEMBERS = (4, 16, 64, 256)
+# By so much of the distance to the middle of all spheres the eye, or each sphere, moves from frame to frame.
+STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -46,13 +60,26 @@ class Run:
 class Tracer(ABC):
     """Something that draws scenes. Tables and plots call it by name, variant and device.
 
-    grows: whether the growth of its time with the scene is measured, as of all that are a point of view of their own.
+    task: what it is measured at; level: its place on a curve, as rays across a pixel, or None; version: of a program
+    that is not ours; grows: whether the growth of its time with the scene is measured, as of all that are a point of
+    view of their own.
     """
 
     name: str
     variant: str = ""
     device: str = ""
+    task: Task = "frame"
+    level: float | None = None
+    version: str = ""
     grows: bool = False
+
+    def draws(self, case: Case) -> bool:
+        """Whether it is measured at what that case is for."""
+        return case.task == self.task
+
+    def command(self, scene: Scene) -> list[str] | None:
+        """Writes the scene's file, and gives the command of a process that makes a picture's file of it, if any."""
+        return None
 
     def refuses(self, scene: Scene) -> str:
         """Why this scene is not measured; empty if it is."""
@@ -68,20 +95,28 @@ class Tracer(ABC):
 
 
 class Product(Tracer):
-    """cltrace on a device. keep: what it does not skip; mode: device and precision, which alone decide the picture."""
+    """cltrace on a device. keep: what it does not skip."""
 
     def __init__(self, device: Device, precision: Precision, keep: tuple[Keep, ...] = (), variant: str = "") -> None:
         self.on, self.precision, self.keep = device, precision, keep
         self.name, self.variant, self.device = precision, variant, device.label
-        self.mode = (device.spec, precision)
         self.grows = precision == default_precision(device) and variant in ("", "no lists")
+
+    @property
+    def mode(self) -> object:
+        """What alone decides the picture."""
+        return self.on.spec, self.precision, self.task, self.variant if self.level else "", self.level
 
     def refuses(self, scene: Scene) -> str:
         return too_much(scene) if ACCELERATION in self.keep else ""
 
+    def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
+        """What is measured, with these outputs, or with bytes."""
+        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), keep=self.keep)
+
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
-        renderer = Renderer(scene, self.on, self.precision, keep=self.keep)
+        renderer = self.renderer(scene)
         image = renderer.render()
         whole = time.perf_counter() - start
         kernel = [image.frame_seconds]
@@ -96,11 +131,78 @@ class Product(Tracer):
         return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:
-        dull = [self._picture(lamp, "color", "normal", "depth", "id") for lamp in lamps(scene)]
-        return answer_of(scene, self._picture(scene, "rgb8", "color"), dull)
+        dull = [self.renderer(lamp, "color", "normal", "depth", "id").render() for lamp in lamps(scene)]
+        return answer_of(scene, self.renderer(scene, "rgb8", "color").render(), dull)
 
-    def _picture(self, scene: Scene, *outputs: Output) -> Image:
-        return Renderer(scene, self.on, self.precision, outputs, keep=self.keep).render()
+
+class Smooth(Product):
+    """cltrace's antialiasing: of level x level rays, or proved to so many levels."""
+
+    task: Task = "samples"
+
+    def __init__(self, device: Device, precision: Precision, level: float, proved: bool) -> None:
+        super().__init__(device, precision, (), "proved" if proved else "samples")
+        self.level, self.grows = level, False
+        self._how: dict[str, Any] = {"antialias": level} if proved else {"samples": int(level) ** 2}
+
+    def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
+        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), **({"antialias": True} | self._how))
+
+
+class Members(Product):
+    """cltrace with soft lights of fewer members than the scene has."""
+
+    task: Task = "members"
+
+    def __init__(self, device: Device, precision: Precision, members: int) -> None:
+        super().__init__(device, precision)
+        self.level, self.grows = members, False
+
+    def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
+        assert self.level
+        return super().renderer(scene.lit_by(soft_lights(int(self.level))), *outputs)
+
+
+class Moving(Product):
+    """cltrace's way to the next picture. kernel: from a camera, or from centers in memory, to the picture in memory.
+
+    Each frame is a step towards the scene that is given, which is the last one; whole: all of the first picture.
+    """
+
+    def __init__(self, device: Device, precision: Precision, task: Task) -> None:
+        super().__init__(device, precision)
+        self.task, self.grows = task, False
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        centers, eye = scene.spheres["center"], np.array(scene.camera.position)
+        step = STEP * np.array([1, 0.5, 0.25]) * np.linalg.norm(centers.mean(axis=0) - eye)
+        start = time.perf_counter()
+        renderer = self.renderer(moved(scene, self.task, frames * step))
+        image = renderer.render()
+        whole = time.perf_counter() - start
+        kernel = []
+        for left in range(frames - 1, -1, -1):
+            later = moved(scene, self.task, left * step)
+            places = later.spheres["center"]
+            start = time.perf_counter()
+            if self.task == "cameras":
+                renderer = renderer.look(later.camera)
+            else:
+                renderer.update(centers=places)
+            image = renderer.render()
+            kernel.append(time.perf_counter() - start)
+        return Run(kernel, whole, image.rgb8)
+
+
+def moved(scene: Scene, task: Task, by: NDArray[np.float64]) -> Scene:
+    """The scene with its camera, or with its spheres, moved by a vector (3,)."""
+    if task == "cameras":
+        camera = scene.camera
+        ends = (np.array([camera.position, camera.lookat]) + by).tolist()
+        return scene.seen_by(replace(camera, position=tuple(ends[0]), lookat=tuple(ends[1])))
+    spheres = scene.spheres.copy()
+    spheres["center"] += by
+    return replace(scene, spheres=spheres)
 
 
 class Baseline(Tracer):
@@ -126,6 +228,25 @@ class Baseline(Tracer):
     def answer(self, scene: Scene) -> Answer:
         dull = [Textbook(lamp, self._device).render("color", "normal", "depth", "id") for lamp in lamps(scene)]
         return answer_of(scene, Textbook(scene, self._device).render("rgb8", "color"), dull)
+
+
+def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
+    """The tracers to measure on a device: each precision, and the textbook.
+
+    The first of the precisions is also measured without acceleration and without skipping, at the curves of
+    antialiasing and of soft light, and at what moves. quick: only without acceleration.
+    """
+    best = precisions[0]
+    out: list[Tracer] = [Product(device, precision) for precision in precisions]
+    out.append(Product(device, best, (ACCELERATION,), "no lists"))
+    if quick:
+        return [*out, Baseline(device)]
+    out.append(Product(device, best, SKIPS, "no skipping"))
+    out += [Smooth(device, best, level, proved=False) for level in ACROSS]
+    out += [Smooth(device, best, level, proved=True) for level in PROVED]
+    out += [Members(device, best, members) for members in MEMBERS]
+    out += [Moving(device, best, "cameras"), Moving(device, best, "positions")]
+    return [*out, Baseline(device)]
 
 
 def too_much(scene: Scene) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,14 +19,26 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.oracle.spheres import closest, lit, normal_high
 from cltrace.reference import Material, byte_of, world_of
 from cltrace.reference.trace import cast_shadow_ray, illuminate, primary_ray, trace
+from cltrace.renderers.renderer import Renderer
+from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, AnyCamera, Scene
+from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 from .cases import directions
+
+if TYPE_CHECKING:
+    from .scenes import Case
+    from .tracers import Product
 
 Floats = NDArray[np.float64]
 
 # Up to so many spheres, all of them are tried for every ray.
 MANY = 128
+
+# So many rays a side, or fewer if a picture of them is larger than any may be, are a pixel's true mean.
+RAYS = 64
+# So many of them are traced at a time, which bounds the memory that they take.
+BAND = 2**23
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
 
@@ -229,3 +241,53 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
         out.lit[rows], _ = reached(scene, seen, rows)
     out.lit[:] &= out.light > 0
     return out
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a whole picture is held against.
+
+    levels: (h, w, 3), of 255; text: what it is, and how that is known; answer: the same, surface by surface, None where
+    there is none.
+    """
+
+    levels: Floats
+    text: str
+    answer: Answer | None = None
+
+
+def held_against(case: Case, reference: Product | None) -> Truth | None:
+    """The truth of a case, as the reference in double precision draws it; None without one."""
+    if reference is None:
+        return None
+    if case.task == "samples":
+        levels, n = means(case.scene, reference.on)
+        return Truth(levels, f"means of {n} x {n} rays a pixel, by cltrace, accurate")
+    found = reference.answer(case.scene)
+    width, height = case.scene.camera.resolution
+    bytes_of = found.rgb8.reshape(height, width, 3).astype(float)
+    if case.task == "members":
+        return Truth(
+            bytes_of, f"{len(case.scene.lamps)} lights in place of the soft ones, by cltrace in double precision"
+        )
+    text = "cltrace in double precision, of which a sample is held against "
+    if can_thin(case.scene) and looks_along_an_axis(case.scene.camera):
+        return Truth(bytes_of, text + "exact arithmetic, its colours against the reference tracer", found)
+    return Truth(bytes_of, text + "the reference tracer", found)
+
+
+def means(scene: Scene, device: Device) -> tuple[Floats, int]:
+    """(h, w, 3): a picture's means, in levels of 255, over n x n rays a pixel, each clamped to 0..1; and n."""
+    width, height = scene.camera.resolution
+    n = RAYS
+    while n > 1 and (n * max(width, height) > MAX_SIDE or n * n * width * height > MAX_PIXELS):
+        n //= 2
+    fine = scene.seen_by(replace(scene.camera, resolution=(n * width, n * height)))
+    rows = max(1, BAND // (n * n * width))
+    out = np.empty((height, width, 3))
+    for first in range(0, height, rows):
+        end = min(height, first + rows)
+        crop = (0, n * first, n * width, n * end)
+        color = np.minimum(Renderer(fine, device, "accurate", ("color",), crop).render(progress=False).color, 1)
+        out[first:end] = color.reshape(end - first, n, width, n, 3).mean(axis=(1, 3), dtype=np.float64)
+    return 255 * out, n

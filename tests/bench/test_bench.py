@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,11 +14,10 @@ import pytest
 
 import cltrace
 from cltrace import Scene, parallel_light, point_light, spot_light
-from cltrace.bench import catalogue, cli, errors, measure, report, scenes, stress, tracers, truth
+from cltrace.bench import catalogue, errors, scenes, stress, tracers, truth
 from cltrace.bench.cases import balls, everything, looking
-from cltrace.bench.peers import PeerError, embree, installed, povray
+from cltrace.bench.peers import povray
 from cltrace.bench.textbook import Textbook
-from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT
 
@@ -145,49 +142,6 @@ def test_a_surface_that_barely_faces_a_light_may_be_black() -> None:
     assert (found.false_shadows, found.bytes_off, found.bytes_differ) == (0, 0, 1)
 
 
-def test_all_that_is_skipped_is_measured(any_device: Device) -> None:
-    every = measure.configurations(any_device, ("accurate", "single"), quick=False)
-    kept = [t.keep for t in every if isinstance(t, tracers.Product) and t.precision == "accurate"]
-    assert tracers.ACCELERATION in KEEPS
-    assert {(name,) for name in KEEPS} | {(), tuple(tracers.SKIPS)} <= set(kept)
-    assert len(kept) == len(set(kept))
-    assert set(KEEPS) == set(max(kept, key=len))
-
-
-@pytest.mark.stress
-@pytest.mark.parametrize("long", [False, True])
-def test_measuring(any_device: Device, long: bool) -> None:
-    """Every tracer has a row with times and errors; what has no reference has those of the sample."""
-    case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
-    rows: list[measure.Row] = []
-    every = measure.configurations(any_device, ("accurate", "single", "double"), quick=not long)
-    budget = measure.Budget(rounds=2, seconds=1e9, sample=60)
-    measure.measure(case, every, tracers.Product(any_device, "double"), budget, rows, lambda text: None)
-    assert [row.name for row in rows] == [t.name for t in every]
-    for row in rows:
-        assert not row.note
-        assert len(row.whole) == 2
-        assert row.best > 0
-        assert min(row.whole) >= row.best
-        assert row.sample is not None
-        assert row.sample.pixels == 60
-        assert (row.picture is None) == (row.name == "double")
-        if row.name in ("accurate", "double"):
-            assert row.sample.wrong_ids == row.sample.leaks == row.sample.false_shadows == 0
-            assert row.errors is not None
-            assert row.errors.t_ulp <= 0.52
-            assert 0 < row.errors.normal <= 1e-7
-    textbook = rows[-1].errors
-    assert textbook is not None
-    assert textbook.t_ulp > 10  # float32 is seen to be float32
-    parsed = json.loads(report.as_json(rows, report.about(["x"], "2000-01-01"), True))
-    assert parsed["finished"] is True
-    assert [row["kernel"] for row in parsed["rows"]] == [row.kernel for row in rows]
-    lines = report.summary(rows, report.about(["x"], "2000-01-01")).splitlines()
-    assert lines[0].split(" | ")[1:] == ["accurate", "single", "double", "textbook |"]
-    assert lines[2].startswith("| ordinary | ")
-
-
 def rich() -> Scene:
     """A mesh, an ellipsoid, a texture, glass and a mirror."""
     glass = cltrace.Material(transmittance=0.7, index=1.5)
@@ -215,8 +169,6 @@ def test_what_only_cltrace_draws_is_left_to_it(any_device: Device, tmp_path: Pat
     bare = replace(rich(), meshes=())
     assert tracers.too_rich(bare) == "ellipsoids, mirrors"
     assert tracers.too_rich(scenes.cloud(16, SMALL)) == ""
-    row = measure.Row(scenes.Case("rich", scenes.GIVEN, rich()), "accurate", "", "")
-    assert report.title(row) == "given: rich (2 spheres, 2 triangles, 48x27)"
 
 
 def test_lamps_keep_the_shapes() -> None:
@@ -238,67 +190,6 @@ def test_too_many_tests_are_refused(any_device: Device) -> None:
     assert "too many" in tracers.Baseline(any_device).refuses(scene)
     assert "too many" in tracers.Product(any_device, "single", ("lists",)).refuses(scene)
     assert not tracers.Product(any_device, "single").refuses(scene)
-
-
-def test_a_peer(tmp_path: Path) -> None:
-    """A program in Embree's place: what is written for it can be read, and what it writes is taken."""
-    program = tmp_path / "peer"
-    program.write_text(
-        f"#!{sys.executable}\n"
-        "import struct, sys\n"
-        "data = open(sys.argv[1], 'rb').read()\n"
-        "w, h, samples, bounces, flat, n, *mesh, materials, lights = struct.unpack('<12i', data[:48])\n"
-        "assert (n, materials, lights, samples, flat, *mesh) == (16, 16, 2, 1, 0, 0, 0, 0, 0)\n"
-        "assert len(data) == 68 + n * 20 + materials * 40 + lights * 48, len(data)\n"
-        "assert struct.unpack('<i3f', data[-48:-32]) == (2, 5, 8, 2)\n"
-        "open(sys.argv[3], 'wb').write(bytes(range(3)) * (w * h))\n"
-        'print(\'{"build": 1.5, "frames": [2.5, 3]}\')\n'
-    )
-    program.chmod(0o755)
-    peer = embree.Embree(str(program), tmp_path)
-    scene = scenes.cloud(16, SMALL)
-    assert peer.refuses(scene) == ""
-    assert peer.refuses(rich()) == "ellipsoids, textures"
-    done = peer.run(scene, 3)
-    assert (done.kernel, done.whole) == ([2.5, 3], 4)
-    assert done.rgb8.shape == (27, 48, 3)
-    assert done.rgb8[5, 7].tolist() == [0, 1, 2]
-    with pytest.raises(PeerError, match="peer failed with status 1: AssertionError"):
-        peer.run(scenes.cloud(17, SMALL), 3)
-    program.write_text("#!/bin/sh\necho hello\n")
-    with pytest.raises(PeerError, match="peer: cannot read what it wrote: "):
-        peer.run(scene, 3)
-
-
-def test_peers_that_are_not_installed_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    found, missing = installed(tmp_path)
-    assert (found, missing) == ([], ["Embree: there is no C++ compiler", "POV-Ray is not installed (Debian: povray)"])
-
-
-@pytest.fixture(scope="session")
-def embree_program(tmp_path_factory: pytest.TempPathFactory) -> str:
-    try:
-        return embree.build(tmp_path_factory.mktemp("embree"))
-    except PeerError as error:
-        pytest.skip(str(error))
-
-
-def drawn_by_embree() -> list[scenes.Case]:
-    """All that the benchmark draws with both, but what single precision cannot draw, and what takes long."""
-    wrong = (scenes.GROUND, scenes.FAR, scenes.SCALE, scenes.MILLION)
-    return [case for case in scenes.generated((160, 90)) if case.group not in wrong]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", drawn_by_embree(), ids=lambda case: case.name)
-def test_embree_draws_what_cltrace_draws(embree_program: str, case: scenes.Case, tmp_path: Path) -> None:
-    """The peer is measured with the same picture: outlines and mirrored ones aside, it is so to a level."""
-    peer = embree.Embree(embree_program, tmp_path)
-    assert peer.refuses(case.scene) == ""
-    got, want = peer.run(case.scene, 1).rgb8, cltrace.render(case.scene).rgb8
-    assert (np.abs(got.astype(int) - want).max(axis=2) > 1).mean() < 2e-3
-    assert (want != want[0, 0]).any(axis=2).mean() > 0.02
 
 
 # --------------------------------------------------------------------------------------------------------- the report
@@ -339,123 +230,3 @@ def test_a_failed_case_is_the_exit_status(
         assert ("FAILED" in out) == bool(status)
         assert "1 failed" in out if status else "0 failed" in out
         assert "textbook" in out
-
-
-# -------------------------------------------------------------------------------------------------------- the command
-
-
-@pytest.mark.slow
-def test_quick(tmp_path: Path) -> None:
-    done = run("--quick", "--size", "96x54", "--rounds", 1, "--precision", "accurate", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    folder = tmp_path / "bench-results"
-    results = json.loads((folder / "results.json").read_text())
-    assert results["finished"] is True
-    assert {row["class"] for row in results["rows"]} == {"ordinary", "ground spheres", "far from the origin"}
-    assert {"accurate", "textbook"} <= {row["tracer"] for row in results["rows"]}
-    for row in results["rows"]:
-        assert row["size"] == [96, 54]
-        assert row["kernel"] or row["note"]
-    for line in ("accurate", "textbook", "ordinary: 16 balls (16 spheres, 96x54)"):
-        assert line in done.stdout
-    names = {path.name for path in folder.iterdir()}
-    assert names == {"results.json", "table.md"} | {
-        f"{name}.{kind}" for name in ("time-error", "time-distance", "skipped") for kind in ("svg", "png")
-    }
-    assert (folder / "time-error.png").read_bytes().startswith(b"\x89PNG")
-    svg = (folder / "time-error.svg").read_text()
-    for text in ("kernel time (ms)", "ordinary", "textbook", "Pareto front"):
-        assert text in svg
-
-
-@pytest.mark.stress
-def test_given_scenes_without_plots(tmp_path: Path) -> None:
-    scene = SCENES / "minimal.xml"
-    done = run(scene, "--quick", "--no-plots", "--precision", "accurate", "-o", "out", "-q", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
-    assert {row["scene"] for row in rows} == {"minimal"}
-    assert [row["tracer"] for row in rows if row["tracer"] in cltrace.plan.request.PRECISIONS] == ["accurate"] * 2
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"results.json", "table.md"}
-
-
-def test_without_matplotlib(tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['matplotlib'] = None\n")
-    done = run("--quick", cwd=tmp_path, PYTHONPATH=str(tmp_path))
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == (
-        "cltrace-bench: the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots\n"
-    )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["missing.xml"], 2, "missing.xml: "),
-        (["--device", "no such"], 3, "cltrace-bench: no device matches 'no such'"),
-        (["--rounds", "0"], 2, "cltrace-bench: argument --rounds: must be a whole number >= 1, got '0'"),
-        (["--size", "9"], 2, "cltrace-bench: argument --size: must be WIDTHxHEIGHT, such as 640x480, got '9'"),
-        (["--stress", "a.xml"], 2, "cltrace-bench: --stress has scenes of its own"),
-        (["-o", "file"], 2, "cltrace-bench: -o: File exists: 'file'"),
-    ],
-)
-def test_faults(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    status: int,
-    message: str,
-) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.chdir(tmp_path)
-    assert cli.main([*arguments, "--no-plots"]) == status
-    assert capsys.readouterr().err.startswith(message)
-
-
-@pytest.mark.slow
-def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "cltrace.bench", "--no-plots", "--size", "64x36", "--rounds", "1", "-o", "out"]
-    command += ["--precision", "accurate"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if line.startswith("ordinary: 16 balls"):  # the first table: the second scene has begun
-            break
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert err.endswith("cltrace-bench: interrupted; what was measured is kept\n")
-    results = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert results["finished"] is False
-    measured = {row["scene"] for row in results["rows"] if row["kernel"]}
-    assert "16 balls" in measured
-    assert "1,000,000 balls" not in measured
-    assert "| accurate | " in (tmp_path / "out" / "table.md").read_text()
-
-
-def test_plots_show_what_was_measured() -> None:
-    """Marks are where time and error are; an error of 0 has its own place; the front holds what nothing beats."""
-    from cltrace.bench import plots
-
-    case = scenes.Case("16 balls", scenes.ORDINARY, scenes.cloud(16, SMALL))
-    rows = [
-        measure.Row(case, "accurate", "", "d", kernel=[0.002, 0.003], whole=[0.01], differ=1e-5),
-        measure.Row(case, "accurate", "no lists", "d", ("lists",), [0.008], [0.02], differ=1e-5, work=1),
-        measure.Row(case, "double", "", "d", kernel=[0.004], whole=[0.01], differ=0.0),
-        measure.Row(case, "textbook", "", "d", kernel=[0.1], whole=[0.1], differ=0.5),
-        measure.Row(case, "accurate", "", "another", kernel=[1e-9], whole=[1e-9], differ=0.9),
-    ]
-    for grown in scenes.growing()[:3]:
-        rows.append(measure.Row(grown, "accurate", "", "d", kernel=[0.001], whole=[0.002]))
-    figures = plots.figures(rows, "d", "about")
-    assert set(figures) == {"time-error", "skipped", "growth"}  # of distances, nothing is known
-    panel = figures["time-error"].axes[0]
-    rings, *marks = panel.collections
-    where = {(round(x, 9), y) for mark in marks for x, y in mark.get_offsets().tolist()}
-    assert {(x, y) for x, y in where if y > 1e-6} == {(2.0, 1e-5), (8.0, 1e-5), (100.0, 0.5)}
-    assert {x for x, y in where if y <= 1e-6} == {4.0}
-    assert [round(x, 9) for x, _ in rings.get_offsets().tolist()] == [2.0, 4.0]
-    assert plots.saved([row for row in rows if row.device == "d"]) == {"lists": {"ordinary": pytest.approx(4)}}
-    line = figures["growth"].axes[0].lines[0]
-    assert (list(line.get_xdata()), list(line.get_ydata())) == ([1, 10, 100], [1, 1, 1])

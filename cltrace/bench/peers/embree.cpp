@@ -2,6 +2,7 @@
 ambient, parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
 
     embree SCENE FRAMES PICTURE [robust]
+    embree                                 (writes Embree's version)
 
 SCENE is what embree.py writes: a Head, then the arrays of Scene, in camera space, in which the camera looks along -z.
 Each frame is drawn with single rays and with packets of as many rays as the processor has lanes, these once with
@@ -461,6 +462,7 @@ static bool read_scene(const char *path) {
 }
 
 int main(int count, char **words) {
+    if (count == 1) return puts(RTC_VERSION_STRING) < 0;
     if (count < 4 || !read_scene(words[1])) {
         fprintf(stderr, "%s\n", count < 4 ? "usage: embree SCENE FRAMES PICTURE [robust]" : "the scene cannot be read");
         return 2;

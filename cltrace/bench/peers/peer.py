@@ -1,22 +1,35 @@
-"""What all peers have in common: a program reads a scene from a file, and writes a picture."""
+"""What all peers have in common: a program reads a scene from a file and writes a picture, or a package of Python draws
+in a process of its own.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import math
+import multiprocessing
+import os
+import signal
 import subprocess
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.bench.tracers import Tracer
-from cltrace.scene import Scene
+from cltrace.bench.tracers import Run, Tracer
+from cltrace.scene import AMBIENT, PARALLEL, POINT, PlacedMesh, Scene
+
+Floats = NDArray[np.float64]
 
 PEER_SECONDS = 120
+# New rays start off a surface by so much of the distances: the usual epsilon in single precision.
+OFF = 2.0**-20
 
 
 class PeerError(Exception):
@@ -42,10 +55,164 @@ class Peer(Tracer):
     def _write(self, scene: Scene, path: Path) -> None: ...
 
 
-def seen_from_the_eye(scene: Scene, points: NDArray[np.float64]) -> NDArray[np.float64]:
+Draw = Callable[..., Run]
+
+
+class Company:
+    """A process that calls a function for us, draw(scene, frames, *options), from the first call until we end."""
+
+    def __init__(self, draw: Draw) -> None:
+        self._draw = draw
+        self._pipe: Connection | None = None
+
+    def run(self, scene: Scene, frames: int, *options: object) -> Run:
+        """What the function returns. Raises PeerError with what it raises, or if it takes too long."""
+        if self._pipe is None:
+            context = multiprocessing.get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_serve, args=(theirs, self._draw), daemon=True)
+            self._process.start()
+            theirs.close()
+        try:
+            self._pipe.send((scene, frames, options))
+            done = self._pipe.recv() if self._pipe.poll(PEER_SECONDS) else f"more than {PEER_SECONDS} s"
+        except (EOFError, OSError):
+            done = "its process has ended"
+        if isinstance(done, Run):
+            return done
+        self._process.kill()
+        self._pipe = None
+        raise PeerError(f"{self._draw.__module__.rpartition('.')[2]}: {done}")
+
+
+def _serve(pipe: Connection, draw: Draw) -> None:
+    """Answers until nobody asks any more. What the package prints is not for our user, nor are signals for it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+    with contextlib.suppress(EOFError):
+        while True:
+            scene, frames, options = pipe.recv()
+            try:
+                pipe.send(draw(scene, frames, *options))
+            except Exception as error:  # whatever a package raises
+                pipe.send(f"{type(error).__name__}: {error}".splitlines()[0])
+
+
+def version_of(package: str) -> str:
+    """The version of a package that is installed. Raises PeerError if it is not."""
+    if importlib.util.find_spec(package) is None:
+        raise PeerError(f"{package} is not installed (pip install {package})")
+    return metadata.version(package)
+
+
+def seen_from_the_eye(scene: Scene, points: Floats) -> Floats:
     """Points (n, 3) in camera space: what a careful user of a float32 tracer hands over."""
-    moved: NDArray[np.float64] = (points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T
+    moved: Floats = (points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T
     return moved
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Triangles in camera space.
+
+    vertices, normals: (n, 3) each, normals of length 1; corners, normal_of: (f, 3), which of them each corner has, -1
+    for flat ones; the corners go around counterclockwise, seen from the front; material: (f,).
+    """
+
+    vertices: Floats
+    normals: Floats
+    corners: NDArray[np.int64]
+    normal_of: NDArray[np.int64]
+    material: NDArray[np.int64]
+
+    def smooth(self) -> tuple[Floats, Floats]:
+        """Places and normals of all corners, (f, 3, 3) each: the triangle's own normal where it is flat."""
+        places = self.vertices[self.corners]
+        flat = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+        flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+        normals = np.concatenate([self.normals, np.zeros((1, 3))])[self.normal_of]
+        return places, np.where((self.normal_of < 0)[..., None], flat[:, None], normals)
+
+
+def triangles(scene: Scene) -> Triangles:
+    """Those of all meshes of a scene."""
+    basis = np.array(scene.camera.basis())
+    parts = [_part(scene, mesh, basis) for mesh in scene.meshes]
+    firsts = [np.cumsum([0, *(len(getattr(part, name)) for part in parts)]) for name in ("vertices", "normals")]
+    empty = np.zeros((0, 3), np.int64)
+    return Triangles(
+        np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)]),
+        np.concatenate([np.zeros((0, 3)), *(part.normals for part in parts)]),
+        np.concatenate([empty, *(part.corners + firsts[0][k] for k, part in enumerate(parts))]),
+        np.concatenate([empty, *(np.where(part.normal_of < 0, -1, part.normal_of + firsts[1][k])
+                                 for k, part in enumerate(parts))]),
+        np.concatenate([empty[:, 0], *(part.material for part in parts)]),
+    )  # fmt: skip
+
+
+def _part(scene: Scene, mesh: PlacedMesh, basis: Floats) -> Triangles:
+    shape = mesh.geometry
+    back = (mesh.front < 0)[:, None]
+
+    def turned(corners: NDArray[np.int32]) -> NDArray[np.int64]:
+        return np.where(back, corners[:, ::-1], corners).astype(np.int64)
+
+    normals = shape.normals @ mesh.normal_to_world.T @ basis.T
+    return Triangles(
+        seen_from_the_eye(scene, mesh.vertices),
+        normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300),
+        turned(shape.faces),
+        turned(shape.normal_of),
+        np.full(len(shape.faces), mesh.material),
+    )
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light that is not ambient, in camera space: color (3,); place (3,), of a parallel one the way to it."""
+
+    parallel: bool
+    place: Floats
+    color: Floats
+
+
+def lights(scene: Scene) -> tuple[Floats, list[Light]]:
+    """The ambient light (3,), and the others, which must be points or parallel, see strange()."""
+    found, basis = [], np.array(scene.camera.basis())
+    for light in scene.lamps[scene.lamps["kind"] != AMBIENT]:
+        parallel = bool(light["kind"] == PARALLEL)
+        away = -basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
+        place = away if parallel else seen_from_the_eye(scene, light["position"][None])[0]
+        found.append(Light(parallel, place, light["color"]))
+    return scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0), found
+
+
+def strange(scene: Scene, *kinds: str) -> str:
+    """Which of these kinds of things a scene has, by name; empty if none of them."""
+    m, kinds_of_lights = scene.materials, set(scene.lamps["kind"].tolist())
+    has = {
+        "spheres": bool(len(scene.spheres)),
+        "meshes": bool(scene.meshes),
+        "cylinders": bool(len(scene.cylinders)),
+        "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
+        "textures": bool((m["texture"] >= 0).any()),
+        "mirrors": bool((m["reflectance"] > 0).any()),
+        "glass": bool((m["transmittance"] > 0).any()),
+        "an orthographic camera": scene.camera.parallel,
+        "other lights than points and parallel ones": not kinds_of_lights <= {AMBIENT, PARALLEL, POINT},
+        "materials that differ in more than colour": any(
+            (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
+        ),
+    }
+    return ", ".join(kind for kind in kinds if has[kind])
+
+
+def bytes_of(color: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """(h, w, 3) of colours, 1 = full, row by row from the top."""
+    rounded: NDArray[np.uint8] = (np.clip(color, 0, 1) * 255 + 0.5).astype(np.uint8).reshape(size[1], size[0], 3)
+    return rounded
 
 
 @contextlib.contextmanager

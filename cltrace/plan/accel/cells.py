@@ -554,8 +554,8 @@ def areas(corner: NDArray[Any]) -> NDArray[Any]:
 
 def entries_of_boxes(more: NDArray[np.int16]) -> int:
     """How many entries discs take that cover one column and one row and so many more of them, (2, n)."""
-    wide, high = more
-    return int(((wide + np.int32(1)) * (high + np.int32(1))).sum(dtype=np.int64))
+    wide, high = more.astype(np.int32) + 1  # numpy 1 would add a np.int32 in int16
+    return int((wide * high).sum(dtype=np.int64))
 
 
 def whole_grid(members: Mask) -> CellGrid:

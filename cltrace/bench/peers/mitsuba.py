@@ -1,0 +1,162 @@
+"""Mitsuba 3 with LLVM: its surfaces and rays, shaded in its arrays, which it compiles, as it has no such material."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.base.arrays import processors
+from cltrace.bench.tracers import ACROSS, Run, Tracer
+from cltrace.scene import Scene
+
+from .peer import Company, Light, bytes_of, lights, seen_from_the_eye, strange, triangles, version_of
+
+VARIANT = "llvm_ad_rgb"
+# Each sphere is an object of Python's.
+MOST_SPHERES = 20_000
+
+
+class Mitsuba(Tracer):
+    """level x level rays a pixel. kernel: of a picture; whole: with making its scene."""
+
+    name = "Mitsuba 3"
+
+    def __init__(self, company: Company, version: str, level: int | None = None) -> None:
+        self._company, self.version = company, version
+        if level:
+            self.task, self.level, self.variant = "samples", level, "samples"
+
+    def refuses(self, scene: Scene) -> str:
+        many = f"more than {MOST_SPHERES:,} spheres, each an object" if len(scene.spheres) > MOST_SPHERES else ""
+        return many or strange(scene, "cylinders", "ellipsoids", "textures", "glass",
+                               "other lights than points and parallel ones")  # fmt: skip
+
+    def run(self, scene: Scene, frames: int) -> Run:
+        return self._company.run(scene, frames, int(self.level or 1))
+
+
+def draw(scene: Scene, frames: int, across: int) -> Run:
+    """In the process that the package has of its own."""
+    mi, dr = (importlib.import_module(name) for name in ("mitsuba", "drjit"))
+    mi.set_variant(VARIANT)
+    dr.set_thread_count(processors())
+    start = time.perf_counter()
+    picture = Picture(mi, dr, scene)
+    kernel, whole, rgb8 = [], 0.0, np.zeros(0, np.uint8)
+    for _ in range(frames):
+        begin = time.perf_counter()
+        rgb8 = bytes_of(picture.frame(across), scene.camera.resolution)
+        end = time.perf_counter()
+        whole = whole or end - start
+        kernel.append(end - begin)
+    return Run(kernel, whole, rgb8)
+
+
+class Picture:
+    """A scene of Mitsuba's, in camera space. All numbers are its arrays, with an element for each ray."""
+
+    def __init__(self, mi: Any, dr: Any, scene: Scene) -> None:
+        self._mi, self._dr, self._given = mi, dr, scene
+        parts: dict[str, Any] = {"type": "scene"}
+        centers = seen_from_the_eye(scene, scene.spheres["center"])
+        for k, (center, radius) in enumerate(zip(centers.tolist(), scene.spheres["radius"].tolist(), strict=True)):
+            parts[f"ball{k}"] = {"type": "sphere", "center": center, "radius": radius}
+        mesh = triangles(scene)
+        used = np.unique(mesh.material)
+        places, normals = mesh.smooth()
+        for material in used:
+            mine = mesh.material == material
+            parts[f"mesh{material}"] = self._mesh(places[mine], normals[mine])
+        self._scene = mi.load_dict(parts)
+        # Shapes are told apart by their numbers, and may come in another order.
+        numbers = dr.reinterpret_array(mi.UInt32, self._scene.shapes_dr()).numpy()
+        named = [shape.id() for shape in self._scene.shapes()]
+        of_name = {f"ball{k}": m for k, m in enumerate(scene.spheres["material"])} | {f"mesh{m}": m for m in used}
+        table = np.zeros(int(numbers.max()) + 1, np.uint32)
+        table[numbers] = [of_name[name] for name in named]
+        self._material = mi.UInt32(table)
+        columns = {name: scene.materials[name].astype("f4") for name in ("ka", "kd", "ks", "exponent", "reflectance")}
+        self._columns = {name: mi.Float(column) for name, column in columns.items()}
+        self._colors = [mi.Float(scene.materials["color"][:, k].astype("f4")) for k in range(3)]
+        self._mirrors = bool(columns["reflectance"].any())
+
+    def _mesh(self, places: NDArray[np.float64], normals: NDArray[np.float64]) -> Any:
+        mi = self._mi
+        mesh = mi.Mesh("mesh", 3 * len(places), len(places), has_vertex_normals=True)
+        to = mi.traverse(mesh)
+        to["vertex_positions"] = mi.Float(places.ravel().astype("f4"))
+        to["vertex_normals"] = mi.Float(normals.ravel().astype("f4"))
+        to["faces"] = mi.UInt32(np.arange(3 * len(places), dtype=np.uint32))
+        to.update()
+        return mesh
+
+    def frame(self, across: int) -> NDArray[np.float32]:
+        """(pixels, 3): the colours, means of across x across rays."""
+        mi, dr = self._mi, self._dr
+        width, height = self._given.camera.resolution
+        many = across * across
+        k = dr.arange(mi.UInt32, width * height * many)
+        pixel, part = k // many, k % many
+        x = mi.Float(pixel % width) + (mi.Float(part % across) + 0.5) / across
+        y = mi.Float(pixel // width) + (mi.Float(part // across) + 0.5) / across
+        half = self._given.camera.image_plane()
+        x, y = (2 * x / width - 1) * half[0], (1 - 2 * y / height) * half[1]
+        if self._given.camera.parallel:
+            ray = mi.Ray3f(mi.Point3f(x, y, 0), mi.Vector3f(0, 0, -1))
+        else:
+            ray = mi.Ray3f(mi.Point3f(0), dr.normalize(mi.Vector3f(x, y, -1)))
+        color = self._seen(ray)
+        color = dr.select(color < 1, color, 1)  # LLVM 15 does not compile dr.minimum()
+        means = [dr.block_reduce(dr.ReduceOp.Add, channel, many) / many for channel in color]
+        dr.eval(means)
+        found: NDArray[np.float32] = np.stack([channel.numpy() for channel in means], axis=1)
+        return found
+
+    def _seen(self, ray: Any) -> Any:
+        mi, dr = self._mi, self._dr
+        color, weight, active = mi.Color3f(0), mi.Float(1), mi.Bool(True)
+        last = self._given.camera.max_bounces + 1 if self._mirrors else 0
+        for depth in range(last + 1):
+            at = self._scene.ray_intersect(ray, active)
+            hit = active & at.is_valid()
+            color += dr.select(active & ~hit, weight * mi.Color3f(self._given.background), 0)
+            row = dr.gather(mi.UInt32, self._material, dr.reinterpret_array(mi.UInt32, at.shape), hit)
+            m = {name: dr.gather(mi.Float, column, row, hit) for name, column in self._columns.items()}
+            m["color"] = mi.Color3f(*(dr.gather(mi.Float, column, row, hit) for column in self._colors))
+            n = dr.select(dr.dot(at.n, ray.d) > 0, -at.sh_frame.n, at.sh_frame.n)
+            own = weight if depth == last else weight * (1 - m["reflectance"])
+            color += dr.select(hit, own * self._shaded(at, n, ray.d, m, hit), 0)
+            if depth < last:
+                weight, active = weight * m["reflectance"], hit & (m["reflectance"] > 0)
+                ray = at.spawn_ray(dr.normalize(ray.d - 2 * dr.dot(n, ray.d) * n))
+        return color
+
+    def _shaded(self, at: Any, n: Any, d: Any, m: dict[str, Any], hit: Any) -> Any:
+        ambient, others = lights(self._given)
+        color = m["ka"] * m["color"] * self._mi.Color3f(ambient.tolist())
+        for light in others:
+            color += self._phong(light, at, n, d, m, hit)
+        return color
+
+    def _phong(self, light: Light, at: Any, n: Any, d: Any, m: dict[str, Any], hit: Any) -> Any:
+        mi, dr = self._mi, self._dr
+        place = mi.Vector3f(light.place.tolist())
+        to = place if light.parallel else dr.normalize(place - at.p)
+        cosine = dr.dot(n, to)
+        lit = hit & (cosine > 0)
+        lit &= ~self._scene.ray_test(at.spawn_ray(to) if light.parallel else at.spawn_ray_to(mi.Point3f(place)), lit)
+        along = dr.dot(to - 2 * cosine * n, d)
+        lobe = m["ks"] * dr.select(along > 0, along, 0) ** m["exponent"]
+        return dr.select(lit, (m["kd"] * cosine * m["color"] + lobe) * mi.Color3f(light.color.tolist()), 0)
+
+
+def tracers(folder: Path) -> Iterable[Tracer]:
+    """Mitsuba 3, if it is installed."""
+    version, company = version_of("mitsuba"), Company(draw)
+    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in ACROSS)]

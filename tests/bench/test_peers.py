@@ -1,0 +1,192 @@
+"""The benchmark's peers: they draw the scenes that we draw, and what goes wrong with one is one line."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cltrace
+from cltrace import Scene
+from cltrace.bench import scenes, tracers
+from cltrace.bench.cases import looking
+from cltrace.bench.peers import PEERS, PeerError, embree, installed, peer, povray
+
+SMALL, LARGER = (48, 27), (160, 90)
+
+
+def test_a_peer(tmp_path: Path) -> None:
+    """A program in Embree's place: what is written for it can be read, and what it writes is taken."""
+    program = tmp_path / "peer"
+    program.write_text(
+        f"#!{sys.executable}\n"
+        "import struct, sys\n"
+        "data = open(sys.argv[1], 'rb').read()\n"
+        "w, h, samples, bounces, flat, n, *mesh, materials, lights = struct.unpack('<12i', data[:48])\n"
+        "assert (n, materials, lights, samples, flat, *mesh) == (16, 16, 2, 4, 0, 0, 0, 0, 0)\n"
+        "assert len(data) == 68 + n * 20 + materials * 40 + lights * 48, len(data)\n"
+        "assert struct.unpack('<i3f', data[-48:-32]) == (2, 5, 8, 2)\n"
+        "open(sys.argv[3], 'wb').write(bytes(range(3)) * (w * h))\n"
+        'print(\'{"build": 1.5, "frames": [2.5, 3]}\')\n'
+    )
+    program.chmod(0o755)
+    one = embree.Embree(str(program), tmp_path, "samples", "samples", 4)
+    scene = scenes.cloud(16, SMALL)
+    assert one.refuses(scene) == ""
+    done = one.run(scene, 3)
+    assert (done.kernel, done.whole) == ([2.5, 3], 4)
+    assert done.rgb8.shape == (27, 48, 3)
+    assert done.rgb8[5, 7].tolist() == [0, 1, 2]
+    with pytest.raises(PeerError, match="peer failed with status 1: AssertionError"):
+        one.run(scenes.cloud(17, SMALL), 3)
+    program.write_text("#!/bin/sh\necho hello\n")
+    with pytest.raises(PeerError, match="peer: cannot read what it wrote: "):
+        one.run(scene, 3)
+
+
+def test_peers_that_are_not_installed_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(peer.importlib.util, "find_spec", lambda name: None)
+    packages = [f"{name} is not installed (pip install {name})" for name in ("mitsuba", "open3d", "vtk")]
+    programs = ["Embree: there is no C++ compiler", "POV-Ray is not installed (Debian: povray)"]
+    assert installed(tmp_path) == ([], programs + packages)
+    assert len(PEERS) == len(programs + packages)
+
+
+def in_company(scene: Scene, frames: int, what: str) -> tracers.Run:
+    """What a test wants a package to do."""
+    if what == "end":
+        os._exit(3)
+    if what == "sleep":
+        time.sleep(60)
+    if what == "fail":
+        raise ValueError("no such thing\nbecause")
+    print("not for our user")
+    return tracers.Run([1.0] * frames, os.getpid(), np.zeros((*scene.camera.resolution[::-1], 3), np.uint8))
+
+
+def test_a_package_in_a_process_of_its_own(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stays for all calls. What it raises, or that it ends or hangs, is one line, and the next call has another."""
+    company, scene = peer.Company(in_company), scenes.cloud(2, SMALL)
+    done = company.run(scene, 3, "draw")
+    assert (done.kernel, done.rgb8.shape) == ([1, 1, 1], (27, 48, 3))
+    assert company.run(scene, 1, "draw").whole == done.whole != os.getpid()
+    with pytest.raises(PeerError, match=r"^test_peers: ValueError: no such thing$"):
+        company.run(scene, 1, "fail")
+    with pytest.raises(PeerError, match="test_peers: its process has ended"):
+        company.run(scene, 1, "end")
+    assert company.run(scene, 1, "draw").whole != done.whole
+    monkeypatch.setattr(peer, "PEER_SECONDS", 0.2)
+    with pytest.raises(PeerError, match=r"test_peers: more than 0.2 s"):
+        company.run(scene, 1, "sleep")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_triangles_are_those_of_the_scene() -> None:
+    """Corners go around counterclockwise from the front, and normals are of length 1, flat where there are none."""
+    smooth, flat = (scenes.meshed(SMALL, shape) for shape in (scenes.bowl(200), scenes.scattered(50, 1)))
+    both = cltrace.Scene.from_meshes(looking((1, 2, 3), size=SMALL), [], [
+        cltrace.Mesh(scene.meshes[0].vertices, scene.meshes[0].geometry.faces, normals)
+        for scene, normals in ((smooth, smooth.meshes[0].geometry.normals), (flat, None))
+    ])  # fmt: skip
+    found = peer.triangles(both)
+    assert len(found.corners) == both.triangles
+    places, normals = found.smooth()
+    assert np.allclose(np.linalg.norm(normals, axis=2), 1)
+    assert np.allclose(places[: smooth.triangles].mean(axis=(0, 1)) + (1, 2, 3), (0, 0, -6), atol=0.2)
+    outside = ((places - places[: smooth.triangles].mean(axis=(0, 1))) * normals).sum(axis=2)[: smooth.triangles]
+    assert (outside > 1.9).all()
+    across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    assert ((across * normals.mean(axis=1)).sum(axis=1) > 0).all()
+
+
+def test_what_a_scene_has_is_named() -> None:
+    assert peer.strange(scenes.sticks(27, SMALL), "spheres", "cylinders", "glass") == "spheres, cylinders"
+    assert peer.strange(scenes.orthographic(SMALL), "an orthographic camera", "meshes") == "an orthographic camera"
+    spot = scenes.cloud(3, SMALL, *scenes.OTHER_LIGHTS)
+    assert peer.strange(spot, "other lights than points and parallel ones")
+    assert not peer.strange(scenes.cloud(3, SMALL), *("cylinders", "textures", "mirrors", "glass"))
+    assert peer.strange(
+        scenes.clear(SMALL, 0.5, 0.1), "mirrors", "glass", "materials that differ in more than colour"
+    ) == ("mirrors, glass")
+    assert povray.PovRay("povray", Path()).refuses(scenes.floor(SMALL)) == "meshes"
+
+
+@pytest.fixture(scope="session")
+def peers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tracers.Tracer]:
+    """Those that are here, of one ray a pixel."""
+    found, _ = installed(tmp_path_factory.mktemp("peers"))
+    return {each.name: each for each in found if each.task == "frame" and not each.variant}
+
+
+WRONG = (scenes.GROUND, scenes.FAR, scenes.SCALE, scenes.MILLION)
+DRAWN = [case for case in scenes.generated(LARGER) if case.group not in WRONG and case.task == "frame"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Embree", "POV-Ray", "Mitsuba 3", "Open3D"])
+def test_peers_draw_what_cltrace_draws(peers: dict[str, tracers.Tracer], name: str) -> None:
+    """They are measured with the same picture, in all scenes that single precision can draw: outlines and mirrored ones
+    aside, to a level."""
+    if name not in peers:
+        pytest.skip(f"{name} is not installed")
+    one, drawn = peers[name], 0
+    assert one.version
+    for case in DRAWN:
+        if one.refuses(case.scene):
+            continue
+        got, want = one.run(case.scene, 1).rgb8, cltrace.render(case.scene).rgb8
+        assert (np.abs(got.astype(int) - want).max(axis=2) > 1).mean() < 5e-3, case.name
+        assert (want != want[0, 0]).any(axis=2).mean() > 0.02
+        drawn += 1
+    assert drawn >= 3
+
+
+@pytest.mark.slow
+def test_vtk_draws_what_cltrace_draws_but_for_shadows(peers: dict[str, tracers.Tracer]) -> None:
+    """Of meshes without shadows, that is; close to the eye its spheres are not as large as they are."""
+    one = next((each for name, each in peers.items() if name.startswith("VTK")), None)
+    if one is None:
+        pytest.skip("VTK is not installed")
+    for scene in (scenes.meshed(LARGER, scenes.bowl(20_000)), scenes.meshed(LARGER, scenes.hills(20_000))):
+        assert one.refuses(scene) == ""
+        got, want = one.run(scene, 1).rgb8, cltrace.render(scene).rgb8
+        assert (np.abs(got.astype(int) - want).max(axis=2) > 1).mean() < 2e-3
+        assert (want != want[0, 0]).any(axis=2).mean() > 0.05
+    balls = scenes.cloud(1000, LARGER)
+    seen, lit = ((one.run(balls, 1).rgb8 if k else cltrace.render(balls).rgb8).sum(axis=2) for k in (1, 0))
+    assert (seen + 3 >= lit).mean() > 0.95
+
+
+@pytest.mark.slow
+def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], tmp_path: Path) -> None:
+    """Of all that draw with several rays a pixel, ours too."""
+    case = scenes.Case("16 balls", scenes.ANTIALIASED, scenes.cloud(16, SMALL), "samples")
+    device = cltrace.devices()[0]
+    from cltrace.bench import truth
+
+    true = truth.held_against(case, tracers.Product(device, "double"))
+    assert true
+    assert true.text.startswith("means of 64 x 64 rays")
+    curves: dict[tuple[str, str], dict[float, float]] = {}
+    for one in [*tracers.configurations(device, ["accurate"], False), *installed(tmp_path)[0]]:
+        if one.draws(case) and not one.refuses(case.scene):
+            rms = float(np.sqrt(np.mean((one.run(case.scene, 1).rgb8 - true.levels) ** 2)))
+            curves.setdefault((one.name, one.variant), {})[one.level or 0] = rms
+    assert ("accurate", "samples") in curves
+    for (name, variant), errors in curves.items():
+        if variant in ("samples", "antialiasing"):
+            assert errors[1] > 5, (name, variant)
+            assert errors[4] < 0.4 * errors[1], (name, variant)
+            assert errors[16] < 1.2, (name, variant)
+    assert max(curves["accurate", "proved"].values()) < 1
+
+
+def test_importing_the_peers_imports_no_package() -> None:
+    importlib.import_module("cltrace.bench.peers")
+    assert not {"mitsuba", "open3d", "vtk"} & set(sys.modules)
