@@ -28,7 +28,7 @@ from cltrace.scene.lights import (
 )
 from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
-from cltrace.scene.members import members_of
+from cltrace.scene.members import lamps_of, members_of
 from cltrace.scene.meshes import (
     INSTANCES,
     MAX_MESHES,
@@ -101,6 +101,7 @@ __all__ = [
     "check_resolution",
     "extent_faults",
     "inverse_faults",
+    "lamps_of",
     "members_of",
     "panel_light",
     "parallel_light",

@@ -30,14 +30,14 @@ _NOTHING = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
 
 
 def dot(a: Floats, b: Floats) -> Floats:
-    """(n,) of (n, 3) each."""
-    return (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]) + a[:, 2] * b[:, 2]
+    """(..., n) of (..., n, 3) each."""
+    return np.asarray((a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2])
 
 
 def unit(a: Floats) -> Floats:
-    """(n, 3) of length 1; 0 stays 0."""
+    """(..., 3) of length 1; 0 stays 0."""
     length = np.sqrt(dot(a, a))
-    return np.asarray(a / np.where(length > 0, length, 1.0)[:, None])
+    return np.asarray(a / np.where(length > 0, length, 1.0)[..., None])
 
 
 def cross(a: Floats, b: Floats) -> Floats:

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import AMBIENT, FULL, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, members_of
+from cltrace.scene import AMBIENT, FULL, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, lamps_of
 from cltrace.students.rules import (
     RIGHT,
     BounceRules,
@@ -29,6 +29,7 @@ from cltrace.students.shapes import Floats, Ints, Points, Rays, Shapes, cross, d
 # Rays that count for less show nothing: half a level at most.
 _FAINT = 2.0**-13
 _BRIGHT = 2.0**40  # times 255 is still a whole number of 64 bits
+_AT_ONCE = 2**16  # points times lamps
 _MUCH = 1e30  # what a highlight may grow to by a mistake, so that 0 times it is 0
 
 
@@ -51,6 +52,7 @@ class Tracer:
         self.scene = scene
         self.background = np.array(scene.background)
         self.lights = scene.lights[scene.lights["kind"] != AMBIENT]
+        self.lamps, self.light_of = lamps_of(self.lights)
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / FULL[texture.dtype] for texture in scene.textures]
         self._shapes: dict[SurfaceRules, Shapes] = {}
@@ -123,21 +125,21 @@ class Tracer:
             rules.phong.ka
         ]
         ambient = ka[:, None] * self.ambient
-        matte, shine, times = np.zeros_like(ambient), np.zeros_like(ambient), np.zeros(len(ambient))
+        matte, shine = np.zeros_like(ambient), np.zeros_like(ambient)
+        reached = np.zeros((len(self.lights), len(ambient)), np.bool_)
         reaching = -1 if rules.lights.reaching is None else rules.lights.reaching[min(view.depth, 1)]
-        for k, light in enumerate(self.lights):
-            if not reaching >> k & 1:
-                continue
-            reached = np.zeros(len(ambient), np.bool_)
-            for lamp in members_of(light):
-                diffuse, highlight, counted = self._illuminate(at, view, normal, material, lamp, rules)
-                power = np.minimum(lamp["color"], 1) if rules.phong.clamped == "lights" else lamp["color"]
-                matte += power * diffuse[:, None]
-                shine += power * highlight[:, None]
-                reached |= counted
-            times += reached
+        on = np.array([reaching >> k & 1 for k in self.light_of.tolist()], np.bool_)
+        lamps, light_of, most = self.lamps[on], self.light_of[on], max(_AT_ONCE // len(ambient), 1)
+        for first in range(0, len(lamps), most):
+            some = lamps[first : first + most]
+            diffuse, highlight, counted = self._illuminate(at, view, normal, material, some, rules)
+            power = np.minimum(some["color"], 1) if rules.phong.clamped == "lights" else some["color"]
+            matte += np.einsum("kn,kc->nc", diffuse, power)
+            shine += np.einsum("kn,kc->nc", highlight, power)
+            if rules.phong.ambient != "once":
+                np.logical_or.at(reached, light_of[first : first + most], counted)
         if rules.phong.ambient != "once":
-            ambient *= (times + (rules.phong.ambient == "one more"))[:, None]
+            ambient *= (reached.sum(axis=0) + (rules.phong.ambient == "one more"))[:, None]
         light = np.minimum(ambient + matte, 1) if rules.phong.clamped == "light" else ambient + matte
         bare = material["ka"][:, None] * self.ambient * (rules.phong.ka == "bare")
         return np.asarray(light * color + bare + shine * (color if rules.phong.tinted else 1.0))
@@ -147,36 +149,37 @@ class Tracer:
         return at.inside & (turns | (rules.surfaces.turned_meshes & (at.parts >= len(self.scene.spheres))))
 
     def _illuminate(
-        self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], light: np.void, rules: Rules
+        self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], lamps: NDArray[np.void], rules: Rules
     ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Of one light: kd (n.l) and ks (r.v)^exponent, times its strength, where nothing stands between.
+        """Of k lamps at n points, (k, n): kd (n.l) and ks (r.v)^exponent, times their strength, if nothing is between.
 
-        And whether ambient light is counted for it.
+        And whether ambient light is counted for them.
         """
-        l, strength, w = to_light(light, at.places, rules.lights)  # noqa: E741
-        n_l = np.abs(dot(normal, l)) if rules.phong.facing == "absolute" else dot(normal, l)
+        phong = rules.phong
+        l, strength, w = to_lights(lamps, at.places, rules.lights)  # noqa: E741
+        n_l = np.abs(dot(normal, l)) if phong.facing == "absolute" else dot(normal, l)
         v = -view.directions * view.lengths[:, None]
-        faces = n_l > 0
-        lit = {"lit": faces}.get(rules.phong.facing, np.ones(len(l), np.bool_))
-        wanted = np.flatnonzero((lit & (strength > 0)) | (rules.phong.ambient in ("reaching", "facing", "shining")))
-        reached = np.ones(len(l), np.bool_)
-        if rules.lights.shadows and len(wanted):
-            reached[wanted] = ~self._shadowed(_rows(at, wanted), normal[wanted], w=w[wanted], light=light, rules=rules)
-        cosine = {"negative": n_l, "both": np.abs(n_l)}.get(rules.phong.facing, np.maximum(0.0, n_l))
-        r_v = dot(normal, unit(l + v)) if rules.phong.halfway else dot(normal * (2 * n_l)[:, None] - l, v)
-        r_v = -r_v if rules.phong.highlight == "reversed" else r_v
+        faces, every = n_l > 0, np.ones(n_l.shape, np.bool_)
+        lit = faces if phong.facing == "lit" else every
+        reached = every.copy()
+        if rules.lights.shadows:
+            asked = (lit & (strength > 0)) | (phong.ambient in ("reaching", "facing", "shining"))
+            k, i = np.nonzero(asked)
+            reached[k, i] = ~self._shadowed(_rows(at, i), normal[i], w=w[k, i], kinds=lamps["kind"][k], rules=rules)
+        cosine = {"negative": n_l, "both": np.abs(n_l)}.get(phong.facing, np.maximum(0.0, n_l))
+        r_v = dot(normal, unit(l + v)) if phong.halfway else dot(normal * (2 * n_l)[..., None] - l, v)
+        r_v = -r_v if phong.highlight == "reversed" else r_v
         with np.errstate(over="ignore"):
-            lobe = np.minimum(np.maximum(r_v, 0.0) ** (material["exponent"] * (rules.phong.halfway or 1.0)), _MUCH)
-        lobe = lobe * (n_l if rules.phong.highlight == "cosine" else rules.phong.ks == "right")
+            lobe = np.minimum(np.maximum(r_v, 0.0) ** (material["exponent"] * (phong.halfway or 1.0)), _MUCH)
+        lobe = lobe * (n_l if phong.highlight == "cosine" else phong.ks == "right")
         share = np.where(lit & reached, strength, 0.0)
-        every = np.ones(len(l), np.bool_)
-        facing, shining = faces if rules.phong.ambient in ("facing", "lit") else every, strength > 0
-        counted = reached & facing & (shining if rules.phong.ambient in ("shining", "lit") else every)
-        counted = every if rules.phong.ambient in ("each", "one more") else counted
-        return share * material["kd"] * cosine * (rules.phong.kd == "right"), share * material["ks"] * lobe, counted
+        counted = reached & (faces if phong.ambient in ("facing", "lit") else every)
+        counted &= (strength > 0) if phong.ambient in ("shining", "lit") else every
+        counted = every if phong.ambient in ("each", "one more") else counted
+        return share * material["kd"] * cosine * (phong.kd == "right"), share * material["ks"] * lobe, counted
 
-    def _shadowed(self, at: Points, normal: Floats, w: Floats, light: np.void, rules: Rules) -> NDArray[np.bool_]:
-        """(n,): whether anything stands on the way w to the light, which for a parallel light has no end."""
+    def _shadowed(self, at: Points, normal: Floats, w: Floats, kinds: Ints, rules: Rules) -> NDArray[np.bool_]:
+        """(n,): whether anything stands on the way w to a lamp of this kind; that to a parallel light has no end."""
         distance = np.sqrt(dot(w, w))
         origins, parts = at.places, at.parts
         rule = rules.lights
@@ -185,11 +188,9 @@ class Tracer:
             least = rule.epsilon * distance
         elif rule.epsilon and rule.measured == "normal":
             origins, parts, least = origins + rule.epsilon * normal, np.full_like(parts, -1), np.zeros(len(w))
-        endless = light["kind"] == PARALLEL or rule.past_lights
-        most = np.full(len(w), np.inf) if endless else distance
-        direction = w / np.where(distance > 0, distance, 1.0)[:, None]
-        if is_reversed(light, rule, "shadows") != is_reversed(light, rule, "shading"):
-            direction = -direction
+        most = np.where((kinds == PARALLEL) | rule.past_lights, np.inf, distance)
+        turn = turns(kinds, rule, "shadows") * turns(kinds, rule, "shading")
+        direction = w * (turn / np.where(distance > 0, distance, 1.0))[:, None]
         rays = Rays(origins, direction, parts, np.ones(len(parts)))
         return self.shapes(rules.surfaces).stopped(rays, least, most, rule.own_shadow)
 
@@ -352,28 +353,28 @@ def _tan(degrees: float) -> float:
     return math.tan(math.radians(degrees))
 
 
-def to_light(light: np.void, places: Floats, rules: LightRules) -> tuple[Floats, Floats, Floats]:
-    """Of points (n, 3): the unit vector to the light, how strong it is there, and the whole way to it."""
-    turn = -1 if is_reversed(light, rules, "shading") else 1
-    if light["kind"] == PARALLEL:
-        w = turn * np.broadcast_to(-light["direction"], places.shape)
-        return w if "p" in rules.long_lights else unit(w), np.ones(len(w)), w
-    w = light["position"] - places
+def to_lights(lamps: NDArray[np.void], places: Floats, rules: LightRules) -> tuple[Floats, Floats, Floats]:
+    """Of k lamps at points (n, 3): unit vectors to them (k, n, 3), how strong they are there, and the whole way."""
+    kinds, axes = lamps["kind"], lamps["direction"]
+    w = np.where((kinds == PARALLEL)[:, None, None], -axes[:, None], lamps["position"][:, None] - places)
     l = unit(w)  # noqa: E741
-    strength = np.ones(len(w))
-    if light["kind"] == SPOT and rules.spot != "none":
-        strength = cone(light, w if "s" in rules.long_lights else l, rules)
-    if light["kind"] == LAMBERT:
-        strength = np.maximum(0.0, -(l @ unit(light["direction"][None])[0]))
+    strength = np.ones(w.shape[:2])
+    for k in np.flatnonzero(kinds == SPOT) if rules.spot != "none" else ():
+        strength[k] = cone(lamps[k], w[k] if "s" in rules.long_lights else l[k], rules)
+    for k in np.flatnonzero(kinds == LAMBERT):
+        strength[k] = np.maximum(0.0, -(l[k] @ unit(axes[k])))
     if rules.attenuation != "1":
-        powers = {"1": 0.0, "D": 0.5, "D2": 1.0}
-        strength = strength / sum(dot(w, w) ** powers[term] for term in rules.attenuation.split("+"))
-    return turn * (w if "o" in rules.long_lights else l), strength, turn * w
+        powers, square = {"1": 0.0, "D": 0.5, "D2": 1.0}, dot(w, w)
+        fades = sum(square ** powers[term] for term in rules.attenuation.split("+"))
+        strength = np.where((kinds == PARALLEL)[:, None], strength, strength / fades)
+    long = np.where(kinds == PARALLEL, "p" in rules.long_lights, "o" in rules.long_lights)
+    turn = turns(kinds, rules, "shading")[:, None, None]
+    return turn * np.where(long[:, None, None], w, l), strength, turn * w
 
 
 def cone(light: np.void, l: Floats, rules: LightRules) -> Floats:  # noqa: E741
     """How strong a spot light is along its rays to l, (n,)."""
-    axis = unit(light["direction"][None])[0] * (-1 if "a" in rules.reversed else 1)
+    axis = unit(light["direction"]) * (-1 if "a" in rules.reversed else 1)
     if "s" in rules.long_lights:
         angle = np.degrees(np.arccos(np.clip(-(l @ axis), -1, 1)))
     else:
@@ -391,9 +392,11 @@ def cone(light: np.void, l: Floats, rules: LightRules) -> Floats:  # noqa: E741
     return np.asarray(share * share * (3 - 2 * share) if rules.spot == "smooth" else share)
 
 
-def is_reversed(light: np.void, rules: LightRules, use: str) -> bool:
-    """Whether the vector to a light is, for shading or for shadows."""
-    return ("p" if light["kind"] == PARALLEL else "o") in rules.reversed and rules.reversed_for in (use, "both")
+def turns(kinds: Ints, rules: LightRules, use: str) -> Floats:
+    """-1 for lights of kinds (n,) to which the vector is reversed, for shading or for shadows, and 1 for others."""
+    if not rules.reversed or rules.reversed_for not in (use, "both"):
+        return np.ones(len(kinds))
+    return np.where(np.where(kinds == PARALLEL, "p" in rules.reversed, "o" in rules.reversed), -1.0, 1.0)
 
 
 def looked_up(texels: Floats, uv: Floats, rules: TextureRules) -> Floats:
