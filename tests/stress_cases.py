@@ -195,7 +195,7 @@ def check_case(case: Case, device: Device, precision: str, amount: int) -> None:
         image = picture(scene, device, precision)
         assert (image.color >= 0).all()
         if case.limits.wrong_ids == 0 and truth.looks_along_an_axis(scene.camera):
-            check(scene, device, precision, 12 * amount)
+            check(scene, device, precision, 6 * amount)
             # L6's lights are nearer to a point than the point is known: the report's measure takes that into account.
             shadows = case.limits.leaks == 0 and len(scene.lights) > 0 and (image.id >= 0).any() and case.name != "L6"
             # The oracle takes a spot light for a point light.
@@ -203,7 +203,7 @@ def check_case(case: Case, device: Device, precision: str, amount: int) -> None:
             for lamp in truth.lamps(bare) if shadows else ():
                 check_shadows(lamp, device, precision, 40 * amount)
         if case.limits.bytes_off == case.limits.not_finite == 0:
-            check_colors(scene, image, 36 + 4 * amount)
+            check_colors(scene, image, 12 + 4 * amount)
         if case.limits.same is not None:
             first = first or image
             assert np.array_equal(image.rgb8, first.rgb8)

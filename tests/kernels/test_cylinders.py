@@ -49,7 +49,7 @@ def seen_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) -> 
     wrong = 0
     for seed in range(seeds):
         scene = scene_of(name, seed, size)
-        image = cltrace.render(scene, device, "accurate", ("id", "depth"))
+        image = cltrace.Renderer(scene, device, "accurate", ("id", "depth"), keep=("features",)).render()
         wrong += wrong_pixels(scene, image.id, image.depth)
     return wrong
 

@@ -12,18 +12,19 @@ from rational_meshes import doubles_mesh, exactly, grid_mesh, nearest
 from stress_cases import pairs_on_a_plane
 
 import cltrace
-from cltrace import Camera, Material, Mesh, Orthographic, Scene
+from cltrace import Camera, Image, Material, Mesh, Orthographic, Scene
 from cltrace.numbers.whole import over_power
 from cltrace.oracle.rays import Points, SurdVector, along_numbers, columns, ones
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres, to_world
+from cltrace.picture.image import Output
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 from cltrace.students.check import check
 
-OUTPUTS = ("rgb8", "id", "depth", "normal", "direction", "primitive")
-DECIDED = ("id", "primitive", "depth")  # what most tests here ask for, so that they share a program
+OUTPUTS: tuple[Output, ...] = ("rgb8", "id", "depth", "normal", "direction", "primitive")
+DECIDED: tuple[Output, ...] = ("id", "primitive", "depth")  # what most tests here ask for, so that they share a program
 LIGHTS = [
     cltrace.ambient_light(),
     cltrace.point_light((5, 8, 9)),
@@ -57,10 +58,16 @@ def closest(places: list[tuple[Fraction, ...]], w: list[Fraction], spheres: Sphe
     return found.item, found.rounded()
 
 
+def drawn(
+    scene: Scene, device: Device, outputs: tuple[Output, ...], precision: str = "accurate", width: int | None = None
+) -> Image:
+    """By a kernel that may start inside of what it meets: most tests here share it."""
+    return cltrace.Renderer(scene, device, precision, outputs, width=width, keep=("features",)).render()
+
+
 def compare(scene: Scene, device: Device, width: int, precision: str = "accurate") -> set[int]:
     """Asserts that ids are those of exact arithmetic, and depths to 2^-24. Returns the ids that there are."""
-    renderer = cltrace.Renderer(scene, device, precision, DECIDED, width=width)
-    image, camera = renderer.render(), scene.camera
+    image, camera = drawn(scene, device, DECIDED, precision, width), scene.camera
     assert isinstance(camera, Orthographic)
     w = [-Fraction(x) for x in camera.basis()[2]]
     places = starts(camera)
@@ -102,7 +109,7 @@ def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
         for more in ([], [(1e14, 0, -5)]):
             for x, hit in ((r, 0), (np.nextafter(r, 9), -1)):
                 scene = Scene.from_spheres(camera, [], [(x, 0, -z), *more], [r, *[1.0] * len(more)])
-                image = cltrace.render(scene, device, precision, DECIDED)
+                image = drawn(scene, device, DECIDED, precision)
                 assert image.id[1, 1] == hit, (z, r, more)
                 assert hit < 0 or abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
 
@@ -265,7 +272,7 @@ def test_pictures_are_those_of_the_reference(device: Device, kind: type) -> None
         Orthographic((0.1, 0.2, 0.3), (1, 0.5, 0), height=3, resolution=(40, 30)),
     ):
         scene = kind(camera)
-        image = cltrace.render(scene, device, "accurate", OUTPUTS)
+        image = drawn(scene, device, OUTPUTS)
         report = check(scene, image, "accurate")
         assert report.ok, report
         assert report.differing == 0
@@ -310,8 +317,8 @@ def test_no_list_and_no_filter_changes_a_picture(device: Device) -> None:
 
 def test_crops_and_pickles(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(61, 43)))
-    whole = cltrace.render(scene, device, "accurate", OUTPUTS)
-    part = cltrace.render(pickle.loads(pickle.dumps(scene)), device, "accurate", OUTPUTS, crop=(13, 7, 50, 30))
+    whole = drawn(scene, device, OUTPUTS)
+    part = cltrace.Renderer(pickle.loads(pickle.dumps(scene)), device, "accurate", OUTPUTS, (13, 7, 50, 30)).render()
     for name in OUTPUTS:
         assert np.array_equal(getattr(whole, name)[7:30, 13:50], getattr(part, name)), name
 
@@ -333,11 +340,11 @@ def test_look_and_update(device: Device, n: int) -> None:
     scene = plain(pinhole, n)
 
     def same(renderer: cltrace.Renderer, other: Scene) -> None:
-        image, anew = renderer.render(), cltrace.render(other, device, "accurate", OUTPUTS)
+        image, anew = renderer.render(), drawn(other, device, OUTPUTS)
         for name in OUTPUTS:
             assert np.array_equal(getattr(image, name), getattr(anew, name)), name
 
-    first = cltrace.Renderer(scene, device, "accurate", OUTPUTS)
+    first = cltrace.Renderer(scene, device, "accurate", OUTPUTS, keep=("features",))
     second = first.look(parallel)
     same(second, scene.seen_by(parallel))
     same(second.look(pinhole), scene)
@@ -355,7 +362,7 @@ def test_explanations(device: Device, kind: type) -> None:
     """The bytes are the picture's, and the rays start where the words say."""
     camera = replace(TURNED, resolution=(40, 30))
     scene = kind(camera)
-    image = cltrace.render(scene, device, "accurate", OUTPUTS)
+    image = drawn(scene, device, OUTPUTS)
     right, up, back = np.array(camera.basis())
     passed = 0
     for x, y in [(20, 15), (25, 10), (18, 20), (0, 0), (16, 12), (22, 17), (19, 11), (24, 16)]:
@@ -389,7 +396,7 @@ def test_single_precision_is_close(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(80, 60)))
     ground = Scene.from_spheres(replace(TURNED, resolution=(80, 60)), LIGHTS, [(0, -1e7, 0), (0, 1, 0)], [1e7, 1])
     for one in (scene, ground):
-        fine, coarse = (cltrace.render(one, device, p, DECIDED) for p in ("accurate", "single"))
+        fine, coarse = (drawn(one, device, DECIDED, p) for p in ("accurate", "single"))
         assert (fine.id != coarse.id).mean() <= 1e-3
         both = (fine.id == coarse.id) & (fine.id >= 0)
         assert np.abs(fine.depth[both] - coarse.depth[both]).max() < 1e-6 * coarse.depth[both].max()
@@ -440,7 +447,7 @@ def test_one_pixel_is_as_much_of_the_world_everywhere(device: Device) -> None:
     """A scale bar: spheres near and far are as many pixels wide as their size says."""
     camera = Orthographic((0, 0, 10), (0, 0, 0), height=10, resolution=(100, 100))
     scene = Scene.from_spheres(camera, [], [(-2.5, 0, 8), (2.5, 0, -900)], 2)
-    image = cltrace.render(scene, device, outputs=DECIDED)
+    image = drawn(scene, device, DECIDED)
     for number in (0, 1):
         rows, columns = np.nonzero(image.id == number)
         assert np.ptp(rows) + 1 == np.ptp(columns) + 1 == 40

@@ -286,6 +286,7 @@ def test_random_shapes(any_device: Device, name: str, parallel: bool) -> None:
         assert np.abs(image.color - right).max() <= most, seed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [2, 10, 40])
 def test_a_black_tube(any_device: Device, height: float) -> None:
     """No pixel is off by more than 3 sigma of the lattice's own error, of two edges where the tube is thin."""

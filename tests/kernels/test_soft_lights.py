@@ -11,7 +11,10 @@ import pytest
 from soft_lights import table
 
 import cltrace
+from cltrace.picture.image import Output
 from cltrace.plan import passes
+from cltrace.plan.request import Request
+from cltrace.plan.world import World
 from cltrace.scene import Scene
 from cltrace.students.check import check
 from cltrace.students.lit import lighting
@@ -22,6 +25,11 @@ CAMERA = cltrace.Camera((0, 3, 9), (0, 0, 0), horizontal_fov=20, resolution=(96,
 
 
 PRECISIONS = ["accurate", *(pytest.param(name, marks=pytest.mark.slow) for name in ("single", "double"))]
+
+
+# What is a sum over lights, and what is none, so that it is drawn in one pass: a program each.
+SUMS: tuple[Output, ...] = ("rgb8", "color", "depth", "id")
+OUTPUTS: tuple[Output, ...] = (*SUMS, "shadow_rays")
 
 
 def floor(y: float = 0.0, size: float = 1e4) -> cltrace.Mesh:
@@ -109,8 +117,8 @@ def every_kind() -> list[np.ndarray]:
 
 def test_bytes_are_those_of_the_members() -> None:
     scene = crowd(every_kind())
-    whole = cltrace.render(scene, outputs=("color", "shadow_rays"))
-    single = cltrace.render(scene.lit_by(scene.lamps), outputs=("color", "shadow_rays"))
+    whole = cltrace.render(scene, outputs=OUTPUTS)
+    single = cltrace.render(scene.lit_by(scene.lamps), outputs=OUTPUTS)
     assert whole.color.tobytes() == single.color.tobytes()
     assert whole.shadow_rays.tobytes() == single.shadow_rays.tobytes()
     assert whole.shadow_rays.max() > 24
@@ -119,16 +127,16 @@ def test_bytes_are_those_of_the_members() -> None:
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_the_reference_traces_the_same_members(precision: Any) -> None:
     scene = crowd(every_kind())
-    image = cltrace.render(scene, precision=precision, outputs=("rgb8", "id"))
+    image = cltrace.render(scene, precision=precision, outputs=OUTPUTS)
     report = check(scene, image, precision, pixels=200)
     assert report.ok, report
 
 
 def test_parts_and_all_devices_have_the_same_bytes() -> None:
     scene = crowd(every_kind())
-    whole = cltrace.render(scene).rgb8
-    assert (cltrace.render(scene, crop=(17, 9, 50, 41)).rgb8 == whole[9:41, 17:50]).all()
-    assert (cltrace.render(scene, device="all").rgb8 == whole).all()
+    whole = cltrace.render(scene, outputs=OUTPUTS).rgb8
+    assert (cltrace.render(scene, outputs=OUTPUTS, crop=(17, 9, 50, 41)).rgb8 == whole[9:41, 17:50]).all()
+    assert (cltrace.render(scene, device="all", outputs=OUTPUTS).rgb8 == whole).all()
 
 
 @pytest.mark.slow
@@ -222,24 +230,22 @@ def few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_bit_depends_on_how_many_lights_are_added_at_once(
     precision: Any, few_at_a_time: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene, outputs = crowd(every_kind()), ("rgb8", "color", "depth", "id")
-    renderer = cltrace.Renderer(scene, precision=precision, outputs=outputs)  # type: ignore[arg-type]
+    scene = crowd(every_kind())
+    renderer = cltrace.Renderer(scene, precision=precision, outputs=SUMS)
     assert "WITH_PASSES" in renderer.plan.features
     few = renderer.render()
     again = renderer.render()
     monkeypatch.setattr(passes, "WHOLE", 2**24)
-    whole = cltrace.Renderer(scene, precision=precision, outputs=outputs)  # type: ignore[arg-type]
+    whole = cltrace.Renderer(scene, precision=precision, outputs=OUTPUTS)
     assert "WITH_PASSES" not in whole.plan.features
     image = whole.render()
-    for name in outputs:
+    for name in SUMS:
         assert getattr(few, name).tobytes() == getattr(image, name).tobytes() == getattr(again, name).tobytes()
-    kinds = "shadow rays traced", "highlights computed"
-    assert [renderer.work()[kind] for kind in kinds] == [whole.work()[kind] for kind in kinds]
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_at_a_time")
-def test_passes_draw_parts_updates_and_what_several_devices_share() -> None:
+def test_passes_draw_parts_updates_and_what_several_devices_share(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = crowd(every_kind())
     renderer = cltrace.Renderer(scene)
     whole = renderer.render().rgb8.copy()
@@ -251,18 +257,22 @@ def test_passes_draw_parts_updates_and_what_several_devices_share() -> None:
     assert (renderer.look(camera).render().rgb8 == cltrace.render(scene.seen_by(camera)).rgb8).all()
     renderer.update(colors=(0.2, 0.4, 0.6))
     assert (renderer.render().rgb8 == cltrace.render(renderer.scene).rgb8).all()
+    work = renderer.work()
+    monkeypatch.setattr(passes, "WHOLE", 2**24)
+    for kind in ("shadow rays traced", "highlights computed"):
+        assert work[kind] == cltrace.Renderer(renderer.scene).work()[kind] > 0
 
 
 @pytest.mark.usefixtures("few_at_a_time")
 def test_rows_are_told_once_and_whoever_looks_on_may_stop_it() -> None:
     scene = crowd(every_kind())
     told: list[int] = []
-    renderer = cltrace.Renderer(scene)
+    renderer = cltrace.Renderer(scene, outputs=SUMS)
     renderer.draw(told.append)
     assert sum(told) == 64
     with pytest.raises(KeyboardInterrupt):
         renderer.draw(_interrupt)
-    assert (renderer.render().rgb8 == cltrace.render(scene).rgb8).all()
+    assert (renderer.render().rgb8 == cltrace.render(scene, outputs=SUMS).rgb8).all()
 
 
 def _interrupt(rows: int) -> None:
@@ -270,7 +280,13 @@ def _interrupt(rows: int) -> None:
 
 
 @pytest.mark.usefixtures("few_at_a_time")
-@pytest.mark.parametrize("how", [{"antialias": True}, {"outputs": ("shadow_rays",)}, {"outputs": ("id",)}])
-def test_what_is_no_sum_over_lights_is_one_pass(how: Any) -> None:
-    assert "WITH_PASSES" not in cltrace.Renderer(crowd(every_kind()), **how).plan.features
-    assert "WITH_PASSES" not in cltrace.Renderer(crowd([cltrace.point_light((1, 9, 3))] * 9)).plan.features
+def test_what_is_no_sum_over_lights_is_one_pass() -> None:
+    soft, points = crowd(every_kind()), crowd([cltrace.point_light((1, 9, 3))] * 9)
+    for scene, request, more in (
+        (soft, Request(), True),
+        (soft, Request(samples=16), False),
+        (soft, Request(outputs=("shadow_rays",)), False),
+        (soft, Request(outputs=("id",)), False),
+        (points, Request(), False),
+    ):
+        assert (len(passes.passes_of(World.of(scene, request), request)) > 1) == more, request

@@ -21,6 +21,7 @@ LIGHTS = [cltrace.ambient_light("white")]
 FLAT = {"ka": 1, "kd": 0, "ks": 0}
 # What smooth pictures with effects have the kernel write, so that all of them share one program.
 SMOOTH = ("rgb8", "color", "alpha")
+PLAIN = ("rgb8", "color", "alpha", "id", "depth")  # the same of plain ones
 
 
 def scene(n: int = 25, background: Any = "white", seed: int = 0, **more: Any) -> cltrace.Scene:
@@ -30,7 +31,7 @@ def scene(n: int = 25, background: Any = "white", seed: int = 0, **more: Any) ->
 
 
 def draw(of: cltrace.Scene, device: Device, **how: Any) -> cltrace.Image:
-    return cltrace.render(of, device, **{"outputs": ("rgb8", "color", "id", "depth"), **how})
+    return cltrace.render(of, device, **{"outputs": PLAIN, **how})
 
 
 def line_by_hand(id: np.ndarray, depth: np.ndarray, radius: float) -> np.ndarray:
@@ -66,7 +67,7 @@ def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
     plain = draw(scene(), device, antialias=True, outputs=SMOOTH)
     image = draw(scene(), device, antialias=True, outputs=SMOOTH, outline=((1, 0, 0.5), 1.5))
     fine = scene().seen_by(replace(CAMERA, resolution=(4 * SIZE[0], 4 * SIZE[1])))
-    rays = cltrace.render(fine, device, outputs=("id", "depth"))
+    rays = draw(fine, device)
     line = line_by_hand(rays.id, rays.depth, (1.5 * 4 - 1) / 2)
     share = line.reshape(SIZE[1], 4, SIZE[0], 4).mean(axis=(1, 3))[..., None]
     assert ((share > 0) & (share < 1)).sum() > 100
@@ -79,7 +80,8 @@ def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
 def test_crops_and_bands_are_parts_of_the_whole(
     antialias: bool, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    how = {"outline": ("black", 3), "fog": ("white", 7, 11), "antialias": antialias, "outputs": SMOOTH}
+    outputs = SMOOTH if antialias else PLAIN
+    how = {"outline": ("black", 3), "fog": ("white", 7, 11), "antialias": antialias, "outputs": outputs}
     whole = draw(scene(), device, **how)
     x0, y0, x1, y1 = 13, 7, 38, 30
     renderer = cltrace.Renderer(scene(), device, **how)
@@ -125,12 +127,12 @@ def test_lines_fade(device: Device) -> None:
 
 @pytest.mark.parametrize("antialias", [False, True])
 def test_lines_over_nothing_have_alpha(antialias: bool, device: Device) -> None:
-    how = {"antialias": antialias, "outline": ("red", 3)}
-    image = draw(scene(background="#ffffff00"), device, **how, outputs=SMOOTH)
-    opaque = draw(scene(), device, **how, outputs=SMOOTH)
+    how = {"antialias": antialias, "outputs": SMOOTH if antialias else PLAIN}
+    image = draw(scene(background="#ffffff00"), device, **how, outline=("red", 3))
+    opaque = draw(scene(), device, **how, outline=("red", 3))
     over = image.color * image.alpha[..., None] + (1 - image.alpha[..., None])
     assert np.abs(over - opaque.color).max() < 1e-5
-    plain = draw(scene(background="#ffffff00"), device, antialias=antialias, outputs=SMOOTH)
+    plain = draw(scene(background="#ffffff00"), device, **how)
     assert ((image.alpha == 1) & (plain.alpha == 0)).any()
     assert (image.alpha >= plain.alpha).all()
     assert np.abs(image.rgba8[..., 3] - 255 * image.alpha).max() <= 0.5

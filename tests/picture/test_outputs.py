@@ -24,7 +24,7 @@ from cltrace.picture import palettes, storing
 from cltrace.picture.image import OUTPUTS
 
 SCENE = Path(__file__).parents[2] / "scenes" / "first.xml"
-MESHES = SCENE.with_name("step4-meshes.xml")
+SHADOWS, MESHES = SCENE.with_name("step3-shadows.xml"), SCENE.with_name("step4-meshes.xml")
 ALL = tuple(name for name in OUTPUTS if name not in ("work", "shadow_rays", "error", "coverage"))
 
 
@@ -217,10 +217,12 @@ def test_one_run_writes_many_files(tmp_path: Path) -> None:
 
 def test_options_of_files(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
     deep, some = tmp_path / "deep.png", tmp_path / "some.npz"
-    assert run("-o", deep, "--bits", 16, "-o", some, "--outputs", "id,depth", "--transparent", "-o", "-") == 0
+    outputs = "id,depth,normal,rgb8"
+    kinds = ["--bits", 16, "-o", some, "--outputs", outputs, "--transparent"]
+    assert run("-o", deep, *kinds, "-o", "-", scene=SHADOWS) == 0
     assert png16(deep.read_bytes()).shape == (60, 90, 4)
     with np.load(some) as arrays:
-        assert set(arrays) == {"depth", "id"}
+        assert set(arrays) == set(outputs.split(","))
     # What goes to stdout is a PNG, too, of the same picture.
     assert np.array_equal(png16(capfdbinary.readouterr().out), png16(deep.read_bytes()))
     assert run("-o", tmp_path / "n.npy", "--show", "normal") == 0
@@ -259,7 +261,7 @@ def test_what_makes_no_sense_is_said_before_anything_is_drawn(
     if "a.exr" in options:
         pytest.importorskip("OpenEXR")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cltrace.renderers.renderer, "Renderer", None)
+    monkeypatch.setattr("cltrace.cli.picture.Renderer", None)
     assert run(*options) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"cltrace: {message}")
@@ -272,7 +274,7 @@ def test_a_missing_package_is_said_before_anything_is_drawn(
 ) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "OpenEXR" else find(name))
-    monkeypatch.setattr(cltrace.renderers.renderer, "Renderer", None)
+    monkeypatch.setattr("cltrace.cli.picture.Renderer", None)
     words = "writing .exr needs the package OpenEXR, which is not installed: pip install 'cltrace[exr]'"
     assert run("-o", tmp_path / "a.exr", "-o", tmp_path / "a.png") == 2
     assert capsys.readouterr().err == f"cltrace: {words}\n"
@@ -302,8 +304,7 @@ def test_a_pipe_is_written_into(suffix: str, tmp_path: Path) -> None:
 
 
 def test_stats_of_many_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = SCENE.with_name("step3-shadows.xml")
-    assert run("-o", tmp_path / "a.npz", "-o", tmp_path / "a.png", "--stats=json", scene=scene) == 0
+    assert run("-o", tmp_path / "a.npz", "-o", tmp_path / "a.png", "--stats=json", scene=SHADOWS) == 0
     stats = json.loads(capsys.readouterr().out)
     assert {"OUT_RGB8", "OUT_COLOR", "OUT_NORMAL", "OUT_DEPTH", "OUT_ID"} <= set(stats["features"])
 

@@ -69,7 +69,7 @@ def test_a_handler_that_returns_costs_no_pixel() -> None:
 
 
 def test_another_thread_stops_a_frame() -> None:
-    renderer, begun = cltrace.Renderer(nested()), threading.Event()
+    renderer, begun = cltrace.Renderer(nested(), outputs=("color",)), threading.Event()
     told: list[int] = []
 
     def drawn(rows: int) -> None:

@@ -137,7 +137,7 @@ def test_material_and_placement(device: Device) -> None:
 def test_the_reference_has_the_same_colors(device: Device) -> None:
     mesh = square(colors=[RED, GREEN, BLUE, BLACK])
     scene = cltrace.Scene.from_meshes(CAMERA, [cltrace.ambient_light("white")], mesh)
-    image = cltrace.render(scene, device, outputs=("color",))
+    image = picture(mesh, device)
     for x, y in ((3, 5), (40, 20), (60, 60)):
         told = cltrace.explain(scene, x, y).color
         assert np.abs(np.array(told) - image.color[y, x]).max() < 1e-6
