@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.record import Hit, LightTerm, Triple
+from cltrace.explanation.record import Hit, LightTerm
+from cltrace.explanation.triples import Triple
 from cltrace.students.places import members
 
 # Lines that are drawn at most: glass in the light of a sky has more.
