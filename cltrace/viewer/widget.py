@@ -48,7 +48,8 @@ class Widget(anywidget.AnyWidget):
         self._line: Line | None = None
         super().__init__(picture=stage.draw(stage.frames[0], "color", "exact", lambda: False).file(".png"))
         self.on_msg(self._hear)
-        get_ipython().observe(self._end, "exit_now")  # which the shell says when the kernel stops
+        self._shell = get_ipython()
+        self._shell.observe(self._end, "exit_now")  # which it says when the kernel stops
 
     @property
     def camera(self) -> AnyCamera:
@@ -57,7 +58,8 @@ class Widget(anywidget.AnyWidget):
     def close(self) -> None:
         """Ends it, here and in the notebook."""
         self._end()
-        get_ipython().unobserve(self._end, "exit_now")
+        if self.comm is not None:  # it is open
+            self._shell.unobserve(self._end, "exit_now")
         super().close()
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -86,7 +88,6 @@ class Widget(anywidget.AnyWidget):
 
     def _end(self, *_: object) -> None:
         """Ends what is drawn."""
-        self._session.close()
         if self._line:
             self._line.hear(None)
 

@@ -60,7 +60,7 @@ def rested(page: Any) -> None:
 
 def shown(page: Any) -> np.ndarray:
     """The bytes of the canvas."""
-    data = page.evaluate("() => document.querySelector('#picture').toDataURL()")
+    data = page.locator("#picture").evaluate("(canvas) => canvas.toDataURL()")
     with Picture.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))) as picture:
         return np.asarray(picture.convert("RGB"))
 

@@ -254,7 +254,7 @@ def test_a_browser_is_opened(spec: str, tmp_path: Path) -> None:
     assert seen.read_text() == f"{address[0]}\n"
 
 
-def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program(spec: str) -> None:
     """Shows its scene until Ctrl-C, and goes on after it. What makes no sense is said before."""
     scene = f"import cltrace; scene = cltrace.load({str(FILE)!r}); "
     line = [sys.executable, "-u", "-c", f"{scene}cltrace.view(scene, {spec!r}, samples=64); print('goes on')"]
@@ -271,9 +271,6 @@ def test_a_program(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
         cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)
     with pytest.raises(ValueError, match=r"^outline: "):
         cltrace.view(cltrace.load(FILE), spec, outline=("black", -1))
-    monkeypatch.setitem(sys.modules, "ipykernel", sys)
-    with pytest.raises(RuntimeError, match="notebook"):
-        cltrace.view(cltrace.load(FILE))
 
 
 def test_a_port_in_use_is_another_port(spec: str) -> None:

@@ -191,6 +191,7 @@ export function view(root, tell, signal) {
     ask("centre", pixel(event));
   });
   picture.addEventListener("wheel", (event) => {
+    if (root !== document && root.activeElement !== picture) return; // it is what is around that scrolls
     event.preventDefault();
     const pixels = event.deltaY * [1, 16, innerHeight][event.deltaMode];
     send("zoom", 0, pixels / NOTCH);

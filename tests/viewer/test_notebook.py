@@ -1,0 +1,145 @@
+"""Notebooks: one that is executed without a browser, and one in JupyterLab, in Chromium, where these are."""
+
+# ruff: noqa: F401, F811
+from __future__ import annotations
+
+import base64
+import io
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+# Fixtures and helpers of the page's tests: the widget is the same page.
+from test_browser import browser, middle, page, rested, shown, spec
+from test_server import FILE
+
+import cltrace
+
+pytestmark = pytest.mark.slow
+nbformat = pytest.importorskip("nbformat", reason="pip install jupyterlab")
+
+
+# How a notebook's own elements look, which is none of the widget's business.
+STYLES = """() => ['header', 'fieldset', 'button', 'p', 'pre', 'form', 'canvas'].map((name) => {
+  const element = document.body.appendChild(document.createElement(name)), style = getComputedStyle(element);
+  const found = [...style].map((property) => style.getPropertyValue(property)).join();
+  element.remove();
+  return found;
+})"""
+
+
+def notebook(spec: str, *cells: str) -> Any:
+    first = f"import cltrace\nscene = cltrace.load({str(FILE)!r})\nview = cltrace.view(scene, {spec!r})\nview"
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
+    return nbformat.v4.new_notebook(metadata=kernel, cells=list(map(nbformat.v4.new_code_cell, (first, *cells))))
+
+
+def test_executed(spec: str, tmp_path: Path) -> None:
+    """Its picture is the command's, and is in the page that nbconvert makes."""
+    nbclient = pytest.importorskip("nbclient")
+    nbconvert = pytest.importorskip("nbconvert")
+    book = nbformat.from_dict(notebook(spec, "view.camera == scene.camera"))
+    nbclient.NotebookClient(book, store_widget_state=False).execute()
+    (output,) = book.cells[0].outputs
+    cltrace.render(cltrace.load(FILE), spec).save(tmp_path / "exact.png")
+    data = output["data"]["image/png"]
+    assert base64.b64decode(data) == (tmp_path / "exact.png").read_bytes()
+    assert book.cells[1].outputs[0]["data"]["text/plain"] == "True"
+    html, _ = nbconvert.HTMLExporter().from_notebook_node(book)
+    assert f'src="data:image/png;base64,{data.strip()}"' in html.replace("\n", "")
+
+
+@contextmanager
+def jupyterlab(folder: Path) -> Iterator[str]:
+    """JupyterLab in its dark theme, with settings of its own. Yields its address."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    theme = folder / "config" / "lab" / "user-settings" / "@jupyterlab" / "apputils-extension"
+    theme.mkdir(parents=True)
+    (theme / "themes.jupyterlab-settings").write_text('{"theme": "JupyterLab Dark"}')
+    own = {"JUPYTER_CONFIG_DIR": "config", "JUPYTER_DATA_DIR": "data", "JUPYTER_RUNTIME_DIR": "run", "IPYTHONDIR": "i"}
+    env = os.environ | {name: str(folder / value) for name, value in own.items()}
+    options = [
+        "--no-browser",
+        "--allow-root",
+        f"--port={port}",
+        "--ServerApp.port_retries=0",
+        "--IdentityProvider.token=t",
+    ]
+    options += [f"--ServerApp.root_dir={folder}", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"]
+    line = [sys.executable, "-m", "jupyterlab", *options]
+    log = folder / "log"
+    with log.open("w") as said, subprocess.Popen(line, stderr=said, env=env) as process:
+        try:
+            while "is running at" not in log.read_text():
+                assert process.poll() is None, log.read_text()
+                time.sleep(0.1)
+            yield f"http://127.0.0.1:{port}/lab/tree/book.ipynb?token=t"
+        finally:
+            process.terminate()
+            process.wait(60)
+
+
+def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
+    """The hand, the keys, the theme; the notebook around it stays as it is; the next cell has the camera."""
+    pytest.importorskip("jupyterlab")
+    nbformat.write(notebook(spec, "print(view.camera)"), tmp_path / "book.ipynb")
+    scene = cltrace.load(FILE)
+    with jupyterlab(tmp_path) as address:
+        page.goto(address)
+        page.wait_for_selector("text=Python 3 >> visible=true")
+        page.click(".jp-Cell >> nth=0")
+        before = page.evaluate(STYLES)
+        page.keyboard.press("Shift+Enter")
+        rested(page)
+        assert page.evaluate(STYLES) == before
+        home = cltrace.render(scene, spec, antialias=True).rgb8
+        assert (shown(page) == home).all()
+        assert luminance(page, "#views") < 100
+
+        # Keys and the wheel are the widget's where it has the focus, and else the notebook's.
+        x, y = middle(page)
+        page.mouse.move(x, y)
+        page.mouse.wheel(0, -100)
+        rested(page)
+        assert (shown(page) == home).all()
+        page.mouse.down()
+        page.mouse.move(x + 60, y - 30, steps=6)
+        page.mouse.up()
+        page.keyboard.press("o")
+        rested(page)
+        before = shown(page)
+        page.mouse.wheel(0, -100)
+        rested(page)
+        assert (shown(page) != before).any()
+        page.keyboard.press("ArrowLeft")
+        page.keyboard.press("r")
+        page.keyboard.press("u")
+        page.keyboard.press("x")  # which cuts a cell
+        rested(page)
+        assert page.locator(".jp-CodeCell").count() == 2
+        turned = shown(page)
+        page.click(".jp-Cell >> nth=1")
+        page.keyboard.press("Shift+Enter")
+        printed = page.inner_text(".jp-Cell >> nth=1 >> .jp-OutputArea-output")
+        camera = eval(f"cltrace.{printed}", {"cltrace": cltrace})
+        assert isinstance(camera, cltrace.Orthographic)
+        assert (turned == cltrace.render(scene.seen_by(camera), spec, antialias=True).rgb8).all()
+        page.close()  # before it misses its server
+
+
+def luminance(page: Any, selector: str) -> float:
+    """Of the corner of an element, 0 to 255."""
+    with Picture.open(io.BytesIO(page.locator(selector).screenshot())) as picture:
+        return float(np.asarray(picture.convert("L"))[-2:, -2:].mean())
