@@ -327,8 +327,9 @@ def test_sliders_and_movie(page: Any, spec: str, tmp_path: Path) -> None:
         assert moved("#samples", "ArrowRight") == "32"
         assert moved("#lights input >> nth=1", "Home") == "0 %"
         page.click("text=reset")
+        angle = f"{2 * home.horizontal_fov:g}°"
         page.wait_for_function(
-            "() => document.querySelector('#fov').ariaValueText === '%s°'" % (2 * home.horizontal_fov)
+            "(text) => document.querySelector('#fov').getAttribute('aria-valuetext') === text", arg=angle
         )
         rested(page)
         assert page.input_value("#lights input >> nth=1") == "1"
