@@ -268,8 +268,9 @@ def test_a_program(spec: str) -> None:
         async def open_page(line: Any) -> None:
             await until(line, "exact")
             process.send_signal(signal.SIGINT)
-            async for _ in line:
-                pass
+            async with asyncio.timeout(15):  # and not when the page has not answered for 30
+                async for _ in line:
+                    pass
 
         assert run(running, open_page) == 101
         assert process.communicate(timeout=15)[0].endswith("goes on\n")
