@@ -718,6 +718,18 @@ MUTATIONS = [
     ),
     Mutation("self._shown.clear()", "pass", "viewer: pictures that wait", f"{VIEWER} -k wait_for_the_one_before"),
     Mutation("presses != self.presses", "False", "viewer: rest", "tests/viewer/test_session.py -k at_rest_ends"),
+    Mutation("if message.data:  #", "if True:  #", "viewer: errors that wait", f"{VIEWER} -k error_is_no_picture"),
+    Mutation("shutdown_timeout=0.1", "shutdown_timeout=0", "viewer: Ctrl-C beside a page", f"{VIEWER} -k program"),
+    Mutation(
+        "camera = scene.camera if self.camera == before else self.camera",
+        "camera = scene.camera",
+        "viewer: frames keep a moved camera",
+        "tests/viewer/test_film.py -k animate",
+    ),
+    Mutation(
+        "lights[name][number] *= share", "pass", "viewer: dimmed lights", "tests/viewer/test_session.py -k lights"
+    ),
+    Mutation("blocker or end)", "end)", "viewer: blocked shadow rays", "tests/viewer/test_session.py -k rays_of"),
     Mutation("if remember and self._rested:", "if remember:", "viewer: undo", "tests/viewer/test_session.py -k undo"),
     Mutation("time.time() - self._start >= DELAY", "True", "bars of short work", "tests/base/test_progress.py"),
     Mutation(

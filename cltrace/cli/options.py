@@ -357,7 +357,7 @@ class _Given:
         from cltrace.movie.names import MOVIES
 
         args = self._args
-        single = None if args.view else self._first(ONE)
+        single = None if args.view and len(args.scenes) == 1 else self._first(ONE)
         single = single or ("--show lit" if args.show == LIT else "-o -" if output == "-" else None)
         if single:
             raise UsageError(f"{single} is for one picture, of one scene")

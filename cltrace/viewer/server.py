@@ -61,7 +61,7 @@ class Server:
         app = web.Application(middlewares=[self._guarded])
         app.router.add_get("/{token}/socket", self._window)
         app.router.add_get("/{token}/{name:.*}", self._file)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1)  # of 0, it waits for ever
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         ready()

@@ -32,6 +32,8 @@ from cltrace.viewer.stage import VIEWS, Drawn, OverError, Phase, Stage
 
 # Seconds that the pixels of a moving picture may take, and by what its sides are divided at most.
 PACE, SMALLEST = 1 / 60, 4
+# What no pixel's id is.
+NOTHING = -2
 # Cameras that can be gone back to.
 UNDO = 1000
 MOVES: dict[str, Callable[[AnyCamera, float, float], AnyCamera]] = {
@@ -54,7 +56,7 @@ class Session:
         self._scene, self._frames, self._lights = stage.scene, stage.frames, Lights()
         self.camera = self._scene.camera
         self._pinhole = self.camera if isinstance(self.camera, Camera) else Camera()
-        self._explained: int | None = None  # the surface that is outlined
+        self._explained = NOTHING  # the surface that is outlined
         self._rest: Phase = "smooth"  # what comes after the outline
         self._undo, self._count, self._divisor = deque[AnyCamera](maxlen=UNDO), 0, 2
         self._rested = True  # whether the exact picture of this camera was there
@@ -105,7 +107,7 @@ class Session:
         phase, count = self.phase, self._count
         if phase == "done":
             return None
-        moving, outline = phase == "moving", phase == "outline"
+        moving, outline, explained = phase == "moving", phase == "outline", self._explained
         try:
             self._follow()
             camera, home = self.camera, self.camera == self._scene.camera
@@ -119,7 +121,7 @@ class Session:
             return Message("error", str(error) or "not enough memory")
         self._done(count, self._after(phase))
         if outline:
-            return Message(phase, data=_around(picture.image.id == self._explained), number=count)
+            return Message(phase, data=_around(picture.image.id == explained), number=count)
         if moving:
             self._divisor = next_divisor(self._divisor, picture.seconds)
         data = picture.file(".jpg" if moving else ".png")
@@ -168,17 +170,11 @@ class Session:
 
     def _after(self, phase: Phase) -> Phase:
         """What comes after a picture."""
-        if phase == "moving":
-            return "exact"
         if phase == "exact":
             self._rest = "smooth" if self.view == "color" else "done"
-        return (
-            "outline"
-            if phase == "exact" and self._explained is not None
-            else self._rest
-            if phase != "smooth"
-            else "done"
-        )
+            return self._rest if self._explained == NOTHING else "outline"
+        after: dict[Phase, Phase] = {"moving": "exact", "outline": self._rest}
+        return after.get(phase, "done")
 
     def _follow(self) -> None:
         """Takes the scene of the frame. A camera that was not moved is then the new one's."""
@@ -242,20 +238,22 @@ class Session:
         yield Message("explanation", "\n".join([found.line, *told, "", str(found)]))
         yield Message("lines", as_json(found, reach=math.dist(camera.position, camera.lookat)))
         with self._lock:
-            self._explained = hit.surface.id if hit else None
-            if hit and self.phase in ("smooth", "done"):
-                self._rest, self.phase = self.phase, "outline"
+            self._explained = hit.surface.id if hit else NOTHING
+            if self.phase in ("outline", "smooth", "done"):  # also where another one is being outlined
+                self._rest = self._rest if self.phase == "outline" else self.phase
+                self.phase, self._count = "outline", self._count + 1
 
     def _beside(self, found: Explanation) -> Iterator[str]:
-        """What the picture of --compare has there, if it is of the same camera and size."""
-        compared = self.stage.compared() if self.camera == self.stage.scene.camera else None
+        """What the picture of --compare has there, if it is of the same camera, lights and size."""
+        scene = self.stage.scene
+        if self.camera != scene.camera or self._lights.on(self._scene).lights is not scene.lights:
+            return
+        compared = self.stage.compared()
         if compared and compared.mine.shape[1::-1] == (found.width, found.height):
-            mine = compared.mine[found.y, found.x]
+            mine = tuple(compared.mine[found.y, found.x].tolist())
             wrong = compared.error[found.y, found.x] > compared.tolerance
-            advice = (
-                f", which is wrong: look at {look_at(found, tuple(mine.tolist()))}" if wrong else ", which is right"
-            )
-            yield f"the other picture has {' '.join(map(str, mine))}{advice}"
+            advice = f"wrong: look at {look_at(found, mine)}" if wrong else "right"
+            yield f"the other picture has {' '.join(map(str, mine))}, which is {advice}"
 
     def _written(self) -> Iterator[Message]:
         """Writes the movie, unless the window is closed meanwhile."""

@@ -46,7 +46,7 @@ def view(
     frames: a movie to look through: a list of what animate() takes, such as cameras, scenes and dicts of what changes,
     or a function that makes one of its number, from 0 to count - 1; output, fps: as of animate(), which a button calls.
 
-    Raises MissingPackageError without it, and what Renderer raises.
+    Raises MissingPackageError without it, TypeError and ValueError for what makes no sense, and what Renderer raises.
     """
     options: dict[str, Any] = {"precision": precision, "outline": outline, "fog": fog}
     chosen = device if isinstance(device, Device) else choose(device)

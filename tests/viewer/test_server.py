@@ -264,8 +264,16 @@ def test_a_program(spec: str) -> None:
         assert match
         running = Running(match[0])
         assert running.status(urlsplit(running.address).path, Host=running.host) == 200
-        process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=30)[0].endswith("goes on\n")
+
+        async def open_page(line: Any) -> None:
+            await until(line, "exact")
+            process.send_signal(signal.SIGINT)
+            async with asyncio.timeout(15):  # and not when the page has not answered for 30
+                async for _ in line:
+                    pass
+
+        assert run(running, open_page) == 101
+        assert process.communicate(timeout=15)[0].endswith("goes on\n")
     assert process.returncode == 0
     with pytest.raises(ValueError, match=r"^samples: goes with"):
         cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)

@@ -320,6 +320,9 @@ def test_the_explained_surface_is_outlined(session: Session, spec: str) -> None:
     drawn(session)
     list(session.answer(Event("explain", 240, 180)))
     assert kinds(drawn(session)) == ["outline"]
+    list(session.answer(Event("explain", 0, 0)))
+    assert not pixels(drawn(session)[0]).any()
+    list(session.answer(Event("explain", 240, 180)))
     session.handle(Event("orbit", 0.1))
     pictures = drawn(session)
     assert kinds(pictures) == ["moving", "exact", "outline", "smooth"]
@@ -480,5 +483,8 @@ def test_a_click_says_what_is_wrong_there(spec: str) -> None:
     wrong, same = (next(session.answer(Event("explain", 240, y))).text.split("\n") for y in (180, 181))
     assert wrong[1].startswith("the other picture has 0 0 0, which is wrong: look at ")
     assert same[1] == f"the other picture has {' '.join(map(str, right[181, 240]))}, which is right"
+    session.handle(Event("light", 0, 0.5))
+    assert "other picture" not in next(session.answer(Event("explain", 240, 180))).text
+    session.handle(Event("reset"))
     session.handle(Event("orbit", 0.1))
     assert "other picture" not in next(session.answer(Event("explain", 240, 180))).text
