@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def _along_cylinders(amount: int) -> Scenes:
 
 def _meshed(shape: str, offset: float, amount: int) -> Scenes:
     """Rays through edges hit both triangles or none, and slivers are missed; far away, so are their digits."""
-    make = {
+    make: dict[str, Callable[[], tuple[Any, Any, Any]]] = {
         "ball": partial(bowl, 200),
         "hills": partial(hills, 200),
         "soup": partial(scattered, 200, 1),
