@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -81,12 +82,13 @@ def _along_cylinders(amount: int) -> Scenes:
 
 def _meshed(shape: str, offset: float, amount: int) -> Scenes:
     """Rays through edges hit both triangles or none, and slivers are missed; far away, so are their digits."""
-    vertices, faces, normals = {
-        "ball": lambda: bowl(200),
-        "hills": lambda: hills(200),
-        "soup": lambda: scattered(200, 1),
-        "slivers": lambda: scattered(2000, 0.1),
-    }[shape]()
+    make: dict[str, Callable[[], tuple[Any, Any, Any]]] = {
+        "ball": partial(bowl, 200),
+        "hills": partial(hills, 200),
+        "soup": partial(scattered, 200, 1),
+        "slivers": partial(scattered, 2000, 0.1),
+    }
+    vertices, faces, normals = make[shape]()
     move = offset * np.array([1, -0.7, 0.3])
     camera = looking(move.tolist(), 0.6, frame(amount, 300))
     lights = (LIGHTS[0], point_light((np.array([6, 8, 2]) + move).tolist(), (0.7, 0.7, 0.7)))

@@ -209,7 +209,7 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
     width = scene.camera.resolution[0]
     world = world_of(scene)
     # The same lights in white, with nothing in their way.
-    nothing = replace(scene, spheres=scene.spheres[:1], cylinders=None, bonds=None, meshes=())
+    nothing = replace(scene, spheres=scene.spheres[:1], cylinders=scene.cylinders[:0], bonds=None, meshes=())
     bare = [replace(world_of(lamp), surfaces=[]) for lamp in lamps(nothing)]
     n, k = len(pixels), len(world.lights)
     out = Answer(
