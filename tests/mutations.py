@@ -736,25 +736,25 @@ MUTATIONS = [
         "self.high - self.low <= AGREE * self.median",
         "self.low - self.high <= AGREE * self.median",
         "the benchmark draws times that waver",
-        RESULTS,
+        f"{RESULTS} -k rounds_agree",
     ),
     Mutation(
         'if shares["others"] > OTHERS:',
         'if shares["others"] < OTHERS:',
         "a loaded machine does not say so",
-        RESULTS,
+        f"{RESULTS} -k a_loaded_machine",
     ),
     Mutation(
         "yield Change(MORE if b > a else LESS",
         "yield Change(MORE if b < a else LESS",
         "more work than before is taken for less",
-        RESULTS,
+        f"{RESULTS} -k got_worse",
     ),
     Mutation(
         "if not ratios and not gone:",
         "if ratios or not gone:",
         "figures that are older than the code are not marked",
-        RESULTS,
+        f"{RESULTS} -k older_than_the_code",
     ),
 ]
 

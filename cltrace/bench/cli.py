@@ -149,7 +149,7 @@ class Bench:
             print(report.scene_table(out.points[first:]), end="\n\n", flush=True)
         budget = replace(self.budget, errors=False)
         if math.isfinite(budget.seconds):  # else so many rounds were asked for
-            budget = replace(budget, seconds=3)
+            budget = replace(budget, seconds=2)
         few_tracers = [t for t in tracers if t.grows]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")

@@ -46,7 +46,7 @@ class Budget:
     """
 
     rounds: int = 7
-    seconds: float = 5.0
+    seconds: float = 3.0
     errors: bool = True
     sample: int = SAMPLE
 

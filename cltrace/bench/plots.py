@@ -206,7 +206,7 @@ def time_error(points: Sequence[Point], page: Page) -> Figure | None:
         ax.set_xlabel(FRAME)
     figure.supylabel("pixels that differ from the truth", fontsize=11)
     ring = Line2D([], [], linestyle="", marker="o", color="#8a8f98", markerfacecolor="none", markersize=13)
-    marks.legend(axes[len(panels)], {"Pareto front: nothing else is\nboth faster and more accurate": ring})
+    marks.legend(axes[len(panels)], {"Pareto front: nothing else here is\nboth faster and more accurate": ring})
     return figure
 
 

@@ -165,6 +165,8 @@ def summary(results: Results) -> str:
         said.append(f"Peers: {', '.join(versions)}.")
     if results.missing:
         said.append(f"Missing: {'; '.join(results.missing)}.")
+    if not results.finished:
+        said.append("**Interrupted**: this is a part of what there is to measure.")
     if results.loaded:
         said.append(f"**{results.loaded}**: times are in doubt.")
     return "\n".join([*out, " ".join(said)]) + "\n"

@@ -10,12 +10,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.plan.request import PRECISIONS
 from cltrace.renderers.renderer import default_precision
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
 
 from .catalogue import CATALOGUE, Case, Limits, Refusal
 from .errors import Errors, compare
+from .others import OTHERS, Judged
 from .report import number
 from .tracers import Baseline, Product
 from .truth import Answer, answer
@@ -53,25 +55,20 @@ class Say(Protocol):
 
 
 ABOUT = """
-Pixels are held against exact arithmetic. `required` is the most that is allowed to accurate and double; single and
-the textbook's tracer promise nothing but to draw numbers. wrong ids: another sphere, or none, or one where none is; t:
-largest error of a distance in ulp of float32, of which 0.5 is its rounding; false shadows and leaks: lights that do not
-arrive, or that must not; off by 2: pixels of which a byte is off by two levels or more; moved: pixels that differ
-from the first picture of the case."""
-HEAD = (
-    "tracer",
-    "verdict",
-    "pixels",
-    "wrong ids",
-    "t ulp",
-    "normal rad",
-    "false sh.",
-    "leaks",
-    "off by 2",
-    "NaN",
-    "moved",
-)
-WIDTHS = (24, 8, 7, 9, 9, 10, 9, 7, 8, 5, 7)
+A line a case: what it is, how many pixels are looked at, and what came out of each tracer: ok, or what is beyond the
+most that is allowed. Pixels are held against exact arithmetic, or where a scene is more than spheres against the
+reference tracer; means against 64 x 64 rays; updates against new scenes, bit by bit. accurate and double promise that
+all is ok; single and the textbook's tracer, which is float32 without any care, promise nothing but to draw numbers.
+ids: pixels with another surface, or none, or one where none is; ulp: largest error of a distance, in ulp of float32, of
+which 0.5 is its rounding; rad: of a normal; dark and leaks: lights that do not arrive, or that must not; off: pixels of
+which a byte is off by two levels or more; moved: pixels that differ from the case's first picture; NaN: no numbers."""
+NAMES = {
+    "not_finite": "NaN", "wrong_ids": "ids", "t_ulp": "ulp", "false_shadows": "dark", "leaks": "leaks",
+    "bytes_off": "off", "same": "moved", "normal": "rad",
+}  # fmt: skip
+# Of what is beyond its limit, so many kinds are told.
+TOLD = 2
+WIDTHS = (5, 52, 7)
 
 
 def pixels_of(scene: Scene) -> NDArray[np.intp]:
@@ -103,35 +100,70 @@ def examine(tracer: Product | Baseline, scenes: Sequence[Scene], truths: Sequenc
     )
 
 
-def _line(cells: Sequence[str]) -> str:
-    return (
-        "  "
-        + "  ".join(
-            c.ljust(w) if i < 2 else c.rjust(w) for i, (c, w) in enumerate(zip(cells, WIDTHS, strict=True))
-        ).rstrip()
-    )
+def verdict(found: Found, limits: Limits) -> str:
+    """What is beyond the limits, the worst kinds first, or ok."""
+    beyond = [
+        f"{number(value) if isinstance(value, float) else f'{value:,}'} {name}"
+        for field, name in NAMES.items()
+        if (most := getattr(limits, field)) is not None and (value := getattr(found, field)) > most
+    ]
+    return ", ".join(beyond[:TOLD]) or "ok"
 
 
-def _text(value: float) -> str:
-    return f"{value:,}" if isinstance(value, int) else number(value)
+def _line(cells: Sequence[str], columns: int) -> str:
+    widths = (*WIDTHS, *[22] * columns)
+    return "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
-def _required(limits: Limits) -> list[str]:
-    bounds = [limits.wrong_ids, limits.t_ulp, limits.normal, limits.false_shadows, limits.leaks, limits.bytes_off,
-              limits.not_finite, limits.same]  # fmt: skip
-    return ["required", "", "", *("" if b is None else _text(b) for b in bounds)]
-
-
-def _found(label: str, verdict: str, found: Found, limits: Limits) -> list[str]:
-    values = [(found.wrong_ids, 0), (found.t_ulp, 0), (found.normal, 0), (found.false_shadows, limits.false_shadows),
-              (found.leaks, limits.leaks), (found.bytes_off, limits.bytes_off), (found.not_finite, limits.not_finite),
-              (found.same, limits.same)]  # fmt: skip
-    return [label, verdict, f"{found.pixels:,}", *("" if limit is None else _text(x) for x, limit in values)]
-
-
-def chosen(quick: bool) -> Sequence[Case | Refusal]:
+def chosen(quick: bool) -> Sequence[AnyCase]:
     """The cases of a run: quick is every seventh."""
-    return CATALOGUE[::7] if quick else CATALOGUE
+    every = [*CATALOGUE, *OTHERS]
+    return every[::7] if quick else every
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a tracer makes of a case. text: its cell; ok: whether it is as required; finite: whether it drew numbers."""
+
+    text: str
+    ok: bool
+    finite: bool = True
+
+
+Of = Product | Baseline
+AnyCase = Case | Judged | Refusal
+
+
+def outcomes(case: AnyCase, tracers: Sequence[Of], say: Callable[[str], None]) -> tuple[int, list[Outcome | None]]:
+    """How many pixels a case has, or calls, and what each tracer makes of it; None where it has no say."""
+    if isinstance(case, Refusal):
+        refused = sum(_refuses(call) for call in case.calls)
+        every = len(case.calls)
+        return every, [Outcome("ok" if refused == every else f"{every - refused} not refused", refused == every),
+                       *[None] * (len(tracers) - 1)]  # fmt: skip
+    if isinstance(case, Judged):
+        pixels, out = 0, list[Outcome | None]()
+        for tracer in tracers:
+            if isinstance(tracer, Baseline):
+                out.append(None)
+                continue
+            say(tracer.name)
+            wrong, pixels = case.judge(tracer.on, tracer.precision)
+            ok = wrong <= case.most * pixels
+            out.append(Outcome("ok" if ok else f"{wrong:,} wrong", ok))
+        return pixels, out
+    scenes = list(case.scenes(1))
+    truths = [answer(scene, pixels_of(scene)) for scene in scenes]
+    out = []
+    for tracer in tracers:
+        say(tracer.name)
+        if isinstance(tracer, Baseline) and any(cannot := tracer.refuses(scene) for scene in scenes):
+            out.append(Outcome(f"no {cannot}", False))
+            continue
+        found = examine(tracer, scenes, truths, case.limits)
+        finite = case.limits.not_finite is None or found.not_finite == 0
+        out.append(Outcome(verdict(found, case.limits), found.within(case.limits), finite))
+    return sum(len(of.id) for of in truths), out
 
 
 def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
@@ -140,46 +172,35 @@ def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
     accurate and double promise that; single only that nothing is NaN; the textbook nothing. quick: every seventh case,
     without double.
     """
-    modes: list[tuple[Product | Baseline, bool, str]] = []
+    tracers: list[Of] = []
     for device in devices:
         default = default_precision(device)
-        names = (
-            [default] if quick else [p for p in ("accurate", "double", "single") if device.has_double or p == default]
-        )
-        where = f" [{device.spec}]" if len(devices) > 1 else ""
-        modes += [(Product(device, name), name != "single", name + where) for name in names]
-        modes.append((Baseline(device), False, Baseline.name + where))
-    for device in devices:
+        names = [p for p in PRECISIONS if device.has_double or p == default]
+        tracers += [Product(device, name) for name in ([default] if quick else names)]
+        tracers.append(Baseline(device))
         print(device.label)
-    print(ABOUT)
-    failed, passed, textbook = 0, 0, 0
+    print(ABOUT, end="\n\n")
+    print(_line(["case", "what", "pixels", *(tracer.name for tracer in tracers)], len(tracers)))
+    failed = passed = textbook = 0
     for case in chosen(quick):
         progress.step(f"{case.name} {case.what}")
-        if isinstance(case, Refusal):
-            every, refused = len(case.calls), sum(_refuses(call) for call in case.calls)
-            verdict = "ok" if refused == every else "FAILED"
-            progress.clear()
-            print(f"\n{case.name}  {case.what}\n  required: {every} refused; refused: {refused}; {verdict}")
-            failed, passed = failed + (refused < every), passed + (refused == every)
-            continue
-        scenes = list(case.scenes(1))
-        truths = [answer(scene, pixels_of(scene)) for scene in scenes]
-        lines = [_line(HEAD), _line(_required(case.limits))]
-        bad = missed = False
-        for tracer, promises, label in modes:
-            progress.say(label)
-            found = examine(tracer, scenes, truths, case.limits)
-            ok = found.within(case.limits)
-            # single promises nothing but numbers.
-            finite = case.limits.not_finite is None or found.not_finite == 0
-            broken = (promises and not ok) or (isinstance(tracer, Product) and not finite)
-            bad |= broken
-            missed |= isinstance(tracer, Baseline) and not ok
-            verdict = "FAILED" if broken else "ok" if ok else "misses"
-            lines.append(_line(_found(label, verdict, found, case.limits)))
+        pixels, found = outcomes(case, tracers, progress.say)
         progress.clear()
-        print(f"\n{case.name}  {case.what}", *lines, sep="\n", flush=True)
-        failed, passed, textbook = failed + bad, passed + (not bad), textbook + missed
+        broken = [
+            of is not None
+            and isinstance(tracer, Product)
+            and not (of.finite if tracer.precision == "single" else of.ok)
+            for tracer, of in zip(tracers, found, strict=True)
+        ]
+        cells = [
+            "-" if of is None else f"FAILED: {of.text}" if bad else of.text
+            for of, bad in zip(found, broken, strict=True)
+        ]
+        print(_line([case.name, case.what, f"{pixels:,}", *cells], len(tracers)), flush=True)
+        failed, passed = failed + any(broken), passed + (not any(broken))
+        textbook += any(
+            of is not None and not of.ok for t, of in zip(tracers, found, strict=True) if isinstance(t, Baseline)
+        )
     print(f"\n{passed} cases as required, {failed} failed; the textbook's tracer misses what {textbook} require")
     return 1 if failed else 0
 

@@ -215,7 +215,7 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        return too_rich(scene) or too_much(scene)
+        return too_rich(scene) or ("orthographic camera" if scene.camera.parallel else "") or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.oracle.spheres import closest, lit, normal_high
+from cltrace.plan.abi import Precision
 from cltrace.reference import Material, byte_of, world_of
 from cltrace.reference.trace import cast_shadow_ray, illuminate, primary_ray, trace
 from cltrace.renderers.renderer import Renderer
@@ -135,14 +136,15 @@ def lamps(scene: Scene) -> list[Scene]:
     lights["color"] = np.resize(np.eye(3), (len(lights), 3))
     white = np.zeros(1, MATERIAL)
     white["color"], white["kd"], white["texture"] = 1, 1, -1
-    spheres = scene.spheres.copy()
-    spheres["material"] = 0
+    spheres, cylinders = scene.spheres.copy(), scene.cylinders.copy()
+    spheres["material"] = cylinders["material"] = 0
     meshes = tuple(mesh.of(0, mesh.number) for mesh in scene.meshes)
     return [
         replace(
             scene,
             lights=lights[k : k + 3],
             spheres=spheres,
+            cylinders=cylinders,
             materials=white,
             background=(0.0, 0.0, 0.0),
             meshes=meshes,
@@ -153,8 +155,9 @@ def lamps(scene: Scene) -> list[Scene]:
 
 
 def can_thin(scene: Scene) -> bool:
-    """Whether all of it is round spheres."""
-    return not scene.meshes and bool((scene.spheres["to_object"] < 0).all())
+    """Whether all of it is round spheres, in perspective."""
+    others = scene.meshes or len(scene.cylinders) or scene.camera.parallel
+    return not others and bool((scene.spheres["to_object"] < 0).all())
 
 
 def answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
@@ -206,9 +209,8 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
     width = scene.camera.resolution[0]
     world = world_of(scene)
     # The same lights in white, with nothing in their way.
-    bare = [
-        replace(world_of(lamp), surfaces=[]) for lamp in lamps(replace(scene, spheres=scene.spheres[:1], meshes=()))
-    ]
+    nothing = replace(scene, spheres=scene.spheres[:1], cylinders=scene.cylinders[:0], bonds=None, meshes=())
+    bare = [replace(world_of(lamp), surfaces=[]) for lamp in lamps(nothing)]
     n, k = len(pixels), len(world.lights)
     out = Answer(
         id=np.full(n, -1, np.int32),
@@ -276,7 +278,7 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
     return Truth(bytes_of, text + "the reference tracer", found)
 
 
-def means(scene: Scene, device: Device) -> tuple[Floats, int]:
+def means(scene: Scene, device: Device, precision: Precision = "accurate") -> tuple[Floats, int]:
     """(h, w, 3): a picture's means, in levels of 255, over n x n rays a pixel, each clamped to 0..1; and n."""
     width, height = scene.camera.resolution
     n = RAYS
@@ -288,6 +290,6 @@ def means(scene: Scene, device: Device) -> tuple[Floats, int]:
     for first in range(0, height, rows):
         end = min(height, first + rows)
         crop = (0, n * first, n * width, n * end)
-        color = np.minimum(Renderer(fine, device, "accurate", ("color",), crop).render(progress=False).color, 1)
+        color = np.minimum(Renderer(fine, device, precision, ("color",), crop).render(progress=False).color, 1)
         out[first:end] = color.reshape(end - first, n, width, n, 3).mean(axis=(1, 3), dtype=np.float64)
     return 255 * out, n

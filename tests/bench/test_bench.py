@@ -14,7 +14,7 @@ import pytest
 
 import cltrace
 from cltrace import Scene, parallel_light, point_light, spot_light
-from cltrace.bench import catalogue, errors, scenes, stress, tracers, truth
+from cltrace.bench import catalogue, errors, others, scenes, stress, tracers, truth
 from cltrace.bench.cases import balls, everything, looking
 from cltrace.bench.peers import povray
 from cltrace.bench.textbook import Textbook
@@ -208,6 +208,45 @@ def test_stress_case(any_device: Device, name: str) -> None:
     assert found.within(case.limits), found
 
 
+OTHERS = [*others.OTHERS]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", OTHERS, ids=lambda case: f"{case.name} {case.what}")
+def test_the_rest_of_the_catalogue(any_device: Device, case: catalogue.Case | others.Judged) -> None:
+    """Shapes, textures, orthographic cameras, means and updates are as required, and there is something to see."""
+    pixels, found = stress.outcomes(case, [tracers.Product(any_device, "accurate")], lambda text: None)
+    assert pixels >= 100
+    assert found[0] == stress.Outcome("ok", True)
+    if isinstance(case, catalogue.Case):
+        scene = next(case.scenes(1))
+        assert (truth.answer(scene, stress.pixels_of(scene)).id >= 0).mean() > 0.05
+
+
+def test_what_breaks_the_rest_of_the_catalogue_is_found(any_device: Device) -> None:
+    """A tracer of float32 is beyond the limits of the new shapes, too; a judge counts what is wrong."""
+    (case,) = (case for case in OTHERS if case.what.startswith("textures"))
+    _, (single, textbook) = stress.outcomes(
+        case, [tracers.Product(any_device, "single"), tracers.Baseline(any_device)], lambda text: None
+    )
+    assert single
+    assert not single.ok
+    assert textbook == stress.Outcome("no textures", False)
+    wrong = others.Judged("W", "", lambda device, precision: (3, 100), 0.02)
+    _, (judged,) = stress.outcomes(wrong, [tracers.Product(any_device, "accurate")], lambda text: None)
+    assert judged == stress.Outcome("3 wrong", False)
+
+
+def test_the_truth_of_what_is_more_than_spheres() -> None:
+    """Bonds and orthographic cameras have the reference's word, not that of the oracle of spheres in perspective."""
+    bonds, flat = scenes.sticks(27, SMALL), scenes.orthographic(SMALL)
+    assert not truth.can_thin(bonds)
+    assert not truth.can_thin(flat)
+    assert truth.answer(bonds, every_pixel(bonds)).id.max() >= len(bonds.spheres)
+    got = cltrace.render(flat, outputs=("id",)).id.ravel()
+    assert (truth.answer(flat, every_pixel(flat)[::9]).id == got[::9]).all()
+
+
 def test_the_textbook_fails_what_it_is_known_to_fail(any_device: Device) -> None:
     (case,) = catalogue.cases("G3")
     made = list(case.scenes(1))
@@ -225,6 +264,7 @@ def test_a_failed_case_is_the_exit_status(
     (g1,) = catalogue.cases("G1")
     for limits, status in ((catalogue.GEOMETRY, 0), (replace(catalogue.GEOMETRY, t_ulp=0.1), 1)):
         monkeypatch.setattr(stress, "CATALOGUE", [replace(g1, limits=limits)])
+        monkeypatch.setattr(stress, "OTHERS", [])
         assert stress.run([any_device], True, Progress(True, 1)) == status
         out = capsys.readouterr().out
         assert ("FAILED" in out) == bool(status)

@@ -169,6 +169,8 @@ def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     made = some()
     made.about |= found
     assert f"**{text}**" in report.summary(made)
+    assert "**Interrupted**" not in report.summary(made)
+    assert "**Interrupted**" in report.summary(replace(made, finished=False))
 
 
 # --------------------------------------------------------------------------------------------------------------- tables
@@ -181,7 +183,7 @@ def test_tables_say_what_was_measured() -> None:
     assert "2.01  2.00..2.02" in text
     assert "2.00~" in text
     assert "Embree: slow" in text
-    lines = report.summary(Results(dict(ABOUT), rows)).splitlines()
+    lines = report.summary(Results(dict(ABOUT), rows, finished=True)).splitlines()
     assert lines[0] == "|  | accurate | Embree |"
     assert lines[2] == "| ordinary | 2.0 ms, 0.0010 % | 2.0~ ms, 0.0010 % |"
     where = "Measured on 2000-01-01 00:00 UTC with cltrace 0.1.0 (abc) on 2 cores of a CPU, d."
