@@ -106,7 +106,7 @@ def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
     scene = cltrace.load(FILE)
     with jupyterlab(tmp_path) as address:
         page.goto(address)
-        page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]")
+        page.wait_for_selector("text=/^Python 3.* [|] Idle$/")  # cells that are run before do nothing
         before = page.evaluate(STYLES)
         page.locator(".jp-Cell >> nth=0 >> .cm-content").press("Shift+Enter")
         rested(page)
