@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,11 @@ import pytest
 from PIL import Image as Picture
 
 # Fixtures and helpers of the page's tests: the widget is the same page.
-from test_browser import browser, middle, page, rested, shown, spec
+from test_browser import SIZE, browser, middle, page, rested, shown, spec
 from test_server import FILE
 
 import cltrace
+from cltrace.viewer import cameras
 
 pytestmark = pytest.mark.slow
 nbformat = pytest.importorskip("nbformat", reason="pip install jupyterlab")
@@ -59,6 +60,13 @@ def test_executed(spec: str, tmp_path: Path) -> None:
     assert f'src="data:image/png;base64,{data.strip()}"' in html.replace("\n", "")
 
 
+def answers(port: int) -> bool:
+    """Whether somebody listens there."""
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+        return True
+    return False
+
+
 @contextmanager
 def jupyterlab(folder: Path) -> Iterator[str]:
     """JupyterLab in its dark theme, with settings of its own. Yields its address."""
@@ -82,9 +90,9 @@ def jupyterlab(folder: Path) -> Iterator[str]:
     log = folder / "log"
     with log.open("w") as said, subprocess.Popen(line, stderr=said, env=env) as process:
         try:
-            while "is running at" not in log.read_text():
+            while not answers(port):
                 assert process.poll() is None, log.read_text()
-                time.sleep(0.1)
+                time.sleep(0.2)
             yield f"http://127.0.0.1:{port}/lab/tree/book.ipynb?token=t"
         finally:
             process.terminate()
@@ -98,10 +106,9 @@ def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
     scene = cltrace.load(FILE)
     with jupyterlab(tmp_path) as address:
         page.goto(address)
-        page.wait_for_selector("text=Python 3 >> visible=true")
-        page.click(".jp-Cell >> nth=0")
+        page.wait_for_selector("text=/^Python 3.* [|] Idle$/")  # cells that are run before do nothing
         before = page.evaluate(STYLES)
-        page.keyboard.press("Shift+Enter")
+        page.locator(".jp-Cell >> nth=0 >> .cm-content").press("Shift+Enter")
         rested(page)
         assert page.evaluate(STYLES) == before
         home = cltrace.render(scene, spec, antialias=True).rgb8
@@ -130,11 +137,12 @@ def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
         rested(page)
         assert page.locator(".jp-CodeCell").count() == 2
         turned = shown(page)
-        page.click(".jp-Cell >> nth=1")
-        page.keyboard.press("Shift+Enter")
+        page.locator(".jp-Cell >> nth=1 >> .cm-content").press("Shift+Enter")
         printed = page.inner_text(".jp-Cell >> nth=1 >> .jp-OutputArea-output")
         camera = eval(f"cltrace.{printed}", {"cltrace": cltrace})
         assert isinstance(camera, cltrace.Orthographic)
+        way = cameras.orbit(scene.camera, 60 / SIZE[1], -30 / SIZE[1])  # in sums, and the arrow is undone
+        assert np.array(camera.basis()) == pytest.approx(np.array(way.basis()))
         assert (turned == cltrace.render(scene.seen_by(camera), spec, antialias=True).rgb8).all()
         page.close()  # before it misses its server
 

@@ -9,7 +9,7 @@ async function render({ model, el }) {
   host.dataset.lmSuppressShortcuts = "true"; // keys that are typed here are not JupyterLab's
   el.append(host);
   followTheme(host, ended.signal);
-  const page = view(root, (event) => model.send({ event: JSON.stringify(event) }), ended.signal);
+  const page = view(root, teller(model), ended.signal);
   await showFirst(page, new Blob([model.get("picture")]));
   page.fail("The kernel is busy, or not there.");
   const receive = (message, buffers) => page.receive(message, new Blob(buffers));
@@ -21,6 +21,37 @@ async function render({ model, el }) {
     model.off("msg:custom", receive);
     leave();
     ended.abort();
+  };
+}
+
+/** Takes events to the kernel. Ways of a pointer are added up until it has heard the one before: they must not queue. */
+function teller(model) {
+  let way = null, heard = true;
+  const tell = (event, status) => model.send({ event: JSON.stringify(event) }, { iopub: { status } });
+  function next() {
+    if (!way || !heard) return;
+    heard = false;
+    tell(way, ({ content }) => {
+      heard ||= content.execution_state === "idle";
+      next();
+    });
+    way = null;
+  }
+  return (event) => {
+    if (way?.kind === event.kind) {
+      way.x += event.x;
+      way.y += event.y;
+    } else if (["orbit", "pan", "zoom"].includes(event.kind)) {
+      if (way) tell(way);
+      way = event;
+    } else {
+      if (way && event.kind !== "shown") {
+        tell(way);
+        way = null;
+      }
+      tell(event);
+    }
+    next();
   };
 }
 
