@@ -200,12 +200,6 @@ class Checks:
             message = f"{material.tag}: r + t = {shares[i]:g} is above 1: more light goes on than reaches it"
             self.warnings.add(self.document.line_of(material), message)
 
-    def doubt_finish(self, element: etree._Element, finish: list[float]) -> None:
-        """Warns of the colour and the shares of one element."""
-        row = np.array([finish])
-        self.doubt([element], row[:, :3])
-        self.doubt_shares([element], row)
-
 
 def vector_of(values: Values) -> Vector:
     x, y, z = values.values()

@@ -135,24 +135,8 @@ class Image:
         frame: Any = None,
         transfer: Transfer = "linear",
     ) -> None:
-        arrays = (
-            rgb8,
-            color,
-            normal,
-            direction,
-            depth,
-            id,
-            primitive,
-            uv,
-            error,
-            coverage,
-            shadow_rays,
-            work,
-            rgba8,
-            alpha,
-        )
-        given = zip(OUTPUTS, arrays, strict=True)
-        self.__dict__.update({name: array for name, array in given if array is not None})
+        given = locals()
+        self.__dict__.update({name: given[name] for name in OUTPUTS if given[name] is not None})
         self.seconds = seconds or {}
         self.frame = frame
         self.transfer = transfer

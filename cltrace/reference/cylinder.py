@@ -15,7 +15,7 @@ from cltrace.numbers.surds import Surd
 from cltrace.numbers.vectors import cross, dot, minus
 from cltrace.reference.crossing import Way, shadow_way, way_of
 from cltrace.reference.doubt import size_of
-from cltrace.reference.exact import ZERO, Frame, Line, Quadratic, Rational, Root, Vector, between, vector
+from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Root, Vector, between, vector
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start
 from cltrace.reference.surfaces import Intersection, Material, Setting, Surface
@@ -121,10 +121,6 @@ class OnCylinder(Start):
         return self.cylinder
 
     @property
-    def frame(self) -> Frame:
-        return self.cylinder.frame
-
-    @property
     def place(self) -> Point:
         return self.cylinder.end if self.part == "end" else self.cylinder.start
 
@@ -140,10 +136,6 @@ class OnCylinder(Start):
             return m
         return of.axis * self.k + m * (of.radius * (1 / math.sqrt(m.dot(m))))
 
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return self.frame.B @ self.step
-
     @property
     def reach(self) -> float:
         return self.cylinder.reach
@@ -153,10 +145,6 @@ class OnCylinder(Start):
         """With u = 2^-53: k u is off by 2 u |u|, e1 and e2 by 3 u of themselves, m by 6 u and m / |m| by 12 u, and
         turning by 5.2 u of |step|."""
         return self.reach * 2.0**-48
-
-    @property
-    def fits(self) -> bool:
-        return True
 
     @cached_property
     def exact_point(self) -> Vector:
@@ -171,9 +159,6 @@ class OnCylinder(Start):
         k = Fraction(self.k)
         x, y, z = (Surd(p + k * u, of.radius * v / s, s) for p, u, v in zip(of.start, of.axis, m, strict=True))
         return x, y, z
-
-    def height(self, point: Point, n: Direction) -> float:
-        return n.dot((point - self.anchor) - self.from_anchor)
 
 
 def exact_axes(u: Rational) -> tuple[Rational, Rational]:

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from cltrace.reference.exact import Frame, Line, Vector, vector
 from cltrace.reference.vectors import Direction, Point
@@ -24,13 +25,14 @@ class Start(ABC):
 
     @property
     @abstractmethod
-    def surface(self) -> object:
+    def surface(self) -> Any:
         """The surface that the ray leaves; None if it comes from the camera."""
 
     @property
-    @abstractmethod
     def frame(self) -> Frame:
         """The camera's axes."""
+        frame: Frame = self.surface.frame
+        return frame
 
     @property
     @abstractmethod
@@ -47,10 +49,10 @@ class Start(ABC):
     def step(self) -> Direction:
         """From the anchor to the point, along the world's axes, rounded."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def from_anchor(self) -> Direction:
         """The same in camera space."""
+        return self.frame.B @ self.step
 
     @property
     @abstractmethod
@@ -63,9 +65,9 @@ class Start(ABC):
         """A bound of what from_anchor is off by, beside the 2 k reach for the camera's skew k, see doubt.py."""
 
     @property
-    @abstractmethod
     def fits(self) -> bool:
         """Whether step is as good as equation.py and crossing.py need it."""
+        return True
 
     @property
     @abstractmethod
@@ -77,9 +79,9 @@ class Start(ABC):
         """The point in camera space, rounded."""
         return self.anchor + self.from_anchor
 
-    @abstractmethod
     def height(self, point: Point, n: Direction) -> float:
         """n.(point - P), how far a point is above the plane through this one that has the outward unit normal n."""
+        return n.dot((point - self.anchor) - self.from_anchor)
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class OnPlane(Start):
     def step(self) -> Direction:
         return self.frame.B.T @ self.from_anchor
 
-    @property
+    @cached_property
     def from_anchor(self) -> Direction:
         return Direction(self.x, self.y, 0.0)
 
@@ -126,16 +128,9 @@ class OnPlane(Start):
     def error(self) -> float:
         return 0.0
 
-    @property
-    def fits(self) -> bool:
-        return True
-
     @cached_property
     def exact_point(self) -> Vector:
         return vector(self.frame.to_world(self.from_anchor))
-
-    def height(self, point: Point, n: Direction) -> float:
-        return n.dot(point - self.point)
 
 
 @dataclass(frozen=True)

@@ -34,10 +34,6 @@ class OnSphere(Start):
         return self.sphere
 
     @property
-    def frame(self) -> Frame:
-        return self.sphere.frame
-
-    @property
     def place(self) -> Point:
         return self.sphere.place
 

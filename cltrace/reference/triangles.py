@@ -11,7 +11,7 @@ import numpy as np
 
 from cltrace.reference.crossing import Crossing, RoughFace, Way, shadow_way, way_of
 from cltrace.reference.doubt import size_of
-from cltrace.reference.exact import Frame, Root, Vector, between, vector
+from cltrace.reference.exact import Root, Vector, between, vector
 from cltrace.reference.face import Across, Face
 from cltrace.reference.groups import Group
 from cltrace.reference.lights import ShadowRay
@@ -59,10 +59,6 @@ class OnTriangle(Start):
         return self.triangle
 
     @property
-    def frame(self) -> Frame:
-        return self.triangle.frame
-
-    @property
     def place(self) -> Point:
         return self.triangle.places[self.corner]
 
@@ -75,10 +71,6 @@ class OnTriangle(Start):
         V, V1, V2 = (self.triangle.places[(self.corner + i) % 3] for i in range(3))
         return (V1 - V) * self.u + (V2 - V) * self.v
 
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return self.triangle.frame.B @ self.step
-
     @property
     def reach(self) -> float:
         """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
@@ -89,16 +81,9 @@ class OnTriangle(Start):
         """With u = 2^-53: a difference rounds by u, a product and the sum by u each, and turning by 5.2 u of |step|."""
         return self.reach * 2.0**-49
 
-    @property
-    def fits(self) -> bool:
-        return True
-
     @cached_property
     def exact_point(self) -> Vector:
         return vector(self.triangle.face.point(self.corner, self.u, self.v))
-
-    def height(self, point: Point, n: Direction) -> float:
-        return n.dot((point - self.anchor) - self.from_anchor)
 
 
 class Mesh(Group):

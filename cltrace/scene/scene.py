@@ -36,6 +36,7 @@ from cltrace.scene.meshes import Mesh, PlacedMesh, check_size, materials_shown, 
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
 from cltrace.scene.settings import check_setting, setting
 from cltrace.scene.shapes.cylinder import MAX_CYLINDERS, Bonds, bonds_of, cylinders_of, halved, linear, materials_of
+from cltrace.scene.shapes.mesh import Meshes
 from cltrace.scene.shapes.shape import Other, Shape, held
 from cltrace.scene.shapes.sphere import Spheres
 from cltrace.scene.shapes.table import OTHERS
@@ -194,12 +195,12 @@ class Scene:
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """All surfaces, by their shapes: of each row of SHAPES those that there are, the spheres first."""
+        """All surfaces, by their shapes, the spheres first."""
         return (Spheres(self.columns, self.to_object), *self.others)
 
     @property
     def others(self) -> tuple[Other, ...]:
-        """Those beside the spheres."""
+        """Those beside the spheres, of each row of OTHERS."""
         return tuple(row(*(getattr(self, f.name) for f in fields(row))) for row in OTHERS)
 
     def __repr__(self) -> str:
@@ -211,7 +212,7 @@ class Scene:
     @property
     def triangles(self) -> int:
         """How many triangles the meshes have together."""
-        return sum(len(mesh.geometry.faces) for mesh in self.meshes)
+        return Meshes(self.meshes).triangles
 
     @functools.cached_property
     def sphere_numbers(self) -> NDArray[np.int32]:

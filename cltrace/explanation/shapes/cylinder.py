@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cltrace.explanation.shapes.shape import Textbook, first_of
+from cltrace.explanation.shapes.shape import Textbook, first_of, solutions
 from cltrace.explanation.triples import Triple, number, triple, vector
 from cltrace.reference import Direction, Point
 from cltrace.reference.cylinder import Cylinder
@@ -47,9 +47,7 @@ class CylinderTest(Textbook):
         along, speed = to_start.dot(u), d.dot(u)
         across, way = to_start - u * along, d - u * speed
         a, b, c = way.dot(way), 2 * way.dot(across), across.dot(across) - R * R
-        disc = (b / 2) * (b / 2) - a * c
-        root = math.sqrt(disc) if disc >= 0 else math.nan
-        t = ((-b / 2 - root) / a, (-b / 2 + root) / a) if disc >= 0 and a > 0 else ()
+        _, t = solutions(a, b, c)
         planes = (-along / speed, (length - along) / speed) if speed else (math.nan, math.nan)
         round_ = t or ((-math.inf, math.inf) if a == 0 and c <= 0 else (math.inf, -math.inf))
         between = sorted(planes) if speed else [-math.inf, math.inf] if 0 <= along <= length else [math.inf, -math.inf]

@@ -53,3 +53,11 @@ def first_of(ends: tuple[float, ...], own: bool) -> float:
     if own and ahead:
         ahead = [t for t in ends if t != min(ends, key=abs) and t > 0]
     return min(ahead, default=math.inf)
+
+
+def solutions(a: float, b: float, c: float) -> tuple[float, tuple[float, ...]]:
+    """Of a t^2 + b t + c = 0: (b/2)^2 - a c, and the two solutions, the smaller one first, or none."""
+    half = b / 2
+    disc = half * half - a * c
+    root = math.sqrt(disc) if disc >= 0 else math.nan
+    return disc, ((-half - root) / a, (-half + root) / a) if disc >= 0 and a > 0 else ()

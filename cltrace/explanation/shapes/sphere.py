@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cltrace.explanation.many import Swarm
-from cltrace.explanation.shapes.shape import Textbook, first_of
+from cltrace.explanation.shapes.shape import Textbook, first_of, solutions
 from cltrace.explanation.space import Footprint
 from cltrace.explanation.triples import Triple, number, triple, vector
 from cltrace.reference import Direction, Point, Round, Surface
@@ -44,10 +44,7 @@ class SphereTest(Textbook):
         C, R = sphere.place, sphere.radius
         to_start, way = sphere.seen(o - C), sphere.seen(d)
         a, b, c = way.dot(way), 2 * way.dot(to_start), to_start.dot(to_start) - R * R
-        half = b / 2
-        disc = half * half - a * c
-        root = math.sqrt(disc) if disc >= 0 else math.nan
-        t = ((-half - root) / a, (-half + root) / a) if disc >= 0 and a > 0 else ()
+        disc, t = solutions(a, b, c)
         own = sphere.ball.to_object is not None
         return cls(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
 

@@ -10,18 +10,16 @@ from numpy.typing import NDArray
 
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
-from cltrace.formats.xml_bulk import FINISHED
-from cltrace.formats.xml_checks import Checks, Numbers, vector_of
+from cltrace.formats.xml_checks import Checks, vector_of
 from cltrace.scene import CYLINDER, MAX_CYLINDERS
 
 
 class Cylinders(Shape):
-    """Each of them a record but for its material, and a finish."""
+    """Each of them a record but for its material."""
 
     def __init__(self, checks: Checks, instances: int) -> None:
         super().__init__(checks, instances)
         self._found: list[tuple[Any, ...]] = []
-        self._finishes: list[list[float]] = []
 
     def take(self, element: etree._Element, number: int) -> None:
         checks = self.checks
@@ -33,13 +31,8 @@ class Cylinders(Shape):
             return
         radius = np.array([values["radius"]])
         self._found.append((vector_of(values["start"]), vector_of(values["end"]), radius[0], 0, number))
-        self._finishes.append(finish)
         checks.doubt_sizes([element], radius, radius)
-        checks.doubt_finish(element, finish)
-
-    @property
-    def finishes(self) -> Numbers:
-        return np.array(self._finishes, np.float64).reshape(-1, FINISHED)
+        self.keep([element], np.array([finish]))
 
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
         found = np.array(self._found, CYLINDER)

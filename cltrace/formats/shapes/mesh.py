@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from cltrace.base.errors import located
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
-from cltrace.formats.xml_bulk import FINISHED
 from cltrace.formats.xml_checks import Checks, Numbers
 from cltrace.formats.xml_files import Contents
 from cltrace.formats.xml_transforms import to_world
@@ -23,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class _Mesh(NamedTuple):
-    """A mesh as the file has it: its line, which of the named files it is, its place, number and finish (xml_bulk)."""
+    """A mesh as the file has it: its line, which of the named files it is, its place, number, and texture."""
 
     line: int
     file: int
     to_world: Numbers
     number: int
-    finish: list[float]
+    textured: bool
 
 
 class Meshes(Shape):
@@ -59,8 +58,8 @@ class Meshes(Shape):
         sizes = np.linalg.norm(place[:, :3], axis=0)
         checks.doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
         if whole and finish is not None:
-            self._meshes.append(_Mesh(line, file=file, to_world=place, number=number, finish=finish))
-            checks.doubt_finish(element, finish)
+            self._meshes.append(_Mesh(line, file=file, to_world=place, number=number, textured=finish[-1] >= 0))
+            self.keep([element], np.array([finish]))
 
     def complete(self) -> None:
         """Places the meshes whose files are right in the world; complains about those that are not right there."""
@@ -97,14 +96,10 @@ class Meshes(Shape):
 
     def notes(self) -> Iterator[str]:
         contents = self._contents
-        textured = {contents.of[mesh.file] for mesh in self._meshes if mesh.finish[-1] >= 0}
+        textured = {contents.of[mesh.file] for mesh in self._meshes if mesh.textured}
         for i, (name, obj) in enumerate(zip(contents.names, contents.found, strict=True)):
             for warning in sorted([*obj.warnings, *(obj.unmapped if i in textured else [])]):
                 yield located(self.checks.files.shown(name), warning.line, warning.message)
-
-    @property
-    def finishes(self) -> Numbers:
-        return np.array([mesh.finish for mesh in self._meshes], np.float64).reshape(-1, FINISHED)
 
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
         return {"meshes": [mesh.of(int(k), mesh.number) for mesh, k in zip(self._placed, materials, strict=True)]}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from cltrace.formats.xml_bulk import FINISHED
 from cltrace.formats.xml_checks import Checks, Numbers
 from cltrace.scene import MeshFile
 
@@ -20,6 +21,7 @@ class Shape(ABC):
     def __init__(self, checks: Checks, instances: int) -> None:
         """instances: as of read()."""
         self.checks, self.instances = checks, instances
+        self._finishes: list[Numbers] = [np.empty((0, FINISHED))]
 
     @abstractmethod
     def take(self, element: etree._Element, number: int) -> None:
@@ -39,10 +41,16 @@ class Shape(ABC):
         """The warnings of these files."""
         return iter(())
 
+    def keep(self, elements: Sequence[etree._Element], finishes: Numbers) -> None:
+        """Keeps the finishes, (n, 11), of surfaces, and warns of what is odd about them."""
+        self._finishes.append(finishes)
+        self.checks.doubt(elements, finishes[:, :3])
+        self.checks.doubt_shares(elements, finishes)
+
     @property
-    @abstractmethod
     def finishes(self) -> Numbers:
         """(n, 11), a finish of xml_bulk for each surface."""
+        return np.concatenate(self._finishes)
 
     @abstractmethod
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:

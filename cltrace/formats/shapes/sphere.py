@@ -49,9 +49,8 @@ class Spheres(Shape):
         if maps:
             self._take_maps(spheres, rows, maps)
         checks.doubt_sizes(spheres, rows[:, 0], rows[:, 0])
-        checks.doubt_shares(spheres, rows[:, FINISH])
         self._rows.append(rows)
-        checks.doubt(spheres, rows[:, 4:7])
+        self.keep(spheres, rows[:, FINISH])
 
     def _sphere(self, element: etree._Element, number: int) -> tuple[Sequence[float], Maps | None]:
         """The row of a sphere with its transform folded in, and the maps of an ellipsoid; NaN if it has a fault."""
@@ -81,10 +80,6 @@ class Spheres(Shape):
         for k, fault in extent_faults(rows[which, 0][rest], reaches(to_object[rest])):
             self.checks.fault(spheres[which[rest[k]]], f"sphere: after the transform {fault}")
         rows[which, -1] = [self._maps.setdefault(matrix.tobytes(), len(self._maps)) for matrix in to_object]
-
-    @property
-    def finishes(self) -> Numbers:
-        return np.concatenate([rows[:, FINISH] for rows in self._rows])
 
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
         to_object = np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Cylinders with flat ends, and bonds between spheres, which are some of them: a row of SHAPES.
+"""Cylinders with flat ends, and bonds between spheres, which are some of them: a row of OTHERS.
 
 The solid is { x : |(x - start) x u| <= radius |u|, 0 <= (x - start).u <= u.u } with u = end - start, all of these
 numbers as they are: no axis is normalised.

@@ -1,4 +1,4 @@
-"""Meshes: a row of SHAPES."""
+"""Meshes: a row of OTHERS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a shape is to a scene: a row of SHAPES in table.py, of which Scene, cameras and changes know this alone."""
+"""What a shape is to a scene: of those in table.py, Scene, cameras and changes know this alone."""
 
 from __future__ import annotations
 

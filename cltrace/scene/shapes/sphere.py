@@ -1,4 +1,4 @@
-"""Spheres and ellipsoids, whose numbers are those that all other surfaces leave: a row of SHAPES."""
+"""Spheres and ellipsoids, whose numbers are those that all other surfaces leave."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of shapes: the spheres, and a row for each other shape, in the order in which they are numbered.
+"""The table of shapes: a row for each but the spheres, in the order in which they are numbered, after these.
 
 Cylinders are last, as their number changes where bonds follow the spheres.
 """
@@ -7,10 +7,8 @@ from dataclasses import fields
 
 from cltrace.scene.shapes.cylinder import Cylinders
 from cltrace.scene.shapes.mesh import Meshes
-from cltrace.scene.shapes.shape import Other, Shape
-from cltrace.scene.shapes.sphere import Spheres
+from cltrace.scene.shapes.shape import Other
 
 OTHERS: tuple[type[Other], ...] = (Meshes, Cylinders)
-SHAPES: tuple[type[Shape], ...] = (Spheres, *OTHERS)
 # The fields of Scene that hold others than spheres.
 OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))
