@@ -32,7 +32,6 @@ from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 from cltrace.students.window import LARGEST, Window, place_within
 
-_RAYS = 3  # across a pixel and upwards, by which mistakes are judged in smooth pictures
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
 
@@ -79,8 +78,7 @@ def compare(
         smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
         right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window)
-    base = RIGHT.changed(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
-    result = _judged(scene, result, base)
+    result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
     ask = partial(question, scene, truncate)
@@ -99,20 +97,21 @@ def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes
     return np.where(soft[..., None], np.clip(mine, low, high), smooth)
 
 
-def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
+def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> Comparison:
     """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise.
 
-    base: the rules of the right picture.
+    base: the rules of the right picture; antialias: whether both are smooth.
     """
     mine, right = result.mine.astype(np.int64), result.right.astype(np.int64)
     wrong = result.error > result.tolerance
     if not result.error.any():
         return result
-    trials = list(whole(mine, right, result.tolerance, to_bytes(np.array(scene.background))))
+    trials = list(whole(mine, right, result.tolerance, to_bytes(np.array(scene.background)), antialias))
     count = max(int(wrong.sum()), 1)
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
-    if sum(parts.values()) == 1 and not trials[0].made:
-        return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
+    if trials[0].is_all(wrong):
+        causes = [Cause(name, share) for name, share in parts.items() if share > 0]
+        return replace(result, causes=tuple(causes), explained=float(sum(parts.values())))
     search, verdict = _first(
         [Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials]
     )
