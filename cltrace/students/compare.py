@@ -106,7 +106,8 @@ def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> C
     wrong = result.error > result.tolerance
     if not result.error.any():
         return result
-    trials = list(whole(mine, right, result.tolerance, to_bytes(np.array(scene.background)), antialias))
+    background = to_bytes(np.array(scene.background))
+    trials = list(whole(mine, right, tolerance=result.tolerance, background=background, antialias=antialias))
     count = max(int(wrong.sum()), 1)
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
     if trials[0].is_all(wrong):

@@ -124,7 +124,9 @@ class Tracer:
         lamps, light_of, most = self.lamps[on], self.light_of[on], max(_AT_ONCE // len(ambient), 1)
         for first in range(0, len(lamps), most):
             some = lamps[first : first + most]
-            diffuse, highlight, counted = self._illuminate(at, view, normal, material, some, rules)
+            diffuse, highlight, counted = self._illuminate(
+                at, view, normal=normal, material=material, lamps=some, rules=rules
+            )
             power = np.minimum(some["color"], 1) if rules.phong.clamped == "lights" else some["color"]
             matte += np.einsum("kn,kc->nc", diffuse, power)
             shine += np.einsum("kn,kc->nc", highlight, power)
