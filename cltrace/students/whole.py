@@ -92,12 +92,14 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antia
         yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
 
 
-def around(picture: Levels) -> tuple[Levels, Levels]:
+def around(picture: Levels) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """The least and the greatest levels of each pixel and those next to it, (h, w, 3) each."""
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode="edge"), (3, 3), axis=(0, 1)
-    )
-    return windows.min(axis=(3, 4)), windows.max(axis=(3, 4))
+    ends = []
+    for of in (np.minimum, np.maximum):
+        found = np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode="edge").astype(np.int16)
+        found = of(of(found[:-2], found[1:-1]), found[2:])
+        ends.append(of(of(found[:, :-2], found[:, 1:-1]), found[:, 2:]))
+    return ends[0], ends[1]
 
 
 def uneven(picture: Levels) -> Bits:
