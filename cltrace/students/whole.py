@@ -87,7 +87,7 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antia
         covers = {"antialiased": wrong & free & between}
     made, sure = _made(mine, right, tolerance, free)
     # One mistake may do what most of a change of the whole picture would.
-    yield Whole(covers=covers, free=free, brief=sure)
+    yield Whole(covers=covers, free=free, brief=sure or bool(covers))  # two beside a smooth picture would be three
     if made:
         yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
 
