@@ -27,7 +27,7 @@ from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
 from cltrace.students.places import places
 from cltrace.students.rules import RIGHT, Rules
-from cltrace.students.search import Search, Verdict
+from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 from cltrace.students.window import LARGEST, Window, place_within
@@ -110,12 +110,10 @@ def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> C
     trials = list(whole(mine, right, tolerance=result.tolerance, background=background, antialias=antialias))
     count = max(int(wrong.sum()), 1)
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
-    if trials[0].is_all(wrong):
-        causes = [Cause(name, share) for name, share in parts.items() if share > 0]
-        return replace(result, causes=tuple(causes), explained=float(sum(parts.values())))
-    search, verdict = _first(
-        [Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials]
-    )
+    if sum(parts.values()) == 1 and not trials[0].made and trials[0].free is None:
+        return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
+    searches = [Search(scene, mine, right, tolerance=result.tolerance, base=base, found=found) for found in trials]
+    search, verdict = _first([s for s in searches if s.found.free is None]) or _smooth(searches, count)
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
     together, shares = search.explains(verdict)
@@ -126,20 +124,32 @@ def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> C
     return replace(
         result,
         causes=tuple(sorted(causes, key=lambda cause: -cause.explains)),
-        explained=1 - left + left * together,
+        explained=1 - left + left * together if causes else 0.0,
         likely=Cause(likely.names[-1], search.fit.explained(likely)) if likely else None,
     )
 
 
-def _first(searches: list[Search]) -> tuple[Search, Verdict]:
-    """The search that finds first what explains the picture, and what that is: all look in turns, from quick to long.
-
-    If there is none, it is the last one where that is sure of what it began with, or else the first one.
-    """
+def _first(searches: list[Search]) -> tuple[Search, Verdict] | None:
+    """The search that first finds what explains the picture, and what does: all look in turns, from quick to long."""
     for verdicts in zip_longest(*(search.verdicts() for search in searches)):
         for search, verdict in zip(searches, verdicts, strict=True):
             if verdict:
                 return search, verdict
+    return None
+
+
+def _smooth(searches: list[Search], count: int) -> tuple[Search, Verdict]:
+    """What explains a picture that seems to be smooth, where nothing does as if it were sharp.
+
+    It need not be smooth unless that is most of what is wrong, or the rest is found. If nothing is, it is the last
+    search where that is sure of what it began with, or else the first one. count: wrong pixels.
+    """
+    smooth = [search for search in searches if search.found.free is not None]
+    found = _first(smooth)
+    is_most = any(sum(int(cover.sum()) for cover in s.found.covers.values()) >= LIKELY * count for s in smooth)
+    if found and (found[1].named.made or is_most or not smooth[0].found.covers):
+        return found
+    searches = smooth if is_most else [s for s in searches if s not in smooth] or smooth
     search = searches[-1 if searches[-1].found.sure else 0]
     return search, search.unknown()
 

@@ -263,12 +263,18 @@ class Search:
     def verdicts(self) -> Iterator[Verdict | None]:
         """The mistakes that explain the picture, as few as do, after each look at it; None if none do yet."""
         none = Trial(self.whole)
-        if self.fit.sample.wrong.sum() < ENOUGH:
+        if self.fit.sample.wrong.sum() < ENOUGH or self._is_all_smooth():
             yield Verdict(self._cut_off(none) if self.tolerance == 0 else none, {})
             return
         for trials in self._looks():
             verdict = self._judged(trials)
             yield verdict and (self._judged(self._beside(verdict)) or verdict)
+
+    def _is_all_smooth(self) -> bool:
+        """Whether hardly anything is wrong but what smoothness makes so."""
+        left = int((np.abs(self._samples[0] - self._samples[1]).max(axis=2) > self.tolerance)[~self.free].sum())
+        everything = left + sum(int(cover.sum()) for cover in self.found.covers.values())
+        return self.found.free is not None and not self.whole and left <= (1 - NAMED) * everything
 
     def unknown(self) -> Verdict:
         """What is sure where no look explains the picture, and what it looks most like."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.students.mistakes import BY_NAME, ENOUGH, Changes
+from cltrace.students.mistakes import BY_NAME, Changes
 from cltrace.students.rules import RIGHT, CameraRules
 from cltrace.students.tracer import decoded, to_bytes
 
@@ -26,7 +26,6 @@ _HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at leas
 _SOME = 0.2  # of what is otherwise wrong, at least that a change makes right which is worth a look
 _EDGE = 32  # levels from side to side of an edge by which smooth pictures are told
 _MIXED, _SMOOTH = 12, 0.4  # edges with a pixel between their sides, and their share, from which on a picture is smooth
-_REST = 0.03  # of the wrong pixels, at most that smoothness need not explain
 _FITTED = 8  # rounds in which a colour profile is fitted to the pixels that are nearest to it, wrong ones left out
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
@@ -50,14 +49,6 @@ class Whole:
     free: Bits | None = None
     sure: bool = True
     brief: bool = False
-
-    def is_all(self, wrong: Bits) -> bool:
-        """Whether nothing is left to look for, of pixels that are wrong, (h, w)."""
-        if self.made:
-            return False
-        if self.free is not None:
-            return bool((wrong & ~self.free).sum() <= max(ENOUGH, _REST * wrong.sum()))
-        return sum(int(cover.sum()) for cover in self.covers.values()) == int(wrong.sum())
 
 
 def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antialias: bool) -> Iterator[Whole]:
@@ -86,8 +77,11 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antia
         free = uneven(mine) | (uneven(right) & between)
         covers = {"antialiased": wrong & free & between}
     made, sure = _made(mine, right, tolerance, free)
-    # One mistake may do what most of a change of the whole picture would.
-    yield Whole(covers=covers, free=free, brief=sure or bool(covers))  # two beside a smooth picture would be three
+    # One mistake may do what most of a change of the whole picture would, or what smoothness would.
+    if covers:
+        yield Whole(brief=True)
+    # Two beside a smooth picture would be three, which explain too much by chance.
+    yield Whole(covers=covers, free=free, brief=sure or bool(covers))
     if made:
         yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
 
