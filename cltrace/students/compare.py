@@ -27,12 +27,11 @@ from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison
 from cltrace.students.places import places
 from cltrace.students.rules import RIGHT, Rules
-from cltrace.students.search import Search, Verdict
+from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes
 from cltrace.students.whole import whole
 from cltrace.students.window import LARGEST, Window, place_within
 
-_RAYS = 3  # across a pixel and upwards, by which mistakes are judged in smooth pictures
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
 
@@ -79,8 +78,7 @@ def compare(
         smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
         right = _smoothed(mine, right, smooth, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window)
-    base = RIGHT.changed(rounding="down" if truncate else "nearest", samples=_RAYS if antialias else 1)
-    result = _judged(scene, result, base)
+    result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
     ask = partial(question, scene, truncate)
@@ -99,23 +97,23 @@ def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes
     return np.where(soft[..., None], np.clip(mine, low, high), smooth)
 
 
-def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
+def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> Comparison:
     """The comparison with the causes of its differences: of the whole picture, then of what a tracer sees otherwise.
 
-    base: the rules of the right picture.
+    base: the rules of the right picture; antialias: whether both are smooth.
     """
     mine, right = result.mine.astype(np.int64), result.right.astype(np.int64)
     wrong = result.error > result.tolerance
     if not result.error.any():
         return result
-    trials = list(whole(mine, right, result.tolerance, to_bytes(np.array(scene.background))))
+    background = to_bytes(np.array(scene.background))
+    trials = list(whole(mine, right, tolerance=result.tolerance, background=background, antialias=antialias))
     count = max(int(wrong.sum()), 1)
     parts = {name: float(cover.sum()) / count for name, cover in trials[0].covers.items()}
-    if sum(parts.values()) == 1 and not trials[0].made:
+    if sum(parts.values()) == 1 and not trials[0].made and trials[0].free is None:
         return replace(result, causes=tuple(Cause(*item) for item in parts.items()), explained=1.0)
-    search, verdict = _first(
-        [Search(scene, mine=mine, right=right, tolerance=result.tolerance, base=base, found=found) for found in trials]
-    )
+    searches = [Search(scene, mine, right, tolerance=result.tolerance, base=base, found=found) for found in trials]
+    search, verdict = _first([s for s in searches if s.found.free is None]) or _smooth(searches, count)
     parts = {name: float(cover.sum()) / count for name, cover in search.found.covers.items()}
     left = 1 - sum(parts.values())
     together, shares = search.explains(verdict)
@@ -126,20 +124,32 @@ def _judged(scene: Scene, result: Comparison, base: Rules) -> Comparison:
     return replace(
         result,
         causes=tuple(sorted(causes, key=lambda cause: -cause.explains)),
-        explained=1 - left + left * together,
+        explained=1 - left + left * together if causes else 0.0,
         likely=Cause(likely.names[-1], search.fit.explained(likely)) if likely else None,
     )
 
 
-def _first(searches: list[Search]) -> tuple[Search, Verdict]:
-    """The search that finds first what explains the picture, and what that is: all look in turns, from quick to long.
-
-    If there is none, it is the last one where that is sure of what it began with, or else the first one.
-    """
+def _first(searches: list[Search]) -> tuple[Search, Verdict] | None:
+    """The search that first finds what explains the picture, and what does: all look in turns, from quick to long."""
     for verdicts in zip_longest(*(search.verdicts() for search in searches)):
         for search, verdict in zip(searches, verdicts, strict=True):
             if verdict:
                 return search, verdict
+    return None
+
+
+def _smooth(searches: list[Search], count: int) -> tuple[Search, Verdict]:
+    """What explains a picture that seems to be smooth, where nothing does as if it were sharp.
+
+    It need not be smooth unless that is most of what is wrong, or the rest is found. If nothing is, it is the last
+    search where that is sure of what it began with, or else the first one. count: wrong pixels.
+    """
+    smooth = [search for search in searches if search.found.free is not None]
+    found = _first(smooth)
+    is_most = any(sum(int(cover.sum()) for cover in s.found.covers.values()) >= LIKELY * count for s in smooth)
+    if found and (found[1].named.made or is_most or not smooth[0].found.covers):
+        return found
+    searches = smooth if is_most else [s for s in searches if s not in smooth] or smooth
     search = searches[-1 if searches[-1].found.sure else 0]
     return search, search.unknown()
 

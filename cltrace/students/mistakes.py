@@ -651,7 +651,8 @@ MISTAKES = (
         "antialiased",
         "outlines are smooth: pixels have more than one ray",
         "the course has one ray for each pixel, through its middle",
-        _of(samples=(2, 3, 4)),
+        (),
+        whole=True,
     ),
     Mistake(
         "truncated",

@@ -21,7 +21,7 @@ class CameraRules:
     which of the camera's are not made unit vectors, "up" being taken as it is, "unit up" as a unit vector, "backwards"
     all looking the other way and "transposed" their matrix; long_rays: whether primary rays are no unit vectors;
     sample: where in a pixel its ray goes through, from its left and from its bottom, 0..1, or beyond where all is
-    shifted; samples: how many rays a pixel has across and upwards; columns: how a pixel's number becomes a place:
+    shifted; columns: how a pixel's number becomes a place:
     "centers", "ends" with the first and last pixel at the very ends, "zero" and "halves" by divisions of whole
     numbers; upside_down, mirrored: whether rows or columns are in the reverse order; transposed: whether rows are
     columns.
@@ -33,7 +33,6 @@ class CameraRules:
     axes: Literal["right", "x", "xy", "z", "yz", "up", "unit up", "backwards", "transposed"] = "right"
     long_rays: bool = False
     sample: tuple[float, float] = (0.5, 0.5)
-    samples: int = 1
     columns: Literal["centers", "ends", "zero", "halves"] = "centers"
     upside_down: bool = False
     mirrored: bool = False

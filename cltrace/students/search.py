@@ -48,7 +48,7 @@ DELICATE = 0.05  # the share of the wrong pixels that it may decide
 _LOOKED_AT = 12  # explanations that are held against each other
 _MANY = 8  # lights of which each may be missing
 SEEDS = 4  # mistakes to which second ones are added
-FLEXIBLE = ("acne", "truncated", "large-epsilon", "antialiased")  # explain more by chance, or slowly: asked for last
+FLEXIBLE = ("acne", "truncated", "large-epsilon")  # explain more by chance, or slowly: asked for last
 Names = tuple[str, ...]
 _ORDER = {mistake.name: i for i, mistake in enumerate(MISTAKES)}
 
@@ -231,7 +231,7 @@ class Search:
         self.mine, self.tolerance, self.found = mine, tolerance, found
         self.base = base
         self.tracer = Tracer(scene)
-        self.free = np.zeros(mine.shape[:2], np.bool_)
+        self.free = found.free.copy() if found.free is not None else np.zeros(mine.shape[:2], np.bool_)
         for cover in found.covers.values():
             self.free |= cover
         self._samples = (mine, right, tolerance)
@@ -263,12 +263,18 @@ class Search:
     def verdicts(self) -> Iterator[Verdict | None]:
         """The mistakes that explain the picture, as few as do, after each look at it; None if none do yet."""
         none = Trial(self.whole)
-        if self.fit.sample.wrong.sum() < ENOUGH:
+        if self.fit.sample.wrong.sum() < ENOUGH or self._is_all_smooth():
             yield Verdict(self._cut_off(none) if self.tolerance == 0 else none, {})
             return
         for trials in self._looks():
             verdict = self._judged(trials)
             yield verdict and (self._judged(self._beside(verdict)) or verdict)
+
+    def _is_all_smooth(self) -> bool:
+        """Whether hardly anything is wrong but what smoothness makes so."""
+        left = int((np.abs(self._samples[0] - self._samples[1]).max(axis=2) > self.tolerance)[~self.free].sum())
+        everything = left + sum(int(cover.sum()) for cover in self.found.covers.values())
+        return self.found.free is not None and not self.whole and left <= (1 - NAMED) * everything
 
     def unknown(self) -> Verdict:
         """What is sure where no look explains the picture, and what it looks most like."""
@@ -285,7 +291,6 @@ class Search:
         yield self.singles
         if self.found.brief:
             return
-        yield self._made("antialiased", self._ways("antialiased")) if self._is_smooth() else []
         yield self._made("large-epsilon", self._epsilons(self.few, self.whole))
         # Two beside a change of the whole picture would be three, which explain too much by chance.
         yield [] if self.whole else self.pairs()
@@ -414,13 +419,6 @@ class Search:
         left = ~self.large.matched(verdict.named.changes)[self.large.sample.wrong]
         is_alone = len(verdict.named.made) <= len(self.whole) + 1 and not set(FLEXIBLE) & set(verdict.named.names)
         return self._with(verdict.named) if is_alone and left.sum() >= max(LEAST, LEFT * len(left)) else []
-
-    def _is_smooth(self) -> bool:
-        """Whether most wrong pixels are between what is around them, as the means of several rays are."""
-        rows = np.flatnonzero(self.few.sample.wrong)
-        low, high = self._surroundings(self.few, Trial(self.whole).changes, rows)
-        mine = self.few.sample.mine[rows]
-        return bool(((mine >= low) & (mine <= high)).all(axis=1).mean() > LIKELY)
 
     def pairs(self) -> list[Trial]:
         """Two mistakes at once: what explains a part, and what explains the rest of it, the best first."""

@@ -468,7 +468,7 @@ class Tree:
 
     def near(self, rays: Rays) -> tuple[Ints, Ints]:
         """Pairs of rays and parts whose boxes they meet."""
-        origins, directions = rays.origins.T, rays.directions.T  # an axis a row, which is faster
+        origins, directions = (np.ascontiguousarray(a.T) for a in (rays.origins, rays.directions))  # an axis a row
         reciprocal = 1 / np.where(np.abs(directions) > 1e-200, directions, 1e-200)
         first = self.levels[0][0].shape[1]
         r, k = np.repeat(np.arange(len(rays)), first), np.tile(np.arange(first), len(rays))
@@ -476,8 +476,12 @@ class Tree:
             if level:
                 r, k = np.repeat(r, _FAN), (k[:, None] * _FAN + np.arange(_FAN)).ravel()
                 r, k = r[k < low.shape[1]], k[k < low.shape[1]]
-            one, two = ((side[:, k] - origins[:, r]) * reciprocal[:, r] for side in (low, high))
-            enters, leaves = np.minimum(one, two).max(axis=0), np.maximum(one, two).min(axis=0)
-            met = leaves >= np.maximum(enters, 0.0)
+            enters, leaves = np.zeros(len(r)), np.full(len(r), np.inf)
+            for below, above, o, inverse in zip(low, high, origins, reciprocal, strict=True):
+                start, scale = o[r], inverse[r]
+                one, two = (below[k] - start) * scale, (above[k] - start) * scale
+                np.maximum(enters, np.minimum(one, two), out=enters)
+                np.minimum(leaves, np.maximum(one, two), out=leaves)
+            met = leaves >= enters
             r, k = r[met], k[met]
         return r, self.order[k]

@@ -66,18 +66,10 @@ class Tracer:
 
     def colors(self, pixels: Ints, rules: Rules = RIGHT) -> Floats:
         """(n, 3): the linear colours of pixels (n, 2), column and row, of which row 0 is the top; not clamped."""
-        if rules.camera.samples > 1:
-            return self._mean(pixels, rules)
         origins, directions, lengths = camera_rays(self.scene.camera, pixels, rules.camera)
         rays = Rays(origins, directions, np.full(len(directions), -1), lengths)
         # Some mistakes divide by 0, as the programs do that make them.
         return np.nan_to_num(self._trace(rays, np.ones(len(rays)), 0, rules), nan=0.0, posinf=_MUCH, neginf=-_MUCH)
-
-    def _mean(self, pixels: Ints, rules: Rules) -> Floats:
-        """Of rays on a grid within each pixel."""
-        places = (np.arange(rules.camera.samples) + 0.5) / rules.camera.samples
-        colors = [self.colors(pixels, rules.changed(samples=1, sample=(x, y))) for x in places for y in places]
-        return np.asarray(np.mean([np.clip(c, 0, 1) for c in colors], axis=0))
 
     def _trace(self, rays: Rays, weights: Floats, depth: int, rules: Rules) -> Floats:
         """The tutorial's trace(): what rays see, (n, 3). weights: (n,), how much of that counts in the picture."""
@@ -132,7 +124,9 @@ class Tracer:
         lamps, light_of, most = self.lamps[on], self.light_of[on], max(_AT_ONCE // len(ambient), 1)
         for first in range(0, len(lamps), most):
             some = lamps[first : first + most]
-            diffuse, highlight, counted = self._illuminate(at, view, normal, material, some, rules)
+            diffuse, highlight, counted = self._illuminate(
+                at, view, normal=normal, material=material, lamps=some, rules=rules
+            )
             power = np.minimum(some["color"], 1) if rules.phong.clamped == "lights" else some["color"]
             matte += np.einsum("kn,kc->nc", diffuse, power)
             shine += np.einsum("kn,kc->nc", highlight, power)

@@ -24,6 +24,8 @@ _STEP = 8  # levels by which these differ from a neighbour: where all is alike, 
 _FAR = 8  # pixels, by which a picture may be shifted
 _HALF = 0.5  # of what is otherwise wrong, and of all that is looked at, at least that a sure change makes right
 _SOME = 0.2  # of what is otherwise wrong, at least that a change makes right which is worth a look
+_EDGE = 32  # levels from side to side of an edge by which smooth pictures are told
+_MIXED, _SMOOTH = 12, 0.4  # edges with a pixel between their sides, and their share, from which on a picture is smooth
 _FITTED = 8  # rounds in which a colour profile is fitted to the pixels that are nearest to it, wrong ones left out
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
@@ -37,20 +39,22 @@ class Whole:
     """What was found.
 
     made: the mistakes that a tracer can make, with what each makes of the rules; covers: others, each with the pixels
-    that it explains, (h, w); sure: whether it is wrong whatever else is, or only if it explains the picture together
-    with what is found beside it; brief: whether no more than one mistake is to be looked for beside it.
+    that it explains, (h, w); free: (h, w), pixels that tell nothing of any other mistake, as outlines of smooth
+    pictures do not; sure: whether it is wrong whatever else is, or only if it explains the picture together with what
+    is found beside it; brief: whether no more than one mistake is to be looked for beside it.
     """
 
     made: Made = field(default_factory=dict)
     covers: dict[str, Bits] = field(default_factory=dict)
+    free: Bits | None = None
     sure: bool = True
     brief: bool = False
 
 
-def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> Iterator[Whole]:
+def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antialias: bool) -> Iterator[Whole]:
     """Looks at a picture and the right one: what is to be tried, in turns, until something explains the picture.
 
-    background: (3,), whose pixels are no sign of anything.
+    background: (3,), whose pixels are no sign of anything; antialias: whether both are smooth.
     """
     wrong = np.abs(mine - right).max(axis=2) > tolerance
     if not wrong.any():
@@ -64,11 +68,57 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels) -> It
     if framed:
         yield Whole(covers=framed)
         return
-    made, sure = _made(mine, right, tolerance)
-    # One mistake may do what most of a change of the whole picture would.
-    yield Whole(brief=sure)
+    free, covers = None, {}
+    if antialias:
+        free = uneven(mine)
+    elif is_smooth(mine):
+        low, high = around(right)
+        between = ((mine >= low - tolerance) & (mine <= high + tolerance)).all(axis=2)
+        free = uneven(mine) | (uneven(right) & between)
+        covers = {"antialiased": wrong & free & between}
+    made, sure = _made(mine, right, tolerance, free)
+    # One mistake may do what most of a change of the whole picture would, or what smoothness would.
+    if covers:
+        yield Whole(brief=True)
+    # Two beside a smooth picture would be three, which explain too much by chance.
+    yield Whole(covers=covers, free=free, brief=sure or bool(covers))
     if made:
-        yield Whole(made, _strips(made, wrong), sure=sure)
+        yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
+
+
+def around(picture: Levels) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """The least and the greatest levels of each pixel and those next to it, (h, w, 3) each."""
+    ends = []
+    for of in (np.minimum, np.maximum):
+        found = np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode="edge").astype(np.int16)
+        found = of(of(found[:-2], found[1:-1]), found[2:])
+        ends.append(of(of(found[:, :-2], found[:, 1:-1]), found[:, 2:]))
+    return ends[0], ends[1]
+
+
+def uneven(picture: Levels) -> Bits:
+    """(h, w): where so much changes from pixel to pixel that the mean of one is not what its middle shows."""
+    low, high = around(picture)
+    return np.asarray((high - low).max(axis=2) > _STEP)
+
+
+def is_smooth(mine: Levels) -> bool:
+    """Whether most edges between two even sides have one pixel between these, of a colour between theirs.
+
+    In sharp pictures, hardly any have.
+    """
+    mixed = edges = 0
+    for lines in (mine, mine.swapaxes(0, 1)):
+        if lines.shape[1] < 5:
+            continue
+        channel = np.abs(lines[:, 3:-1] - lines[:, 1:-3]).argmax(axis=2)[..., None]
+        count = lines.shape[1] - 4
+        at = [np.take_along_axis(lines[:, i : count + i], channel, axis=2)[..., 0] for i in range(5)]
+        far, way = np.abs(at[3] - at[1]), np.sign(at[3] - at[1])
+        edge = (far >= _EDGE) & (8 * np.abs(at[1] - at[0]) <= far) & (8 * np.abs(at[4] - at[3]) <= far)
+        between = np.minimum((at[2] - at[1]) * way, (at[3] - at[2]) * way) * 8 > far
+        edges, mixed = edges + int(edge.sum()), mixed + int((edge & between).sum())
+    return mixed >= max(_MIXED, _SMOOTH * edges)
 
 
 def _strips(made: Made, wrong: Bits) -> dict[str, Bits]:
@@ -82,16 +132,20 @@ def _strips(made: Made, wrong: Bits) -> dict[str, Bits]:
     return {"shifted": strips & wrong}
 
 
-def _made(mine: Levels, right: Levels, tolerance: int) -> tuple[Made, bool]:
+def _made(mine: Levels, right: Levels, tolerance: int, free: Bits | None) -> tuple[Made, bool]:
     """The placing and the colours that fit best, if they fit far better than what should be there; whether it is sure.
 
     Beside another mistake they leave most of the picture wrong. Then the search has to find that one, too: a picture
     that is alike on both sides fits its mirror image about as well when its light comes from elsewhere.
+
+    free: pixels that are not looked at, if any.
     """
     height, width = mine.shape[:2]
     steps = np.zeros((height, width), np.bool_)
     steps[:, 1:] |= np.abs(np.diff(mine, axis=1)).max(axis=2) >= _STEP
     steps[1:] |= np.abs(np.diff(mine, axis=0)).max(axis=2) >= _STEP
+    if free is not None:
+        steps = ~free
     where = np.flatnonzero(steps) if steps.sum() > 20 else np.arange(height * width)
     y, x = np.divmod(np.random.default_rng(0).permutation(where)[:_PROBES], width)
 

@@ -264,19 +264,40 @@ def test_what_is_not_known_is_not_named(pictures: Pictures, name: str, scene: st
     assert [cause.name for cause in result.causes if cause.explains > 0.5] == []
 
 
-@pytest.mark.slow
-def test_smooth_pictures_are_compared(pictures: Pictures) -> None:
-    """Nine rays a pixel, where the right picture has sixteen. A mistake is found as in sharp ones."""
-    scene, tracer = pictures.loaded["bright"], Textbook(pictures.loaded["bright"])
-    width, height = scene.camera.resolution
+def smooth(scene: cltrace.Scene, **changes: object) -> Bytes:
+    """The picture of nine rays a pixel, where cltrace's own has sixteen, with what a mistake changes."""
+    tracer, (width, height) = Textbook(scene), scene.camera.resolution
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=2).reshape(-1, 2)
-    for changes, names in (({}, []), ({"shadows": False}, ["no-shadows"])):
-        colors = tracer.colors(pixels, RULES.changed(samples=3, **changes))
-        mine = to_bytes(colors).reshape(height, width, 3).astype(np.uint8)
-        result = cltrace.compare(scene, mine, antialias=True)
-        assert [cause.name for cause in result.causes] == names
-        assert result.differing < 0.01 or names
-        assert not cltrace.compare(scene, mine).same
+    places = [(x / 6, y / 6) for x in (1, 3, 5) for y in (1, 3, 5)]
+    colors = [np.clip(tracer.colors(pixels, RULES.changed(sample=place, **changes)), 0, 1) for place in places]
+    return to_bytes(np.mean(colors, axis=0)).reshape(height, width, 3).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("changes", "names"), [({}, []), ({"shadows": False}, ["no-shadows"])], ids=["right", "wrong"])
+def test_smooth_pictures_are_compared(pictures: Pictures, changes: dict[str, object], names: list[str]) -> None:
+    """A mistake is found as in sharp ones; that the picture is smooth is named where it should not be."""
+    scene = pictures.loaded["bright"].seen_by(replace(pictures.loaded["bright"].camera, resolution=(114, 81)))
+    mine = smooth(scene, **changes)
+    result = cltrace.compare(scene, mine, antialias=True)
+    assert [cause.name for cause in result.causes] == names
+    assert result.differing < 0.01 or names
+    assert {cause.name for cause in cltrace.compare(scene, mine).causes} == {"antialiased", *names}
+
+
+@pytest.mark.parametrize("factor", [0, 2, 5])
+def test_pictures_that_are_means_are_named_antialiased(pictures: Pictures, factor: int) -> None:
+    """Those of --antialias, 0, and exact means of pictures that are larger by a factor."""
+    scene = pictures.loaded["bright"]
+    width, height = scene.camera.resolution
+    if factor:
+        fine = cltrace.render(scene.seen_by(replace(scene.camera, resolution=(width * factor, height * factor)))).rgb8
+        blocks = fine.reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
+        mine = np.floor(blocks + 0.5).astype(np.uint8)
+    else:
+        mine = cltrace.render(scene, antialias=True).rgb8
+    (cause,) = cltrace.compare(scene, mine).causes
+    assert cause.name == "antialiased"
+    assert cause.explains > 0.9
 
 
 def test_what_may_be_compared(pictures: Pictures, tmp_path: Path) -> None:

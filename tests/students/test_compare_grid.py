@@ -11,6 +11,7 @@ from wrong_texts import PAIRS, TUTORIAL, VECTOR
 
 import cltrace
 from cltrace.students.mistakes import BY_NAME
+from cltrace.students.whole import is_smooth
 
 SIZE = 48, 36
 
@@ -100,6 +101,13 @@ def test_pictures_of_one_colour_say_no_more(grid: Grid, level: int) -> None:
     scene = grid.scene("step2-parallel", SIZE)
     result = cltrace.compare(scene, np.full((SIZE[1], SIZE[0], 3), level, np.uint8))
     assert [(cause.name, cause.explains) for cause in result.causes] == [("one-colour" if level else "black", 1.0)]
+
+
+def test_noise_is_not_called_smooth(grid: Grid) -> None:
+    scene = grid.scene("step2-parallel", (160, 120))
+    noise = np.random.default_rng(3).integers(0, 256, (120, 160, 3), dtype=np.uint8)
+    assert is_smooth(noise.astype(np.int64))
+    assert cltrace.compare(scene, noise).causes == ()
 
 
 def test_no_cause_explains_nothing(grid: Grid) -> None:
