@@ -395,7 +395,8 @@ def test_same_bits(device: Device, name: str) -> None:
         part = proved(scene, device, crop=crop).render()
         for name in part.outputs:
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[y0:y1, x0:x1], name)
-    single = proved(scene, device, width=1).render()
+    # By a kernel that has what this scene needs, which is compiled in half the time.
+    single = proved(scene, device, width=1, keep=()).render()
     for name in single.outputs:
         np.testing.assert_array_equal(getattr(single, name), getattr(whole, name), name)
 
