@@ -360,7 +360,7 @@ MUTATIONS = [
     ),
     Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
     Mutation("chord->may &= last >= 0;", "chord->may &= first >= 0;", "spheres around a start", TREE),
-    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", BOUNCES),
+    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", TREE),
     Mutation(
         "if (count <= CANDIDATES - 8) return 1;",
         "return 1;",

@@ -9,6 +9,7 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,6 +49,12 @@ BELOW = {
 }
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """A module's syntax, which several tests look through."""
+    return ast.parse(path.read_text("utf-8"))
+
+
 def rooms() -> set[str]:
     return {path.relative_to(ROOT / "cltrace").parts[0] for path in MODULES if path.parent != ROOT / "cltrace"}
 
@@ -85,9 +92,7 @@ def test_tests_have_a_folder_for_each_room() -> None:
 
 
 def test_modules_say_what_they_hold() -> None:
-    assert [
-        path for path in MODULES if path.stat().st_size and not ast.get_docstring(ast.parse(path.read_text()))
-    ] == []
+    assert [path for path in MODULES if path.stat().st_size and not ast.get_docstring(tree_of(path))] == []
 
 
 class Function(NamedTuple):
@@ -103,7 +108,7 @@ class Function(NamedTuple):
 
 def python_functions() -> Iterator[Function]:
     for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 of = node.args
                 names = [a.arg for a in (*of.posonlyargs, *of.args, *of.kwonlyargs) if a.arg not in ("self", "cls")]
@@ -247,7 +252,7 @@ def fields_of(of: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> list[ast.An
 def signatures() -> dict[str, list[Signature]]:
     """Those of all functions, methods and classes, by name."""
     found: dict[str, list[Signature]] = {}
-    trees = {path.relative_to(ROOT).as_posix(): ast.parse(path.read_text("utf-8")) for path in MODULES}
+    trees = {path.relative_to(ROOT).as_posix(): tree_of(path) for path in MODULES}
     classes = {n.name: n for tree in trees.values() for n in ast.walk(tree) if isinstance(n, ast.ClassDef)}
     for home, tree in trees.items():
         for node in ast.walk(tree):
@@ -281,7 +286,7 @@ def test_alike_arguments_have_names() -> None:
         if "bench" in path.parts:  # which may have what it likes
             continue
         home = path.relative_to(ROOT).as_posix()
-        tree = ast.parse(path.read_text("utf-8"))
+        tree = tree_of(path)
         classes = {id(n): of.name for of in ast.walk(tree) if isinstance(of, ast.ClassDef) for n in ast.walk(of)}
         for node in ast.walk(tree):
             if not isinstance(node, ast.Call) or not isinstance(node.func, (ast.Name, ast.Attribute)):
@@ -307,7 +312,7 @@ def test_kernel_and_reference_have_the_same_algorithm() -> None:
     """The same functions in the same order, so that the two can be read side by side. The kernel fits two screens."""
     kernel = ROOT / "kernels" / "trace.cl"
     ours = [match[1] for match in DEFINITION.finditer(DIRECTIVE.sub(blank, code_of(kernel)))]
-    tree = ast.parse((ROOT / "cltrace" / "reference" / "trace.py").read_text("utf-8"))
+    tree = tree_of(ROOT / "cltrace" / "reference" / "trace.py")
     assert ours == [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
     assert ours[0] == "primary_ray"
     assert ours[-1] == "trace"

@@ -19,12 +19,17 @@ OUTPUTS = ("rgb8", "color", "error", "coverage")
 Colors = NDArray[np.float64]
 
 
+def proved(scene: cltrace.Scene, device: Device, antialias: object = "proved", **how: object) -> cltrace.Renderer:
+    """By a kernel that has the code for all features, which serves many scenes. Else each would have one to compile."""
+    given = {"outputs": OUTPUTS, "keep": ("features",)} | how
+    return cltrace.Renderer(scene, device, antialias=antialias, **given)  # type: ignore[arg-type]
+
+
 def truth(scene: cltrace.Scene, device: Device, n: int, crop: tuple[int, int, int, int]) -> Colors:
     """(h, w, 3): means of min(colour, 1) over n x n rays through each pixel of a crop, which are pixels' middles."""
     width, height = scene.camera.resolution
     larger = scene.seen_by(replace(scene.camera, resolution=(width * n, height * n)))
     x0, y0, x1, y1 = (n * edge for edge in crop)
-    # A kernel that has the code for all features serves many scenes. Else each would have one to compile.
     how = {"outputs": ("color",), "crop": (x0, y0, x1, y1), "keep": ("features",)}
     color = cltrace.Renderer(larger, device, **how).render().color  # type: ignore[arg-type]
     parts = np.minimum(color.astype(np.float64), 1).reshape(crop[3] - crop[1], n, crop[2] - crop[0], n, 3)
@@ -256,8 +261,7 @@ def parallel(scene: cltrace.Scene) -> cltrace.Scene:
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_scenes(device: Device, name: str) -> None:
     scene = HOSTILE[name]()
-    # With the code for all features, these scenes take 11 programs instead of 25.
-    renderer = cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias="proved", keep=("features",))
+    renderer = proved(scene, device)
     assert_within(scene, device, renderer.render())
     assert renderer.work()["pixels of which the error is an estimate"] == 0
 
@@ -268,10 +272,7 @@ def test_estimates(device: Device, name: str) -> None:
     """Where a triangle, a texture, a mirror or glass may be in a pixel, or stops light, that has the samples' own bits
     and their estimate; of all other pixels the bound holds."""
     scene = ESTIMATED[name]()
-    # With the code for all features, these scenes share programs.
-    renderer, samples = (
-        cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias=how, keep=("features",)) for how in ("proved", True)
-    )
+    renderer, samples = proved(scene, device), proved(scene, device, True)
     image, sampled = renderer.render(), samples.render()
     same = (image.color == sampled.color).all(axis=2) & (image.error == sampled.error)
     off = distances(scene, device, image, ~same)
@@ -303,7 +304,7 @@ def test_a_black_tube(any_device: Device) -> None:
     camera = cltrace.Orthographic((40, 40, 40), (0, 0, 0), (0, 0, 1), height=4, resolution=(60, 60))
     tube = cltrace.Mesh(vertices, faces, material=black)
     scene = meshed([tube]).in_front_of((1, 1, 1, 1)).seen_by(camera)
-    image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias="proved")
+    image = proved(scene, any_device).render()
     off = 255 * np.abs(image.color - truth(scene, any_device, 64, (0, 0, 60, 60))).max(axis=2)
     assert (image.coverage > 0).sum() > 50
     # A side of an edge is off by 3.8 % of the contrast, root mean square, and no pixel by more than 4 times that.
@@ -316,7 +317,7 @@ def test_cells_are_counted_and_few(any_device: Device) -> None:
     """However much is in a pixel, it has 853 cells at most; then its bound is what is known."""
     scene = lit(*cloud(6, 20000, 0.004, 0.01))
     scene = scene.seen_by(replace(scene.camera, resolution=(8, 6)))
-    renderer = cltrace.Renderer(scene, any_device, outputs=OUTPUTS, antialias="proved")
+    renderer = proved(scene, any_device)
     image, work = renderer.render(), renderer.work()
     assert image.error.max() > 8
     cells = work["cells that are pixels or parts of them, of which a mean is proved"]
@@ -329,7 +330,7 @@ def test_cells_are_counted_and_few(any_device: Device) -> None:
 def test_rough_bounds(device: Device, name: str) -> None:
     """Where many levels will do, samples are shown in most pixels that have an edge: they are within the bound, too."""
     scene = HOSTILE[name]()
-    image = cltrace.Renderer(scene, device, outputs=OUTPUTS, antialias=40, keep=("features",)).render()
+    image = proved(scene, device, 40).render()
     assert (image.error > 2).mean() > 0.1
     assert (image.error <= 40).mean() > 0.99
     assert_within(scene, device, image)
@@ -339,8 +340,7 @@ def test_rough_bounds(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", ["first", "three-lights", "spot", "eclipse", "inside", "step3-shadows"])
 def test_scenes(device: Device, name: str) -> None:
     scene = seen(f"{name}.xml")
-    image = cltrace.render(scene, device, outputs=OUTPUTS, antialias="proved")
-    assert_within(scene, device, image)
+    assert_within(scene, device, proved(scene, device).render())
 
 
 def test_share_of_a_tiny_sphere(device: Device) -> None:
@@ -378,7 +378,7 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
             ks=0,
             transform=np.diag(stretch),
         )
-        image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias="proved")
+        image = proved(scene, any_device).render()
         share = np.pi * radius**2 * stretch[0] * stretch[1]
         assert abs(image.color[:, :, 0].sum() - share) * 255 <= image.error.sum() < 0.2 + 81 * 2.0**-12
 
@@ -388,14 +388,15 @@ def test_share_of_a_tiny_disc(any_device: Device, stretch: tuple[float, float, f
 def test_same_bits(device: Device, name: str) -> None:
     """Of crops and of packets of one pixel."""
     scene = (HOSTILE | ESTIMATED)[name]()
-    whole = cltrace.render(scene, device, outputs=OUTPUTS, antialias="proved")
+    whole = proved(scene, device).render()
     width, height = SIZE
     for crop in ((0, 0, 5, height), (5, 3, 18, 11), (18, 11, width, height)):
         x0, y0, x1, y1 = crop
-        part = cltrace.render(scene, device, outputs=OUTPUTS, crop=crop, antialias="proved")
+        part = proved(scene, device, crop=crop).render()
         for name in part.outputs:
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[y0:y1, x0:x1], name)
-    single = cltrace.Renderer(scene, device, outputs=OUTPUTS, width=1, antialias="proved").render()
+    # By a kernel that has what this scene needs, which is compiled in half the time.
+    single = proved(scene, device, width=1, keep=()).render()
     for name in single.outputs:
         np.testing.assert_array_equal(getattr(single, name), getattr(whole, name), name)
 
@@ -406,7 +407,7 @@ def test_levels(any_device: Device) -> None:
     scene = HOSTILE["behind edges"]()
     found = []
     for levels in (8, 2, 0.5):
-        renderer = cltrace.Renderer(scene, any_device, outputs=("error",), antialias=levels)
+        renderer = proved(scene, any_device, levels)
         error, work = renderer.render().error, renderer.work()
         larger = work["pixels that would need more cells for the error that is wanted"]
         assert (error > levels).sum() <= larger <= 3
@@ -419,7 +420,7 @@ def test_levels(any_device: Device) -> None:
 def test_bright_background(any_device: Device) -> None:
     """A background counts up to 1, whether or not a surface is near."""
     scene = HOSTILE["behind edges"]().in_front_of((1.5, 0.5, 1, 1))
-    color = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias="proved").color
+    color = proved(scene, any_device).render().color
     assert color.max() == 1
     assert color[0, 0].tolist() == [1, 0.5, 1]
 
@@ -440,9 +441,9 @@ def test_middles_stay(any_device: Device) -> None:
 def test_alpha(any_device: Device) -> None:
     """Laid over black and over white, edges are those of a picture before these, but for roundings."""
     scene = HOSTILE["behind edges"]()
-    image = cltrace.render(scene.in_front_of((0.1, 0.1, 0.3, 0)), any_device, outputs=("rgb8", "alpha"), antialias=0.25)
+    image = proved(scene.in_front_of((0.1, 0.1, 0.3, 0)), any_device, 0.25, outputs=(*OUTPUTS, "rgba8")).render()
     for behind in (0, 1):
-        opaque = cltrace.render(scene.in_front_of((behind, behind, behind, 1)), any_device, antialias=0.25)
+        opaque = proved(scene.in_front_of((behind, behind, behind, 1)), any_device, 0.25).render()
         alpha = image.rgba8[..., 3:].astype(np.float64) / 255
         over = image.rgba8[..., :3] * alpha + 255 * behind * (1 - alpha)
         assert np.abs(over - opaque.rgb8).max() < 1.6  # half a level each of two bytes, and of alpha
@@ -453,7 +454,7 @@ def test_estimates_are_counted(any_device: Device) -> None:
     """A mirror's pixels have an estimate, and no others."""
     mirrors = np.array([0.8, 0.0])
     scene = lit([(-0.5, 0, -4), (0.6, 0, -4)], [0.4, 0.4], reflectance=mirrors)
-    renderer = cltrace.Renderer(scene, any_device, outputs=OUTPUTS, antialias="proved")
+    renderer = proved(scene, any_device)
     count = renderer.work()["pixels of which the error is an estimate"]
     ids = cltrace.render(scene, any_device, outputs=("id",)).id
     assert (ids == 0).sum() <= count <= (ids == 0).sum() + 40  # and those at its edge

@@ -59,15 +59,15 @@ def closest(places: list[tuple[Fraction, ...]], w: list[Fraction], spheres: Sphe
 
 
 def drawn(
-    scene: Scene, device: Device, outputs: tuple[Output, ...], precision: str = "accurate", width: int | None = None
+    scene: Scene, device: Device, outputs: tuple[Output, ...], precision: str = "accurate", **how: object
 ) -> Image:
     """By a kernel that may start inside of what it meets: most tests here share it."""
-    return cltrace.Renderer(scene, device, precision, outputs, width=width, keep=("features",)).render()
+    return cltrace.Renderer(scene, device, precision, outputs, keep=("features",), **how).render()  # type: ignore[arg-type]
 
 
 def compare(scene: Scene, device: Device, width: int, precision: str = "accurate") -> set[int]:
     """Asserts that ids are those of exact arithmetic, and depths to 2^-24. Returns the ids that there are."""
-    image, camera = drawn(scene, device, DECIDED, precision, width), scene.camera
+    image, camera = drawn(scene, device, DECIDED, precision, width=width), scene.camera
     assert isinstance(camera, Orthographic)
     w = [-Fraction(x) for x in camera.basis()[2]]
     places = starts(camera)
@@ -318,7 +318,7 @@ def test_no_list_and_no_filter_changes_a_picture(device: Device) -> None:
 def test_crops_and_pickles(device: Device) -> None:
     scene = plain(replace(TURNED, resolution=(61, 43)))
     whole = drawn(scene, device, OUTPUTS)
-    part = cltrace.Renderer(pickle.loads(pickle.dumps(scene)), device, "accurate", OUTPUTS, (13, 7, 50, 30)).render()
+    part = drawn(pickle.loads(pickle.dumps(scene)), device, OUTPUTS, crop=(13, 7, 50, 30))
     for name in OUTPUTS:
         assert np.array_equal(getattr(whole, name)[7:30, 13:50], getattr(part, name)), name
 

@@ -44,6 +44,11 @@ def larger(scene: cltrace.Scene, n: int) -> cltrace.Scene:
     return scene.seen_by(replace(scene.camera, resolution=(width * n, height * n)))
 
 
+def full(scene: cltrace.Scene, device: Device, **how: Any) -> cltrace.Image:
+    """By a kernel that has the code for all features, which serves many scenes."""
+    return cltrace.Renderer(scene, device, keep=("features",), **how).render()
+
+
 def truth(scene: cltrace.Scene, device: Device, n: int = 32) -> NDArray[np.float64]:
     """(h, w, 3): means of min(colour, 1) over n x n rays through each pixel."""
     width, height = scene.camera.resolution
@@ -165,7 +170,7 @@ def test_error_is_mostly_enough(any_device: Device) -> None:
 
 def edges(scene: cltrace.Scene, device: Device, size: tuple[int, int]) -> tuple[int, int, int, int]:
     """The crop of this size in which most neighbours differ by more than 8 levels."""
-    color = 255 * np.minimum(cltrace.render(scene, device, outputs=("color",)).color, 1)
+    color = 255 * np.minimum(full(scene, device, outputs=("color", "id")).color, 1)
     steps = np.zeros(color.shape[:2], int)
     for axis in (0, 1):
         few = np.abs(np.diff(color, axis=axis)).max(axis=2) > 8
@@ -187,9 +192,9 @@ def test_error_is_mostly_enough_where_edges_are(device: Device, name: str) -> No
     width, height = scene.camera.resolution
     scene = scene.seen_by(replace(scene.camera, resolution=(width // 3, height // 3)))
     crop = edges(scene, device, (48, 27))
-    image = cltrace.render(scene, device, outputs=OUTPUTS, antialias=True, crop=crop)
+    image = full(scene, device, outputs=OUTPUTS, antialias=True, crop=crop)
     x0, y0, x1, y1 = (32 * edge for edge in crop)
-    color = cltrace.render(larger(scene, 32), device, outputs=("color",), crop=(x0, y0, x1, y1)).color
+    color = full(larger(scene, 32), device, outputs=("color", "id"), crop=(x0, y0, x1, y1)).color
     right = np.minimum(color, 1).reshape(27, 32, 48, 32, 3).mean(axis=(1, 3), dtype=np.float64)
     off = 255 * np.abs(image.color - right).max(axis=2)
     assert (off <= image.error + 0.01).mean() >= 0.95

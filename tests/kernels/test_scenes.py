@@ -65,9 +65,13 @@ DRAWN = [
 
 @pytest.mark.parametrize(("precision", "path"), DRAWN)
 def test_answers_of_the_kernel(device: Device, precision: str, path: Path) -> None:
-    """And no bit of what is drawn depends on what the kernel can do beyond what the scene needs."""
+    """And no bit of what is drawn depends on what the kernel can do beyond what the scene needs.
+
+    Which parts those are does not depend on the precision, so that in the others a few scenes are enough.
+    """
     scene = cltrace.load(path)
-    image = cltrace.render(scene, device, precision)
-    assert np.array_equal(image.rgb8, picture(scene, device, precision).rgb8)
+    image = picture(scene, device, precision)
+    if precision == "accurate" or path.stem in FIRST[precision] or (precision, path.stem) in LONG:
+        assert np.array_equal(cltrace.render(scene, device, precision).rgb8, image.rgb8)
     for (x, y), rgb in answers(path):
         assert tuple(image.rgb8[y, x].tolist()) == rgb, (x, y)
