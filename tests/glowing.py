@@ -59,14 +59,9 @@ def total(parts: Iterable[Part]) -> np.ndarray:
     return np.array([float(Fraction(n, 2**40)) for n in units], np.float32)
 
 
-def drawn(scene: Scene, device: Device, precision: str = "accurate", keep: tuple[str, ...] = ()) -> Image:
-    """picture() without the tree of boxes, which needs another program: tests/kernels/test_tree.py has it."""
-    return picture(scene, device, precision, keep=("tree", *keep))
-
-
-def show(scene: Scene, device: Device, precision: str = "accurate", keep: tuple[str, ...] = ()) -> np.ndarray:
-    """(n, 3) float32: the linear colours of that picture, row by row."""
-    return channel(drawn(scene, device, precision, keep), "color")
+def show(scene: Scene, device: Device, precision: str = "accurate", **more: object) -> np.ndarray:
+    """(n, 3) float32: the linear colours of the picture, row by row."""
+    return channel(picture(scene, device, precision, **more), "color")  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ READER = "tests/formats/test_reader.py"
 BOUNCES = "tests/kernels/test_bounces.py"
 TREE = "tests/kernels/test_tree.py"
 SECOND = "tests/kernels/test_second_rays.py"
+EGGS = "tests/kernels/test_ellipsoids.py"
 RAYS = "tests/rays/test_rays.py -k"
 # Of rays and triangles, each in the hostile regimes: what pixels show, their light, their mirrors and glass.
 MESHES = "-m slow tests/kernels/test_mesh_rays.py -k"
@@ -360,7 +361,7 @@ MUTATIONS = [
     ),
     Mutation('"WIDEN": 24,', '"WIDEN": -1000000,', "the width of the blocks' spheres", TREE),
     Mutation("chord->may &= last >= 0;", "chord->may &= first >= 0;", "spheres around a start", TREE),
-    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", TREE),
+    Mutation("(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", EGGS),
     Mutation(
         "if (count <= CANDIDATES - 8) return 1;",
         "return 1;",

@@ -22,13 +22,11 @@ from glowing import (
     Part,
     Row,
     assert_same,
-    drawn,
     eye,
     glowing,
     passes,
     scaled,
     shades,
-    show,
     targets,
     total,
     turned,
@@ -36,7 +34,7 @@ from glowing import (
 from random_scenes import random_tree
 from stress_cases import channel, picture
 
-from cltrace import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
+from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, spot_light
 from cltrace.bench.cases import AXES, Ball, aimed, directions, limbs, looking
 from cltrace.bench.regimes import rays as camera_rays
 from cltrace.reference import byte_of, world_of
@@ -44,6 +42,16 @@ from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 
 DEPTHS = (0, 1, 2, 8, 64, 100)
+
+
+def drawn(scene: Scene, device: Device, precision: str = "accurate", keep: tuple[str, ...] = ()) -> Image:
+    """picture() without the tree of boxes, which needs another program: test_tree.py and test_ellipsoids.py have it."""
+    return picture(scene, device, precision, keep=("tree", *keep))
+
+
+def show(scene: Scene, device: Device, precision: str = "accurate", keep: tuple[str, ...] = ()) -> np.ndarray:
+    """(n, 3) float32: the linear colours of that picture, row by row."""
+    return channel(drawn(scene, device, precision, keep), "color")
 
 
 # --------------------------------------------------------------------------------------- what weights and depths add up

@@ -17,7 +17,6 @@ from glowing import (
     B,
     Beams,
     Row,
-    drawn,
     eye,
     glowing,
     peas,
@@ -25,7 +24,7 @@ from glowing import (
     show,
     targets,
 )
-from stress_cases import channel
+from stress_cases import channel, picture
 
 from cltrace import Camera, Scene, point_light
 from cltrace.bench.cases import directions, looking, unit
@@ -67,7 +66,7 @@ def test_ellipsoids_are_stretched_spheres(device: Device, scale: Row) -> None:
             other, [point_light(L @ light, color)], centers @ L, radii, WHITE, ka=0, kd=1, ks=0, transform=L
         )
         pairs.append((plain, stretched))
-    for one, two in ((drawn(a, device), drawn(b, device)) for a, b in pairs):
+    for one, two in ((picture(a, device), picture(b, device)) for a, b in pairs):
         assert np.array_equal(one.id, two.id)
         assert (one.id >= 0).mean() > 0.15
         hit = one.id.ravel() >= 0
@@ -115,7 +114,7 @@ def test_rays_off_and_through_ellipsoids(device: Device, shape: str) -> None:
     ways = [front.mirrored(n).at(3), back.bent(m, 1 / 1.25).at(3)]
     scene, colors = targets(camera, [(center, 1.0)], ways, pea, L, reflectance=0.5, transmittance=0.5, index=1.25)
     got = show(scene, device)
-    assert (drawn(scene, device).id == 0).all()
+    assert (picture(scene, device).id == 0).all()
     # What is mirrored within shows the ellipsoid's black at depth 3, or leaves into the black night.
     assert (got == (0.5 * colors[0] + 0.25 * colors[1]).astype(np.float32)).all()
 
@@ -124,9 +123,9 @@ def test_uniform_transforms_leave_a_sphere(device: Device) -> None:
     """Doubled and mirrored, or turned: bit for bit the picture of the sphere of that radius."""
     camera = eye(8, tan=0.4, size=(24, 18))
     centers = [(0.2, 0.1, -6), (1.5, 0.5, -8)]
-    want = drawn(glowing(camera, [(c, 1.0) for c in centers], [A, B], reflectance=0.5), device)
+    want = picture(glowing(camera, [(c, 1.0) for c in centers], [A, B], reflectance=0.5), device)
     for L in (2 * np.eye(3), np.diag([-2.0, 2.0, 2.0]), 2 * np.eye(3)[[1, 2, 0]]):
-        got = drawn(glowing(camera, [(c, 0.5) for c in centers], [A, B], reflectance=0.5, transform=L), device)
+        got = picture(glowing(camera, [(c, 0.5) for c in centers], [A, B], reflectance=0.5, transform=L), device)
         assert np.array_equal(want.color, got.color)
         assert np.array_equal(want.depth, got.depth)
 
@@ -139,7 +138,7 @@ def test_the_same_ellipsoid_said_otherwise(device: Device) -> None:
     pictures = []
     for L, radius in ((egg, 1.0), (egg @ turn(2), 1.0), (egg @ np.diag([-1.0, 1.0, -1.0]), 1.0), (egg / 2, 2.0)):
         values = {"reflectance": 0.25, "transmittance": 0.5, "index": 1.5, "transform": L}
-        pictures.append(drawn(glowing(camera, [((0.2, 0.1, -5), radius)], A, **values), device))
+        pictures.append(picture(glowing(camera, [((0.2, 0.1, -5), radius)], A, **values), device))
     assert (pictures[0].id == 0).mean() > 0.05
     for other in pictures[1:]:
         # Where a ray just grazes, roundings of the transforms may decide otherwise.
@@ -171,10 +170,10 @@ def test_ellipsoids_close_their_rooms(device: Device) -> None:
         assert (color[:, 0] == 0).all(), name
         assert np.abs(color[:, 1] - 1).max() <= 2.0**-23, name
         camera = eye(20, at=(0, 0, 5), tan=min(0.25, thin), size=(24, 18))
-        image = drawn(glowing(camera, [((0, 0, 0), 1)], RED, BLUE, reflectance=1, transform=L), device)
+        image = picture(glowing(camera, [((0, 0, 0), 1)], RED, BLUE, reflectance=1, transform=L), device)
         assert (image.color == BLUE).all(), name
         assert (image.id == 0).any(), name
         # Half from the first wall, a quarter from the second, a quarter of the night.
         glass = glowing(camera, [((0, 0, 0), 1)], RED, BLUE, transmittance=0.5, index=1.0, transform=L)
-        image = drawn(glass, device)
+        image = picture(glass, device)
         assert (image.color[image.id == 0] == (0.75, 0, 0.25)).all(), name
