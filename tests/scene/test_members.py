@@ -151,6 +151,16 @@ def test_settings_follow_camera_and_scene(name: str) -> None:
     assert Scene.from_meshes(cltrace.Camera(), name, [mesh]).lights["kind"].tolist() == small.lights["kind"].tolist()
 
 
+def test_settings_see_cylinders_alone() -> None:
+    def lamp(z: float) -> np.ndarray:
+        nothing = Scene.from_spheres(cltrace.Camera((0, 0, z), (0, 0, z - 5)), "flat", [], 1.0)
+        rod = nothing.with_cylinders([(0, 0, z - 5)], [(0, 1, z - 5)], 0.5, (1, 1, 1))
+        (found,) = [light for light in rod.lit_by("studio").lights if light["edges"].any()]
+        return found["position"]
+
+    assert lamp(1000) - lamp(0) == pytest.approx(np.array([0, 0, 1000]))
+
+
 def test_the_lamp_of_the_studio_shines_on_the_scene_from_the_upper_left() -> None:
     (lamp,) = [light for light in scene("studio").lights if light["edges"].any()]
     towards = lamp["position"] - (0, 0, -5)
