@@ -38,10 +38,10 @@ BODY = """
         #define GIVEN(k) LOAD_LANES(given + k * POINTS + first)
         const INT number = LOAD_LANES(which + first);
         const Weights weights = {GIVEN(0), GIVEN(1), GIVEN(2)};
-        const Real3 m = shading_normals(scene, number, weights);
+        const Real3 m = shading_normals(&scene, number, weights);
         Intersection at;
         at.u = at.v = -7;
-        map_triangles(scene, number, weights, &at);
+        map_triangles(&scene, number, weights, &at);
         STORE_LANES(m.x, out + first);
         STORE_LANES(m.y, out + POINTS + first);
         STORE_LANES(m.z, out + 2 * POINTS + first);

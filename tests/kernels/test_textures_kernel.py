@@ -101,7 +101,7 @@ PAINT = """
     at.u = LOAD_LANES(b + first);
     at.v = LOAD_LANES(c + first);
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = 1;
-    paint(scene, LOAD_LANES(a + first), &at);
+    paint(&scene, LOAD_LANES(a + first), &at);
     STORE_LANES(TO_REAL(at.ambient.x), out[0]);
     STORE_LANES(TO_REAL(at.ambient.y), out[1]);
     STORE_LANES(TO_REAL(at.diffuse.z), out[2]);
