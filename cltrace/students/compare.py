@@ -147,6 +147,9 @@ def _smooth(searches: list[Search], count: int) -> tuple[Search, Verdict]:
     smooth = [search for search in searches if search.found.free is not None]
     found = _first(smooth)
     is_most = any(sum(int(cover.sum()) for cover in s.found.covers.values()) >= LIKELY * count for s in smooth)
+    if found and not is_most and len(found[1].named.made) <= len(found[0].whole):
+        covers = {name: cover for name, cover in found[0].found.covers.items() if name != "antialiased"}
+        found[0].found = replace(found[0].found, covers=covers)
     if found and (found[1].named.made or is_most or not smooth[0].found.covers):
         return found
     searches = smooth if is_most else [s for s in searches if s not in smooth] or smooth

@@ -30,6 +30,7 @@ USUAL = 300, 200  # wrong and sound pixels of a sample
 LARGE = 1500, 1500  # of the one by which a cause is named
 WIDE = 2500, 5000  # of the one that parts what fits equally well
 FEW = 40, 30  # of the first look at mistakes
+RAYS, FEWER = 20, 0.25  # a pixel, beyond which samples are smaller, and to which share of their size at least
 LEAST_OF = 24, 16  # of the look at two together
 _MOST = 20.0  # what is spoiled counts no more than so many times what is explained
 _FAR = 48  # levels from which on a pixel is just wrong
@@ -235,12 +236,18 @@ class Search:
         for cover in found.covers.values():
             self.free |= cover
         self._samples = (mine, right, tolerance)
-        self.fit = self._fit(self._sample(USUAL))
+        sample = self._sample(USUAL)
+        self.share = min(max(RAYS * len(sample.mine) / max(self.tracer.rays, 1), FEWER), 1.0)
+        self.fit = self._fit(sample.few(self._counts(USUAL)) if self.share < 1 else sample)
         self.few = self._fit(self.fit.sample.few())
         self.whole = self._tuned(found.made)
 
     def _fit(self, sample: Sample) -> Fit:
         return Fit(self.tracer, sample, self.tolerance, self.base)
+
+    def _counts(self, counts: tuple[int, int]) -> tuple[int, int]:
+        """So many pixels, or fewer if each takes many rays."""
+        return round(counts[0] * self.share), round(counts[1] * self.share)
 
     def _sample(self, counts: tuple[int, int]) -> Sample:
         """Without the pixels where doubles see something else than is there, of which they cannot judge."""
@@ -250,11 +257,11 @@ class Search:
 
     @cached_property
     def large(self) -> Fit:
-        return self._fit(self._sample(LARGE))
+        return self._fit(self._sample(self._counts(LARGE)))
 
     @cached_property
     def wide(self) -> Fit:
-        return self._fit(self._sample(WIDE))
+        return self._fit(self._sample(self._counts(WIDE)))
 
     def _tuned(self, made: Mapping[str, Changes]) -> Mapping[str, Changes]:
         """What is wrong with the whole picture, in the ways that fit best now that rays are traced."""
@@ -426,7 +433,7 @@ class Search:
         by_distance = sorted(self.singles, key=lambda trial: trial.score.distance)
         seeds = [*by_gain[: SEEDS // 2], *(trial for trial in by_distance if trial not in by_gain[: SEEDS // 2])]
         found: dict[frozenset[str], Trial] = {}
-        for seed in seeds[:SEEDS]:
+        for seed in seeds[: max(round(SEEDS * self.share), 1)]:
             for trial in self._with(seed):
                 found.setdefault(frozenset(trial.names), trial)
         return list(found.values())

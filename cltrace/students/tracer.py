@@ -56,6 +56,7 @@ class Tracer:
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / FULL[texture.dtype] for texture in scene.textures]
         self._shapes: dict[SurfaceRules, Shapes] = {}
+        self.rays = 0  # that were traced, with those to lamps
         used = scene.materials
         self.bounces = bool((used["reflectance"] > 0).any() or (used["transmittance"] > 0).any())
 
@@ -77,6 +78,7 @@ class Tracer:
         colors = np.tile(self.background * seen_far, (len(rays), 1))
         near = rules.lights.epsilon_of_bounces if depth and rules.lights.measured != "normal" else 0.0
         hit, at = shapes.seen(rays, near)
+        self.rays += len(rays) + len(hit) * len(self.lamps)
         if at is None:
             return colors
         seen, weights = rays.at(hit), weights[hit]

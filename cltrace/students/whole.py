@@ -68,22 +68,20 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antia
     if framed:
         yield Whole(covers=framed)
         return
-    free, covers = None, {}
-    if antialias:
-        free = uneven(mine)
-    elif is_smooth(mine):
-        low, high = around(right)
-        between = ((mine >= low - tolerance) & (mine <= high + tolerance)).all(axis=2)
-        free = uneven(mine) | (uneven(right) & between)
-        covers = {"antialiased": wrong & free & between}
-    made, sure = _made(mine, right, tolerance, free)
-    # One mistake may do what most of a change of the whole picture would, or what smoothness would.
-    if covers:
-        yield Whole(brief=True)
-    # Two beside a smooth picture would be three, which explain too much by chance.
-    yield Whole(covers=covers, free=free, brief=sure or bool(covers))
-    if made:
-        yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
+    seems_smooth = not antialias and is_smooth(mine)
+    for smooth in (False, True) if seems_smooth else (antialias,):
+        free, covers = uneven(mine) if smooth else None, {}
+        if free is not None and not antialias:
+            low, high = around(right)
+            between = ((mine >= low - tolerance) & (mine <= high + tolerance)).all(axis=2)
+            free = free | (uneven(right) & between)
+            covers = {"antialiased": wrong & free & between}
+        made, sure = _made(mine, right, tolerance, free)
+        # One mistake may do what most of a change of the whole picture would. Two beside a smooth picture would be
+        # three, which explain too much by chance.
+        yield Whole(covers=covers, free=free, brief=sure or seems_smooth)
+        if made:
+            yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
 
 
 def around(picture: Levels) -> tuple[NDArray[np.int16], NDArray[np.int16]]:

@@ -74,6 +74,12 @@ def test_what_is_wrong_beside_the_whole_picture_is_found_where_it_is_little(grid
     assert answer.said == "gamma + no-shadows"
 
 
+def test_a_picture_that_seems_smooth_is_not_called_so_where_two_mistakes_explain_it(grid: Grid) -> None:
+    """In few pixels, bright highlights have as many levels between their sides as smooth edges have."""
+    answer = asked(grid, Case("vector", "step2-parallel", (33, 44), ("upside-down", "blinn")))
+    assert answer.said == "upside-down + blinn"
+
+
 def test_of_three_mistakes_one_is_named_at_most(grid: Grid) -> None:
     """Two beside a change of the whole picture fitted here by chance."""
     answer = asked(grid, Case("tutorial", "random-2", (64, 40), ("mirrored", "no-refraction")))
