@@ -26,8 +26,8 @@ class Watch:
         self._start = _seconds()
 
     def so_far(self) -> dict[str, Any]:
-        """For About: load, of the last minute; others, steal: shares of all processors' time that other processes, and
-        other guests of the host took; loaded: a sentence, if that is too much, else empty."""
+        """load: of the last minute; others, steal: the shares of all processors' time that other processes took, and
+        other guests of the host; loaded: a sentence, if that is too much, else empty."""
         if not self._start or not (now := _seconds()):
             return {"loaded": ""}
         busy, steal, whole, own = (b - a for a, b in zip(self._start, now, strict=True))
@@ -73,18 +73,10 @@ def about(devices: Sequence[str]) -> dict[str, Any]:
 
 def commit() -> str:
     """The checkout's commit, with a + if files differ from it; empty if this is none."""
-    command = [
-        "git",
-        "-C",
-        str(Path(__file__).parents[2]),
-        "describe",
-        "--always",
-        "--abbrev=10",
-        "--dirty=+",
-        "--exclude=*",
-    ]
+    root = Path(__file__).parents[2]
+    command = ["git", "-C", str(root), "describe", "--always", "--abbrev=10", "--dirty=+", "--exclude=*"]
     with contextlib.suppress(OSError, subprocess.SubprocessError):
-        if (Path(__file__).parents[2] / ".git").exists():
+        if (root / ".git").exists():
             return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
     return ""
 

@@ -257,8 +257,13 @@ def too_much(scene: Scene) -> str:
 
 def too_rich(scene: Scene) -> str:
     """Why a scene is not handed to a tracer that knows only round opaque spheres of one colour; empty if it is."""
-    used = scene.materials[np.unique(scene.spheres["material"])]
-    has = {
+    has = parts_of(scene, scene.materials[np.unique(scene.spheres["material"])])
+    return ", ".join(name for name, there in has.items() if there)
+
+
+def parts_of(scene: Scene, used: NDArray[np.void]) -> dict[str, bool]:
+    """Whether a scene has what few tracers draw, by its name. used: the materials that count."""
+    return {
         "meshes": bool(scene.meshes),
         "cylinders": bool(len(scene.cylinders)),
         "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
@@ -266,7 +271,6 @@ def too_rich(scene: Scene) -> str:
         "mirrors": bool((used["reflectance"] > 0).any()),
         "glass": bool((used["transmittance"] > 0).any()),
     }
-    return ", ".join(name for name, there in has.items() if there)
 
 
 def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:

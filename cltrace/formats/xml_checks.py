@@ -31,8 +31,8 @@ Numbers = NDArray[np.float64]
 class Children:
     """The children of an element so far: which of those that may occur once it has, and which are unknown."""
 
-    def __init__(self, reader: Checks, element: etree._Element) -> None:
-        self.reader, self.element = reader, element
+    def __init__(self, checks: Checks, element: etree._Element) -> None:
+        self.checks, self.element = checks, element
         self.schema, self.label = ELEMENTS[element.tag], label_of(element)
         self.filled: set[str] = set()
         self.strays: dict[str, int] = {}
@@ -42,12 +42,12 @@ class Children:
         slot = self.schema.slots.get(child.tag)
         if slot is None and child.tag not in self.schema.many:
             known = self.wanted(child)
-            line = self.reader.warn_unknown(child, self.label, what="element <{}>", name=child.tag, known=known)
+            line = self.checks.warn_unknown(child, self.label, what="element <{}>", name=child.tag, known=known)
             if len(self.strays) < MAX_MESSAGES:
                 self.strays.setdefault(child.tag, line)
             return False
         if slot in self.filled:
-            self.reader.fault(child, f"{self.label}: <{child.tag}> must occur only once")
+            self.checks.fault(child, f"{self.label}: <{child.tag}> must occur only once")
             return False
         if slot:
             self.filled.add(slot)
@@ -62,7 +62,7 @@ class Children:
     def complete(self) -> bool:
         """Whether every required child has been there; complains about those that have not."""
         missing = [slot for slot in self.schema.children if slot not in self.filled]
-        if self.element not in self.reader.cut_off:
+        if self.element not in self.checks.cut_off:
             for slot in missing:
                 self._complain(slot)
         return not missing
@@ -76,7 +76,7 @@ class Children:
             return next(known, f"; did you mean <{short(stray)}> on line {self.strays[stray]}?" if stray else "")
 
         missing = " or ".join(f"<{name}>" for name in names)
-        self.reader.fault(self.element, f"{self.label}: {missing} is missing", hint)
+        self.checks.fault(self.element, f"{self.label}: {missing} is missing", hint)
 
 
 def label_of(element: etree._Element) -> str:

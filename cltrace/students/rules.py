@@ -21,10 +21,9 @@ class CameraRules:
     which of the camera's are not made unit vectors, "up" being taken as it is, "unit up" as a unit vector, "backwards"
     all looking the other way and "transposed" their matrix; long_rays: whether primary rays are no unit vectors;
     sample: where in a pixel its ray goes through, from its left and from its bottom, 0..1, or beyond where all is
-    shifted; columns: how a pixel's number becomes a place:
-    "centers", "ends" with the first and last pixel at the very ends, "zero" and "halves" by divisions of whole
-    numbers; upside_down, mirrored: whether rows or columns are in the reverse order; transposed: whether rows are
-    columns.
+    shifted; columns: how a pixel's number becomes a place: "centers", "ends" with the first and last pixel at the very
+    ends, "zero" and "halves" by divisions of whole numbers; upside_down, mirrored: whether rows or columns are in the
+    reverse order; transposed: whether rows are columns.
     """
 
     opening: tuple[float, float] = (1.0, 1.0)

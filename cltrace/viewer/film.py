@@ -41,16 +41,16 @@ def film_of(
     animate: Callable[..., object],
 ) -> Film:
     """The film of these arguments of view(). animate: writes frames to an output. Raises TypeError and ValueError."""
-    if not callable(frames):
-        if not isinstance(frames, Sequence) or isinstance(frames, str) or not frames:
-            raise TypeError(
-                f"frames: must be a list of frames, at least one, or a function of a number, got {frames!r}"
-            )
-        if count is not None:
-            raise ValueError(f"count: goes with a function of a frame's number, got {count!r}")
-    elif not is_whole(count) or int(count or 0) < 1:
-        raise ValueError(f"count: must be how many frames the function makes, 1 at least, got {count!r}")
-    number = int(count or 0) if callable(frames) else len(frames)
+    if callable(frames):
+        number = int(count or 0) if is_whole(count) else 0
+        if number < 1:
+            raise ValueError(f"count: must be how many frames the function makes, 1 at least, got {count!r}")
+    elif not isinstance(frames, Sequence) or isinstance(frames, str) or not frames:
+        raise TypeError(f"frames: must be a list of frames, at least one, or a function of a number, got {frames!r}")
+    elif count is not None:
+        raise ValueError(f"count: goes with a function of a frame's number, got {count!r}")
+    else:
+        number = len(frames)
 
     def items(check: Check = lambda: None) -> Iterator[Any]:
         for k in range(number):

@@ -15,7 +15,7 @@ from cltrace.base.arrays import processors
 from cltrace.bench.tracers import ACROSS, Run, Tracer
 from cltrace.scene import Scene
 
-from .peer import Company, Light, bytes_of, lights, seen_from_the_eye, strange, triangles, version_of
+from .peer import Company, Light, bytes_of, in_turn, lights, seen_from_the_eye, strange, triangles, version_of
 
 VARIANT = "llvm_ad_rgb"
 # Each sphere is an object of Python's.
@@ -48,14 +48,7 @@ def draw(scene: Scene, frames: int, across: int) -> Run:
     dr.set_thread_count(processors())
     start = time.perf_counter()
     picture = Picture(mi, dr, scene)
-    kernel, whole, rgb8 = [], 0.0, np.zeros(0, np.uint8)
-    for _ in range(frames):
-        begin = time.perf_counter()
-        rgb8 = bytes_of(picture.frame(across), scene.camera.resolution)
-        end = time.perf_counter()
-        whole = whole or end - start
-        kernel.append(end - begin)
-    return Run(kernel, whole, rgb8)
+    return Run(*in_turn(lambda: bytes_of(picture.frame(across), scene.camera.resolution), frames, start))
 
 
 class Picture:

@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import signal
 import subprocess
+import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.bench.tracers import Run, Tracer
+from cltrace.bench.tracers import Run, Tracer, parts_of
 from cltrace.scene import AMBIENT, PARALLEL, POINT, PlacedMesh, Scene
 
 Floats = NDArray[np.float64]
@@ -56,6 +57,18 @@ class Peer(Tracer):
 
 
 Draw = Callable[..., Run]
+
+
+def in_turn(frame: Callable[[], NDArray[Any]], frames: int, start: float) -> tuple[list[float], float, NDArray[Any]]:
+    """The seconds of each frame, those from `start` to the end of the first one, and what the last one has returned."""
+    kernel, whole, last = [], 0.0, np.zeros(0, np.uint8)
+    for _ in range(frames):
+        begin = time.perf_counter()
+        last = frame()
+        end = time.perf_counter()
+        whole = whole or end - start
+        kernel.append(end - begin)
+    return kernel, whole, last
 
 
 class Company:
@@ -192,14 +205,8 @@ def lights(scene: Scene) -> tuple[Floats, list[Light]]:
 def strange(scene: Scene, *kinds: str) -> str:
     """Which of these kinds of things a scene has, by name; empty if none of them."""
     m, kinds_of_lights = scene.materials, set(scene.lamps["kind"].tolist())
-    has = {
+    has = parts_of(scene, m) | {
         "spheres": bool(len(scene.spheres)),
-        "meshes": bool(scene.meshes),
-        "cylinders": bool(len(scene.cylinders)),
-        "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
-        "textures": bool((m["texture"] >= 0).any()),
-        "mirrors": bool((m["reflectance"] > 0).any()),
-        "glass": bool((m["transmittance"] > 0).any()),
         "an orthographic camera": scene.camera.parallel,
         "other lights than points and parallel ones": not kinds_of_lights <= {AMBIENT, PARALLEL, POINT},
         "materials that differ in more than colour": any(
@@ -209,10 +216,15 @@ def strange(scene: Scene, *kinds: str) -> str:
     return ", ".join(kind for kind in kinds if has[kind])
 
 
+def levels(color: NDArray[Any]) -> NDArray[np.uint8]:
+    """0..255 of colours, 1 = full."""
+    rounded: NDArray[np.uint8] = (np.clip(color, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return rounded
+
+
 def bytes_of(color: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
     """(h, w, 3) of colours, 1 = full, row by row from the top."""
-    rounded: NDArray[np.uint8] = (np.clip(color, 0, 1) * 255 + 0.5).astype(np.uint8).reshape(size[1], size[0], 3)
-    return rounded
+    return levels(color).reshape(size[1], size[0], 3)
 
 
 @contextlib.contextmanager

@@ -17,7 +17,7 @@ from cltrace.base.arrays import processors
 from cltrace.bench.tracers import Run, Tracer
 from cltrace.scene import Scene
 
-from .peer import Company, Floats, lights, seen_from_the_eye, strange, triangles, version_of
+from .peer import Company, Floats, in_turn, levels, lights, seen_from_the_eye, strange, triangles, version_of
 
 # Rays across a pixel, so to speak, and the samples that Mesa's rasterizer has for them.
 MULTISAMPLES = {1: 0, 2: 4}
@@ -51,17 +51,17 @@ def draw(scene: Scene, frames: int, samples: int) -> Run:
     vtk, support = (importlib.import_module(name) for name in ("vtk", "vtkmodules.util.numpy_support"))
     start = time.perf_counter()
     window = _window(vtk, support, scene, samples)
-    kernel, whole = [], 0.0
     width, height = scene.camera.resolution
     pixels = vtk.vtkUnsignedCharArray()
-    for _ in range(frames):
-        begin = time.perf_counter()
+
+    def frame() -> NDArray[Any]:
         window.Render()
         window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-        end = time.perf_counter()
-        whole = whole or end - start
-        kernel.append(end - begin)
-    rgb8 = support.vtk_to_numpy(pixels).reshape(height, width, 3)[::-1].copy()
+        shown: NDArray[Any] = support.vtk_to_numpy(pixels)
+        return shown
+
+    kernel, whole, shown = in_turn(frame, frames, start)
+    rgb8 = shown.reshape(height, width, 3)[::-1].copy()
     window.Finalize()
     return Run(kernel, whole, rgb8)
 
@@ -137,8 +137,7 @@ def _data(vtk: Any, support: Any, places: Floats, colors: NDArray[Any]) -> Any:
     data, points = vtk.vtkPolyData(), vtk.vtkPoints()
     points.SetData(support.numpy_to_vtk(places.astype("f4"), deep=True))
     data.SetPoints(points)
-    shades = (np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
-    data.GetPointData().SetScalars(support.numpy_to_vtk(shades, deep=True))
+    data.GetPointData().SetScalars(support.numpy_to_vtk(levels(colors), deep=True))
     return data
 
 
