@@ -173,11 +173,14 @@ def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], 
 
     true = truth.held_against(case, tracers.Product(device, "double"))
     assert true
+    drawn: dict[tracers.Tracer, bytes] = {}
     assert true.text.startswith("means of 64 x 64 rays")
     curves: dict[tuple[str, str], dict[float, float]] = {}
     for one in [*tracers.configurations(device, ["accurate"], False), *installed(tmp_path)[0]]:
         if one.draws(case) and not one.refuses(case.scene):
-            rms = float(np.sqrt(np.mean((one.run(case.scene, 1).rgb8 - true.levels) ** 2)))
+            picture = one.run(case.scene, 1).rgb8
+            drawn[one] = picture.tobytes()
+            rms = float(np.sqrt(np.mean((picture - true.levels) ** 2)))
             curves.setdefault((one.name, one.variant), {})[one.level or 0] = rms
     assert ("accurate", "samples") in curves
     for (name, variant), errors in curves.items():
@@ -186,6 +189,9 @@ def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], 
             assert errors[4] < 0.4 * errors[1], (name, variant)
             assert errors[16] < 1.2, (name, variant)
     assert max(curves["accurate", "proved"].values()) < 1
+    # Also in turns, as rounds are, where several tracers have one program.
+    for one, picture in drawn.items():
+        assert one.run(case.scene, 1).rgb8.tobytes() == picture, one.name
 
 
 def test_importing_the_peers_imports_no_package() -> None:

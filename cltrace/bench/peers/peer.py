@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import signal
 import subprocess
+import tempfile
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
@@ -38,10 +39,13 @@ class PeerError(Exception):
 
 
 class Peer(Tracer):
-    """A program that reads a scene from a file, which is written once for each scene."""
+    """A program that reads a scene from a file, which is written once for each scene.
+
+    folder: in which it gets one of its own, as other tracers with the same program write other files of a scene.
+    """
 
     def __init__(self, program: str, folder: Path) -> None:
-        self._program, self._folder = program, folder
+        self._program, self._folder = program, Path(tempfile.mkdtemp(dir=folder))
         self._scene: Scene | None = None
 
     def _file(self, scene: Scene, suffix: str) -> Path:
