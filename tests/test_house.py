@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -84,6 +85,13 @@ def test_the_top_holds_the_doors_alone() -> None:
 def test_the_map_names_all_rooms() -> None:
     text = (ROOT / "README.md").read_text("utf-8")
     assert {room for room in rooms() if f"`cltrace/{room}/`" not in text} == set()
+
+
+def test_a_wheel_has_all_packages() -> None:
+    """A clone finds a package that pyproject.toml leaves out; what pip installs does not."""
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]["packages"]
+    there = {".".join(path.parent.relative_to(ROOT).parts) for path in MODULES}
+    assert sorted(told) == sorted(there | {"cltrace.kernels"})
 
 
 def test_tests_have_a_folder_for_each_room() -> None:
