@@ -320,7 +320,8 @@ class Renderer:
         else:
             packer = known._packer if known and near else None
             if packer is None or not packer.fits(self._world):
-                packer = packer_of(self._world, self.request, self.device, near._packer if near else None)
+                kept, again = (near._packer, near._world is self._world) if near else (None, False)
+                packer = packer_of(self._world, self.request, self.device, kept, again)
             self._packer = packer
             self._view, self._made = packer.view(worlds[0], self.scene.camera)
         self.plan = Plan.of(self._world, self._view, self.request)
