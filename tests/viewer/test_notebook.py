@@ -24,7 +24,11 @@ from test_browser import SIZE, browser, middle, page, rested, shown, spec
 from test_server import FILE
 
 import cltrace
+from cltrace.run.devices import choose
 from cltrace.viewer import cameras
+from cltrace.viewer.messages import Event
+from cltrace.viewer.session import Session
+from cltrace.viewer.stage import Stage
 
 pytestmark = pytest.mark.slow
 nbformat = pytest.importorskip("nbformat", reason="pip install jupyterlab")
@@ -58,6 +62,50 @@ def test_executed(spec: str, tmp_path: Path) -> None:
     assert book.cells[1].outputs[0]["data"]["text/plain"] == "True"
     html, _ = nbconvert.HTMLExporter().from_notebook_node(book)
     assert f'src="data:image/png;base64,{data.strip()}"' in html.replace("\n", "")
+
+
+# Two views of one widget, whose kernel hears an event as soon as idle() is called.
+TWO_VIEWS = """async ([code, data]) => {
+  const picture = await (await fetch(`data:image/png;base64,${data}`)).arrayBuffer(), hearing = [];
+  window.said = [];
+  const model = { get: () => picture, on: (_, hear) => hearing.push(hear), send: (message, { iopub } = {}) => {
+    if (message.event) said.push(JSON.parse(message.event));
+    if (iopub?.status) window.idle = () => iopub.status({ content: { execution_state: 'idle' } });
+  } };
+  const { default: widget } = await import(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
+  for (const _ of [1, 2]) await widget.render({ model, el: document.body });
+  window.roots = [...document.body.children].map((view) => view.shadowRoot);
+  window.show = (head) => hearing.forEach((hear) => hear(head, [picture]));
+  window.press = (key) => roots[0].querySelector('#picture').dispatchEvent(
+    new KeyboardEvent('keydown', { key, bubbles: true }));
+  window.slide = (value) => {
+    const fov = roots[0].querySelector('#fov');
+    fov.value = value;
+    fov.dispatchEvent(new Event('input'));
+  };
+}"""
+
+
+def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
+    """Ways are added up and a slider's last place counts until it hears them; both views show the same buttons."""
+    module = pytest.importorskip("cltrace.viewer.widget")
+    session = Session(Stage(cltrace.load(FILE), choose(spec)))
+    session.handle(Event("show", name="normal"))
+    _, exact = session.draw(), session.draw()
+    assert exact
+    page.evaluate(TWO_VIEWS, [module._module(), base64.b64encode(exact.data).decode()])
+    page.evaluate("(head) => show(head)", exact.head())
+    checked = "() => roots.every((root) => root.querySelector('[name=view]:checked').value === 'normal')"
+    page.wait_for_function(checked)
+    page.evaluate("() => { said.length = 0; ['-', '+', '+', '+'].forEach(press); }")
+    assert page.evaluate("said") == [{"kind": "zoom", "x": 0, "y": 0.25, "name": ""}]
+    page.evaluate("() => [20, 30, 40].forEach(slide)")
+    added, *rest = page.evaluate("said")[1:]
+    assert ((added["kind"], added["y"]), rest) == (("zoom", -0.75), [])
+    page.evaluate("idle()")
+    assert page.evaluate("said.slice(2)") == [{"kind": "fov", "x": 40, "y": 0, "name": ""}]
+    page.evaluate("() => { slide(50); press('f'); }")
+    assert [event["kind"] for event in page.evaluate("said.slice(3)")] == ["fov", "fit"]
 
 
 def answers(port: int) -> bool:
