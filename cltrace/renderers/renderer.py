@@ -422,7 +422,7 @@ class Renderer:
         return self._image(arrays, {"kernel": done - start, "readback": end - done}, frame)
 
     def stop(self) -> None:
-        """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
+        """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
         self._executor.stop()
 
     def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
