@@ -117,10 +117,13 @@ def answers(port: int) -> bool:
 
 @contextmanager
 def jupyterlab(folder: Path) -> Iterator[str]:
-    """JupyterLab in its dark theme, with settings of its own. Yields its address."""
+    """JupyterLab in its dark theme, with settings of its own, which asks for no build. Yields its address."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
+    page = folder / "config" / "labconfig"
+    page.mkdir(parents=True)
+    (page / "page_config.json").write_text('{"buildCheck": false}')
     theme = folder / "config" / "lab" / "user-settings" / "@jupyterlab" / "apputils-extension"
     theme.mkdir(parents=True)
     (theme / "themes.jupyterlab-settings").write_text('{"theme": "JupyterLab Dark"}')
