@@ -39,7 +39,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
     """
     for line in [_versions(), *_drivers(), *_caches()]:
         say(line)
-    status, answer = _child("-m", __name__, "devices", *([] if spec is None else [spec]))
+    status, answer = child("-m", __name__, "devices", *([] if spec is None else [spec]))
     if status != 0:
         say(f"devices    {answer}")
         return _advise(say, [])
@@ -51,7 +51,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         if spec is not None and name != wanted:
             continue
         say(f"device     {line}{asked if name == wanted else ''}")
-        status, answer = _child("-m", __name__, "draw", name)
+        status, answer = child("-m", __name__, "draw", name)
         say(f"           {'ok' if status == 0 else 'FAILS'}: {answer}")
         if status == 0:
             well.append(name)
@@ -107,7 +107,7 @@ def _library(icd: Path) -> str:
     except OSError as error:
         return f"cannot be read: {error.strerror}"
     beside = icd.parent / named
-    status, answer = _child("-c", LOAD, str(beside) if beside.is_file() else named)
+    status, answer = child("-c", LOAD, str(beside) if beside.is_file() else named)
     return f"{named}, loads" if status == 0 else f"{named}, does NOT load: {answer}"
 
 
@@ -130,16 +130,16 @@ def _writable(folder: Path) -> str:
         return f"NOT writable: {error.strerror}"
 
 
-def _child(*arguments: str) -> tuple[int, str]:
+def child(*arguments: str, patience: int = PATIENCE) -> tuple[int, str]:
     """Status and last line of another Python; what ended it, if it did not end by itself."""
     # -P: what lies in the current folder is not imported.
     command = [sys.executable, "-P", *arguments]
     try:
         done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False, errors="replace"
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False, errors="replace"
         )
     except subprocess.TimeoutExpired:
-        return 3, f"no answer within {PATIENCE} seconds"
+        return 3, f"no answer within {patience} seconds"
     said, complaint = (_last_line(text) for text in (done.stdout, done.stderr))
     if done.returncode < 0:
         try:
@@ -155,7 +155,7 @@ def _last_line(text: str) -> str:
     return lines[-1] if lines else ""
 
 
-def _picture() -> cltrace.Scene:
+def picture() -> cltrace.Scene:
     """A small scene with each kind of light, shadows, highlights and a ground."""
     camera = cltrace.Camera(position=(0, 1, 6), lookat=(0, 0, 0), horizontal_fov=24, resolution=(48, 36))
     lights = [
@@ -182,7 +182,7 @@ def _list(spec: str | None = None) -> int:
 
 
 def _draw(spec: str) -> int:
-    scene = _picture()
+    scene = picture()
     try:
         renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"))
         image = renderer.render()
