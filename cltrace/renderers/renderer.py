@@ -320,7 +320,8 @@ class Renderer:
         else:
             packer = known._packer if known and near else None
             if packer is None or not packer.fits(self._world):
-                packer = packer_of(self._world, self.request, self.device, near._packer if near else None)
+                kept, again = (near._packer, near._world is self._world) if near else (None, False)
+                packer = packer_of(self._world, self.request, self.device, kept, again)
             self._packer = packer
             self._view, self._made = packer.view(worlds[0], self.scene.camera)
         self.plan = Plan.of(self._world, self._view, self.request)
@@ -421,7 +422,7 @@ class Renderer:
         return self._image(arrays, {"kernel": done - start, "readback": end - done}, frame)
 
     def stop(self) -> None:
-        """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
+        """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
         self._executor.stop()
 
     def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:

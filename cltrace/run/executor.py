@@ -75,11 +75,17 @@ class Last:
         self.stopped, self._notes = False, notes
 
     def reset(self, queue: Any) -> None:
-        """Before a launch, and before it is asked whether there was a reason to stop."""
+        """Before a launch, when a stop() has been heard."""
         self.stopped = False
+        self.begin(queue)
+
+    def begin(self, queue: Any) -> None:
+        """Before a picture. A stop() that nobody has heard yet is heard then."""
         self._shared[0] = self._own[0] = ALL
         if self._notes:
             cl.enqueue_copy(queue, self.buffer, self._own)
+        if self.stopped:
+            self._shared[0] = OVER
 
     def stop(self) -> None:
         """Has the kernel come back, if it runs. Any thread may call it."""
@@ -232,7 +238,7 @@ class Executor:
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region, done = (x0 - x, y0 - y, width + x, height + y), []
         frame.exponent = self.plan.exponent
-        self._last.reset(self._queue)
+        self._last.begin(self._queue)
         with interruptible(self._last.stop, self._advice) as begin:
             for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
@@ -250,7 +256,7 @@ class Executor:
         return done
 
     def stop(self) -> None:
-        """Has a draw() of another thread call its `drawn` soon. Nothing happens if there is none."""
+        """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
         self._last.stop()
 
     def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
@@ -380,6 +386,9 @@ class Executor:
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
         while True:
+            if self._last.stopped:
+                self._last.reset(self._queue)
+                drawn(0)
             start = time.perf_counter()
             try:
                 launch()
@@ -390,8 +399,6 @@ class Executor:
                 raise
             if not self._last.stopped:
                 return time.perf_counter() - start
-            self._last.reset(self._queue)
-            drawn(0)
 
     def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""

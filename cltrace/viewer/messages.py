@@ -64,12 +64,13 @@ class Event:
 class State:
     """What a window's controls show beside a picture.
 
-    projection: from the world to the picture, see cameras.projection(); fov: the whole opening angle, degrees, 0 of
-    parallel rays; samples: rays a pixel of the smooth picture, 0 where that is proved; lights: name and strength of
-    each, none where they are many; frame, frames: which one of how many; fps: frames a second; file: of the movie, ""
-    for none.
+    view: which button is on; projection: from the world to the picture, see cameras.projection(); fov: the whole
+    opening angle, degrees, 0 of parallel rays; samples: rays a pixel of the smooth picture, 0 where that is proved;
+    lights: name and strength of each, none where they are many; frame, frames: which one of how many; fps: frames a
+    second; file: of the movie, "" for none.
     """
 
+    view: str
     projection: tuple[float, ...]
     fov: float
     samples: int

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -28,10 +29,11 @@ from cltrace.viewer import cameras
 from cltrace.viewer.lights import Lights
 from cltrace.viewer.lines import as_json
 from cltrace.viewer.messages import Event, Message, State
-from cltrace.viewer.stage import VIEWS, Drawn, OverError, Phase, Stage
+from cltrace.viewer.stage import ERROR, VIEWS, Drawn, OverError, Phase, Stage
 
-# Seconds that the pixels of a moving picture may take, and by what its sides are divided at most.
-PACE, SMALLEST = 1 / 60, 4
+# Seconds that the pixels of a moving picture and its JPEG may take, and by what its sides are divided at most. A page
+# takes about as long for them.
+PACE, SMALLEST = 1 / 100, 4
 # What no pixel's id is.
 NOTHING = -2
 # Cameras that can be gone back to.
@@ -122,9 +124,10 @@ class Session:
         self._done(count, self._after(phase))
         if outline:
             return Message(phase, data=_around(picture.image.id == explained), number=count)
-        if moving:
-            self._divisor = next_divisor(self._divisor, picture.seconds)
+        start = time.perf_counter()
         data = picture.file(".jpg" if moving else ".png")
+        if moving:
+            self._divisor = next_divisor(self._divisor, picture.seconds + time.perf_counter() - start)
         width, height = camera.resolution
         text, state = self._caption(picture, phase), self._state(camera)
         return Message(phase, text, data, width=width, height=height, number=count, home=home, state=state)
@@ -193,6 +196,7 @@ class Session:
     def _state(self, camera: AnyCamera) -> State:
         film = self.stage.film
         return State(
+            view=self.view,
             projection=cameras.projection(camera),
             fov=2 * camera.horizontal_fov if isinstance(camera, Camera) else 0.0,
             samples=self.samples,
@@ -225,7 +229,8 @@ class Session:
     def _caption(self, picture: Drawn, phase: Phase) -> str:
         """What a picture at rest is, in words."""
         size = "{}x{}".format(*self.camera.resolution)
-        parts = (self.view, size, phase, f"on {self.stage.device.name}", picture.legend)
+        how = phase if self.view != ERROR else "an estimate" if self.stage.samples else "proved where it can be"
+        parts = (self.view, size, how, f"on {self.stage.device.name}", picture.legend)
         return f"{self.stage.name}: {', '.join(filter(None, parts))}"
 
     def _explain(self, x: int, y: int) -> Iterator[Message]:
@@ -314,7 +319,7 @@ def _compared(found: Comparison) -> Iterator[Message]:
 def next_divisor(divisor: int, seconds: float) -> int:
     """By what the sides of the next moving picture are divided: by less where that would keep the pace, too.
 
-    seconds: what the pixels of the last one took, with this divisor.
+    seconds: what the pixels of the last one and its JPEG took, with this divisor.
     """
     if seconds > PACE:
         return min(divisor + 1, SMALLEST)

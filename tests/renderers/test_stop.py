@@ -85,10 +85,22 @@ def test_another_thread_stops_a_frame() -> None:
     thread = threading.Thread(target=draw)
     thread.start()
     begun.wait()
-    while thread.is_alive():  # between two frames, nothing is there to be stopped
+    while thread.is_alive():
         renderer.stop()
         time.sleep(0.05)
     assert told[-1] == 0
+
+
+def test_a_stop_before_a_frame_is_heard_in_it() -> None:
+    """Also where it comes between the call and the launch; and it costs no pixel."""
+    renderer, told = cltrace.Renderer(nested(), outputs=("color",)), list[int]()
+    expected = renderer.render().color
+    renderer.stop()
+    np.testing.assert_array_equal(renderer.draw(told.append).color, expected)
+    assert told[0] == 0
+    told.clear()
+    renderer.draw(told.append)
+    assert 0 not in told
 
 
 def test_all_devices_stop() -> None:

@@ -333,6 +333,18 @@ def test_pictures(device: Device) -> None:
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)
 
 
+def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a quarter of the surfaces on, as long as these stay where they are."""
+    monkeypatch.setattr(packers, "MANY", 4 * 3000 - 1)
+    renderer, other = cltrace.Renderer(crowded(), device), camera(position=(1.0, 2.0, 2.5))
+    moved = renderer.look(other)
+    assert ("entry" in renderer.plan.arrays, "entry" in moved.plan.arrays) == (True, False)
+    assert np.array_equal(moved.render().rgb8, cltrace.Renderer(crowded().seen_by(other), device).render().rgb8)
+    assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
+    monkeypatch.setattr(packers, "MANY", 4 * 3000)
+    assert "entry" in renderer.look(other).plan.arrays
+
+
 def test_pictures_of_updates(device: Device) -> None:
     """Other colours keep what the device has packed; other places do not. Other cameras see both."""
     renderer, (centers, _) = cltrace.Renderer(crowded(), device, outputs=DRAWN), balls(3000, 0.3, 7)

@@ -24,7 +24,11 @@ from test_browser import SIZE, browser, middle, page, rested, shown, spec
 from test_server import FILE
 
 import cltrace
+from cltrace.run.devices import choose
 from cltrace.viewer import cameras
+from cltrace.viewer.messages import Event
+from cltrace.viewer.session import Session
+from cltrace.viewer.stage import Stage
 
 pytestmark = pytest.mark.slow
 nbformat = pytest.importorskip("nbformat", reason="pip install jupyterlab")
@@ -60,6 +64,50 @@ def test_executed(spec: str, tmp_path: Path) -> None:
     assert f'src="data:image/png;base64,{data.strip()}"' in html.replace("\n", "")
 
 
+# Two views of one widget, whose kernel hears an event as soon as idle() is called.
+TWO_VIEWS = """async ([code, data]) => {
+  const picture = await (await fetch(`data:image/png;base64,${data}`)).arrayBuffer(), hearing = [];
+  window.said = [];
+  const model = { get: () => picture, on: (_, hear) => hearing.push(hear), send: (message, { iopub } = {}) => {
+    if (message.event) said.push(JSON.parse(message.event));
+    if (iopub?.status) window.idle = () => iopub.status({ content: { execution_state: 'idle' } });
+  } };
+  const { default: widget } = await import(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
+  for (const _ of [1, 2]) await widget.render({ model, el: document.body });
+  window.roots = [...document.body.children].map((view) => view.shadowRoot);
+  window.show = (head) => hearing.forEach((hear) => hear(head, [picture]));
+  window.press = (key) => roots[0].querySelector('#picture').dispatchEvent(
+    new KeyboardEvent('keydown', { key, bubbles: true }));
+  window.slide = (value) => {
+    const fov = roots[0].querySelector('#fov');
+    fov.value = value;
+    fov.dispatchEvent(new Event('input'));
+  };
+}"""
+
+
+def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
+    """Ways are added up and a slider's last place counts until it hears them; both views show the same buttons."""
+    module = pytest.importorskip("cltrace.viewer.widget")
+    session = Session(Stage(cltrace.load(FILE), choose(spec)))
+    session.handle(Event("show", name="normal"))
+    _, exact = session.draw(), session.draw()
+    assert exact
+    page.evaluate(TWO_VIEWS, [module._module(), base64.b64encode(exact.data).decode()])
+    page.evaluate("(head) => show(head)", exact.head())
+    checked = "() => roots.every((root) => root.querySelector('[name=view]:checked').value === 'normal')"
+    page.wait_for_function(checked)
+    page.evaluate("() => { said.length = 0; ['-', '+', '+', '+'].forEach(press); }")
+    assert page.evaluate("said") == [{"kind": "zoom", "x": 0, "y": 0.25, "name": ""}]
+    page.evaluate("() => [20, 30, 40].forEach(slide)")
+    added, *rest = page.evaluate("said")[1:]
+    assert ((added["kind"], added["y"]), rest) == (("zoom", -0.75), [])
+    page.evaluate("idle()")
+    assert page.evaluate("said.slice(2)") == [{"kind": "fov", "x": 40, "y": 0, "name": ""}]
+    page.evaluate("() => { slide(50); press('f'); }")
+    assert [event["kind"] for event in page.evaluate("said.slice(3)")] == ["fov", "fit"]
+
+
 def answers(port: int) -> bool:
     """Whether somebody listens there."""
     with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
@@ -69,10 +117,13 @@ def answers(port: int) -> bool:
 
 @contextmanager
 def jupyterlab(folder: Path) -> Iterator[str]:
-    """JupyterLab in its dark theme, with settings of its own. Yields its address."""
+    """JupyterLab in its dark theme, with settings of its own, which asks for no build. Yields its address."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
+    page = folder / "config" / "labconfig"
+    page.mkdir(parents=True)
+    (page / "page_config.json").write_text('{"buildCheck": false}')
     theme = folder / "config" / "lab" / "user-settings" / "@jupyterlab" / "apputils-extension"
     theme.mkdir(parents=True)
     (theme / "themes.jupyterlab-settings").write_text('{"theme": "JupyterLab Dark"}')

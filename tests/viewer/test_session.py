@@ -7,6 +7,7 @@ import math
 import shlex
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from io import BytesIO
@@ -27,7 +28,7 @@ from cltrace.viewer import cameras
 from cltrace.viewer.lines import Line, lines_of
 from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import PACE, Session, next_divisor
-from cltrace.viewer.stage import VIEWS, Phase, Stage
+from cltrace.viewer.stage import VIEWS, Drawn, Phase, Stage
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FILE = SCENES / "minimal.xml"
@@ -291,6 +292,22 @@ def test_next_divisor() -> None:
     assert next_divisor(2, 0.9 * PACE) == 2
 
 
+def test_pictures_that_take_long_are_smaller(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where it is their file that does."""
+    write = Drawn.file
+
+    def write_slowly(picture: Drawn, suffix: str) -> bytes:
+        time.sleep(2 * PACE)
+        return write(picture, suffix)
+
+    monkeypatch.setattr(Drawn, "file", write_slowly)
+    for height in (180, 120, 90):
+        session.handle(Event("orbit", 0.1))
+        moving = session.draw()
+        assert moving
+        assert len(pixels(moving)) == height
+
+
 @pytest.mark.parametrize(
     "text",
     ["", "[]", "1", '{"kind": "fall"}', '{"kind": "orbit", "z": 1}', '{"kind": "orbit", "x": "1"}', '{"x": 1}']
@@ -455,7 +472,9 @@ def test_error(session: Session, spec: str) -> None:
     exact = drawn(session)[-1]
     error = cltrace.render(session.stage.scene, spec, outputs=("error",), antialias=True).error
     assert (pixels(exact)[..., 0] == np.minimum(error * (255 / 16), 255).astype(np.uint8)).all()
+    assert ", an estimate, " in exact.text
     assert f"the most is {error.max():.3g}" in exact.text
+    assert exact.state.view == "error"
 
 
 @pytest.mark.parametrize("end", [lambda session: session.handle(Event("orbit", 0.1)), Session.close])

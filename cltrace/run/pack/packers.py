@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from cltrace.run.pack.toolbox import Toolbox
 
 # From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
-# 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080).
-MANY = 2**15
+# 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080). A quarter is enough
+# where cameras come one after the other, as that is soon made up for: 8,000 spheres take 8 ms instead of 16 and 16,000
+# triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270).
+MANY, PART_AGAIN = 2**15, 4
 
 
 class Packer(Protocol):
@@ -88,13 +90,15 @@ def _load(device: Device, precision: Precision) -> None:
     load(device, precision)
 
 
-def packer_of(world: World, request: Request, device: Device, before: Packer | None = None) -> Packer:
+def packer_of(
+    world: World, request: Request, device: Device, before: Packer | None = None, again: bool = False
+) -> Packer:
     """numpy's for few surfaces, and where no device's serves the world; else the first one that does.
 
-    before: of another world on this device, whose spare memory is used again. Raises BuildError and DeviceError as
-    Executor does.
+    before: of another world on this device, whose spare memory is used again; again: whether there was a View of this
+    world. Raises BuildError and DeviceError as Executor does.
     """
-    if len(world.id) <= MANY:
+    if len(world.id) <= (MANY // PART_AGAIN if again else MANY):
         return NumpyPacker(request)
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker

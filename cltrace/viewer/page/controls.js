@@ -1,8 +1,9 @@
-// Sliders: the field of view, samples, lights, and a movie's frames. What they show comes with each picture.
+// Sliders: the field of view, samples, lights, and a movie's frames; and which output is on. What they show comes with
+// each picture, as other places of a notebook may show the same window.
 
 const SAMPLES = [1, 4, 16, 32, 64, 256, 1024];
 
-/** The sliders of these elements. send: tells an event. Returns what a picture calls with its message. */
+/** The controls of these elements. send: tells an event. Returns what a picture calls with its message. */
 export function controls($, send) {
   const fov = $("fov"), samples = $("samples"), frame = $("frames"), play = $("play");
   let film = { frames: 1, fps: 25 }, lights = [], playing = null;
@@ -51,6 +52,7 @@ export function controls($, send) {
     told(samples, state.samples || "proved");
     state.lights.forEach(([, share], k) => told(lights[k].input, `${Math.round(100 * share)} %`));
     if (kind === "moving" || playing) return;
+    $("views").querySelector(`[value=${state.view}]`).checked = true;
     frame.value = state.frame;
     if (state.fov) fov.value = state.fov;
     if (state.samples) samples.value = SAMPLES.indexOf(state.samples);

@@ -11,7 +11,6 @@ function connect() {
   socket = new WebSocket(new URL(`socket?window=${ME}`, location.href.replace(/^http/, "ws")));
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => receive(new Uint8Array(data));
-  socket.onopen = page.begin;
   socket.onclose = () => {
     page.fail("The server is not there. This page tries again.");
     setTimeout(connect, 1000);

@@ -24,7 +24,7 @@ const KEYS = {
  * Makes the elements of index.html work that are in `root`, a document or a shadow root.
  *
  * tell: takes an event, see messages.py; signal: is aborted when the view goes, if it can. Returns what the channel calls:
- * begin() when it is open, fail(text) when it is broken, and receive(message, blob) with a message and its data.
+ * fail(text) when it is broken, and receive(message, blob) with a message and its data.
  */
 export function view(root, tell, signal) {
   const $ = (id) => root.getElementById(id);
@@ -45,12 +45,6 @@ export function view(root, tell, signal) {
   /** Says what went wrong. */
   function fail(text) {
     $("error").textContent = text;
-  }
-
-  /** The server is there, again or for the first time. */
-  function begin() {
-    const chosen = root.querySelector("[name=view]:checked").value;
-    if (chosen !== "color") send("show", 0, 0, chosen); // which browsers keep when the page is loaded again
   }
 
   const SHOW = {
@@ -223,5 +217,5 @@ export function view(root, tell, signal) {
   $("compare").addEventListener("input", showCompared);
   addEventListener("resize", layOut, { signal });
   new ResizeObserver(layOut).observe($("frame").parentElement);
-  return { begin, fail, receive: (message, blob) => SHOW[message.kind](message, blob) };
+  return { fail, receive: (message, blob) => SHOW[message.kind](message, blob) };
 }

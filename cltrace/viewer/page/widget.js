@@ -24,34 +24,33 @@ async function render({ model, el }) {
   };
 }
 
-/** Takes events to the kernel. Ways of a pointer are added up until it has heard the one before: they must not queue. */
+const WAYS = ["orbit", "pan", "zoom"], SLIDERS = ["fov", "samples", "frame", "light"];
+
+/**
+ * Takes events to the kernel. Until it has heard the one before, ways of a pointer are added up, and where a slider is
+ * counts instead of where it was: they must not queue.
+ */
 function teller(model) {
-  let way = null, heard = true;
+  let waiting = null, heard = true;
   const tell = (event, status) => model.send({ event: JSON.stringify(event) }, { iopub: { status } });
   function next() {
-    if (!way || !heard) return;
+    if (!waiting || !heard) return;
     heard = false;
-    tell(way, ({ content }) => {
+    tell(waiting, ({ content }) => {
       heard ||= content.execution_state === "idle";
       next();
     });
-    way = null;
+    waiting = null;
   }
   return (event) => {
-    if (way?.kind === event.kind) {
-      way.x += event.x;
-      way.y += event.y;
-    } else if (["orbit", "pan", "zoom"].includes(event.kind)) {
-      if (way) tell(way);
-      way = event;
-    } else {
-      if (way && event.kind !== "shown") {
-        tell(way);
-        way = null;
-      }
-      tell(event);
-    }
-    next();
+    const { kind, x, y } = event;
+    if (kind === "shown") return tell(event);
+    const same = waiting?.kind === kind && (kind !== "light" || waiting.x === x);
+    if (waiting && !same) tell(waiting);
+    waiting = same && WAYS.includes(kind) ? { kind, x: waiting.x + x, y: waiting.y + y } : event;
+    if (WAYS.includes(kind) || SLIDERS.includes(kind)) return next();
+    tell(waiting);
+    waiting = null;
   };
 }
 
