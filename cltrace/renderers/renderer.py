@@ -24,7 +24,7 @@ from cltrace.plan.request import Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
-from cltrace.run.executor import WIDTHS, Executor, Frame, Made
+from cltrace.run.executor import WIDTHS, Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
@@ -364,6 +364,11 @@ class Renderer:
     def region(self) -> Region:
         """The part of the picture that is rendered: (x, y, width, height) in pixels of the whole picture."""
         return self._executor.region
+
+    @property
+    def bytes_a_pixel(self) -> int:
+        """How much memory the outputs of a pixel take."""
+        return bytes_a_pixel(self.request.outputs, self.precision)
 
     @property
     def skipped(self) -> dict[str, int]:

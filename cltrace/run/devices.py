@@ -15,7 +15,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from cltrace.base.errors import DeviceError
+from cltrace.base.errors import DeviceError, OutOfMemoryError
 
 MAX_ROWS = 2**31 - 1  # of a buffer
 # By the package of pip that brings it, or a name that pip has not.
@@ -151,7 +151,7 @@ def driver_errors(device: Device) -> Iterator[None]:
     try:
         yield
     except cl.MemoryError as error:
-        raise DeviceError(f"{device.name} has not enough memory: {error}") from None
+        raise OutOfMemoryError(f"{device.name} has not enough memory: {error}") from None
     except cl.Error as error:
         raise DeviceError(f"{device.name} failed: {error}") from None
 
