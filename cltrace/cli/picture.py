@@ -11,6 +11,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from cltrace.base.arrays import physical_memory
 from cltrace.base.errors import UsageError
 from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import Drawing, Picture
@@ -40,6 +41,7 @@ def draw(work: Picture, reporter: Reporter) -> int:
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
+        _check_memory(renderer)
         image = _fastest(renderer, work.repeat, reporter.progress)
         start = time.perf_counter()
         files.write(image, axes)
@@ -141,6 +143,15 @@ def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> 
             return Renderer(scene, choose(drawing.device), **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
+
+
+def _check_memory(renderer: Renderer) -> None:
+    """Raises UsageError for a whole picture that is larger than this computer's memory."""
+    width, height = renderer.region[2:]
+    size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
+    if size > memory:
+        taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
+        raise UsageError(f"{taken}; {', '.join(BY_ROWS)} are written by rows, or draw a part of it with --crop")
 
 
 def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.errors import DeviceError
+from cltrace.base.limits import MAX_SIDE
 from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
@@ -27,12 +28,11 @@ from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
-from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 # How many samples antialias=True takes.
 SAMPLES = 16
 # Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit.
-PROBES = (4, 2)
+PROBES, PROBED = (4, 2), 2**28
 # So many of these rays are traced at a time, which bounds the memory that they take.
 BAND = 2**22
 
@@ -279,7 +279,7 @@ class Renderer:
         if effects is None:
             return None
         wide, high = self.scene.camera.resolution
-        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= MAX_PIXELS)
+        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= PROBED)
         k = next(fits, 1) if self.request.means else 1
         more = effects.reach(k)
         low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))

@@ -16,8 +16,8 @@ from typing import Any
 import pyopencl as cl
 
 from cltrace.base.errors import DeviceError, OutOfMemoryError
+from cltrace.base.limits import MAX_ROWS
 
-MAX_ROWS = 2**31 - 1  # of a buffer
 # By the package of pip that brings it, or a name that pip has not.
 WAYS = {
     "pocl-binary-distribution": "pip install pocl-binary-distribution        a CPU driver, Linux on x86-64",

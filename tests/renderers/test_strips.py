@@ -97,6 +97,19 @@ def test_too_little_memory_is_said(
         Path(name).unlink()
 
 
+def test_a_whole_picture_that_no_memory_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cltrace.cli.picture.physical_memory", lambda: 5e4)
+    for more, size in ((["-o", "a.npz"], 243), (["--check", "-o", "a.npy"], 47.2), (["--repeat", "2"], 20.2)):
+        assert cli.main([str(SCENE), *SIZE, *more]) == (2 if size > 50 else 0)
+        advice = "of 5e-05 GB; .png, .exr, .npy are written by rows, or draw a part of it with --crop"
+        want = f"cltrace: 90x75 would take {size / 1e6:.3g} GB at once, {advice}\n" if size > 50 else ""
+        assert capsys.readouterr().err == want
+    assert cli.main([str(SCENE), *SIZE, "-o", "a.exr"]) == 0
+
+
 def test_a_fault_while_strips_are_written_names_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
