@@ -4,7 +4,7 @@ A driver can end the whole process, as LLVM does where it cannot translate an in
 in a child process, whose death is then a line of the report:
 
     python -m cltrace.cli.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
-    python -m cltrace.cli.doctor draw P:D          draws and checks a small picture; status 0 if it is right
+    python -m cltrace.cli.doctor draw P:D [WIDTH]  draws and checks a small picture; status 0 if it is right
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import metadata
@@ -25,10 +23,9 @@ import cltrace
 from cltrace.base.errors import CltraceError
 from cltrace.run import caches
 from cltrace.run.devices import choose, devices, where_drivers_are
+from cltrace.run.trial import child
 from cltrace.students.check import check
 
-# Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
-PATIENCE = 120
 LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
 PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
@@ -39,7 +36,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
     """
     for line in [_versions(), *_drivers(), *_caches()]:
         say(line)
-    status, answer = _child("-m", __name__, "devices", *([] if spec is None else [spec]))
+    status, answer = child("-m", __name__, "devices", *([] if spec is None else [spec]))
     if status != 0:
         say(f"devices    {answer}")
         return _advise(say, [])
@@ -51,7 +48,7 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         if spec is not None and name != wanted:
             continue
         say(f"device     {line}{asked if name == wanted else ''}")
-        status, answer = _child("-m", __name__, "draw", name)
+        status, answer = child("-m", __name__, "draw", name)
         say(f"           {'ok' if status == 0 else 'FAILS'}: {answer}")
         if status == 0:
             well.append(name)
@@ -107,7 +104,7 @@ def _library(icd: Path) -> str:
     except OSError as error:
         return f"cannot be read: {error.strerror}"
     beside = icd.parent / named
-    status, answer = _child("-c", LOAD, str(beside) if beside.is_file() else named)
+    status, answer = child("-c", LOAD, str(beside) if beside.is_file() else named)
     return f"{named}, loads" if status == 0 else f"{named}, does NOT load: {answer}"
 
 
@@ -128,31 +125,6 @@ def _writable(folder: Path) -> str:
         return "writable"
     except OSError as error:
         return f"NOT writable: {error.strerror}"
-
-
-def _child(*arguments: str) -> tuple[int, str]:
-    """Status and last line of another Python; what ended it, if it did not end by itself."""
-    # -P: what lies in the current folder is not imported.
-    command = [sys.executable, "-P", *arguments]
-    try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False, errors="replace"
-        )
-    except subprocess.TimeoutExpired:
-        return 3, f"no answer within {PATIENCE} seconds"
-    said, complaint = (_last_line(text) for text in (done.stdout, done.stderr))
-    if done.returncode < 0:
-        try:
-            name = signal.Signals(-done.returncode).name
-        except ValueError:
-            name = f"signal {-done.returncode}"
-        return done.returncode, f"the driver ended the process with {name}{complaint and f': {complaint}'}"
-    return done.returncode, said or complaint or f"exit status {done.returncode}"
-
-
-def _last_line(text: str) -> str:
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1] if lines else ""
 
 
 def _picture() -> cltrace.Scene:
@@ -181,10 +153,10 @@ def _list(spec: str | None = None) -> int:
     return 0
 
 
-def _draw(spec: str) -> int:
+def _draw(spec: str, width: str | None = None) -> int:
     scene = _picture()
     try:
-        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"))
+        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"), width=None if width is None else int(width))
         image = renderer.render()
     except CltraceError as error:
         print(" ".join(str(error).split()))
@@ -199,4 +171,5 @@ def _draw(spec: str) -> int:
 
 if __name__ == "__main__":
     task, *rest = sys.argv[1:]
-    sys.exit({"draw": _draw, "devices": _list}[task](*rest))
+    tasks: dict[str, Callable[..., int]] = {"draw": _draw, "devices": _list}
+    sys.exit(tasks[task](*rest))

@@ -27,6 +27,7 @@ from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import WIDTHS, Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
+from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
@@ -125,6 +126,7 @@ class Renderer:
         self.width = self.device.width if width is None else width
         if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
+        check_driver(self.device, self.width)
         start = time.perf_counter()
         self._lock = threading.Lock()
         wait = loading(scene, self.request, self.device)
@@ -258,6 +260,7 @@ class Renderer:
         other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
             other.device, other.width = device, device.width
+            check_driver(device, device.width)
         if not share_all_but_camera(self.scene, scene):
             old, n = self.scene, len(scene.columns)
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))

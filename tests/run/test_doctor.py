@@ -96,7 +96,7 @@ def test_no_such_device() -> None:
 
 @pytest.mark.parametrize("named", [False, True])
 def test_the_device_says_what_chose_it(named: bool, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "_child", faked(device))
+    monkeypatch.setattr(doctor, "child", faked(device))
     if named:
         monkeypatch.setenv("PYOPENCL_CTX", device.spec)
     else:
