@@ -18,8 +18,8 @@ MAX_CYLINDERS = 2**24
 MAX_TRIANGLES = MAX_VERTICES = 2**26
 MAX_MESHES = 2**16
 # Triangles of files that a scene names again, where nobody allows more by --instances: a few bytes ask for them, and to
-# draw one takes about 350 bytes.
-INSTANCES = 2**22
+# draw one takes about 600 bytes at the peak.
+INSTANCES = 2**21
 MAX_TEXELS = 2**27  # in all textures of a scene
 MAX_IMAGES = 10_000  # of a periodic box, among which the nearest is looked for
 
