@@ -145,7 +145,7 @@ def _channels(arrays: Arrays) -> dict[str, NDArray[Any]]:
             value = array * arrays["alpha"][..., None]
         kind = np.uint32 if array.dtype.kind == "i" else np.float32
         with np.errstate(over="ignore"):  # distances beyond float32's range are infinite there
-            planes = np.moveaxis(np.atleast_3d(value).astype(kind), -1, 0)
+            planes = np.moveaxis(np.atleast_3d(value).astype(kind, copy=False), -1, 0)
         channels |= zip(CHANNELS[name], planes, strict=True)
     return channels
 
