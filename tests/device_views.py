@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cltrace
-from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel.cells import ONE_CELL_LEVEL
 from cltrace.plan.view import View
 from cltrace.run.pack.toolbox import Toolbox
 
@@ -51,7 +51,7 @@ def lists_of(arrays: dict[str, NDArray[Any]]) -> list[tuple[bytes, bytes, bytes]
         columns, rows, first, mask = record["cells"].tolist()
         record["cells"][2] = 0
         sides = [((columns - 1 >> k) + 1) * ((rows - 1 >> k) + 1) for k in range(16) if mask >> k & 1]
-        cells = sum(sides) if mask and mask != 1 << CONSTANTS["WHOLE"] else 1
+        cells = sum(sides) if mask and mask != 1 << ONE_CELL_LEVEL else 1
         start = arrays["start"].reshape(-1)[first : first + cells + 1]
         lists.append((record.tobytes(), (start - start[0]).tobytes(), entry[start[0] : start[-1]].tobytes()))
     return lists

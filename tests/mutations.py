@@ -86,7 +86,12 @@ MUTATIONS = [
     ),
     Mutation("GRAIN_SCATTER 0.98f", "GRAIN_SCATTER 0.2f", "estimates of fine textures", ESTIMATES),
     Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
-    Mutation("mixed = mixed | crowded(", "mixed = mixed & crowded(", "pixels' corners are all that is asked", SAMPLES),
+    Mutation(
+        "mixed = mixed | may_show_another(",
+        "mixed = mixed & may_show_another(",
+        "pixels' corners are all that is asked",
+        SAMPLES,
+    ),
     Mutation("ANY(may) && !are_beside(lamp", "0 && !are_beside(lamp", "what may stop rays from triangles", FREE),
     Mutation("!few[k].of_cell && !own->of_cell", "!few[k].of_cell", "large triangles before small triangles", FREE),
     Mutation("!few[k].of_cell && !own->of_cell", "!own->of_cell", "small triangles before large triangles", FREE),

@@ -59,9 +59,13 @@ def _do(work: Work, reporter: Reporter) -> int:
     """Does a kind of work, and returns the exit status. Only the modules that it needs are imported."""
     match work:
         case Doctor():
-            from cltrace.cli.doctor import doctor
+            if work.report is None:
+                from cltrace.cli.doctor import doctor
 
-            return doctor(work.device)
+                return doctor(work.device)
+            from cltrace.cli.device_report import report
+
+            return report(work.device, work.report)
         case ListDevices():
             return _list_devices()
         case Movie():

@@ -127,7 +127,7 @@ def _writable(folder: Path) -> str:
         return f"NOT writable: {error.strerror}"
 
 
-def _picture() -> cltrace.Scene:
+def picture() -> cltrace.Scene:
     """A small scene with each kind of light, shadows, highlights and a ground."""
     camera = cltrace.Camera(position=(0, 1, 6), lookat=(0, 0, 0), horizontal_fov=24, resolution=(48, 36))
     lights = [
@@ -154,7 +154,7 @@ def _list(spec: str | None = None) -> int:
 
 
 def _draw(spec: str, width: str | None = None) -> int:
-    scene = _picture()
+    scene = picture()
     try:
         renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"), width=None if width is None else int(width))
         image = renderer.render()

@@ -102,6 +102,7 @@ class Drawing:
     outline: tuple[str, float] | None
     fog: tuple[str, float, float] | None
     keep: tuple[Keep, ...]
+    width: int | None
 
     def renderer_options(self, outputs: tuple[Output, ...]) -> dict[str, Any]:
         """The arguments of Renderer, but for scene and device."""
@@ -112,9 +113,10 @@ class Drawing:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Doctor:
-    """--doctor. device: the only one that is tried, None for all."""
+    """--doctor. device: the only one that is tried, None for all; report: the file of --report, None for none."""
 
     device: str | None
+    report: str | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,6 +239,8 @@ class _Given:
                 raise UsageError(f"{option} takes no scene, got {args.scenes[0]!r}")
         if args.doctor:
             return self._typed(Doctor)
+        if args.report is not None:
+            raise UsageError("--report goes with --doctor")
         if args.list_devices:
             if args.device is not None:
                 raise UsageError("--list-devices lists all devices, so it takes no -d; --doctor -d SPEC tries one")

@@ -17,7 +17,7 @@ from cltrace.base.limits import INSTANCES
 from cltrace.cli import arguments
 from cltrace.picture.image import LIT, SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
-from cltrace.plan.request import LATTICES, PRECISIONS
+from cltrace.plan.request import LATTICES, PRECISIONS, WIDTHS
 from cltrace.process.console import Parser, positive
 
 EXAMPLES = """examples:
@@ -146,8 +146,22 @@ def _device(group: Group) -> None:
         metavar="NAME",
         help=f"{', '.join(PRECISIONS)} (default: accurate, where there are doubles)",
     )
+    group.rare(
+        "--width",
+        type=int,
+        choices=WIDTHS,
+        metavar="N",
+        help=f"pixels that are drawn together: {', '.join(map(str, WIDTHS))} (default: the driver's)",
+    )
     group.usual("--list-devices", action="store_true", help="list the devices and stop")
     group.usual("--doctor", action="store_true", help="check the installation and each device, and stop")
+    group.rare(
+        "--report",
+        nargs="?",
+        const="cltrace-report.txt",
+        metavar="FILE",
+        help="of --doctor: a text file to send, with limits, checks and times (default: cltrace-report.txt)",
+    )
 
 
 def _cluster(group: Group) -> None:

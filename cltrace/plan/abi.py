@@ -471,8 +471,6 @@ PICTURES = tuple(name for name in OUTPUTS if name not in ("shadow_rays", "work")
 CONSTANTS = {
     "TILE": 4,  # pixels in the side of a cell of the picture's finest tiles, and in a packet's row
     "AHEAD": 8,  # entries that the kernel looks at to fetch their spheres ahead, even beyond the end of the last list
-    "FEW": 16,  # with at most so many spheres, a light has one list of all of them, and a bit for each
-    "WHOLE": 30,  # the level that a grid of one cell uses
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.cells import SLACK, CellGrid, entries_of_boxes, whole_grid
 from cltrace.plan.accel.discs import Discs, behind, is_deep
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Silhouettes, Window
@@ -17,6 +16,9 @@ from cltrace.plan.request import Request
 from cltrace.plan.rounding import Mask
 from cltrace.plan.shapes.shape import Sights
 from cltrace.plan.world import World
+
+# With at most so many spheres, a light has one list of all of them, and a bit for each.
+ONE_LIST = 16
 
 
 class Grids:
@@ -100,9 +102,9 @@ class Grids:
         Where surfaces are many, or not discs alone, all bits are set.
         """
         n, keep, discs = self._total, self._request.keep, only_discs(shapes)
-        # With FEW spheres at most, finding the right list for a shadow ray costs more than trying them all: a box of 16
-        # takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
-        if n > CONSTANTS["FEW"] or not discs:
+        # With ONE_LIST spheres at most, finding the right list for a shadow ray costs more than trying them all: a box
+        # of 16 takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
+        if n > ONE_LIST or not discs:
             return light.grids(shapes, who), -1
         shadows = light.shadows(discs, who.slack)
         shadows &= who.receiver[:, None] & who.occluder

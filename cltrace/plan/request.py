@@ -38,6 +38,7 @@ MEANS = {"rgba8": ("color", "coverage"), "alpha": ("coverage",)}
 # a this one has the least error where a straight edge goes through the pixel: 29, 12, 3.8, 2.1, 1.3, 0.43 and 0.15 % of
 # the contrast, root mean square.
 LATTICES = {1: 0, 4: 3, 16: 5, 32: 9, 64: 27, 256: 119, 1024: 189}
+WIDTHS = (1, 4, 8, 16)  # of packets: pixels that are drawn together
 # x0, y0, x1, y1 in pixels of the whole picture; column x1 and row y1 are no longer in it.
 Crop = tuple[int, int, int, int]
 # x, y, width, height in pixels of the whole picture: what a Crop is turned into.

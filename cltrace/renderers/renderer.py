@@ -21,11 +21,11 @@ from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.passes import passes_of
 from cltrace.plan.plan import Plan
-from cltrace.plan.request import Antialias, Crop, Keep, Region, Request
+from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
-from cltrace.run.executor import WIDTHS, Executor, Frame, Made, bytes_a_pixel
+from cltrace.run.executor import Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
 from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres

@@ -19,7 +19,7 @@ from cltrace.base.errors import TooManyRaysError
 from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
-from cltrace.plan.request import Region
+from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import argument
 from cltrace.run.program import context_of, program
@@ -41,7 +41,7 @@ class Packet:
     rows: int
 
 
-WIDTHS = {1: Packet((16, 4), 1, 1, 1), **{w: Packet((1, 1), 8, 4, w // 4) for w in (4, 8, 16)}}
+PACKETS = {w: Packet((16, 4), 1, 1, 1) if w == 1 else Packet((1, 1), 8, 4, w // 4) for w in WIDTHS}
 # A launch has at most so many pixels.
 STRIP = 2**22
 # A launch takes about so many seconds at most, for whoever looks at the progress, and as some devices do not see what
@@ -118,7 +118,7 @@ class Frame:
 class Executor:
     """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
-    made: what to render; device: where; width: pixels in a packet, a key of WIDTHS; before: an executor on the same
+    made: what to render; device: where; width: pixels in a packet, one of WIDTHS; before: an executor on the same
     device, whose buffers are used again for the arrays that its plan shares with this one; further: what makes each of
     the passes that follow this one, with the same features and outputs, see plan/passes.py. seconds: what "build" and
     "upload" took. The plan's arrays are not to change. For one thread at a time.
@@ -134,7 +134,7 @@ class Executor:
         before: Executor | None = None,
         further: Sequence[Callable[[], Made]] = (),
     ) -> None:
-        (self.plan, _), self.device, self.width, self.packet = made, device, width, WIDTHS[width]
+        (self.plan, _), self.device, self.width, self.packet = made, device, width, PACKETS[width]
         self._further, self._started = further, False
         self.seconds: dict[str, float] = {}
         self.room = object()

@@ -28,8 +28,11 @@ GIVEN_UP = 124
 TRIAL = "CLTRACE_TRIAL"
 
 
-def child(*arguments: str) -> tuple[int, str]:
-    """Status and last line of another Python; what ended it, if it did not end by itself."""
+def child(*arguments: str, patience: int = PATIENCE) -> tuple[int, str]:
+    """Status and last line of another Python; what ended it, if it did not end by itself.
+
+    patience: the seconds after which it is given up.
+    """
     # -P: what lies in the current folder is not imported.
     command, environment = [sys.executable, "-P", *arguments], os.environ | {TRIAL: "1"}
     try:
@@ -37,13 +40,13 @@ def child(*arguments: str) -> tuple[int, str]:
             command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=PATIENCE,
+            timeout=patience,
             check=False,
             errors="replace",
             env=environment,
         )
     except subprocess.TimeoutExpired:
-        return GIVEN_UP, f"no answer within {PATIENCE} seconds"
+        return GIVEN_UP, f"no answer within {patience} seconds"
     said, complaint = (_last_line(text) for text in (done.stdout, done.stderr))
     if done.returncode < 0:
         try:

@@ -174,7 +174,7 @@ static MASK add_corners(const Scene *scene, const Packet packet, const PixelCorn
     view->near = near;
     view->far = far;
     const MASK asked = packet.within & !mixed;
-    if (ANY(asked)) mixed = mixed | crowded(scene, packet.tile, *view, asked);
+    if (ANY(asked)) mixed = mixed | may_show_another(scene, packet.tile, *view, asked);
     view->doubtful = packet.within & !mixed & rough;
     return packet.within & (mixed | rough);
 }
@@ -289,15 +289,15 @@ static MASK add_samples(const Frame frame, const Scene *scene, const Packet pack
     if (ANY(view.doubtful))
         mixed = (mixed & !view.doubtful) | try_few(&finer, scene, packet, view.doubtful, totals, work);
     if (!ANY(mixed)) return mixed;
-    Crowd crowd;
-    gather_crowd(scene, packet.tile, view, mixed, &crowd);
+    Candidates found;
+    gather_candidates(scene, packet.tile, view, mixed, &found);
     int each[W];
     STORE_LANES(mixed, each);
     for (int lane = 0; lane < W; lane++) {
         if (!each[lane]) continue;
         Few few;
-        if (!crowd.full) list_few(&crowd, lane, &few);
-        sample_pixel(&finer, scene, packet, lane, crowd.full ? 0 : &few, totals, work);
+        if (!found.full) list_few(&found, lane, &few);
+        sample_pixel(&finer, scene, packet, lane, found.full ? 0 : &few, totals, work);
     }
     return mixed;
 }

@@ -170,7 +170,7 @@ static MASK triangle_touches(const Scene *scene, const Outlook view, const int i
  *
  * near, far: t at the corners. The surface itself is no further away in between: a sphere is seen from outside,
  * and then 1/t is a concave function of the place, or of parallel rays -t. */
-static MASK crowded(const Scene *scene, const int2 tile, const Outlook view, const MASK asked) {
+static MASK may_show_another(const Scene *scene, const int2 tile, const Outlook view, const MASK asked) {
     const FLOAT corner = sqrt(view.line.a) + view.margins.diagonal, most = DEPTH_AT(view.far, corner * corner);
     const FLOAT depth = most * REACH_SLACK;
     const float last = LARGEST_FLOAT(asked ? depth : (FLOAT)0);
@@ -196,15 +196,16 @@ typedef struct {
     int count, full;
     int2 entry[LISTED];
     MASK seen[LISTED];
-} Crowd;
+} Candidates;
 
 /* What may be seen in the pixels that are asked for, up to what covers all of one. */
-static void gather_crowd(const Scene *scene, const int2 tile, const Outlook view, const MASK asked, Crowd *crowd) {
+static void gather_candidates(const Scene *scene, const int2 tile, const Outlook view, const MASK asked,
+                              Candidates *found) {
     FLOAT depth = asked ? (FLOAT)INFINITY : (FLOAT)0;
     float last = INFINITY;
     const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
-    crowd->count = crowd->full = 0;
+    found->count = found->full = 0;
     while (level.mask) {
         level = next_level(grid, level);
         const int cell = cell_of(level, tile), end = scene->lists.start[cell + 1];
@@ -214,10 +215,10 @@ static void gather_crowd(const Scene *scene, const int2 tile, const Outlook view
             const MASK open = asked & (depth >= as_float(entry.y));
             const MASK seen = open & ASK_SHAPE(scene->spheres, entry.x, is_near(scene, view, entry.x));
             if (!ANY(seen)) continue;
-            crowd->full = crowd->count == LISTED;
-            if (crowd->full) return;
-            crowd->entry[crowd->count] = entry;
-            crowd->seen[crowd->count++] = seen;
+            found->full = found->count == LISTED;
+            if (found->full) return;
+            found->entry[found->count] = entry;
+            found->seen[found->count++] = seen;
             const FLOAT far = ASK_SHAPE(scene->spheres, entry.x, covers(scene, view, entry.x));
             if (!ANY(seen & (far < depth))) continue;
             depth = (seen & (far < depth)) ? far : depth;
@@ -232,10 +233,10 @@ typedef struct {
     int2 entry[LISTED];
 } Few;
 
-static void list_few(const Crowd *crowd, const int lane, Few *few) {
+static void list_few(const Candidates *found, const int lane, Few *few) {
     few->count = 0;
-    for (int k = 0; k < crowd->count; k++)
-        if (((const int *)&crowd->seen[k])[lane]) few->entry[few->count++] = crowd->entry[k];
+    for (int k = 0; k < found->count; k++)
+        if (((const int *)&found->seen[k])[lane]) few->entry[few->count++] = found->entry[k];
 }
 
 /* Where a walk through lists is. */

@@ -52,7 +52,7 @@ def full(scene: cltrace.Scene, device: Device, **how: Any) -> cltrace.Image:
 def truth(scene: cltrace.Scene, device: Device, n: int = 32) -> NDArray[np.float64]:
     """(h, w, 3): means of min(colour, 1) over n x n rays through each pixel."""
     width, height = scene.camera.resolution
-    color = np.minimum(cltrace.render(larger(scene, n), device, outputs=("color", "id")).color, 1)
+    color = np.minimum(cltrace.render(larger(scene, n), device, outputs=("rgb8", "color", "id")).color, 1)
     return np.asarray(color.reshape(height, n, width, n, 3).mean(axis=(1, 3), dtype=np.float64))
 
 
@@ -62,7 +62,7 @@ def rays(scene: cltrace.Scene, device: Device, n: int, keep: tuple[str, ...]) ->
     The places of the lattice are the middles of pixels of a larger picture.
     """
     width, height = scene.camera.resolution
-    image = cltrace.Renderer(larger(scene, n), device, outputs=("color", "id"), keep=keep).render()
+    image = cltrace.Renderer(larger(scene, n), device, outputs=("rgb8", "color", "id"), keep=keep).render()
     i = np.arange(n)
     y = np.arange(height)[:, None, None] * n + LATTICES[n] * i % n
     x = np.arange(width)[None, :, None] * n + i
@@ -170,7 +170,7 @@ def test_error_is_mostly_enough(any_device: Device) -> None:
 
 def edges(scene: cltrace.Scene, device: Device, size: tuple[int, int]) -> tuple[int, int, int, int]:
     """The crop of this size in which most neighbours differ by more than 8 levels."""
-    color = 255 * np.minimum(full(scene, device, outputs=("color", "id")).color, 1)
+    color = 255 * np.minimum(full(scene, device, outputs=("rgb8", "color", "id")).color, 1)
     steps = np.zeros(color.shape[:2], int)
     for axis in (0, 1):
         few = np.abs(np.diff(color, axis=axis)).max(axis=2) > 8
@@ -194,7 +194,7 @@ def test_error_is_mostly_enough_where_edges_are(device: Device, name: str) -> No
     crop = edges(scene, device, (48, 27))
     image = full(scene, device, outputs=OUTPUTS, antialias=True, crop=crop)
     x0, y0, x1, y1 = (32 * edge for edge in crop)
-    color = full(larger(scene, 32), device, outputs=("color", "id"), crop=(x0, y0, x1, y1)).color
+    color = full(larger(scene, 32), device, outputs=("rgb8", "color", "id"), crop=(x0, y0, x1, y1)).color
     right = np.minimum(color, 1).reshape(27, 32, 48, 32, 3).mean(axis=(1, 3), dtype=np.float64)
     off = 255 * np.abs(image.color - right).max(axis=2)
     assert (off <= image.error + 0.01).mean() >= 0.95

@@ -21,7 +21,7 @@ from cltrace.bench.scenes import cloud, field
 from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres
-from cltrace.plan import abi, rounding
+from cltrace.plan import lists, rounding
 from cltrace.plan.accel import cells
 from cltrace.plan.accel.discs import length, nearest
 from cltrace.plan.lights import are_at_points
@@ -44,7 +44,7 @@ def parallel_lights(plan: Plan) -> int:
 @pytest.fixture(autouse=True)
 def lists_for_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lights have lists however few spheres there are."""
-    monkeypatch.setitem(abi.CONSTANTS, "FEW", 0)
+    monkeypatch.setattr(lists, "ONE_LIST", 0)
 
 
 # ---------------------------------------------------------------------------------------------- as the kernel does it

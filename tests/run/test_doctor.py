@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,7 +14,8 @@ from pathlib import Path
 import pytest
 
 import cltrace
-from cltrace.cli import doctor
+from cltrace.cli import device_report, doctor
+from cltrace.plan.request import PRECISIONS
 from cltrace.run import devices, vendors
 from cltrace.run.devices import Device, where_drivers_are
 
@@ -214,3 +216,29 @@ def test_without_intels_driver_or_a_cache_nothing_is_set(intel: Path, tmp_path: 
     vendors.ensure()
     assert os.environ["OCL_ICD_VENDORS"] == ""
     assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.slow
+def test_a_report_has_limits_checks_and_times(device: Device, tmp_path: Path) -> None:
+    told: list[str] = []
+    status = device_report.report(device.spec, str(tmp_path / "report.txt"), told.append)
+    lines = (tmp_path / "report.txt").read_text().splitlines()
+    assert status == 0
+    assert lines[: len(told) - 1] == told[:-1]
+    rows = {line[:30].strip(): line[31:] for line in lines[len(told) :]}
+    assert rows["max_mem_alloc_size"] == str(device.cl.max_mem_alloc_size)
+    assert rows["width"] == str(device.width)
+    for name in ("spheres", "mirrors and glass", "a mesh"):
+        for precision in PRECISIONS if device.has_double else ("single",):
+            assert re.match(r"ok: .*1728 of 1728 pixels.*; build \d+ ms, frame ", rows[f"{name}, {precision}"])
+    assert rows["100,000 spheres, single"].startswith("build ")
+
+
+def test_a_report_of_a_driver_that_ends_the_process(
+    device: Device, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(doctor, "child", faked(device))
+    monkeypatch.setattr(device_report, "child", lambda *_, **__: (-6, "the driver ended the process with SIGABRT"))
+    assert device_report.report(None, str(tmp_path / "report.txt"), str) == 0
+    last = (tmp_path / "report.txt").read_text().splitlines()[-1]
+    assert last == f"device     {device.spec} FAILS: the driver ended the process with SIGABRT"

@@ -13,6 +13,7 @@ from device_views import LIGHTS, PRECISIONS, check_same_view, lists_of, read
 from numpy.typing import NDArray
 
 import cltrace
+from cltrace.picture.image import Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.accel import cells, discs
 from cltrace.plan.request import Request
@@ -129,6 +130,8 @@ def crowded(**changes: object) -> cltrace.Scene:
     centers[::2] = centers[1::2]
     return scene(centers, radii, **changes)
 
+
+DRAWN: tuple[Output, ...] = ("rgb8", "id")  # by the program that --doctor has
 
 CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "scattered": lambda: scene(*balls()),
@@ -318,21 +321,21 @@ def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.Monkey
 
 def test_pictures(device: Device) -> None:
     """A Renderer takes buffers that the device has made, also for another camera."""
-    renderer = cltrace.Renderer(crowded(), device)
+    renderer = cltrace.Renderer(crowded(), device, outputs=DRAWN)
     assert "entry" not in renderer.plan.arrays
     other = camera(position=(1.0, 2.0, 2.5))
     moved = renderer.look(other)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(packers, "MANY", 2**31)
         for found, by_camera in ((renderer, camera()), (moved, other)):
-            expected = cltrace.Renderer(crowded().seen_by(by_camera), device)
+            expected = cltrace.Renderer(crowded().seen_by(by_camera), device, outputs=DRAWN)
             assert "entry" in expected.plan.arrays
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)
 
 
 def test_pictures_of_updates(device: Device) -> None:
     """Other colours keep what the device has packed; other places do not. Other cameras see both."""
-    renderer, (centers, _) = cltrace.Renderer(crowded(), device), balls(3000, 0.3, 7)
+    renderer, (centers, _) = cltrace.Renderer(crowded(), device, outputs=DRAWN), balls(3000, 0.3, 7)
     entry = renderer._executor.buffers["entry"]
     assert renderer.update(colors=np.abs(centers))._executor.buffers["entry"] is entry
     moved = renderer.look(camera(position=(1.0, 2.0, 2.5)))
@@ -340,7 +343,7 @@ def test_pictures_of_updates(device: Device) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(packers, "MANY", 2**31)
         for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
-            expected = cltrace.Renderer(found.scene, device)
+            expected = cltrace.Renderer(found.scene, device, outputs=DRAWN)
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)
 
 

@@ -40,6 +40,8 @@ PRICE = 2.0
 SAMPLE, FEW_SAMPLES = 16, 2**12
 # Spheres at a time, mostly in float32. With fewer, threads would wait for Python's lock more than they work.
 AT_ONCE = 2**17
+# The level that a grid of one cell uses.
+ONE_CELL_LEVEL = 30
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ def entered_in(grid: CellGrid) -> tuple[Ints, Ints, int]:
     if grid.cells == (1, 1):
         order = np.argsort(grid.near, kind="stable")
         entry = np.stack([grid.member, grid.near.view(np.int32)], axis=1)[order]
-        return np.zeros(1, np.int32), entry, bool(len(order)) << CONSTANTS["WHOLE"]
+        return np.zeros(1, np.int32), entry, bool(len(order)) << ONE_CELL_LEVEL
     if not len(grid.member):
         return np.zeros(1, np.int32), np.zeros((0, 2), np.int32), 0
     level, outlined, strips, used, entries = Placement.of(grid)

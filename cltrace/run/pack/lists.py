@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.cells import SPARE, CellGrid, Keys, Placement, Strip, chosen_lift, entered_in, fill_record
+from cltrace.plan.accel.cells import (
+    ONE_CELL_LEVEL,
+    SPARE,
+    CellGrid,
+    Keys,
+    Placement,
+    Strip,
+    chosen_lift,
+    entered_in,
+    fill_record,
+)
 from cltrace.run.pack.list_buffers import ListBuffers, Part
 from cltrace.run.pack.polygons import EnteredPolygons
 from cltrace.run.pack.toolbox import Arguments, EdgeType, Toolbox
@@ -240,7 +250,7 @@ class ListWriter:
         if not covers.members:
             return _Layout(ONE_CELL, 0)
         if grid.cells == (1, 1):
-            return _Layout(replace(ONE_CELL, mask=1 << CONSTANTS["WHOLE"]), covers.members)
+            return _Layout(replace(ONE_CELL, mask=1 << ONE_CELL_LEVEL), covers.members)
         tallies = list[NDArray[np.int64]]()
 
         def tally() -> NDArray[np.int64]:

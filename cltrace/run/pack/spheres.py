@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
-from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.cells import SLACK, CellGrid, Members
 from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, front_of, is_deep
 from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
@@ -25,6 +24,7 @@ from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
 from cltrace.plan.culling import larger, shells
 from cltrace.plan.lights import AtPoint, Parallel, are_at_points, kinds, lamps_of
+from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, rotated
 from cltrace.plan.shapes.sphere import Spheres
@@ -88,7 +88,7 @@ class SpherePacker:
         """
         spheres = world.of_shape(Spheres)
         served = (
-            CONSTANTS["FEW"] < len(spheres.row) == len(world.id)
+            ONE_LIST < len(spheres.row) == len(world.id)
             and not spheres.maps
             and OTHERS.isdisjoint(request.keep)
             and is_exact(device)

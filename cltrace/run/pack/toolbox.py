@@ -184,7 +184,7 @@ def _program(device: Device, single: bool, double_edges: bool) -> tuple[Any, dic
     values: dict[str, object] = {**macros, "W": min(device.width, WIDEST), "RUN": 1}
     options = [f"-D{name}={value}" for name, value in values.items()]
     # The kernels compute in double, whatever precision they pack for.
-    options += ["-cl-fp32-correctly-rounded-divide-sqrt", *abi.options("double", frozenset())]
+    options += abi.options("double", frozenset())
     return program(device, options, files), parameters_of(source(files), macros)
 
 
