@@ -215,9 +215,9 @@ class Image:
         value = getattr(self, output)
         if show == "color":
             return np.asarray(value if output == "rgb8" else value[..., :3], np.uint8)
-        if show == "depth":
-            return palettes.grey(np.asarray(value, np.float64))
         kind, shown = {"uv": (np.float64, palettes.wrapped)}.get(show, (np.int32, palettes.distinct))
+        if show == "depth":
+            kind, shown = np.float64, partial(palettes.grey, ends=palettes.depth_range(np.asarray(value, np.float64)))
         if show in DIRECTED:
             along = None if axes is None else np.asarray(axes, np.float64)
             kind, shown = np.float64, partial(palettes.directions, axes=along)

@@ -289,12 +289,13 @@ def test_stats_of_many_files(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert {"OUT_RGB8", "OUT_COLOR", "OUT_NORMAL", "OUT_DEPTH", "OUT_ID"} <= set(stats["features"])
 
 
-@pytest.mark.parametrize("how", [{"bits": 16}, {"show": "id"}, {"show": "normal"}, {"show": "uv"}])
+@pytest.mark.parametrize("how", [{"bits": 16}, *({"show": show} for show in ("id", "normal", "uv", "depth"))])
 def test_memory_that_writing_takes(how: dict[str, Any], tmp_path: Path) -> None:
     """Little more than the bytes that are written, 8 for a pixel at most; it was up to 96."""
     shape = (1024, 512)
     arrays = {"color": np.zeros((*shape, 3), np.float32), "alpha": np.ones(shape, np.float32)}
     shown = {"id": np.zeros(shape, np.int32), "normal": arrays["color"], "uv": arrays["color"][..., :2]}
+    shown["depth"] = np.ones(shape)
     image = Image(**arrays, **shown)
     tracemalloc.start()
     try:
