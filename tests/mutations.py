@@ -62,9 +62,10 @@ SOFT = "tests/kernels/test_soft_lights.py"
 MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 VIEWER = "tests/viewer/test_server.py"
-ROD_FILTER = "tests/kernels/test_cylinders.py -k changes_a_picture"
+ROD_FILTER = "-m slow tests/kernels/test_cylinders.py -k changes_a_picture"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
+SLOWLY = f"-m slow {PARALLEL}"
 
 MUTATIONS = [
     Mutation(
@@ -107,14 +108,17 @@ MUTATIONS = [
         "start.on_plane = HAS(WITH_PARALLEL_RAYS) && own < 0",
         "start.on_plane = 0",
         "triangles in whole numbers",
-        f"{PARALLEL} triangles",
+        f"{SLOWLY} triangles",
     ),
-    Mutation("& (near.high < 0)", "", "triangles behind the plane", f"{PARALLEL} triangles"),
-    Mutation("hit.near.high = -INFINITY", "hit.near.high = 0", "the first triangle", f"{PARALLEL} triangles"),
+    Mutation("& (near.high < 0)", "", "triangles behind the plane", f"{SLOWLY} triangles"),
+    Mutation("hit.near.high = -INFINITY", "hit.near.high = 0", "the first triangle", f"{SLOWLY} triangles"),
     Mutation(
-        "ahead = z - exact_r <", "ahead = z + exact_r <", "lists of spheres that are cut", f"{PARALLEL} plane_cuts"
+        "ahead = z - exact_r <",
+        "ahead = z + exact_r <",
+        "lists of spheres that are cut",
+        f"{SLOWLY} plane_cuts",
     ),
-    Mutation("across[0] + r, -across[1] - r", "across[0], -across[1] - r", "edges of discs", f"{PARALLEL} filter"),
+    Mutation("across[0] + r, -across[1] - r", "across[0], -across[1] - r", "edges of discs", f"{SLOWLY} filter"),
     Mutation(
         "disc_filter(u, v, small.radius, LOOSE)", "disc_filter(u, v, 0.99 * small.radius)", "disc", f"{PARALLEL} touch"
     ),

@@ -82,6 +82,17 @@ def test_no_filter_changes_a_picture(device: Device, name: str) -> None:
     assert [seed for seed in range(seeds) if changed_by_filter(lit_of(name, seed, size), device)] == []
 
 
+@pytest.mark.slow
+def test_no_filter_changes_a_picture_of_a_lamp_within_a_cylinder(device: Device) -> None:
+    """What is within, too, is lit; the cylinder stops what goes out."""
+    lamps = [ambient_light((0.2, 0.2, 0.2)), point_light((0.2, 0.1, 1.5), (0.8, 0.8, 0.8))]
+    inside = Camera((0, 0.5, 2.5), (0, 0, 0), (0, 1, 0), 30, (48, 36))
+    scene = Scene.from_spheres(inside, lamps, [(0, 0, 0), (0, 0, 9)], 0.5).with_cylinders([(0, -3, 0)], [(0, 3, 0)], 3)
+    agrees(scene, device)
+    agrees(scene.seen_by(replace(CAMERA, position=(0, 0, 15))), device)
+    assert changed_by_filter(scene, device) == 0
+
+
 @pytest.mark.stress
 @pytest.mark.parametrize("name", REGIMES)
 def test_no_filter_changes_a_million_pixels(device: Device, name: str) -> None:

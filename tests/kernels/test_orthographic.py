@@ -114,6 +114,14 @@ def test_a_ray_that_touches_hits(device: Device, precision: str) -> None:
                 assert hit < 0 or abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
 
 
+def test_a_ray_that_touches_hits_in_single(device: Device) -> None:
+    """Where all numbers are whole, nothing is rounded."""
+    camera = Orthographic(height=3, resolution=(3, 3))
+    for r in (1.0, 2.0, 5.0):
+        for x, hit in ((r, 0), (-r, 0), (float(np.nextafter(np.float32(r), np.float32(9))), -1)):
+            assert drawn(Scene.from_spheres(camera, [], [(x, 0, -20)], r), device, DECIDED, "single").id[1, 1] == hit
+
+
 def grazing(rng: np.random.Generator, camera: Orthographic, count: int, far: float) -> Scene:
     """Spheres whose edge passes through pixels' centres but for an ulp, some within others and some there twice."""
     right, up, back = np.array(camera.basis())
