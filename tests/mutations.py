@@ -682,11 +682,12 @@ MUTATIONS = [
     ),
     Mutation("np.rint(values * 65535)", "np.rint(values * 65536 - 1)", "16 bits", "tests/picture/test_outputs.py"),
     Mutation(
-        "SimpleNamespace(write=file.write)",
-        "file",
-        "arrays into pipes",
+        "self._target, self._file = file, file if file.seekable() else io.BytesIO()",
+        "self._target, self._file = file, file",
+        "blocks of an EXR into pipes",
         "tests/picture/test_outputs.py",
     ),
+    Mutation("rows = (last - first) // (2 * STEP) * STEP", "rows = 0", "strips", "tests/renderers/test_strips.py"),
     Mutation(
         "if any(_same(target, other) for other in targets[:i])",
         "if False",

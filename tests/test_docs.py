@@ -12,11 +12,27 @@ from readme import FILES, ROOT, blocks, commands, outputs
 
 import cltrace
 from cltrace import cli
+from cltrace.base.limits import (
+    INSTANCES,
+    MAX_BOUNCES,
+    MAX_CYLINDERS,
+    MAX_LIGHTS,
+    MAX_MESHES,
+    MAX_PARTS,
+    MAX_PIXELS,
+    MAX_SIDE,
+    MAX_SPHERES,
+    MAX_TEXELS,
+    MAX_TRIANGLES,
+    MAX_UNREADABLE,
+    MAX_VERTICES,
+    MESH_BYTES,
+    SCENE_BYTES,
+    TEXTURE_BYTES,
+)
 from cltrace.bench import cli as bench
-from cltrace.formats import obj, texture, xml_checks, xml_files, xml_reader, xml_source
+from cltrace.formats import xml_checks
 from cltrace.plan.request import KEEPS
-from cltrace.scene import INSTANCES, MAX_LIGHTS, MAX_MESHES, MAX_SPHERES, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.scene.camera import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
@@ -49,12 +65,13 @@ def test_limits_and_names_are_those_of_the_code() -> None:
     assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts["python.md"]
     assert MAX_TRIANGLES == MAX_VERTICES
     for row in (
-        f"a scene's file, a texture's | {xml_source.MAX_BYTES // 2**30} GiB",
-        f"a mesh's file | {obj.MAX_BYTES // 2**30} GiB",
-        f"parts of one element: those within it, texts and attributes | {xml_reader.MAX_PARTS:,}",
+        f"a scene's file, a texture's | {SCENE_BYTES // 2**30} GiB",
+        f"a mesh's file | {MESH_BYTES // 2**30} GiB",
+        f"parts of one element: those within it, texts and attributes | {MAX_PARTS:,}",
         f"lights | {MAX_LIGHTS:,}",
         f"spheres | 2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million)",
         f"meshes | {MAX_MESHES:,}",
+        f"cylinders | 2^{MAX_CYLINDERS.bit_length() - 1}",
         f"triangles and vertices of all meshes | 2^{MAX_TRIANGLES.bit_length() - 1} each",
         f"triangles of meshes whose files are named again | 2^{INSTANCES.bit_length() - 1}",
         f"pixels of all textures | 2^{MAX_TEXELS.bit_length() - 1}",
@@ -63,8 +80,8 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         f"pixels of a picture | 2^{MAX_PIXELS.bit_length() - 1}",
     ):
         assert f"| {row} |" in texts["format.md"]
-    assert xml_source.MAX_BYTES == texture.MAX_BYTES
-    assert f"after {xml_files.MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
+    assert SCENE_BYTES == TEXTURE_BYTES
+    assert f"after {MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
     assert f"{1 / xml_checks.MAX_SIZE:.2g}..{xml_checks.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
     for name in KEEPS:

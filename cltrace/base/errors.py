@@ -85,6 +85,10 @@ class DeviceError(CltraceError):
     exit_code = 3
 
 
+class OutOfMemoryError(DeviceError):
+    """A device has not enough memory."""
+
+
 class BuildError(DeviceError):
     """The kernel does not build on this device; the message holds the options and the compiler's log."""
 

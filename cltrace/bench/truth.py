@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_SIDE
 from cltrace.oracle.spheres import closest, lit, normal_high
 from cltrace.plan.abi import Precision
 from cltrace.reference import Material, byte_of, world_of
@@ -23,7 +24,6 @@ from cltrace.reference.trace import cast_shadow_ray, illuminate, primary_ray, tr
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, AnyCamera, Scene
-from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 from .cases import directions
 
@@ -36,8 +36,8 @@ Floats = NDArray[np.float64]
 # Up to so many spheres, all of them are tried for every ray.
 MANY = 128
 
-# So many rays a side, or fewer if a picture of them is larger than any may be, are a pixel's true mean.
-RAYS = 64
+# So many rays a side are a pixel's true mean, or fewer if a picture of them has more pixels than that.
+RAYS, MOST_PIXELS = 64, 2**28
 # So many of them are traced at a time, which bounds the memory that they take.
 BAND = 2**23
 
@@ -282,7 +282,7 @@ def means(scene: Scene, device: Device, precision: Precision = "accurate") -> tu
     """(h, w, 3): a picture's means, in levels of 255, over n x n rays a pixel, each clamped to 0..1; and n."""
     width, height = scene.camera.resolution
     n = RAYS
-    while n > 1 and (n * max(width, height) > MAX_SIDE or n * n * width * height > MAX_PIXELS):
+    while n > 1 and (n * max(width, height) > MAX_SIDE or n * n * width * height > MOST_PIXELS):
         n //= 2
     fine = scene.seen_by(replace(scene.camera, resolution=(n * width, n * height)))
     rows = max(1, BAND // (n * n * width))

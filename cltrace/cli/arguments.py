@@ -8,11 +8,12 @@ from argparse import ArgumentTypeError
 from collections.abc import Collection
 from typing import Literal, TypeVar
 
+from cltrace.base.limits import MAX_TRIANGLES
 from cltrace.picture.effects import Effects
 from cltrace.picture.image import OUTPUTS, Output
 from cltrace.plan.request import KEEPS, Crop, Keep
 from cltrace.process.console import positive
-from cltrace.scene import MAX_TRIANGLES, check_resolution
+from cltrace.scene import check_resolution
 
 Name = TypeVar("Name", bound=str)
 

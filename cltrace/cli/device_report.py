@@ -16,11 +16,12 @@ import pyopencl as cl
 
 import cltrace
 from cltrace.base.errors import CltraceError
-from cltrace.cli.doctor import child, doctor, picture
+from cltrace.cli.doctor import doctor, picture
 from cltrace.picture.files import whole_file
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import PRECISIONS
 from cltrace.run.devices import Device, choose
+from cltrace.run.trial import child
 from cltrace.students.check import check
 
 # What decides how the kernel runs on a device, by OpenCL's names.

@@ -4,7 +4,7 @@ A driver can end the whole process, as LLVM does where it cannot translate an in
 in a child process, whose death is then a line of the report:
 
     python -m cltrace.cli.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
-    python -m cltrace.cli.doctor draw P:D          draws and checks a small picture; status 0 if it is right
+    python -m cltrace.cli.doctor draw P:D [WIDTH]  draws and checks a small picture; status 0 if it is right
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import metadata
@@ -25,10 +23,9 @@ import cltrace
 from cltrace.base.errors import CltraceError
 from cltrace.run import caches
 from cltrace.run.devices import choose, devices, where_drivers_are
+from cltrace.run.trial import child
 from cltrace.students.check import check
 
-# Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
-PATIENCE = 120
 LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
 PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
@@ -130,31 +127,6 @@ def _writable(folder: Path) -> str:
         return f"NOT writable: {error.strerror}"
 
 
-def child(*arguments: str, patience: int = PATIENCE) -> tuple[int, str]:
-    """Status and last line of another Python; what ended it, if it did not end by itself."""
-    # -P: what lies in the current folder is not imported.
-    command = [sys.executable, "-P", *arguments]
-    try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False, errors="replace"
-        )
-    except subprocess.TimeoutExpired:
-        return 3, f"no answer within {patience} seconds"
-    said, complaint = (_last_line(text) for text in (done.stdout, done.stderr))
-    if done.returncode < 0:
-        try:
-            name = signal.Signals(-done.returncode).name
-        except ValueError:
-            name = f"signal {-done.returncode}"
-        return done.returncode, f"the driver ended the process with {name}{complaint and f': {complaint}'}"
-    return done.returncode, said or complaint or f"exit status {done.returncode}"
-
-
-def _last_line(text: str) -> str:
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1] if lines else ""
-
-
 def picture() -> cltrace.Scene:
     """A small scene with each kind of light, shadows, highlights and a ground."""
     camera = cltrace.Camera(position=(0, 1, 6), lookat=(0, 0, 0), horizontal_fov=24, resolution=(48, 36))
@@ -181,10 +153,10 @@ def _list(spec: str | None = None) -> int:
     return 0
 
 
-def _draw(spec: str) -> int:
+def _draw(spec: str, width: str | None = None) -> int:
     scene = picture()
     try:
-        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"))
+        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"), width=None if width is None else int(width))
         image = renderer.render()
     except CltraceError as error:
         print(" ".join(str(error).split()))
@@ -199,4 +171,5 @@ def _draw(spec: str) -> int:
 
 if __name__ == "__main__":
     task, *rest = sys.argv[1:]
-    sys.exit({"draw": _draw, "devices": _list}[task](*rest))
+    tasks: dict[str, Callable[..., int]] = {"draw": _draw, "devices": _list}
+    sys.exit(tasks[task](*rest))

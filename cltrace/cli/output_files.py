@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from cltrace.base.errors import UsageError
 from cltrace.cli.options import Compare, OneScene, Picture
 from cltrace.cli.scenes import files_of
-from cltrace.picture.files import Inputs, is_named_as_folder
-from cltrace.picture.image import Image
+from cltrace.picture.files import Inputs, is_named_as_folder, whole_file
+from cltrace.picture.image import Image, Rows
 from cltrace.picture.storing import SUFFIXES, check_format
 from cltrace.scene import Scene
 
@@ -85,13 +87,41 @@ def _check_target(target: str, origin: str, suffixes: tuple[str, ...]) -> None:
 
 def write(image: Image, target: str, *shown: Any, **how: Any) -> None:
     """Writes a picture to a file, or a PNG to stdout where the target is -. shown, how: as of Image.save()."""
-    try:
+    with _naming(target):
         if target == "-":
             image.write(sys.stdout.buffer, ".png", *shown, **how)
             sys.stdout.buffer.flush()
         else:
             image.save(target, *shown, **how)
+
+
+def write_rows(images: Iterable[Image], height: int, targets: Mapping[str, Mapping[str, Any]]) -> None:
+    """Writes a picture to files while it is drawn. images: its rows, from the top; height: of all; targets: how
+    Image.write() would write each of them.
+    """
+    with _naming(), ExitStack() as stack:
+        files = dict[str, Rows]()
+        for target, how in targets.items():
+            file = sys.stdout.buffer if target == "-" else stack.enter_context(whole_file(Path(target)))
+            files[target] = Rows(file, suffix_of(target), height, **how)
+        for image in images:
+            for target, rows in files.items():
+                with _naming(target):
+                    rows.add(image)
+        for target, rows in files.items():
+            with _naming(target):
+                rows.close()
+                if target == "-":
+                    sys.stdout.buffer.flush()
+
+
+@contextmanager
+def _naming(target: str | None = None) -> Iterator[None]:
+    """Makes a UsageError of what is raised where a file cannot be written. target: which one, if no error says it."""
+    try:
+        yield
     except BrokenPipeError:
         raise
     except (OSError, UnicodeError) as error:
-        raise UsageError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from None
+        name = target or getattr(error, "filename", None)
+        raise UsageError(f"cannot write {name}: {getattr(error, 'strerror', None) or error}") from None

@@ -13,12 +13,12 @@ from functools import partial
 from typing import Any
 
 from cltrace import __version__
+from cltrace.base.limits import INSTANCES
 from cltrace.cli import arguments
 from cltrace.picture.image import LIT, SHOWS, USUAL
 from cltrace.picture.storing import SUFFIXES
 from cltrace.plan.request import LATTICES, PRECISIONS, WIDTHS
 from cltrace.process.console import Parser, positive
-from cltrace.scene import INSTANCES
 
 EXAMPLES = """examples:
   cltrace scene.xml                                the picture that the scene names

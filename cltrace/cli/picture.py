@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from cltrace.base.arrays import physical_memory
 from cltrace.base.errors import UsageError
 from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import Drawing, Picture
-from cltrace.cli.output_files import suffix_of, targets_of, write
+from cltrace.cli.output_files import suffix_of, targets_of, write, write_rows
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
 from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
-from cltrace.picture.storing import CHANNELS
+from cltrace.picture.storing import BY_ROWS, CHANNELS
 from cltrace.process.console import tell
 from cltrace.renderers.renderer import Renderer
+from cltrace.renderers.strips import strips
 from cltrace.run.devices import choose, is_all
 from cltrace.scene import Scene
 
@@ -31,13 +36,17 @@ def draw(work: Picture, reporter: Reporter) -> int:
     files = Files.of(scene, work)
     checked: tuple[Output, ...] = () if work.check is None else ("rgb8", "id")
     renderer = renderer_of(scene, work.drawing, (*files.needed, *checked, *work.look.scale))
-    image = _fastest(renderer, work.repeat, reporter.progress)
-    image.seconds = {"read": read_seconds, **image.seconds}
-
-    start = time.perf_counter()
-    files.write(image, work.look.axes(scene.camera))
-    image.seconds["write"] = time.perf_counter() - start
-    image.seconds["total"] = time.perf_counter() - started
+    start, axes = time.perf_counter(), work.look.axes(scene.camera)
+    if files.by_rows and work.check is None and work.repeat == 1:
+        image = files.write_strips(renderer, axes, reporter.progress)
+        start += image.frame_seconds
+    else:
+        _check_memory(renderer)
+        image = _fastest(renderer, work.repeat, reporter.progress)
+        start = time.perf_counter()
+        files.write(image, axes)
+    now = time.perf_counter()
+    image.seconds = {"read": read_seconds, **image.seconds, "write": now - start, "total": now - started}
     if written := [target for target in files.targets if target != "-"]:
         width, height = renderer.region[2:]
         how = f"{renderer.precision} precision, on {renderer.place}"
@@ -87,13 +96,38 @@ class Files:
         parts = {".png": self.deep or shown, ".exr": self.stored, ".npz": self.stored}
         return tuple(dict.fromkeys(name for target in self.targets for name in parts.get(suffix_of(target), shown)))
 
+    @property
+    def by_rows(self) -> bool:
+        """Whether they can be written without the whole picture. The greys of depths depend on all of it."""
+        return self.show != "depth" and all(suffix_of(target) in BY_ROWS for target in self.targets)
+
+    def how(self, target: str, axes: ArrayLike | None) -> dict[str, Any]:
+        """How one of them is written, see Image.write(). axes: along which normals and directions are shown."""
+        if suffix_of(target) in (".exr", ".npz"):
+            return {"outputs": self.stored}
+        return {"show": self.show, "axes": axes, "bits": 16 if self.deep and suffix_of(target) == ".png" else 8}
+
     def write(self, image: Image, axes: ArrayLike | None) -> None:
-        """Writes them. axes: along which normals and directions are shown, see Image.as_rgb8()."""
+        """Writes them, one after the other, so that those before a fault are there."""
         for target in self.targets:
-            if suffix_of(target) in (".exr", ".npz"):
-                write(image, target, outputs=self.stored)
-            else:
-                write(image, target, self.show, axes, bits=16 if self.deep and suffix_of(target) == ".png" else 8)
+            write(image, target, **self.how(target, axes))
+
+    def write_strips(self, renderer: Renderer, axes: ArrayLike | None, progress: bool | None) -> Image:
+        """Draws and writes them, a large picture by its rows. Returns the first of these, with the seconds of all."""
+        height, parts, seconds = renderer.region[3], strips(renderer, progress), Counter[str]()
+        rows, image = next(parts)
+        if rows == height:
+            self.write(image, axes)
+            return image
+
+        def images() -> Iterator[Image]:
+            for part in chain([image], (part for _, part in parts)):
+                seconds.update({name: part.seconds[name] for name in ("kernel", "readback")})
+                yield part
+
+        write_rows(images(), height, {target: self.how(target, axes) for target in self.targets})
+        image.seconds |= seconds
+        return image
 
 
 def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> Renderer:
@@ -109,6 +143,15 @@ def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> 
             return Renderer(scene, choose(drawing.device), **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
+
+
+def _check_memory(renderer: Renderer) -> None:
+    """Raises UsageError for a whole picture that is larger than this computer's memory."""
+    width, height = renderer.region[2:]
+    size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
+    if size > memory:
+        taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
+        raise UsageError(f"{taken}; {', '.join(BY_ROWS)} are written by rows, or draw a part of it with --crop")
 
 
 def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:

@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise, keep_freed_memory
 from cltrace.base.errors import Fault, SceneError
+from cltrace.base.limits import MAX_FAULTS, MAX_TRIANGLES, MAX_VERTICES
+from cltrace.base.limits import MESH_BYTES as MAX_BYTES
 from cltrace.formats.faults import FatalError, Messages
 from cltrace.formats.files import chunks
 from cltrace.formats.obj_numbers import Doubles, FaceCorners, Integers, corners, counts, decimals, word_ends
 from cltrace.formats.obj_text import BLOCK_BYTES, KINDS, Block, blocks, unread
 from cltrace.formats.xml_values import number, quoted, short
-from cltrace.scene import ANY, MAX_TRIANGLES, MAX_VERTICES, Geometry
+from cltrace.scene import ANY, Geometry
 
-MAX_BYTES = 2**32
-MAX_FAULTS = 100_000  # after which no more of the file is read
 MAX_DOUBTS = 10_000  # triangles whose area is asked of exact arithmetic
 FEW = 16  # lines that are read one by one where they cannot be together
 

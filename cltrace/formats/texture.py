@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from cltrace.base.limits import MAX_TEXELS
+from cltrace.base.limits import TEXTURE_BYTES as MAX_BYTES
 from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
-from cltrace.scene import MAX_TEXELS, Texture
+from cltrace.scene import Texture
 
-MAX_BYTES = 2**30
 BAND = 64  # rows that are converted at a time
 _PNG, _DEPTH = b"\x89PNG", 24  # the first bytes of a PNG, and where its bits for each colour stand
 

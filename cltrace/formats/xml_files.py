@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from cltrace.base.errors import Fault, SceneError
+from cltrace.base.limits import MAX_TEXELS, MAX_UNREADABLE
 from cltrace.formats.faults import Messages, closest
 from cltrace.formats.files import UnreadableError, within
 from cltrace.formats.xml_values import quoted
-from cltrace.scene import MAX_TEXELS, Texture
+from cltrace.scene import Texture
 
 if TYPE_CHECKING:
     from cltrace.formats.obj import Obj
 
 T = TypeVar("T")
-MAX_UNREADABLE = 1000  # files, after which no more are looked for
 MAX_NAMES = 1000  # in a folder, among which one that is missing is looked for
 
 

@@ -22,6 +22,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
+from cltrace.base.limits import MAX_LIGHTS, MAX_PARTS, MAX_TRIANGLES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
 from cltrace.formats.xml_bulk import packed_materials
@@ -30,9 +31,7 @@ from cltrace.formats.xml_elements import ELEMENTS, SECTIONS, Values, light_of
 from cltrace.formats.xml_files import Contents
 from cltrace.formats.xml_source import LinesNeededError
 from cltrace.formats.xml_values import quoted
-from cltrace.scene import LIGHT, MAX_LIGHTS, MAX_TRIANGLES, Camera, Scene, Source, Texture, Vector
-
-MAX_PARTS = 100_000  # of one sphere, mesh, light or other element, which is kept until it is complete
+from cltrace.scene import LIGHT, Camera, Scene, Source, Texture, Vector
 
 _VIEW = ("position", "lookat", "up")
 _PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")

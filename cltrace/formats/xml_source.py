@@ -16,16 +16,14 @@ from typing import Any
 from lxml import etree
 
 from cltrace.base.errors import Fault
+from cltrace.base.limits import MAX_NAMESPACE, MAX_PREFIXES
+from cltrace.base.limits import SCENE_BYTES as MAX_BYTES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.files import UnreadableError, chunks
 from cltrace.formats.xml_values import short
 
-MAX_BYTES = 2**30
 # Bytes that are fed at once, and of the prologue at most. The tree of a larger chunk no longer fits the CPU's cache.
 CHUNK, HEAD = 2**17, 2**16
-# Prefixes of namespaces in a file, and characters of a namespace. libxml2 compares each prefix of an element with all
-# others, and every name in a namespace repeats it.
-MAX_PREFIXES, MAX_NAMESPACE = 100, 250
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
 
 PARSER_OPTIONS: Mapping[str, Any] = {

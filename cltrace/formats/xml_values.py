@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import CONE, FOV, MAX_BOUNCES, MAX_LIGHTS, Rule
+from cltrace.base.limits import MAX_BOUNCES, MAX_LIGHTS
+from cltrace.scene import CONE, FOV, Rule
 
 Kind = Rule | Callable[[str], Any]
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"

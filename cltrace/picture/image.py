@@ -15,17 +15,16 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from cltrace.base.arrays import by_rows
 from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
-from cltrace.picture.png import write_png
 from cltrace.picture.storing import (
     CHANNELS,
     FORMATS,
     SIZED,
+    Writer,
     check_format,
     levels16,
-    write_exr,
-    write_npy,
     write_npz,
     write_pillow,
+    writer,
 )
 from cltrace.scene.colors import Transfer
 
@@ -156,8 +155,14 @@ class Image:
         """The names of the outputs that it has."""
         return tuple(name for name in OUTPUTS if name in self.__dict__)
 
-    def __repr__(self) -> str:
+    @property
+    def _size(self) -> tuple[int, int]:
+        """Height and width, in pixels."""
         height, width = getattr(self, self.outputs[0]).shape[:2] if self.outputs else (0, 0)
+        return height, width
+
+    def __repr__(self) -> str:
+        height, width = self._size
         return f"<cltrace.Image {width}x{height}: {', '.join(self.outputs)}>"
 
     @property
@@ -210,9 +215,9 @@ class Image:
         value = getattr(self, output)
         if show == "color":
             return np.asarray(value if output == "rgb8" else value[..., :3], np.uint8)
-        if show == "depth":
-            return palettes.grey(np.asarray(value, np.float64))
         kind, shown = {"uv": (np.float64, palettes.wrapped)}.get(show, (np.int32, palettes.distinct))
+        if show == "depth":
+            kind, shown = np.float64, partial(palettes.grey, ends=palettes.depth_range(np.asarray(value, np.float64)))
         if show in DIRECTED:
             along = None if axes is None else np.asarray(axes, np.float64)
             kind, shown = np.float64, partial(palettes.directions, axes=along)
@@ -239,7 +244,7 @@ class Image:
             .jpg    the same as a JPEG, with a loss and without alpha, or .jpeg
             .npy    the array of one output, such as depth; of color, rgba8 or else rgb8
             .npz    the arrays of outputs, by their names, not compressed
-            .exr    outputs as channels of an OpenEXR file, see cltrace.picture.storing; takes the extra `exr`
+            .exr    outputs as channels of an OpenEXR file, see cltrace.picture.storing
 
         path: a name in a folder that is there; show: which output a picture or NPY has, and axes, along which it has
         normals and directions; bits: of a PNG's channels, 8 or 16; 16 are made of the outputs color and, if it is
@@ -248,7 +253,7 @@ class Image:
         and the image must have color, if it has bytes.
 
         Raises TypeError if the path is neither a str nor a Path, ValueError if the name does not end so or the image
-        does not have an output, MissingPackageError if an extra is missing, and OSError if the file cannot be written.
+        does not have an output, and OSError if the file cannot be written.
         An old file of that name is then untouched.
         """
         if not isinstance(path, (str, os.PathLike)):
@@ -277,25 +282,34 @@ class Image:
         dpi: float | None = None,
     ) -> None:
         """Writes what save() writes into a file with this suffix to an open binary one."""
-        if bits not in (8, 16) or (bits == 16 and (suffix != ".png" or show != "color")):
-            raise ValueError(f"bits: must be 8, or 16 in a PNG of color, got {bits!r}")
         if dpi is not None and (isinstance(dpi, bool) or not isinstance(dpi, (int, float)) or not 0.1 <= dpi <= 1e6):
             raise ValueError(f"dpi: must be a number within 0.1..1000000, got {dpi!r}")
         if dpi is not None and suffix not in SIZED:
             raise ValueError(f"dpi: goes with {', '.join(SIZED)}, got {suffix}")
-        if suffix == ".png":
-            write_png(file, self._levels16() if bits == 16 else self._pixels(show, axes), dpi=dpi)
-        elif suffix in FORMATS:
-            write_pillow(file, suffix, self._pixels(show, axes), dpi)
-        elif suffix == ".npy":
-            write_npy(file, self._array(show, axes))
-        elif suffix == ".npz":
-            write_npz(file, self._arrays(self.outputs if outputs is None else outputs))
-        else:
-            if outputs is None and not {"rgb8", "rgba8"}.isdisjoint(self.outputs):
-                self._need("color")
-            stored = [name for name in self.outputs if name in CHANNELS] if outputs is None else outputs
-            write_exr(file, self._arrays(stored))
+        rows = Rows(file, suffix, self._size[0], dpi, show=show, axes=axes, bits=bits, outputs=outputs)
+        rows.add(self)
+        rows.close()
+
+    def _part(
+        self,
+        suffix: str,
+        show: Show = "color",
+        axes: ArrayLike | None = None,
+        bits: int = 8,
+        outputs: Sequence[Output] | None = None,
+    ) -> Any:
+        """What of it is in a file with this suffix: an array, or some by their names. The others as of write()."""
+        if bits not in (8, 16) or (bits == 16 and (suffix != ".png" or show != "color")):
+            raise ValueError(f"bits: must be 8, or 16 in a PNG of color, got {bits!r}")
+        if suffix == ".npy":
+            return self._array(show, axes)
+        if suffix == ".npz":
+            return self._arrays(self.outputs if outputs is None else outputs)
+        if suffix != ".exr":
+            return self._levels16() if bits == 16 else self._pixels(show, axes)
+        if outputs is None and not {"rgb8", "rgba8"}.isdisjoint(self.outputs):
+            self._need("color")
+        return self._arrays([name for name in self.outputs if name in CHANNELS] if outputs is None else outputs)
 
     def _need(self, name: Output) -> None:
         """Raises ValueError if it has no such output."""
@@ -330,3 +344,31 @@ class Image:
         buffer = io.BytesIO()
         self.write(buffer, show=self._shows[0] if self._shows else "color")
         return buffer.getvalue()
+
+
+class Rows:
+    """A file of a picture, written from the top.
+
+    file: open and binary; suffix, dpi and `how`: as of Image.write(); height: of the whole picture. Where the suffix is
+    none of storing.BY_ROWS, the first rows must be all.
+    """
+
+    def __init__(self, file: BinaryIO, suffix: str, height: int, dpi: float | None = None, **how: Any) -> None:
+        self._file, self._suffix, self._height, self._dpi, self._how = file, suffix, height, dpi, how
+        self._writer: Writer | None = None
+
+    def add(self, image: Image) -> None:
+        """The next rows: a multiple of 16, but for the last ones. Raises what Image.write() raises."""
+        part = image._part(self._suffix, **self._how)
+        if self._suffix in FORMATS:
+            write_pillow(self._file, self._suffix, part, self._dpi)
+        elif self._suffix == ".npz":
+            write_npz(self._file, part)
+        else:
+            self._writer = self._writer or writer(self._file, self._suffix, part, self._height, self._dpi)
+            self._writer.write(part)
+
+    def close(self) -> None:
+        """Writes the end."""
+        if self._writer:
+            self._writer.close()

@@ -25,17 +25,17 @@ def directions(v: NDArray[np.floating], axes: NDArray[np.float64] | None = None)
 
 def depth_range(depth: NDArray[np.float64]) -> tuple[float, float] | None:
     """The nearest and the farthest depth of (h, w), or None where nothing was hit."""
-    hit = depth[np.isfinite(depth)]
-    return (float(hit.min()), float(hit.max())) if hit.size else None
+    hit = np.isfinite(depth)
+    ends = depth.min(initial=np.inf, where=hit), depth.max(initial=-np.inf, where=hit)
+    return (float(ends[0]), float(ends[1])) if hit.any() else None
 
 
-def grey(depth: NDArray[np.float64]) -> Colors:
-    """Depths (h, w) as grey, 255 for the nearest one, 32 for the farthest one, 0 for nothing.
+def grey(depth: NDArray[np.float64], ends: tuple[float, float] | None) -> Colors:
+    """Depths (h, w) as grey, 255 for the nearest one, 32 for the farthest one, 0 for nothing. ends: of depth_range().
 
     In between it is FAR + (NEAR - FAR) (1/depth - 1/farthest) / (1/nearest - 1/farthest): in the reciprocal, what is
     near keeps its contrast, however far the horizon is.
     """
-    ends = depth_range(depth)
     if ends is None:
         return np.zeros((*depth.shape, 3), np.uint8)
     hit, near, far = np.isfinite(depth), 1 / ends[0], 1 / ends[1]

@@ -51,8 +51,7 @@ def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None
     ones a metre.
     """
     rows = Rows(file, pixels.shape, pixels.dtype, text, dpi=dpi)
-    for i in range(0, len(pixels), BAND):
-        rows.add(packed(pixels[i : i + BAND]))
+    rows.write(pixels)
     rows.close()
 
 
@@ -76,6 +75,11 @@ class Rows:
             file.write(_chunk(b"pHYs", struct.pack(">IIB", *[round(dpi / 0.0254)] * 2, 1)))
         for name, value in (text or {}).items():
             file.write(_chunk(b"tEXt", name.encode("latin-1") + b"\0" + value.encode("latin-1")))
+
+    def write(self, pixels: Pixels) -> None:
+        """Some rows: a multiple of BAND, but for the last ones."""
+        for i in range(0, len(pixels), BAND):
+            self.add(packed(pixels[i : i + BAND]))
 
     def add(self, rows: Packed) -> None:
         """Some rows, with the shape of the whole but for their number, a multiple of BAND but for the last ones."""

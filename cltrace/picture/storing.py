@@ -6,26 +6,23 @@ as channels, whose names and units are those of CHANNELS.
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import io
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import by_rows
-from cltrace.base.errors import MissingPackageError
-from cltrace.base.waiting import aside
+from cltrace.base.arrays import ROWS, by_rows
+from cltrace.picture import exr, png
 from cltrace.scene.colors import Transfer, encoded
 
 # Formats of Pillow, by the ends of names.
 FORMATS = {".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
 SUFFIXES = (".png", *FORMATS, ".exr", ".npy", ".npz")
+# Those that can be written from the top, without the whole picture.
+BY_ROWS = (".png", ".exr", ".npy")
 # Those that say how large a picture is in print.
 SIZED = (".png", *FORMATS)
 QUALITY: dict[str, dict[str, Any]] = {
@@ -54,12 +51,10 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def check_format(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
-    """Raises ValueError if no picture can have a file of this name, and MissingPackageError if that takes a package."""
+    """Raises ValueError if no picture can have a file of this name."""
     if path.suffix.lower() not in suffixes:
         names = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
         raise ValueError(f"the name of a picture must end in {names}, got {str(path)!r}")
-    if path.suffix.lower() == ".exr" and not importlib.util.find_spec("OpenEXR"):
-        raise MissingPackageError("writing .exr", "OpenEXR", "exr")
 
 
 def levels16(color: NDArray[np.float32], transfer: Transfer, alpha: NDArray[Any] | None) -> NDArray[np.uint16]:
@@ -90,26 +85,59 @@ def write_pillow(file: BinaryIO, suffix: str, pixels: NDArray[np.uint8], dpi: fl
     file.write(buffer.getbuffer())  # at once: Pillow goes back and forth in what it writes
 
 
-def write_npy(file: BinaryIO, array: NDArray[Any]) -> None:
-    """Writes one array to an open binary file."""
-    # Of a real file numpy asks where it is, which a pipe does not know.
-    np.save(SimpleNamespace(write=file.write), array, allow_pickle=False)
+class Writer(Protocol):
+    """What writes the rows of a picture from the top, a multiple of 16 at a time; close() ends the file."""
+
+    def write(self, part: Any) -> None: ...
+    def close(self) -> None: ...
 
 
-def write_npz(file: BinaryIO, arrays: Arrays) -> None:
-    """Writes arrays by their names to an open binary file, not compressed."""
-    np.savez(file, allow_pickle=False, **arrays)
+def writer(file: BinaryIO, suffix: str, part: Any, height: int, dpi: float | None) -> Writer:
+    """What writes a file with one of the suffixes BY_ROWS.
+
+    file: open and binary; part: its first rows, as Writer.write() takes them; height: how many rows there are; dpi:
+    pixels an inch, of PNG alone.
+    """
+    if suffix == ".png":
+        return png.Rows(file, (height, *part.shape[1:]), part.dtype, dpi=dpi)
+    return _Npy(file, part, height) if suffix == ".npy" else _Exr(file, part, height)
 
 
-def write_exr(file: BinaryIO, arrays: Arrays) -> None:
-    """Writes outputs to an open binary file. Raises ValueError where CHANNELS has no such output."""
-    for name in arrays:
-        if name not in CHANNELS:
-            raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
-    aside(partial(_write_exr, file, arrays))  # of 4,000 x 4,000 pixels, numpy and the package take long
+class _Npy:
+    """One array."""
+
+    def __init__(self, file: BinaryIO, first: NDArray[Any], height: int) -> None:
+        self._file = file
+        told = np.lib.format.header_data_from_array_1_0(first[:0])
+        np.lib.format.write_array_header_1_0(file, told | {"shape": (height, *first.shape[1:])})
+
+    def write(self, array: NDArray[Any]) -> None:
+        for i in range(0, len(array), ROWS):
+            self._file.write(np.ascontiguousarray(array[i : i + ROWS]).data)
+
+    def close(self) -> None:
+        pass
 
 
-def _write_exr(file: BinaryIO, arrays: Arrays) -> None:
+class _Exr:
+    """Outputs by their names, as channels."""
+
+    def __init__(self, file: BinaryIO, first: Arrays, height: int) -> None:
+        for name in first:
+            if name not in CHANNELS:
+                raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
+        self._rows = exr.Rows(file, _channels({name: array[:0] for name, array in first.items()}), height)
+
+    def write(self, arrays: Arrays) -> None:
+        height = len(next(iter(arrays.values())))
+        for i in range(0, height, 16 * exr.LINES):
+            self._rows.write(_channels({name: array[i : i + 16 * exr.LINES] for name, array in arrays.items()}))
+
+    def close(self) -> None:
+        self._rows.close()
+
+
+def _channels(arrays: Arrays) -> dict[str, NDArray[Any]]:
     channels: dict[str, NDArray[Any]] = {}
     for name, array in arrays.items():
         value = array
@@ -117,14 +145,11 @@ def _write_exr(file: BinaryIO, arrays: Arrays) -> None:
             value = array * arrays["alpha"][..., None]
         kind = np.uint32 if array.dtype.kind == "i" else np.float32
         with np.errstate(over="ignore"):  # distances beyond float32's range are infinite there
-            planes = np.moveaxis(np.atleast_3d(value).astype(kind), -1, 0)
-        channels |= {c: np.ascontiguousarray(plane) for c, plane in zip(CHANNELS[name], planes, strict=True)}
-    openexr = importlib.import_module("OpenEXR")
-    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
-    whole = openexr.File(header, channels)
-    if file.seekable():
-        whole.write(file)
-        return
-    buffer = io.BytesIO()  # the package goes back and forth in what it writes
-    whole.write(buffer)
-    file.write(buffer.getbuffer())
+            planes = np.moveaxis(np.atleast_3d(value).astype(kind, copy=False), -1, 0)
+        channels |= zip(CHANNELS[name], planes, strict=True)
+    return channels
+
+
+def write_npz(file: BinaryIO, arrays: Arrays) -> None:
+    """Writes arrays by their names to an open binary file, not compressed."""
+    np.savez(file, allow_pickle=False, **arrays)

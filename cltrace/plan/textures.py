@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arrays import joined
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.materials import used
 from cltrace.scene import FULL, Texture
@@ -57,7 +58,7 @@ class Textures:
             stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
             texels.append(stored.reshape(-1).view(np.uint8))
             begin += images[i].nbytes
-        texel = np.concatenate([*texels, np.zeros(BYTES_READ, np.uint8)])
+        texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # which a CPU's driver need not copy once more
         return cls(texel, np.array(places, np.int32).reshape(-1, 4), new[of_material])
 
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -1,6 +1,6 @@
 """How a program of cltrace begins and ends: without a traceback, whenever a signal comes.
 
-This imports nothing of cltrace, so that it is there before numpy and the OpenCL driver, which take their time.
+This imports hardly anything of cltrace, so that it is there before numpy and the OpenCL driver, which take their time.
 """
 
 from __future__ import annotations
@@ -12,6 +12,13 @@ import signal
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
+
+from cltrace.base.limits import ADDRESSES
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 # Those of the signals that end a program which a user, a terminal or a batch system sends; Windows lacks some.
 ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU") if hasattr(signal, name)]
@@ -28,6 +35,7 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
     for number in ENDING:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
+    _check_addresses(module)
     try:
         # Threads that numpy starts for products of large matrices wait for work by spinning: there are none.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -40,14 +48,25 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
     os._exit(status or 0)
 
 
+def _check_addresses(module: str) -> None:
+    """Ends the program where libraries would, some without a word: with less memory than they take for themselves."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+    if 0 <= limit < ADDRESSES:
+        _end(module, f"not enough memory: ulimit -v is {limit // 1024}, and must be {ADDRESSES // 1024} at least")
+
+
+def _end(module: str, words: str) -> NoReturn:
+    os.write(2, f"{module.partition('.')[0]}: {words}\n".encode())
+    os._exit(2)
+
+
 def _program(module: str) -> Any:
     """The module of a program, or the end of this one where it or a library that it needs cannot be loaded."""
     try:
         return imported(module)
     except (ImportError, MemoryError) as error:  # as of little memory
         words = str(error).strip().splitlines() or ["not enough memory"]
-        os.write(2, f"{module.partition('.')[0]}: cannot be loaded: {words[-1]}\n".encode())
-        os._exit(2)
+        _end(module, f"cannot be loaded: {words[-1]}")
 
 
 def imported(module: str) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.errors import DeviceError
+from cltrace.base.limits import MAX_SIDE
 from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
@@ -24,15 +25,15 @@ from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
-from cltrace.run.executor import Executor, Frame, Made
+from cltrace.run.executor import Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
+from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
-from cltrace.scene.camera import MAX_PIXELS, MAX_SIDE
 
 # How many samples antialias=True takes.
 SAMPLES = 16
 # Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit.
-PROBES = (4, 2)
+PROBES, PROBED = (4, 2), 2**28
 # So many of these rays are traced at a time, which bounds the memory that they take.
 BAND = 2**22
 
@@ -125,6 +126,7 @@ class Renderer:
         self.width = self.device.width if width is None else width
         if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
+        check_driver(self.device, self.width)
         start = time.perf_counter()
         self._lock = threading.Lock()
         wait = loading(scene, self.request, self.device)
@@ -258,6 +260,7 @@ class Renderer:
         other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
             other.device, other.width = device, device.width
+            check_driver(device, device.width)
         if not share_all_but_camera(self.scene, scene):
             old, n = self.scene, len(scene.columns)
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
@@ -279,7 +282,7 @@ class Renderer:
         if effects is None:
             return None
         wide, high = self.scene.camera.resolution
-        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= MAX_PIXELS)
+        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= PROBED)
         k = next(fits, 1) if self.request.means else 1
         more = effects.reach(k)
         low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))
@@ -365,6 +368,11 @@ class Renderer:
     def region(self) -> Region:
         """The part of the picture that is rendered: (x, y, width, height) in pixels of the whole picture."""
         return self._executor.region
+
+    @property
+    def bytes_a_pixel(self) -> int:
+        """How much memory the outputs of a pixel take."""
+        return bytes_a_pixel(self.request.outputs, self.precision)
 
     @property
     def skipped(self) -> dict[str, int]:

@@ -15,9 +15,9 @@ from typing import Any
 
 import pyopencl as cl
 
-from cltrace.base.errors import DeviceError
+from cltrace.base.errors import DeviceError, OutOfMemoryError
+from cltrace.base.limits import MAX_ROWS
 
-MAX_ROWS = 2**31 - 1  # of a buffer
 # By the package of pip that brings it, or a name that pip has not.
 WAYS = {
     "pocl-binary-distribution": "pip install pocl-binary-distribution        a CPU driver, Linux on x86-64",
@@ -39,13 +39,15 @@ class Driver:
 
     pattern: a regular expression for the platform's name and version, a space, and the device's name; width: pixels in
     a packet; rank: the lower, the faster, so that of two drivers for one CPU the faster one is taken when none is asked
-    for; flags: names of -D flags that it needs.
+    for; flags: names of -D flags that it needs; known: whether it was measured, so that this width does not end the
+    process.
     """
 
     pattern: str
     width: int
     rank: int
     flags: tuple[str, ...] = ()
+    known: bool = True
 
 
 # ms a frame at 1920x1080 of 16, 1,000 and 100,000 spheres in a box, on 2 cores with AVX-512, 2026-11-21:
@@ -59,9 +61,10 @@ DRIVERS = (
     Driver(r"PoCL 3\.0.* pthread-[a-z0-9-]+-", 8, 2, ("NO_FMA",)),
     # Its compiler is older than the CPU, whose kind it leaves out of the name: any 512 bits abort the whole process.
     Driver(r"PoCL 3\.0", 4, 2, ("NO_FMA",)),
-    Driver(r"PoCL", 16, 0),
+    Driver(r"PoCL 3\.1", 16, 0),
+    Driver(r"PoCL", 16, 0, known=False),
 )
-OTHER_CPU = Driver("", 8, 3)
+OTHER_CPU = Driver("", 8, 3, known=False)
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ def driver_errors(device: Device) -> Iterator[None]:
     try:
         yield
     except cl.MemoryError as error:
-        raise DeviceError(f"{device.name} has not enough memory: {error}") from None
+        raise OutOfMemoryError(f"{device.name} has not enough memory: {error}") from None
     except cl.Error as error:
         raise DeviceError(f"{device.name} failed: {error}") from None
 

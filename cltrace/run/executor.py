@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError
 from cltrace.base.waiting import Announcement, interruptible
-from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, arguments_of, dtype_of
+from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
@@ -56,6 +56,11 @@ ALL, OVER = np.iinfo(np.int32).max, np.iinfo(np.int32).min
 def margin_of(region: Region) -> tuple[int, int]:
     """How many columns and rows of the tile in which a region begins are not in it."""
     return region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"]
+
+
+def bytes_a_pixel(outputs: Iterable[str], precision: Precision) -> int:
+    """How many bytes a pixel of these outputs has in a frame."""
+    return sum(OUTPUTS[n].channels * dtype_of(OUTPUTS[n].type, precision).itemsize for n in outputs)
 
 
 class Last:
@@ -369,7 +374,9 @@ class Executor:
 
     def _launch_first(self) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
-        self._program.launch_first(self.packet.group, lambda: self._launch(self.frame(), (0, 0, 0, 0), 0, 1))
+        x, y, _, _ = self.region
+        small = self.of((x, y, 1, 1))
+        self._program.launch_first(self.packet.group, lambda: small._launch(small.frame(), (0, 0, 0, 0), 0, 1))
 
     def _advice(self) -> str:
         """What to say where a strip takes long: which numbers could be lower."""

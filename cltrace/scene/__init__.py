@@ -1,14 +1,13 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
 from cltrace.scene.boxes import axes, box_corners, box_edges, box_images
-from cltrace.scene.camera import MAX_BOUNCES, AnyCamera, Camera, Orthographic, check_resolution
+from cltrace.scene.camera import AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
 from cltrace.scene.lights import (
     AMBIENT,
     BALL,
     LAMBERT,
     LIGHT,
-    MAX_LIGHTS,
     PANEL,
     PARALLEL,
     POINT,
@@ -27,24 +26,15 @@ from cltrace.scene.lights import (
     sun_light,
 )
 from cltrace.scene.maps import uniform_scales
-from cltrace.scene.materials import FULL, MATERIAL, MAX_TEXELS, SIGNED_FULL, Material, Texture, texels
+from cltrace.scene.materials import FULL, MATERIAL, SIGNED_FULL, Material, Texture, texels
 from cltrace.scene.members import lamps_of, members_of
-from cltrace.scene.meshes import (
-    INSTANCES,
-    MAX_MESHES,
-    MAX_TRIANGLES,
-    MAX_VERTICES,
-    Geometry,
-    Mesh,
-    PlacedMesh,
-    place_faults,
-)
+from cltrace.scene.meshes import Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene, share_all_but_camera
-from cltrace.scene.shapes.cylinder import CYLINDER, MAX_CYLINDERS, Bonds
+from cltrace.scene.shapes.cylinder import CYLINDER, Bonds
 from cltrace.scene.shapes.table import OTHER_FIELDS
 from cltrace.scene.source import MeshFile, Source
-from cltrace.scene.surfaces import MAX_SPHERES, SPHERE, extent_faults, inverse_faults, reaches
+from cltrace.scene.surfaces import SPHERE, extent_faults, inverse_faults, reaches
 
 __all__ = [
     "AMBIENT",
@@ -54,18 +44,9 @@ __all__ = [
     "CYLINDER",
     "FOV",
     "FULL",
-    "INSTANCES",
     "LAMBERT",
     "LIGHT",
     "MATERIAL",
-    "MAX_BOUNCES",
-    "MAX_CYLINDERS",
-    "MAX_LIGHTS",
-    "MAX_MESHES",
-    "MAX_SPHERES",
-    "MAX_TEXELS",
-    "MAX_TRIANGLES",
-    "MAX_VERTICES",
     "NOT_NEGATIVE",
     "OTHER_FIELDS",
     "PANEL",

@@ -7,10 +7,9 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_IMAGES
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, described, numbers, vector
 
-# So many images of a periodic box are looked at for the nearest.
-MOST_IMAGES = 10_000
 Floats = NDArray[np.float64]
 
 
@@ -83,7 +82,7 @@ def to_nearest(way: Floats, box: Floats) -> Floats:
     least = np.square(way + first).sum(axis=1)
     far = np.sqrt(least.max(initial=0))
     most = np.floor(far * np.sqrt(np.square(inverse).sum(axis=0)) + 0.5)
-    if np.prod(2 * most + 1) > MOST_IMAGES:
+    if np.prod(2 * most + 1) > MAX_IMAGES:
         raise ValueError(f"box: is too flat for bonds that are {far:g} long; shorter edges may give the same images")
     nearest = first
     for steps in itertools.product(*(range(-int(n), int(n) + 1) for n in most)):

@@ -10,11 +10,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
 from cltrace.scene.fit import Fitted, checked_margin, direction_of, reaches_of, up_for
 from cltrace.scene.rules import FOV, FULL_FOV, POSITIVE, Vector, checked, described, is_whole, vector
 
-MAX_SIDE, MAX_PIXELS = 65_536, 2**28
-MAX_BOUNCES = 100
 Axis = Literal["x", "y"]
 
 

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_SPHERES
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, packed
 from cltrace.scene.rules import ANY, NOT_NEGATIVE, Rule, check_not_bytes, check_rule, numbers, real_numbers
-from cltrace.scene.surfaces import MAX_SPHERES, SPHERE
+from cltrace.scene.surfaces import SPHERE
 
 Shade = Mapping[str, NDArray[Any]]
 # The arguments of a material, by the names of MATERIAL's fields.

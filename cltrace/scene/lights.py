@@ -11,12 +11,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_LIGHTS
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
 
-# A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each
-# member of a soft light counts.
-MAX_LIGHTS = 1024
 LIGHT = np.dtype(
     [
         ("kind", "i4"),  # one of the constants below

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_TEXELS
 from cltrace.scene.colors import Transfer, color_numbers, decoded
 from cltrace.scene.rules import (
     ANY,
@@ -40,7 +41,6 @@ Texture = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.int16]
 # and are linear with any transfer curve. A multiple of 255, so that bytes are exact.
 SIGNED_FULL = 42 * 255
 FULL = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535, np.dtype(np.int16): SIGNED_FULL}
-MAX_TEXELS = 2**27  # in all textures of a scene
 COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arrays import blockwise
+from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.numbers.inverses import inverses, whole_inverse
 from cltrace.scene.colors import Transfer
 from cltrace.scene.maps import affine
@@ -23,13 +24,6 @@ from cltrace.scene.mesh_colors import MeshColors
 from cltrace.scene.mesh_sources import Found
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
 from cltrace.scene.surfaces import inverse_faults
-
-# In all meshes of a scene. A mesh that is placed twice counts twice.
-MAX_TRIANGLES = MAX_VERTICES = 2**26
-MAX_MESHES = 2**16
-# Triangles of files that a scene names again, where nobody allows more: a few bytes ask for them, and to draw one takes
-# about 350 bytes.
-INSTANCES = 2**22
 
 _IDENTITY = np.eye(3, 4)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
@@ -35,7 +36,7 @@ from cltrace.scene.members import lamps_of
 from cltrace.scene.meshes import Mesh, PlacedMesh, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
 from cltrace.scene.settings import check_setting, setting
-from cltrace.scene.shapes.cylinder import MAX_CYLINDERS, Bonds, bonds_of, cylinders_of, halved, linear, materials_of
+from cltrace.scene.shapes.cylinder import Bonds, bonds_of, cylinders_of, halved, linear, materials_of
 from cltrace.scene.shapes.mesh import Meshes
 from cltrace.scene.shapes.shape import Other, Shape, held
 from cltrace.scene.shapes.sphere import Spheres

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.limits import MAX_SPHERES
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.maps import deviations, uniform_scales
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, numbers
@@ -24,7 +25,6 @@ SPHERE = np.dtype(
         ("to_object", "i4"),  # index into the scene's to_object; -1: a sphere
     ]
 )
-MAX_SPHERES = 2**26
 MAX_DEVIATION = 2.0**-24  # of an ellipsoid's distances from its centre: depths are given to no more
 
 

@@ -211,7 +211,7 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     ("arguments", "message"),
     [
         ([], "which scene? Say cltrace SCENE.xml; see cltrace --help"),
-        (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 268435456 pixels, got 0x5;"),
+        (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 1073741824 pixels, got 0x5;"),
         (["{scene}", "--size", "5"], "argument --size: must be WIDTHxHEIGHT, such as 640x480, got '5';"),
         (["{scene}", "--crop", "1,2,3"], "argument --crop: must be X0,Y0,X1,Y1, such as 0,0,64,64, got '1,2,3';"),
         (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),

@@ -40,6 +40,16 @@ def test_what_takes_its_time_is_imported_late(tmp_path: Path, package: str) -> N
     assert done.stdout == b"set()\n", done.stderr
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have no such limit")
+@pytest.mark.parametrize("limit", [300_000, 600_000, 700_000, 800_000])
+def test_too_few_addresses(tmp_path: Path, limit: int) -> None:
+    """`ulimit -v`: libraries ended the process, OpenBLAS with the status of a check that failed."""
+    line = f"ulimit -v {limit}; exec {sys.executable} -m cltrace none.xml"
+    done = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=False)
+    words = f"not enough memory: ulimit -v is {limit}, and must be 950000 at least"
+    assert (done.returncode, done.stderr) == (2, f"cltrace: {words}\n")
+
+
 @pytest.mark.parametrize("name", SIGNALS)
 def test_during_the_imports(tmp_path: Path, name: str) -> None:
     done = program(tmp_path, f"import os, signal\nos.kill(os.getpid(), signal.{name})\ndef main(): return 0\n")

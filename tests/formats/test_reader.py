@@ -302,17 +302,17 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
     "resolution 0": (
         'horizontal="640"',
         'horizontal="0"',
-        ["10: camera resolution: must be within 1..65536 each and 268435456 pixels, got 0x480"],
+        ["10: camera resolution: must be within 1..65536 each and 1073741824 pixels, got 0x480"],
     ),
     "resolution -1": (
         'vertical="480"',
         'vertical="-1"',
-        ["10: camera resolution: must be within 1..65536 each and 268435456 pixels, got 640x-1"],
+        ["10: camera resolution: must be within 1..65536 each and 1073741824 pixels, got 640x-1"],
     ),
     "resolution absurd": (
         'horizontal="640"',
         f'horizontal="{"9" * 5000}"',
-        ["10: camera resolution: must be within 1..65536 each and 268435456 pixels, got 1000000000000000000x480"],
+        ["10: camera resolution: must be within 1..65536 each and 1073741824 pixels, got 1000000000000000000x480"],
     ),
     "resolution float": (
         'horizontal="640"',

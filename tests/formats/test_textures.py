@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cltrace.base.limits import MAX_TEXELS
 from cltrace.formats import texture
 from cltrace.formats.files import UnreadableError
 from cltrace.formats.texture import read_texture
-from cltrace.scene import MAX_TEXELS
 
 RGB = np.random.default_rng(5).integers(0, 256, (5, 7, 3), np.uint8)
 GREY = RGB[:, :, 0]

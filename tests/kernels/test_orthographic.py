@@ -441,7 +441,7 @@ def test_it_goes_round_a_scene() -> None:
         ({"height": np.inf}, "camera.height: must be a finite number, got inf"),
         ({"height": "1"}, "camera.height: must be numbers, got '1'"),
         ({"lookat": (0, 0, 0)}, "camera.lookat: must differ from position"),
-        ({"resolution": (0, 5)}, "camera.resolution: must be within 1..65536 each and 268435456 pixels, got 0x5"),
+        ({"resolution": (0, 5)}, "camera.resolution: must be within 1..65536 each and 1073741824 pixels, got 0x5"),
         ({"max_bounces": 101}, "camera.max_bounces: must be within 0..100, got 101"),
     ],
 )

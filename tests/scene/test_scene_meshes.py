@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light
-from cltrace.scene import MATERIAL, MAX_TEXELS, SPHERE, Geometry, PlacedMesh, materials, meshes, texels
+from cltrace.base.limits import MAX_TEXELS
+from cltrace.scene import MATERIAL, SPHERE, Geometry, PlacedMesh, materials, meshes, texels
 
 V = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 F = np.array([(0, 1, 2), (0, 2, 3), (3, 2, 1)])

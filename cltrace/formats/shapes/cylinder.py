@@ -8,10 +8,11 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
 from cltrace.formats.xml_checks import Checks, vector_of
-from cltrace.scene import CYLINDER, MAX_CYLINDERS
+from cltrace.scene import CYLINDER
 
 
 class Cylinders(Shape):

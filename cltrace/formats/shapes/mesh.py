@@ -10,12 +10,13 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import located
+from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
 from cltrace.formats.xml_checks import Checks, Numbers
 from cltrace.formats.xml_files import Contents
 from cltrace.formats.xml_transforms import to_world
-from cltrace.scene import ANY, MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES, MeshFile, PlacedMesh, place_faults
+from cltrace.scene import ANY, MeshFile, PlacedMesh, place_faults
 
 if TYPE_CHECKING:
     from cltrace.formats.obj import Obj

@@ -9,12 +9,13 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from cltrace.base.limits import MAX_SPHERES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
 from cltrace.formats.xml_bulk import FINISH, NO_ROW, ROW, bulk, packed_spheres
 from cltrace.formats.xml_checks import Checks, Numbers, vector_of
 from cltrace.formats.xml_transforms import Maps, transformed
-from cltrace.scene import ANY, MAX_SPHERES, POSITIVE, extent_faults, inverse_faults, reaches
+from cltrace.scene import ANY, POSITIVE, extent_faults, inverse_faults, reaches
 
 
 class Spheres(Shape):

@@ -10,8 +10,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from cltrace.base.limits import MAX_ROWS
 from cltrace.plan import abi
-from cltrace.run.devices import MAX_ROWS, Device, check_sizes
+from cltrace.run.devices import Device, check_sizes
 from cltrace.run.kernel_arguments import NamedKernel, parameters_of
 from cltrace.run.program import context_of, program, source
 

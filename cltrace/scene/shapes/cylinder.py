@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arrays import blockwise
+from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.boxes import box_of, to_nearest
 from cltrace.scene.colors import Transfer, color_numbers, decoded
 from cltrace.scene.columns import Columns
@@ -40,7 +41,6 @@ CYLINDER = np.dtype(
         ("number", "i4"),  # among all surfaces
     ]
 )
-MAX_CYLINDERS = 2**24
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from cltrace.base.arrays import blockwise
+from cltrace.base.limits import MAX_SPHERES
 from cltrace.numbers.inverses import inverses
 from cltrace.scene.columns import Columns
 from cltrace.scene.shapes.shape import Floats, Shape, moved
-from cltrace.scene.surfaces import MAX_SPHERES
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,37 @@
+"""A picture in strips of rows, from the top, which need not be in memory together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cltrace.base.errors import OutOfMemoryError
+from cltrace.base.progress import bar
+from cltrace.picture.image import Image
+from cltrace.renderers.renderer import Renderer
+from cltrace.run.rows import STEP
+
+# Bytes of what the kernel writes that are in memory at once. Files take up to twice as much beside them.
+ROOM = 2**26
+
+
+def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[int, Image]]:
+    """The picture of a renderer, as Images of some rows, each after their number: a multiple of STEP but for the last.
+
+    A small picture is one Image. Where the memory of the device or of this process is too small, strips become smaller.
+    progress: as of Renderer.render(), which says what is raised, too.
+    """
+    _, first, width, height = renderer.region
+    end, rows = first + height, max(STEP, ROOM // (width * renderer.bytes_a_pixel) // STEP * STEP)
+    with bar(height, "row", progress) as shown:
+        while first < end:
+            last = min(first + rows, end)
+            part = renderer if last - first == height else renderer.rows(first, last)
+            try:
+                image = part.draw(shown.update)
+            except (OutOfMemoryError, MemoryError):
+                rows = (last - first) // (2 * STEP) * STEP
+                if not rows:
+                    raise
+            else:
+                yield last - first, image
+                first = last
