@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cltrace.scene import Scene
 from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
 
-from .errors import Errors, bytes_apart, compare
+from .errors import Errors, apart, compare
 from .peers import PeerError
 from .points import LEAST_ROUNDS, Point
 from .scenes import Case
@@ -33,7 +33,7 @@ TOO_LONG = 10
 # So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
 # long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
 # thinned, the reference's limit takes the place of SAMPLE_TESTS.
-SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 500, 100, 50_000_000
+SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 200, 100, 50_000_000
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Budget:
     """
 
     rounds: int = 7
-    seconds: float = 3.0
+    seconds: float = 2.0
     errors: bool = True
     sample: int = SAMPLE
 
@@ -171,9 +171,7 @@ def _errors(
             else:
                 found["note"] = "another picture than with all outputs: its errors are not known"
         if true is not None:
-            differ, off = bytes_apart(pictures[k], np.rint(true.levels).astype(np.uint8))
-            found |= {"differ": differ / pictures[k][..., 0].size, "off": off / pictures[k][..., 0].size}
-            found["rms"] = float(np.sqrt(np.mean((pictures[k] - true.levels) ** 2)))
+            found |= apart(pictures[k], true.levels)
         if found.get("picture") is None and (of := found.get("sample")):
             # Its own picture is the reference, or there is none: the sample has to say.
             found |= {"differ": of.bytes_differ / of.pixels, "off": of.bytes_off / of.pixels, "rms": None}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
 from . import machine
@@ -102,6 +103,14 @@ def _ways(ways: Sequence[Way]) -> list[list[str]]:
             lines.append([f"{scene}: {tracer}", *(milliseconds(mine[w].time) if w in mine else "" for w in WAYS),
                           *(number(v / 1e6) for v in most)])  # fmt: skip
     return lines
+
+
+def took(spent: Mapping[str, Mapping[str, float]]) -> str:
+    """Where a run's seconds went, by the kind of step and by who was at work, the most first."""
+    steps = Counter({step: sum(of.values()) for step, of in spent.items()})
+    who: Counter[str] = sum(map(Counter, spent.values()), Counter())
+    parts = (", ".join(f"{name or 'the rest'} {s:.0f}" for name, s in c.most_common() if s >= 1) for c in (steps, who))
+    return f"It took {sum(steps.values()):.0f} s: {'; or '.join(parts)}."
 
 
 def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:

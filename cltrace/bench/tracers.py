@@ -32,6 +32,8 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
+# What errors are found in.
+JUDGED: tuple[Output, ...] = ("rgb8", "color", "normal", "depth", "id")
 # Rays across a pixel, and down, of the curves of antialiasing.
 ACROSS = (1, 2, 4, 8, 16)
 # Levels of 255 to within which a mean is proved.
@@ -111,8 +113,9 @@ class Product(Tracer):
         return too_much(scene) if ACCELERATION in self.keep else ""
 
     def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
-        """What is measured, with these outputs, or with bytes."""
-        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), keep=self.keep)
+        """What is measured, or, with outputs of which errors are found, one program for as many scenes as can be."""
+        keep: tuple[Keep, ...] = (*self.keep, "features") if outputs else self.keep
+        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), keep=keep)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
@@ -131,8 +134,7 @@ class Product(Tracer):
         return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:
-        dull = [self.renderer(lamp, "color", "normal", "depth", "id").render() for lamp in lamps(scene)]
-        return answer_of(scene, self.renderer(scene, "rgb8", "color").render(), dull)
+        return answer_of(scene, *(self.renderer(of, *JUDGED).render() for of in (scene, *lamps(scene))))
 
 
 class Smooth(Product):
@@ -226,8 +228,7 @@ class Baseline(Tracer):
         return Run([image.frame_seconds for image in images], whole, image.rgb8)
 
     def answer(self, scene: Scene) -> Answer:
-        dull = [Textbook(lamp, self._device).render("color", "normal", "depth", "id") for lamp in lamps(scene)]
-        return answer_of(scene, Textbook(scene, self._device).render("rgb8", "color"), dull)
+        return answer_of(scene, *(Textbook(of, self._device).render(*JUDGED) for of in (scene, *lamps(scene))))
 
 
 def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
@@ -273,11 +274,8 @@ def parts_of(scene: Scene, used: NDArray[np.void]) -> dict[str, bool]:
     }
 
 
-def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
-    """What pictures of a scene and of its lamps() say of its pixels, row by row.
-
-    image: rgb8 and color; dull: color, normal, depth and id.
-    """
+def answer_of(scene: Scene, image: Image, *dull: Image) -> Answer:
+    """What pictures of a scene and of its lamps(), with the outputs JUDGED, say of its pixels, row by row."""
     first = dull[0]
     count = int((scene.lamps["kind"] != AMBIENT).sum())
     light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]

@@ -165,7 +165,7 @@ GREY = np.full((2, 2), 100, np.uint8)
 def test_what_only_cltrace_draws_is_left_to_it(any_device: Device, tmp_path: Path) -> None:
     wanted = "meshes, ellipsoids, mirrors"
     assert tracers.Baseline(any_device).refuses(rich()) == wanted
-    assert povray.PovRay("povray", tmp_path).refuses(rich()) == wanted
+    assert povray.PovRay("povray", tmp_path).refuses(rich()) == "ellipsoids, textures, glass"
     bare = replace(rich(), meshes=())
     assert tracers.too_rich(bare) == "ellipsoids, mirrors"
     assert tracers.too_rich(scenes.cloud(16, SMALL)) == ""

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.bench.tracers import Run, Tracer, parts_of
-from cltrace.scene import AMBIENT, PARALLEL, POINT, PlacedMesh, Scene
+from cltrace.scene import AMBIENT, FULL, PARALLEL, POINT, PlacedMesh, Scene
 
 Floats = NDArray[np.float64]
 
@@ -135,13 +135,15 @@ class Triangles:
     """Triangles in camera space.
 
     vertices, normals: (n, 3) each, normals of length 1; corners, normal_of: (f, 3), which of them each corner has, -1
-    for flat ones; the corners go around counterclockwise, seen from the front; material: (f,).
+    for flat ones; the corners go around counterclockwise, seen from the front; uv: (f, 3, 2), where they are in the
+    texture; material: (f,).
     """
 
     vertices: Floats
     normals: Floats
     corners: NDArray[np.int64]
     normal_of: NDArray[np.int64]
+    uv: Floats
     material: NDArray[np.int64]
 
     def smooth(self) -> tuple[Floats, Floats]:
@@ -165,6 +167,7 @@ def triangles(scene: Scene) -> Triangles:
         np.concatenate([empty, *(part.corners + firsts[0][k] for k, part in enumerate(parts))]),
         np.concatenate([empty, *(np.where(part.normal_of < 0, -1, part.normal_of + firsts[1][k])
                                  for k, part in enumerate(parts))]),
+        np.concatenate([np.zeros((0, 3, 2)), *(part.uv for part in parts)]),
         np.concatenate([empty[:, 0], *(part.material for part in parts)]),
     )  # fmt: skip
 
@@ -182,8 +185,18 @@ def _part(scene: Scene, mesh: PlacedMesh, basis: Floats) -> Triangles:
         normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300),
         turned(shape.faces),
         turned(shape.normal_of),
+        np.concatenate([shape.uv, np.zeros((1, 2))])[turned(shape.uv_of)],
         np.full(len(shape.faces), mesh.material),
     )
+
+
+def texels(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """(n, 3), the pixels of all textures, 1 = full; and (k, 3), which of them is a texture's first, width and height."""
+    full = [texture.reshape(-1, 3) / np.float32(FULL[texture.dtype]) for texture in scene.textures]
+    firsts = np.cumsum([0, *map(len, full)])[:-1]
+    sizes = [texture.shape[1::-1] for texture in scene.textures]
+    table = np.column_stack([firsts, np.reshape(sizes, (-1, 2))]).astype(np.int32)
+    return np.concatenate([np.zeros((0, 3), np.float32), *full]).astype(np.float32), table
 
 
 @dataclass(frozen=True)
