@@ -28,7 +28,7 @@ Say = Callable[[str], None]
 ENOUGH = 0.05
 MOST_FRAMES = 20
 # What takes longer than this many seconds for a picture gets no second round.
-TOO_LONG = 10
+TOO_LONG = 3
 
 # So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
 # long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
@@ -83,12 +83,8 @@ def measure(
     for k in list(live):
         say(f"{points[k].label}: first picture")
         if done := run(k, 1):
-            kernel, whole, pictures[k] = done
+            kernel, _, pictures[k] = done
             frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(kernel, default=1)))))
-            if kernel[0] > TOO_LONG and math.isfinite(budget.seconds):
-                note = f"{kernel[0]:.0f} s a picture: measured once"
-                points[k] = replace(points[k], kernel=(kernel[0],), whole=(whole,), note=note)
-                frames[k] = 0
     if budget.errors:
         _errors(case, live, pictures, reference, budget, points, say)
 
@@ -102,6 +98,9 @@ def measure(
                 before = points[k]
                 times = (*before.kernel, statistics.median(kernel))
                 points[k] = replace(before, kernel=times, whole=(*before.whole, whole))
+                if times[-1] > TOO_LONG and math.isfinite(budget.seconds):
+                    points[k] = replace(points[k], note=f"{times[-1]:.0f} s a picture: no further round")
+                    frames[k] = 0
         if not left or (number + 1 >= LEAST_ROUNDS and time.perf_counter() - start > budget.seconds):
             break
 

@@ -85,6 +85,24 @@ def test_the_oracle_and_the_reference_agree_on_an_ordinary_scene(monkeypatch: py
     assert not exact.lit.all(axis=0).any()
 
 
+def test_means_of_some_rows(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are those of all rows, and what is not known is not held against a picture."""
+    monkeypatch.setattr(truth, "RAYS", 4)
+    monkeypatch.setattr(truth, "BAND", 2 * 4 * 4 * SMALL[0])
+    scene = scenes.cloud(16, SMALL)
+    (every, n), (some, _) = (truth.means(scene, any_device, bands=bands) for bands in (1, 3))
+    known = np.arange(SMALL[1]) % 6 < 2
+    assert n == 4
+    assert np.array_equal(some[known], every[known])
+    assert np.isnan(some[~known]).all()
+    picture = np.rint(every).astype(np.uint8)
+    picture[~known] ^= 255
+    assert errors.apart(picture, some)["differ"] == 0
+    picture[0, :7] ^= 2
+    assert errors.apart(picture, some)["differ"] == 7 / (SMALL[0] * known.sum())
+    assert errors.apart(picture, every)["differ"] > 0.6
+
+
 @pytest.mark.slow
 def test_lamps_are_the_lights_one_by_one(any_device: Device) -> None:
     scene = scenes.cloud(16, SMALL, *MORE)

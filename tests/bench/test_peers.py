@@ -27,7 +27,7 @@ def test_a_peer(tmp_path: Path) -> None:
         f"#!{sys.executable}\n"
         "import struct, sys\n"
         "data = open(sys.argv[1], 'rb').read()\n"
-        "w, h, samples, bounces, flat, n, *mesh, materials, textures, pixels, lights = struct.unpack('<14i', data[:56])\n"
+        "w, h, samples, bounces, flat, n, *mesh, materials, textures, _, lights = struct.unpack('<14i', data[:56])\n"
         "assert (n, materials, lights, samples, flat, textures, *mesh) == (16, 16, 2, 4, 0, 0, 0, 0, 0, 0)\n"
         "assert len(data) == 112 + n * 20 + materials * 44 + lights * 48, len(data)\n"
         "assert struct.unpack('<i3f', data[-48:-32]) == (2, 5, 8, 2)\n"

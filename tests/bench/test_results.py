@@ -14,7 +14,7 @@ from PIL import Image
 
 from cltrace import Scene
 from cltrace.base.errors import UsageError
-from cltrace.bench import against, counted, machine, measure, points, publish, report, scenes, tracers, ways
+from cltrace.bench import against, cli, counted, machine, measure, points, publish, report, scenes, tracers, ways
 from cltrace.bench.errors import Errors
 from cltrace.bench.points import Point, Results, Spread, Way
 from cltrace.run.devices import Device
@@ -92,14 +92,14 @@ class Fake(tracers.Tracer):
 
 def test_a_tracer_is_measured_until_its_rounds_agree() -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(2, SMALL))
-    steady, restless = Fake([9.0, 1.0, 1.0, 1.0]), Fake([9.0, 1.0, 2.0, 4.0, 1.0, 2.0])
-    slow = Fake([measure.TOO_LONG + 1.0])
+    steady, restless = Fake([9.0, 1.0, 1.0, 1.0]), Fake([9.0, 1.0, 2.0, 2.5, 1.0, 2.0])
+    slow = Fake([measure.TOO_LONG + 1.0] * 2)
     rows: list[Point] = []
     budget = measure.Budget(rounds=5, seconds=1e9, errors=False)
     measure.measure(case, [steady, restless, slow], None, budget, rows, lambda text: None)
-    assert [row.kernel for row in rows] == [(1.0,) * 3, (1.0, 2.0, 4.0, 1.0, 2.0), (11.0,)]
+    assert [row.kernel for row in rows] == [(1.0,) * 3, (1.0, 2.0, 2.5, 1.0, 2.0), (4.0,)]
     assert [row.time.steady for row in rows] == [True, False, False]
-    assert rows[2].note == "11 s a picture: measured once"
+    assert rows[2].note == "4 s a picture: no further round"
 
 
 @pytest.mark.stress
@@ -155,6 +155,20 @@ def test_whole_ways(any_device: Device) -> None:
         assert (row.memory is None) == (row.way not in (ways.NEW, ways.AGAIN))
     assert [row.way for row in rows if row.tracer == "fake"] == [ways.ARRAYS]
     assert "a few: cltrace, arrays" in report.ways_table(rows)
+
+
+def test_where_seconds_went(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each belongs to the class and the tracer that were named before it."""
+    clock = iter([0.0, 1.0, 3.0, 6.0, 10.0, 15.0])
+    monkeypatch.setattr(cli.time, "monotonic", lambda: next(clock))
+    progress = cli.Progress(True, 2)
+    progress.step("meshes: a")
+    progress.say("Embree, robust: round 1 of 7")
+    progress.say("Embree: round 1 of 7")
+    progress.step("bonds: b")
+    progress.say("Embree: first picture")
+    assert progress.spent == {"": {"": 1.0}, "meshes": {"": 2.0, "Embree": 7.0}, "bonds": {"": 5.0}}
+    assert report.took(progress.spent) == "It took 15 s: meshes 9, bonds 5, the rest 1; or the rest 8, Embree 7."
 
 
 def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,8 +291,9 @@ def test_plots_can_be_read_on_their_paper(scheme: str) -> None:
 
     ink, _, paper = plots.SCHEMES[scheme]
     assert contrast(ink, paper) >= 4.5
-    marks = [*plots.COLORS.values(), *(color for color, _ in plots.OTHERS)]
-    assert {color for color in marks if contrast(color, paper) < 3} == set()
+    colors = [color for color, _, _ in plots.LOOKS.values()]
+    assert {color for color in colors if contrast(color, paper) < 3} == set()
+    assert len(set(colors)) == len(colors)
 
 
 def contrast(a: str, b: str) -> float:

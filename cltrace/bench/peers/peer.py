@@ -191,7 +191,7 @@ def _part(scene: Scene, mesh: PlacedMesh, basis: Floats) -> Triangles:
 
 
 def texels(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """(n, 3), the pixels of all textures, 1 = full; and (k, 3), which of them is a texture's first, width and height."""
+    """Pixels of all textures (n, 3), 1 = full; and (k, 3): which of them is the first of each, width and height."""
     full = [texture.reshape(-1, 3) / np.float32(FULL[texture.dtype]) for texture in scene.textures]
     firsts = np.cumsum([0, *map(len, full)])[:-1]
     sizes = [texture.shape[1::-1] for texture in scene.textures]
