@@ -81,6 +81,7 @@ def scene_table(points: Sequence[Point]) -> str:
             notes.append(f"{point.label}{where}: {point.note}")
     if any(line[0].endswith("*") for line in lines):
         notes.append(f"* is what whole pictures are held against; its own errors are those of {sample} exact pixels")
+    notes += [f"held against {text}" for text in dict.fromkeys(point.truth for point in points) if text]
     if any(UNSTEADY in cell for line in lines for cell in line):
         notes.append("~ repeated rounds do not agree within 10 %")
     return "\n".join([title(points[0]), *(f"  {line}" for line in [*table(lines), *notes])])

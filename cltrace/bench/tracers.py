@@ -19,7 +19,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.request import KEEPS, Keep
 from cltrace.renderers.renderer import Renderer, default_precision
 from cltrace.run.devices import Device
-from cltrace.scene import AMBIENT, Scene
+from cltrace.scene import AMBIENT, PARALLEL, POINT, Scene
 
 from .scenes import Case, Task, soft_lights
 from .textbook import Textbook
@@ -32,6 +32,8 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
+# A kind of strange().
+OTHER_LIGHTS = "other lights than points and parallel ones"
 # What errors are found in.
 JUDGED: tuple[Output, ...] = ("rgb8", "color", "normal", "depth", "id")
 # Rays across a pixel, and down, of the curves of antialiasing.
@@ -217,7 +219,8 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        return too_rich(scene) or ("orthographic camera" if scene.camera.parallel else "") or too_much(scene)
+        kinds = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "an orthographic camera"
+        return strange(scene, *kinds) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
@@ -256,22 +259,24 @@ def too_much(scene: Scene) -> str:
     return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
 
 
-def too_rich(scene: Scene) -> str:
-    """Why a scene is not handed to a tracer that knows only round opaque spheres of one colour; empty if it is."""
-    has = parts_of(scene, scene.materials[np.unique(scene.spheres["material"])])
-    return ", ".join(name for name, there in has.items() if there)
-
-
-def parts_of(scene: Scene, used: NDArray[np.void]) -> dict[str, bool]:
-    """Whether a scene has what few tracers draw, by its name. used: the materials that count."""
-    return {
+def strange(scene: Scene, *kinds: str) -> str:
+    """Which of these kinds of things, that few tracers draw, a scene has, by name; empty if none of them."""
+    m, lights = scene.materials, set(scene.lamps["kind"].tolist())
+    has = {
+        "spheres": bool(len(scene.spheres)),
         "meshes": bool(scene.meshes),
         "cylinders": bool(len(scene.cylinders)),
         "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
-        "textures": bool((used["texture"] >= 0).any()),
-        "mirrors": bool((used["reflectance"] > 0).any()),
-        "glass": bool((used["transmittance"] > 0).any()),
+        "textures": bool((m["texture"] >= 0).any()),
+        "mirrors": bool((m["reflectance"] > 0).any()),
+        "glass": bool((m["transmittance"] > 0).any()),
+        "an orthographic camera": scene.camera.parallel,
+        OTHER_LIGHTS: not lights <= {AMBIENT, PARALLEL, POINT},
+        "materials that differ in more than colour": any(
+            (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
+        ),
     }
+    return ", ".join(kind for kind in kinds if has[kind])
 
 
 def answer_of(scene: Scene, image: Image, *dull: Image) -> Answer:

@@ -109,12 +109,12 @@ def test_triangles_are_those_of_the_scene() -> None:
 
 
 def test_what_a_scene_has_is_named() -> None:
-    assert peer.strange(scenes.sticks(27, SMALL), "spheres", "cylinders", "glass") == "spheres, cylinders"
-    assert peer.strange(scenes.orthographic(SMALL), "an orthographic camera", "meshes") == "an orthographic camera"
+    assert tracers.strange(scenes.sticks(27, SMALL), "spheres", "cylinders", "glass") == "spheres, cylinders"
+    assert tracers.strange(scenes.orthographic(SMALL), "an orthographic camera", "meshes") == "an orthographic camera"
     spot = scenes.cloud(3, SMALL, *scenes.OTHER_LIGHTS)
-    assert peer.strange(spot, "other lights than points and parallel ones")
-    assert not peer.strange(scenes.cloud(3, SMALL), *("cylinders", "textures", "mirrors", "glass"))
-    assert peer.strange(
+    assert tracers.strange(spot, tracers.OTHER_LIGHTS)
+    assert not tracers.strange(scenes.cloud(3, SMALL), *("cylinders", "textures", "mirrors", "glass"))
+    assert tracers.strange(
         scenes.clear(SMALL, 0.5, 0.1), "mirrors", "glass", "materials that differ in more than colour"
     ) == ("mirrors, glass")
     assert povray.PovRay("povray", Path()).refuses(scenes.floor(SMALL)) == "textures"

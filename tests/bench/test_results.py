@@ -191,12 +191,16 @@ def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_tables_say_what_was_measured() -> None:
-    rows = [point(picture=RIGHT, sample=RIGHT), point("Embree", (0.001, 0.002, 0.003), note="slow", rms=0.25)]
+    rows = [
+        point(picture=RIGHT, sample=RIGHT, truth="an oracle"),
+        point("Embree", (0.001, 0.002, 0.003), note="slow", rms=0.25),
+    ]
     text = report.scene_table(rows)
     assert text.splitlines()[0] == "ordinary: 16 balls (16 spheres, 48x27)"
     assert "2.01  2.00..2.02" in text
     assert "2.00~" in text
     assert "Embree: slow" in text
+    assert "  held against an oracle\n" in text
     lines = report.summary(Results(dict(ABOUT), rows, finished=True)).splitlines()
     assert lines[0] == "|  | accurate | Embree |"
     assert lines[2] == "| ordinary | 2.0 ms, 0.0010 % | 2.0~ ms, 0.0010 % |"

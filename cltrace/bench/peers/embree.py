@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.bench.scenes import Task, soft_lights
-from cltrace.bench.tracers import ACROSS, MEMBERS, Run
+from cltrace.bench.tracers import ACROSS, MEMBERS, Run, strange
 from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, POINT, SPOT, Scene
 
-from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, strange, texels, triangles, understood
+from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, texels, triangles, understood
 
 # As embree.cpp reads them.
 _KINDS = {AMBIENT: 0, PARALLEL: 1, POINT: 2, SPOT: 3, LAMBERT: 4}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import ACROSS, Run, Tracer
+from cltrace.bench.tracers import ACROSS, OTHER_LIGHTS, Run, Tracer, strange
 from cltrace.scene import Scene
 
 from .peer import (
@@ -23,7 +23,6 @@ from .peer import (
     in_turn,
     lights,
     seen_from_the_eye,
-    strange,
     texels,
     triangles,
     version_of,
@@ -48,7 +47,7 @@ class Mitsuba(Tracer):
         many = f"more than {MOST_SPHERES:,} spheres, each an object" if len(scene.spheres) > MOST_SPHERES else ""
         both = "textures" if scene.textures and scene.meshes and len(scene.spheres) else ""
         return many or both or strange(scene, "cylinders", "ellipsoids", "glass",
-                                       "other lights than points and parallel ones")  # fmt: skip
+                                       OTHER_LIGHTS)  # fmt: skip
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames, int(self.level or 1))

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.bench.tracers import Run, Tracer, parts_of
-from cltrace.scene import AMBIENT, FULL, PARALLEL, POINT, PlacedMesh, Scene
+from cltrace.bench.tracers import Run, Tracer
+from cltrace.scene import AMBIENT, FULL, PARALLEL, PlacedMesh, Scene
 
 Floats = NDArray[np.float64]
 
@@ -209,7 +209,7 @@ class Light:
 
 
 def lights(scene: Scene) -> tuple[Floats, list[Light]]:
-    """The ambient light (3,), and the others, which must be points or parallel, see strange()."""
+    """The ambient light (3,), and the others, which must be points or parallel ones."""
     found, basis = [], np.array(scene.camera.basis())
     for light in scene.lamps[scene.lamps["kind"] != AMBIENT]:
         parallel = bool(light["kind"] == PARALLEL)
@@ -217,20 +217,6 @@ def lights(scene: Scene) -> tuple[Floats, list[Light]]:
         place = away if parallel else seen_from_the_eye(scene, light["position"][None])[0]
         found.append(Light(parallel, place, light["color"]))
     return scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0), found
-
-
-def strange(scene: Scene, *kinds: str) -> str:
-    """Which of these kinds of things a scene has, by name; empty if none of them."""
-    m, kinds_of_lights = scene.materials, set(scene.lamps["kind"].tolist())
-    has = parts_of(scene, m) | {
-        "spheres": bool(len(scene.spheres)),
-        "an orthographic camera": scene.camera.parallel,
-        "other lights than points and parallel ones": not kinds_of_lights <= {AMBIENT, PARALLEL, POINT},
-        "materials that differ in more than colour": any(
-            (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
-        ),
-    }
-    return ", ".join(kind for kind in kinds if has[kind])
 
 
 def levels(color: NDArray[Any]) -> NDArray[np.uint8]:

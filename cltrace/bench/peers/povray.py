@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import Run
+from cltrace.bench.tracers import OTHER_LIGHTS, Run, strange
 from cltrace.scene import Scene
 
-from .peer import Peer, PeerError, Triangles, call, lights, seconds, seen_from_the_eye, strange, triangles, understood
+from .peer import Peer, PeerError, Triangles, call, lights, seconds, seen_from_the_eye, triangles, understood
 
 # Rays that differ by more of the full colour have more between them.
 THRESHOLD = 0.05
@@ -46,7 +46,7 @@ class PovRay(Peer):
         many = len(scene.spheres) > MOST_SPHERES or scene.triangles > MOST_TRIANGLES
         # Light goes through its glass, where it has a shadow here.
         return strange(scene, "cylinders", "ellipsoids", "textures", "glass",
-                       "other lights than points and parallel ones") or ("too much text" if many else "")  # fmt: skip
+                       OTHER_LIGHTS) or ("too much text" if many else "")  # fmt: skip
 
     def command(self, scene: Scene) -> list[str]:
         """Reads the scene, draws it with all processors and writes a PNG."""
