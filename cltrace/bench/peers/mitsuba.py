@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import ACROSS, OTHER_LIGHTS, Run, Tracer, strange
-from cltrace.scene import Scene
+from cltrace.bench.tracers import ACROSS, Run, Tracer, strange
+from cltrace.scene import LAMBERT, SPOT, Scene
 
 from .peer import (
     Company,
@@ -46,8 +46,7 @@ class Mitsuba(Tracer):
     def refuses(self, scene: Scene) -> str:
         many = f"more than {MOST_SPHERES:,} spheres, each an object" if len(scene.spheres) > MOST_SPHERES else ""
         both = "textures" if scene.textures and scene.meshes and len(scene.spheres) else ""
-        return many or both or strange(scene, "cylinders", "ellipsoids", "glass",
-                                       OTHER_LIGHTS)  # fmt: skip
+        return many or both or strange(scene, "cylinders", "ellipsoids", "glass")
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames, int(self.level or 1))
@@ -186,7 +185,20 @@ class Picture:
         lit &= ~self._scene.ray_test(at.spawn_ray(to) if light.parallel else at.spawn_ray_to(mi.Point3f(place)), lit)
         along = dr.dot(to - 2 * cosine * n, d)
         lobe = m["ks"] * dr.select(along > 0, along, 0) ** m["exponent"]
-        return dr.select(lit, (m["kd"] * cosine * m["color"] + lobe) * mi.Color3f(light.color.tolist()), 0)
+        strength = self._strength(light, -dr.dot(to, mi.Vector3f(light.axis.tolist())))
+        full = (m["kd"] * cosine * m["color"] + lobe) * mi.Color3f(light.color.tolist())
+        return dr.select(lit, strength * full, 0)
+
+    def _strength(self, light: Light, along: Any) -> Any:
+        """Of its light, how much is emitted this way. along: the cosine of the angle to the axis."""
+        dr, (inner, outer) = self._dr, light.angles
+        if light.kind == LAMBERT:
+            return dr.select(along > 0, along, 0)
+        if light.kind != SPOT:
+            return 1.0
+        angle = dr.acos(dr.select(dr.abs(along) < 1, along, dr.sign(along)))
+        share = (outer - angle) / (outer - inner) if outer > inner else 1.0
+        return dr.select(angle <= inner, 1, dr.select(angle <= outer, share, 0))
 
 
 def tracers(folder: Path) -> Iterable[Tracer]:

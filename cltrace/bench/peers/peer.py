@@ -201,21 +201,31 @@ def texels(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
 
 @dataclass(frozen=True)
 class Light:
-    """A light that is not ambient, in camera space: color (3,); place (3,), of a parallel one the way to it."""
+    """A light that is not ambient, in camera space.
 
-    parallel: bool
+    kind: PARALLEL, POINT, SPOT or LAMBERT; color: (3,); place: (3,), of a parallel one the way to it; axis: (3,), along
+    its light, of length 1; angles: of a spot light, rad from the axis, to where it is full and to where it ends.
+    """
+
+    kind: int
     place: Floats
     color: Floats
+    axis: Floats
+    angles: tuple[float, float]
+
+    @property
+    def parallel(self) -> bool:
+        return self.kind == PARALLEL
 
 
 def lights(scene: Scene) -> tuple[Floats, list[Light]]:
-    """The ambient light (3,), and the others, which must be points or parallel ones."""
+    """The ambient light (3,), and the others."""
     found, basis = [], np.array(scene.camera.basis())
     for light in scene.lamps[scene.lamps["kind"] != AMBIENT]:
-        parallel = bool(light["kind"] == PARALLEL)
-        away = -basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
-        place = away if parallel else seen_from_the_eye(scene, light["position"][None])[0]
-        found.append(Light(parallel, place, light["color"]))
+        kind, axis = int(light["kind"]), basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
+        place = -axis if kind == PARALLEL else seen_from_the_eye(scene, light["position"][None])[0]
+        inner, outer = np.radians([light["alpha1"], light["alpha2"]]).tolist()
+        found.append(Light(kind, place, light["color"], axis, (inner, outer)))
     return scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0), found
 
 
