@@ -32,7 +32,7 @@ from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
 from .tracers import Product, Tracer, configurations
 
 SIZE, QUICK_SIZE = (960, 540), (320, 180)
-FULL, QUICK = Budget(), Budget(rounds=3, seconds=1, sample=100)
+FULL, QUICK = Budget(), Budget(rounds=3, seconds=1)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -12,15 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import Scene
-from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
+from cltrace.students.check import sample
 
 from .errors import Errors, apart, compare
 from .peers import PeerError
 from .points import LEAST_ROUNDS, Point
 from .scenes import Case
 from .tracers import Product, Tracer
-from .truth import Answer, answer, can_thin, held_against
+from .truth import Answer, answer, held_against
 
 Say = Callable[[str], None]
 
@@ -29,11 +28,6 @@ ENOUGH = 0.05
 MOST_FRAMES = 20
 # What takes longer than this many seconds for a picture gets no second round.
 TOO_LONG = 3
-
-# So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
-# long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
-# thinned, the reference's limit takes the place of SAMPLE_TESTS.
-SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 200, 100, 50_000_000
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class Budget:
     rounds: int = 7
     seconds: float = 2.0
     errors: bool = True
-    sample: int = SAMPLE
+    sample: int = 100
 
 
 def measure(
@@ -156,9 +150,8 @@ def _errors(
         if checked is None and mode in answers:
             say("exact arithmetic, on a sample")
             width, height = case.scene.camera.resolution
-            count = min(budget.sample, max(LEAST_SAMPLE, affordable(case.scene)))
             chosen_by = (true and true.answer) or answers[mode]
-            pixels = sample(chosen_by.id.reshape(height, width), count)
+            pixels = sample(chosen_by.id.reshape(height, width), budget.sample)
             checked = answer(case.scene, pixels)
         if mode in answers and checked is not None:
             if mode not in seen:
@@ -175,9 +168,3 @@ def _errors(
             # Its own picture is the reference, or there is none: the sample has to say.
             found |= {"differ": of.bytes_differ / of.pixels, "off": of.bytes_off / of.pixels, "rms": None}
         points[k] = replace(points[k], **found)
-
-
-def affordable(scene: Scene) -> int:
-    """How many pixels can be checked exactly in a while."""
-    tests = SAMPLE_TESTS if can_thin(scene) else DEFAULT_TESTS
-    return tests // max(1, len(scene.spheres) + scene.triangles // TRIANGLES)

@@ -38,6 +38,8 @@ OTHER_LIGHTS = "other lights than points and parallel ones"
 JUDGED: tuple[Output, ...] = ("rgb8", "color", "normal", "depth", "id")
 # Rays across a pixel, and down, of the curves of antialiasing.
 ACROSS = (1, 2, 4, 8, 16)
+# The same of peers whose curves take long.
+FEW_ACROSS = (1, 4, 16)
 # Levels of 255 to within which a mean is proved.
 PROVED = (8.0, 2.0, 1.0)
 # Directions of the sky, and points of the panel, of the curve of soft light.
@@ -219,7 +221,7 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        kinds = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "an orthographic camera"
+        kinds = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "orthographic cameras"
         return strange(scene, *kinds) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
@@ -270,7 +272,7 @@ def strange(scene: Scene, *kinds: str) -> str:
         "textures": bool((m["texture"] >= 0).any()),
         "mirrors": bool((m["reflectance"] > 0).any()),
         "glass": bool((m["transmittance"] > 0).any()),
-        "an orthographic camera": scene.camera.parallel,
+        "orthographic cameras": scene.camera.parallel,
         OTHER_LIGHTS: not lights <= {AMBIENT, PARALLEL, POINT},
         "materials that differ in more than colour": any(
             (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")

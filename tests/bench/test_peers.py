@@ -110,7 +110,7 @@ def test_triangles_are_those_of_the_scene() -> None:
 
 def test_what_a_scene_has_is_named() -> None:
     assert tracers.strange(scenes.sticks(27, SMALL), "spheres", "cylinders", "glass") == "spheres, cylinders"
-    assert tracers.strange(scenes.orthographic(SMALL), "an orthographic camera", "meshes") == "an orthographic camera"
+    assert tracers.strange(scenes.orthographic(SMALL), "orthographic cameras", "meshes") == "orthographic cameras"
     spot = scenes.cloud(3, SMALL, *scenes.OTHER_LIGHTS)
     assert tracers.strange(spot, tracers.OTHER_LIGHTS)
     assert not tracers.strange(scenes.cloud(3, SMALL), *("cylinders", "textures", "mirrors", "glass"))

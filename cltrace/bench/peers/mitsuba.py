@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import ACROSS, Run, Tracer, strange
+from cltrace.bench.tracers import FEW_ACROSS, Run, Tracer, strange
 from cltrace.scene import LAMBERT, SPOT, Scene
 
 from .peer import (
@@ -204,4 +204,4 @@ class Picture:
 def tracers(folder: Path) -> Iterable[Tracer]:
     """Mitsuba 3, if it is installed."""
     version, company = version_of("mitsuba"), Company(draw)
-    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in ACROSS)]
+    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in FEW_ACROSS)]

@@ -32,7 +32,7 @@ class Open3D(Tracer):
     def refuses(self, scene: Scene) -> str:
         if not scene.meshes:
             return "no meshes"
-        return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "an orthographic camera",
+        return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "orthographic cameras",
                        OTHER_LIGHTS)  # fmt: skip
 
     def run(self, scene: Scene, frames: int) -> Run:

@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import OTHER_LIGHTS, Run, strange
+from cltrace.bench.tracers import FEW_ACROSS, OTHER_LIGHTS, Run, strange
 from cltrace.scene import Scene
 
 from .peer import Peer, PeerError, Triangles, call, lights, seconds, seen_from_the_eye, triangles, understood
 
 # Rays that differ by more of the full colour have more between them.
 THRESHOLD = 0.05
-# Rays across a pixel, and down, of its curve of antialiasing, whose processes take half a second each.
-LEVELS = (1, 4, 16)
 # More are too much text.
 MOST_SPHERES, MOST_TRIANGLES = 20_000, 250_000
 # So far away is a parallel light.
@@ -120,4 +118,4 @@ def tracers(folder: Path) -> Iterable[Peer]:
     if not program:
         raise PeerError("POV-Ray is not installed (Debian: povray)")
     version = next(iter(re.findall(r"POV-Ray (\d[\w.]*)", call([program, "--version"]).stderr)), "")
-    return [PovRay(program, folder, version, level) for level in (None, *LEVELS)]
+    return [PovRay(program, folder, version, level) for level in (None, *FEW_ACROSS)]
