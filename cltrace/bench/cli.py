@@ -31,7 +31,7 @@ from .points import Results
 from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
 from .tracers import Product, Tracer, configurations
 
-SIZE, QUICK_SIZE = (960, 540), (320, 180)
+SIZE, QUICK_SIZE = (800, 450), (320, 180)
 FULL, QUICK = Budget(), Budget(rounds=3, seconds=1)
 
 

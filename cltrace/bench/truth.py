@@ -264,7 +264,7 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
         return None
     if case.task == "samples":
         levels, n = means(case.scene, reference.on, bands=BANDS)
-        return Truth(levels, f"means of {n} x {n} rays in a pixel of {BANDS}, by cltrace, accurate")
+        return Truth(levels, f"means of {n} x {n} rays a pixel, in one row of {BANDS}, by cltrace, accurate")
     found = reference.answer(case.scene)
     width, height = case.scene.camera.resolution
     bytes_of = found.rgb8.reshape(height, width, 3).astype(float)

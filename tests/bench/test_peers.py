@@ -15,6 +15,7 @@ import cltrace
 from cltrace import Scene
 from cltrace.bench import scenes, tracers
 from cltrace.bench.cases import looking
+from cltrace.bench.errors import apart
 from cltrace.bench.peers import PEERS, PeerError, embree, installed, peer, povray
 
 SMALL, LARGER = (48, 27), (160, 90)
@@ -177,14 +178,13 @@ def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], 
     true = truth.held_against(case, tracers.Product(device, "double"))
     assert true
     drawn: dict[tracers.Tracer, bytes] = {}
-    assert true.text.startswith("means of 64 x 64 rays")
+    assert true.text.startswith("means of 64 x 64 rays a pixel")
     curves: dict[tuple[str, str], dict[float, float]] = {}
     for one in [*tracers.configurations(device, ["accurate"], False), *installed(tmp_path)[0]]:
         if one.draws(case) and not one.refuses(case.scene):
             picture = one.run(case.scene, 1).rgb8
             drawn[one] = picture.tobytes()
-            rms = float(np.sqrt(np.mean((picture - true.levels) ** 2)))
-            curves.setdefault((one.name, one.variant), {})[one.level or 0] = rms
+            curves.setdefault((one.name, one.variant), {})[one.level or 0] = apart(picture, true.levels)["rms"]
     assert ("accurate", "samples") in curves
     for (name, variant), errors in curves.items():
         if variant in ("samples", "antialiasing"):
