@@ -18,7 +18,7 @@ from .errors import Errors, apart, compare
 from .peers import PeerError
 from .points import LEAST_ROUNDS, Point
 from .scenes import Case
-from .tracers import Product, Tracer
+from .tracers import Product, Run, Tracer
 from .truth import Answer, answer, held_against
 
 Say = Callable[[str], None]
@@ -62,38 +62,35 @@ def measure(
                 live[len(points)] = tracer
             points.append(_blank(case, tracer, note))
 
-    def run(k: int, frames: int) -> tuple[list[float], float, NDArray[np.uint8]] | None:
-        """Frames, the whole way, the picture; None, and no more of it, if the peer fails."""
+    def run(k: int, frames: int) -> Run | None:
+        """None, and no more of it, if the peer fails."""
         try:
-            done = live[k].run(case.scene, frames)
+            return live[k].run(case.scene, frames)
         except PeerError as error:
             points[k] = replace(points[k], note=str(error))
             del live[k]
             return None
-        return done.kernel, done.whole, done.rgb8
 
     # The first run of each, which may have to compile, is not counted.
     frames, pictures = {}, {}
     for k in list(live):
         say(f"{points[k].label}: first picture")
         if done := run(k, 1):
-            kernel, _, pictures[k] = done
-            frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(kernel, default=1)))))
+            pictures[k] = done.rgb8
+            frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(done.kernel, default=1)))))
     if budget.errors:
         _errors(case, live, pictures, reference, budget, points, say)
 
-    start = time.perf_counter()
+    start, bounded = time.perf_counter(), math.isfinite(budget.seconds)
     for number in range(budget.rounds):
-        left = [k for k in live if frames[k] and (number < LEAST_ROUNDS or not _enough(points[k], budget))]
+        left = [k for k in live if frames[k] and not (bounded and number >= LEAST_ROUNDS and points[k].time.steady)]
         for k in left:
             say(f"{points[k].label}: round {number + 1} of {budget.rounds}")
             if done := run(k, frames[k]):
-                kernel, whole, _ = done
-                before = points[k]
-                times = (*before.kernel, statistics.median(kernel))
-                points[k] = replace(before, kernel=times, whole=(*before.whole, whole))
-                if times[-1] > TOO_LONG and math.isfinite(budget.seconds):
-                    points[k] = replace(points[k], note=f"{times[-1]:.0f} s a picture: no further round")
+                before, time_of = points[k], statistics.median(done.kernel)
+                points[k] = replace(before, kernel=(*before.kernel, time_of), whole=(*before.whole, done.whole))
+                if bounded and time_of > TOO_LONG:
+                    points[k] = replace(points[k], note=f"{time_of:.0f} s a picture: no further round")
                     frames[k] = 0
         if not left or (number + 1 >= LEAST_ROUNDS and time.perf_counter() - start > budget.seconds):
             break
@@ -116,10 +113,6 @@ def _blank(case: Case, tracer: Tracer, note: str) -> Point:
         keep=tracer.keep if isinstance(tracer, Product) else (),
         note=note,
     )
-
-
-def _enough(point: Point, budget: Budget) -> bool:
-    return math.isfinite(budget.seconds) and point.time.steady
 
 
 def _errors(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,11 @@ from .report import number
 from .tracers import Baseline, Product
 from .truth import Answer, answer
 
+if TYPE_CHECKING:
+    from .cli import Progress
+
 # Of a scene, at most so many pixels are looked at: what each must be takes milliseconds to find out.
 PIXELS = 300
-
-
-class Say(Protocol):
-    """Where progress goes."""
-
-    def step(self, what: str) -> None: ...
-    def say(self, detail: str) -> None: ...
-    def clear(self) -> None: ...
 
 
 ABOUT = """
@@ -141,7 +136,7 @@ def outcomes(case: AnyCase, tracers: Sequence[Of], say: Callable[[str], None]) -
     return sum(len(of.id) for of in truths), out
 
 
-def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
+def run(devices: Sequence[Device], quick: bool, progress: Progress) -> int:
     """Prints the report. Returns 1 if a precision that promises to meet all requirements fails one, else 0.
 
     accurate and double promise that; single only that nothing is NaN; the textbook nothing. quick: every seventh case,

@@ -15,7 +15,7 @@ from cltrace.bench.scenes import Task, soft_lights
 from cltrace.bench.tracers import ACROSS, MEMBERS, Run, strange
 from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, POINT, SPOT, Scene
 
-from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, texels, triangles, understood
+from .peer import Light, Peer, PeerError, call, lights, seconds, seen_from_the_eye, texels, triangles, understood
 
 # As embree.cpp reads them.
 _KINDS = {AMBIENT: 0, PARALLEL: 1, POINT: 2, SPOT: 3, LAMBERT: 4}
@@ -70,10 +70,12 @@ class Embree(Peer):
         self._way = ""
         camera, spheres, rods = scene.camera, scene.spheres, scene.cylinders
         mesh, (pixels, textures) = triangles(scene), texels(scene)
+        ambient, others = lights(scene)
+        every = [Light(AMBIENT, np.zeros(3), ambient, np.zeros(3), (0, 0)), *others]
         surfaces = len(spheres), len(mesh.vertices), len(mesh.normals), len(mesh.corners), len(rods)
         counts = (*surfaces, len(scene.materials), len(textures), len(pixels))
         samples = int(self.level or 1) if self.task == "samples" else 1
-        sizes = (*camera.resolution, samples, camera.max_bounces, int(camera.parallel), *counts, len(scene.lamps))
+        sizes = (*camera.resolution, samples, camera.max_bounces, int(camera.parallel), *counts, len(every))
         materials = np.column_stack([scene.materials[name].reshape(len(scene.materials), -1) for name in _COLUMNS])
         balls = np.column_stack([seen_from_the_eye(scene, spheres["center"]), spheres["radius"]])
         ends = [np.column_stack([seen_from_the_eye(scene, rods[end]), rods["radius"]]) for end in ("start", "end")]
@@ -88,16 +90,8 @@ class Embree(Peer):
             file.write(struct.pack("<14i14f", *sizes, *floats))
             for array, kind in parts:
                 file.write(array.astype(kind).tobytes())
-            file.writelines(_light(scene, light) for light in scene.lamps)
-
-
-def _light(scene: Scene, light: np.void) -> bytes:
-    """A Light of embree.cpp."""
-    basis = np.array(scene.camera.basis())
-    axis = basis @ (light["direction"] / (np.linalg.norm(light["direction"]) or 1.0))
-    place = -axis if light["kind"] == PARALLEL else seen_from_the_eye(scene, light["position"][None])[0]
-    angles = np.radians([light["alpha1"], light["alpha2"]])
-    return struct.pack("<i11f", _KINDS[int(light["kind"])], *place, *light["color"], *axis, *angles)
+            for of in every:
+                file.write(struct.pack("<i11f", _KINDS[of.kind], *of.place, *of.color, *of.axis, *of.angles))
 
 
 def build(folder: Path) -> str:
