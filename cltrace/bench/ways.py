@@ -154,7 +154,7 @@ def _own(scene: Scene, device: Device, folder: Path) -> Iterator[Taker]:
 def _of_peers(scene: Scene, peers: Sequence[Tracer]) -> Iterator[Taker]:
     """What their interfaces can say: from their own file to a picture's, and from the scene in memory to a picture."""
     for peer in peers:
-        if peer.variant or peer.refuses(scene):
+        if peer.variant or peer.task != "frame" or peer.refuses(scene):
             continue
         if command := peer.command(scene):
             yield peer.name, peer.version, (AGAIN,), lambda command=command: {AGAIN: process(command)}  # type: ignore[misc]

@@ -146,7 +146,9 @@ def test_a_process_is_measured() -> None:
 def test_whole_ways(any_device: Device) -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
     rows: list[Way] = []
-    ways.measure(case, any_device, [Fake([0.1] * 9)], 1, rows, lambda text: None)
+    elsewhere = Fake([])  # what is measured at another task is not asked
+    elsewhere.task = "members"
+    ways.measure(case, any_device, [Fake([0.1] * 9), elsewhere], 1, rows, lambda text: None)
     assert {row.way for row in rows if row.tracer.startswith("cltrace")} == set(ways.WAYS[1:])
     for row in rows:
         assert not row.note
