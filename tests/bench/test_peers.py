@@ -130,6 +130,8 @@ def peers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tracers.Tracer]
 
 WRONG = (scenes.GROUND, scenes.FAR, scenes.SCALE, scenes.MILLION)
 DRAWN = [case for case in scenes.generated(LARGER) if case.group not in WRONG and case.task == "frame"]
+# As the benchmark has no parallel light beside points alone.
+DRAWN.append(scenes.Case("100 balls, two lights", scenes.ORDINARY, scenes.cloud(100, LARGER, scenes.OTHER_LIGHTS[0])))
 
 
 @pytest.mark.slow

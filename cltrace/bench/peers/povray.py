@@ -77,8 +77,8 @@ class PovRay(Peer):
             f"camera{{{kind} location 0 direction -z right x*{2 * x!r} up y*{2 * y!r}}}",
         ]
         for light in others:
-            place = f"{_vector(light.place * FAR)} parallel point_at 0" if light.parallel else _vector(light.place)
-            text.append(f"light_source{{{place} rgb {_vector(light.color)}}}")
+            place, more = (light.place * FAR, " parallel point_at 0") if light.parallel else (light.place, "")
+            text.append(f"light_source{{{_vector(place)} rgb {_vector(light.color)}{more}}}")
         text += [f"#declare M{k}={_look(m)}" for k, m in enumerate(scene.materials)]
         balls = zip(seen_from_the_eye(scene, scene.spheres["center"]), scene.spheres, strict=True)
         text += [f"sphere{{{_vector(c)},{float(b['radius'])!r} texture{{M{b['material']}}}}}" for c, b in balls]
