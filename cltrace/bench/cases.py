@@ -61,9 +61,12 @@ def lit(camera: Camera, spheres: Iterable[Ball], point: Sequence[float], travels
     return balls(camera, spheres, lights, ka=0, kd=1, ks=0)
 
 
+@functools.lru_cache(maxsize=1)
 def directions(camera: AnyCamera) -> Floats:
-    """(n, 3): the direction of every pixel's ray in the world, without a rounding."""
-    return np.asarray(rays(camera) @ np.array(camera.basis()))
+    """(n, 3): the direction of every pixel's ray in the world, without a rounding. All callers share it."""
+    out = np.asarray(rays(camera) @ np.array(camera.basis()))
+    out.flags.writeable = False
+    return out
 
 
 def aimed(camera: Camera, distance: ArrayLike, radius: ArrayLike, near: Floats, rng: np.random.Generator) -> list[Ball]:

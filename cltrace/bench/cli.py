@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import math
+import re
 import sys
 import tempfile
 import time
@@ -30,8 +31,8 @@ from .points import Results
 from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
 from .tracers import Product, Tracer, configurations
 
-SIZE, QUICK_SIZE = (960, 540), (320, 180)
-FULL, QUICK = Budget(), Budget(rounds=3, seconds=1, sample=100)
+SIZE, QUICK_SIZE = (800, 450), (320, 180)
+FULL, QUICK = Budget(), Budget(rounds=3, seconds=1)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -82,11 +83,17 @@ def main(argv: list[str] | None = None) -> int:
 
 
 class Progress:
-    """One line on a terminal, written over and over, and how far the whole is; nothing elsewhere."""
+    """One line on a terminal, written over and over, and how far the whole is; nothing elsewhere.
+
+    spent: seconds, by the kind of step and who is at work.
+    """
 
     def __init__(self, quiet: bool, steps: int) -> None:
         self._shown = not quiet and sys.stderr.isatty()
-        self._steps, self._done, self._start, self._what = steps, 0, time.monotonic(), ""
+        self._steps, self._done, self._what = steps, 0, ""
+        self._start = self._since = time.monotonic()
+        self._at = "", ""
+        self.spent: dict[str, dict[str, float]] = {}
 
     def step(self, what: str) -> None:
         """The next step begins."""
@@ -94,8 +101,12 @@ class Progress:
         self.say("")
 
     def say(self, detail: str) -> None:
+        now, (step, who) = time.monotonic(), self._at
+        mine = self.spent.setdefault(step, {})
+        mine[who] = round(mine.get(who, 0) + now - self._since, 3)
+        self._since, self._at = now, (self._what.partition(":")[0], re.split("[:,]", detail)[0])
         if self._shown:
-            seconds = int(time.monotonic() - self._start)
+            seconds = int(now - self._start)
             line = f"[{self._done}/{self._steps}, {seconds // 60}:{seconds % 60:02d}] {self._what}  {detail}"
             print(f"\r\x1b[K{line[:110]}", end="", file=sys.stderr, flush=True)
 
@@ -149,14 +160,16 @@ class Bench:
             print(report.scene_table(out.points[first:]), end="\n\n", flush=True)
         budget = replace(self.budget, errors=False)
         if math.isfinite(budget.seconds):  # else so many rounds were asked for
-            budget = replace(budget, seconds=2)
+            budget = replace(budget, seconds=1)
         few_tracers = [t for t in tracers if t.grows]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
             measure(case, few_tracers, None, budget, out.points, progress.say)
-        for case in self.waited:
+        rounds = 1 if self.quick else points.LEAST_ROUNDS
+        for k, case in enumerate(self.waited):
             progress.step(f"whole ways: {case.name}")
-            ways.measure(case, self.devices[0], peers, 1 if self.quick else points.LEAST_ROUNDS, out.ways, progress.say)
+            new = k == 0 and not self.quick  # what is compiled is the same for all
+            ways.measure(case, self.devices[0], peers, rounds, out.ways, progress.say, new=new)
         progress.clear()
         if out.ways:
             print(report.ways_table(out.ways), end="\n\n", flush=True)
@@ -240,13 +253,14 @@ def _measured(args: argparse.Namespace, folder: Path, plots: bool) -> Results:
         try:
             bench.run(peers, progress)
         except BaseException:
+            results.about |= watch.so_far() | {"seconds": progress.spent}
             progress.clear()
-            results.about |= watch.so_far()
             if results.points:
                 _save(results, folder, plots)
             raise
-    results.about |= watch.so_far()
-    print("\n".join(text for text in (machine.sentence(results.about), results.loaded) if text))
+    results.about |= watch.so_far() | {"seconds": progress.spent}
+    said = machine.sentence(results.about), report.took(progress.spent), results.loaded
+    print("\n".join(text for text in said if text))
     return results
 
 

@@ -86,6 +86,15 @@ def compare(got: Answer, want: Answer) -> Errors:
     )
 
 
+def apart(picture: NDArray[np.uint8], levels: NDArray[np.float64]) -> dict[str, float]:
+    """How far a picture is off from a Truth's levels where these are known: differ, off and rms of a Point."""
+    known = ~np.isnan(levels[:, 0, 0])
+    got, want = picture[known], levels[known]
+    differ, off = bytes_apart(got, np.rint(want).astype(np.uint8))
+    pixels = got[..., 0].size
+    return {"differ": differ / pixels, "off": off / pixels, "rms": float(np.sqrt(np.mean((got - want) ** 2)))}
+
+
 def bytes_apart(got: NDArray[np.uint8], want: NDArray[np.uint8]) -> tuple[int, int]:
     """The numbers of pixels (..., 3) of which a byte differs, and of which one differs by more than a level."""
     apart = np.abs(got.reshape(-1, 3).astype(np.int16) - want.reshape(-1, 3)).max(axis=1, initial=0)

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.scene import Scene
-from cltrace.students.check import DEFAULT_TESTS, TRIANGLES, sample
+from cltrace.students.check import sample
 
-from .errors import Errors, bytes_apart, compare
+from .errors import Errors, apart, compare
 from .peers import PeerError
 from .points import LEAST_ROUNDS, Point
 from .scenes import Case
-from .tracers import Product, Tracer
+from .tracers import Product, Run, Tracer
 from .truth import Answer, answer, can_thin, held_against
 
 Say = Callable[[str], None]
@@ -27,13 +26,10 @@ Say = Callable[[str], None]
 # Short frames are repeated until a measurement takes about this long, in seconds.
 ENOUGH = 0.05
 MOST_FRAMES = 20
+# Of scenes with more balls and bonds that are not thinned, a quarter of the pixels is checked exactly.
+MANY_BALLS = 5000
 # What takes longer than this many seconds for a picture gets no second round.
-TOO_LONG = 10
-
-# So many pixels are checked exactly. It is fewer where spheres are so many that finding those near a pixel's rays takes
-# long: pixels times spheres are about SAMPLE_TESTS at most, but pixels are LEAST_SAMPLE at least. Where a scene is not
-# thinned, the reference's limit takes the place of SAMPLE_TESTS.
-SAMPLE, LEAST_SAMPLE, SAMPLE_TESTS = 500, 100, 50_000_000
+TOO_LONG = 3
 
 
 @dataclass(frozen=True)
@@ -46,9 +42,9 @@ class Budget:
     """
 
     rounds: int = 7
-    seconds: float = 3.0
+    seconds: float = 2.0
     errors: bool = True
-    sample: int = SAMPLE
+    sample: int = 100
 
 
 def measure(
@@ -68,40 +64,36 @@ def measure(
                 live[len(points)] = tracer
             points.append(_blank(case, tracer, note))
 
-    def run(k: int, frames: int) -> tuple[list[float], float, NDArray[np.uint8]] | None:
-        """Frames, the whole way, the picture; None, and no more of it, if the peer fails."""
+    def run(k: int, frames: int) -> Run | None:
+        """None, and no more of it, if the peer fails."""
         try:
-            done = live[k].run(case.scene, frames)
+            return live[k].run(case.scene, frames)
         except PeerError as error:
             points[k] = replace(points[k], note=str(error))
             del live[k]
             return None
-        return done.kernel, done.whole, done.rgb8
 
     # The first run of each, which may have to compile, is not counted.
     frames, pictures = {}, {}
     for k in list(live):
         say(f"{points[k].label}: first picture")
         if done := run(k, 1):
-            kernel, whole, pictures[k] = done
-            frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(kernel, default=1)))))
-            if kernel[0] > TOO_LONG and math.isfinite(budget.seconds):
-                note = f"{kernel[0]:.0f} s a picture: measured once"
-                points[k] = replace(points[k], kernel=(kernel[0],), whole=(whole,), note=note)
-                frames[k] = 0
+            pictures[k] = done.rgb8
+            frames[k] = min(MOST_FRAMES, max(1, math.ceil(ENOUGH / max(1e-6, min(done.kernel, default=1)))))
     if budget.errors:
         _errors(case, live, pictures, reference, budget, points, say)
 
-    start = time.perf_counter()
+    start, bounded = time.perf_counter(), math.isfinite(budget.seconds)
     for number in range(budget.rounds):
-        left = [k for k in live if frames[k] and (number < LEAST_ROUNDS or not _enough(points[k], budget))]
+        left = [k for k in live if frames[k] and not (bounded and number >= LEAST_ROUNDS and points[k].time.steady)]
         for k in left:
             say(f"{points[k].label}: round {number + 1} of {budget.rounds}")
             if done := run(k, frames[k]):
-                kernel, whole, _ = done
-                before = points[k]
-                times = (*before.kernel, statistics.median(kernel))
-                points[k] = replace(before, kernel=times, whole=(*before.whole, whole))
+                before, time_of = points[k], statistics.median(done.kernel)
+                points[k] = replace(before, kernel=(*before.kernel, time_of), whole=(*before.whole, done.whole))
+                if bounded and time_of > TOO_LONG:
+                    points[k] = replace(points[k], note=f"{time_of:.0f} s a picture: no further round")
+                    frames[k] = 0
         if not left or (number + 1 >= LEAST_ROUNDS and time.perf_counter() - start > budget.seconds):
             break
 
@@ -123,10 +115,6 @@ def _blank(case: Case, tracer: Tracer, note: str) -> Point:
         keep=tracer.keep if isinstance(tracer, Product) else (),
         note=note,
     )
-
-
-def _enough(point: Point, budget: Budget) -> bool:
-    return math.isfinite(budget.seconds) and point.time.steady
 
 
 def _errors(
@@ -157,8 +145,10 @@ def _errors(
         if checked is None and mode in answers:
             say("exact arithmetic, on a sample")
             width, height = case.scene.camera.resolution
-            count = min(budget.sample, max(LEAST_SAMPLE, affordable(case.scene)))
             chosen_by = (true and true.answer) or answers[mode]
+            # Where a scene is not thinned, all its balls and bonds are tried for every ray.
+            balls = len(case.scene.spheres) + len(case.scene.cylinders)
+            count = budget.sample // 4 if balls > MANY_BALLS and not can_thin(case.scene) else budget.sample
             pixels = sample(chosen_by.id.reshape(height, width), count)
             checked = answer(case.scene, pixels)
         if mode in answers and checked is not None:
@@ -171,16 +161,8 @@ def _errors(
             else:
                 found["note"] = "another picture than with all outputs: its errors are not known"
         if true is not None:
-            differ, off = bytes_apart(pictures[k], np.rint(true.levels).astype(np.uint8))
-            found |= {"differ": differ / pictures[k][..., 0].size, "off": off / pictures[k][..., 0].size}
-            found["rms"] = float(np.sqrt(np.mean((pictures[k] - true.levels) ** 2)))
+            found |= apart(pictures[k], true.levels)
         if found.get("picture") is None and (of := found.get("sample")):
             # Its own picture is the reference, or there is none: the sample has to say.
             found |= {"differ": of.bytes_differ / of.pixels, "off": of.bytes_off / of.pixels, "rms": None}
         points[k] = replace(points[k], **found)
-
-
-def affordable(scene: Scene) -> int:
-    """How many pixels can be checked exactly in a while."""
-    tests = SAMPLE_TESTS if can_thin(scene) else DEFAULT_TESTS
-    return tests // max(1, len(scene.spheres) + scene.triangles // TRIANGLES)

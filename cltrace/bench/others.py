@@ -27,7 +27,7 @@ from .scenes import bowl, checks, cloud, hills, painted, scattered, sticks
 from .truth import means
 
 # Of what the reference tracer judges; normals are interpolated, or of maps that round.
-SHAPES = Limits(t_ulp=0.52, normal=1e-6)
+AS_TRACED = Limits(t_ulp=0.52, normal=1e-6)
 LIGHTS = (ambient_light((0.2, 0.2, 0.2)), point_light((6, 8, 2), (0.7, 0.7, 0.7)))
 # Half of the share of 64 rays that an edge along their columns may take for its pixel's, in levels of 255.
 GRAIN = 255 / 64 / 2
@@ -162,15 +162,15 @@ def _updated(change: str, device: Device, precision: Precision) -> tuple[int, in
 
 # fmt: off
 OTHERS: list[Case | Judged] = [
-    *(Case("Q", f"ellipsoids, thin by {thin:g}, at {far:g}", partial(_ellipsoids, thin, far), SHAPES)
+    *(Case("Q", f"ellipsoids, thin by {thin:g}, at {far:g}", partial(_ellipsoids, thin, far), AS_TRACED)
       for thin, far in ((0.5, 5), (1e-3, 5), (1e-3, 1e4))),
-    *(Case("Y1", f"cylinders of r = {r:g} at {far:g}", partial(_cylinders, r, far), SHAPES)
+    *(Case("Y1", f"cylinders of r = {r:g} at {far:g}", partial(_cylinders, r, far), AS_TRACED)
       for r, far in ((0.1, 5), (1e-3, 5), (1e-3, 1e4))),
-    Case("Y2", "along the axis and the wall of cylinders, and in them", _along_cylinders, SHAPES),
-    *(Case("H", f"{shape}, {offset:g} off", partial(_meshed, shape, offset), SHAPES)
+    Case("Y2", "along the axis and the wall of cylinders, and in them", _along_cylinders, AS_TRACED),
+    *(Case("H", f"{shape}, {offset:g} off", partial(_meshed, shape, offset), AS_TRACED)
       for shape in ("ball", "hills", "soup", "slivers") for offset in (0, 1e6)),
-    Case("U", "textures: seams, poles, 1e6 repeats", _textured, SHAPES),
-    *(Case("A", f"orthographic, {height:g} high, {offset:g} off", partial(_flat, height, offset), SHAPES)
+    Case("U", "textures: seams, poles, 1e6 repeats", _textured, AS_TRACED),
+    *(Case("A", f"orthographic, {height:g} high, {offset:g} off", partial(_flat, height, offset), AS_TRACED)
       for height, offset in ((10, 0), (1e-3, 1e3), (1e6, 0), (10, 1e7))),
     Judged("S", "means within their bounds: all lights", partial(_proved, everything)),
     # Of what is no sphere, `error` is an estimate that holds for 95 of 100.

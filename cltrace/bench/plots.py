@@ -21,29 +21,24 @@ from .scenes import GROWTH_PIXELS, GROWTH_SPHERES
 
 # By what their files' names end in: ink, fine lines, paper.
 SCHEMES = {"": ("#1f2328", "#d5d9de", "#ffffff"), "-dark": ("#d6dde5", "#30363d", "#0d1117")}
-# The palette of Okabe and Ito, which colour-blind people can tell apart, and what can be seen on both papers; what is
-# not cltrace has shapes of its own, too.
-COLORS = {
-    "accurate": "#2f81d1",
-    "double": "#009E73",
-    "single": "#c98500",
-    "textbook": "#D55E00",
-    "Embree": "#CC79A7",
-    "POV-Ray": "#8a8f98",
+# Colour, mark and text of each tracer. The palette is that of Okabe and Ito, which colour-blind people can tell apart,
+# and what can be seen on both papers; what is not cltrace has marks of its own, too.
+LOOKS = {
+    "accurate": ("#2f81d1", "o", "cltrace, accurate"),
+    "double": ("#009E73", "o", "cltrace, double"),
+    "single": ("#c98500", "o", "cltrace, single"),
+    "textbook": ("#D55E00", "D", "textbook, float32 with epsilon"),
+    "Embree": ("#CC79A7", "P", "Embree"),
+    "POV-Ray": ("#8a8f98", "X", "POV-Ray"),
+    "Mitsuba 3": ("#1f9ab5", "p", "Mitsuba 3"),
+    "Open3D": ("#9a6fd0", "h", "Open3D"),
+    "VTK (no shadows)": ("#a0785a", "*", "VTK (no shadows)"),
 }
-SHAPES = {"textbook": "D", "Embree": "P", "POV-Ray": "X"}
-OTHERS = (("#1f9ab5", "p"), ("#9a6fd0", "h"), ("#a0785a", "*"), ("#6f9a28", "d"), ("#d04848", "8"))
 # A variant has a hollow mark, but for curves of samples, which everybody has.
 VARIANTS = {"no lists": "s", "no skipping": "^", "proved": "^"}
 FILLED = ("", "samples")
 # What the whole time of those is whose growth with the scene is of interest.
 WHOLE = {"accurate": "with packing and making lists", "Embree": "with building its tree"}
-TEXTS = {
-    "accurate": "cltrace, accurate",
-    "double": "cltrace, double",
-    "single": "cltrace, single",
-    "textbook": "textbook, float32 with epsilon",
-}
 FRAME = "time of a frame (ms)"
 
 
@@ -98,30 +93,24 @@ class Page:
 
 
 class Marks:
-    """The colour and the shape of each tracer, and the legend's entries of those that were drawn."""
+    """The legend's entries of those that were drawn."""
 
-    def __init__(self, points: Iterable[Point]) -> None:
-        others = [name for name in dict.fromkeys(p.tracer for p in points) if name not in COLORS]
-        more = {name: OTHERS[k % len(OTHERS)] for k, name in enumerate(others)}
-        self._colors = COLORS | {name: color for name, (color, _) in more.items()}
-        self._shapes = SHAPES | {name: shape for name, (_, shape) in more.items()}
+    def __init__(self) -> None:
         self._drawn: dict[str, Line2D] = {}
 
     def of(self, point: Point, line: str = "") -> dict[str, Any]:
         """For Axes.plot; the same for the legend."""
-        shape = self._shapes.get(point.tracer) or VARIANTS.get(point.variant, "o")
-        color = self._colors[point.tracer]
+        color, mark, text = LOOKS.get(point.tracer) or ("#6f9a28", "d", point.tracer)
         style: dict[str, Any] = {
             "linestyle": line,
-            "marker": shape,
+            "marker": VARIANTS.get(point.variant, mark),
             "color": color,
             "markersize": 7,
             "markeredgewidth": 1.4,
         }
         if point.variant not in FILLED:
             style["markerfacecolor"] = "none"
-        name = TEXTS.get(point.tracer, point.tracer)
-        label = f"{name}, {point.variant}" if point.variant else name
+        label = f"{text}, {point.variant}" if point.variant else text
         self._drawn.setdefault(label, Line2D([], [], **style))
         return style
 
@@ -168,9 +157,14 @@ def _scale(axes: Iterable[Axes], errors: Iterable[float], tick: Callable[[float]
 
 
 def _plain_ticks(ax: Axes) -> None:
-    """Times as plain numbers, without texts between."""
+    """Times as plain numbers, of which there are few if the axis is long."""
+
+    def text(x: float, _: object) -> str:
+        low, high = ax.get_xlim()
+        return f"{x:g}" if high < 300 * low or f"{x:.0e}".startswith("1") else ""
+
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_major_formatter(FuncFormatter(text))
     ax.xaxis.set_minor_formatter(NullFormatter())
 
 
@@ -192,7 +186,7 @@ def time_error(points: Sequence[Point], page: Page) -> Figure | None:
     foot = "A mark: geometric means of the medians of a class's scenes, with quartiles; the worst of their errors."
     figure, axes = _panels(page, len(panels), "Time of a frame against wrong pixels, by class of scenes", foot)
     zero = _scale(axes[: len(panels)], [worst_share(m) for some in panels.values() for m in some], percent_tick)
-    marks = Marks(points)
+    marks = Marks()
     times = [mean_time(mine).median for drawn in panels.values() for mine in drawn]
     for ax, (group, drawn) in zip(axes, panels.items(), strict=False):
         _front(ax, [(1e3 * mean_time(mine).median, worst_share(mine)) for mine in drawn], zero)
@@ -232,7 +226,7 @@ def antialiasing(points: Sequence[Point], page: Page) -> Figure | None:
     foot = "Beside the ends of each curve: rays across a pixel, levels of a proof, or members of a light."
     figure, axes = _panels(page, len(panels), "Antialiasing and soft light: time against error", foot)
     zero = _scale(axes[: len(panels)], [p.rms or 0 for some in panels.values() for p in some], lambda y: f"{y:g}")
-    marks = Marks(points)
+    marks = Marks()
     for ax, ((group, scene), some) in zip(axes, panels.items(), strict=False):
         for name in dict.fromkeys((p.tracer, p.variant, p.device) for p in some):
             mine = sorted((p for p in some if (p.tracer, p.variant, p.device) == name), key=lambda p: p.level or 0)
@@ -257,7 +251,7 @@ def growth(points: Sequence[Point], page: Page) -> Figure | None:
         return None
     figure = page.figure(4.6 * len(shown) + 3.6, 5, "Time of a frame by spheres and by pixels")
     axes = figure.subplots(1, len(shown) + 1, width_ratios=[1.0] * len(shown) + [0.6])
-    marks, more = Marks(points), {}
+    marks, more = Marks(), {}
     for ax, (group, text) in zip(axes, shown, strict=False):
         for mine in filter(None, lines[group]):
             x, style = [_extent(point) for point in mine], marks.of(mine[0], "-")
@@ -266,7 +260,7 @@ def growth(points: Sequence[Point], page: Page) -> Figure | None:
             if name in WHOLE and not mine[0].variant:
                 dotted = {**style, "linestyle": ":", "linewidth": 1.4}
                 ax.plot(x, [1e3 * point.way.median for point in mine], **dotted)
-                more[f"{TEXTS.get(name, name)},\n{WHOLE[name]}"] = Line2D([], [], **dotted)
+                more[f"{LOOKS[name][2]},\n{WHOLE[name]}"] = Line2D([], [], **dotted)
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel(text)

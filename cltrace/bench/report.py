@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
 from . import machine
@@ -80,6 +81,7 @@ def scene_table(points: Sequence[Point]) -> str:
             notes.append(f"{point.label}{where}: {point.note}")
     if any(line[0].endswith("*") for line in lines):
         notes.append(f"* is what whole pictures are held against; its own errors are those of {sample} exact pixels")
+    notes += [f"held against {text}" for text in dict.fromkeys(point.truth for point in points) if text]
     if any(UNSTEADY in cell for line in lines for cell in line):
         notes.append("~ repeated rounds do not agree within 10 %")
     return "\n".join([title(points[0]), *(f"  {line}" for line in [*table(lines), *notes])])
@@ -102,6 +104,14 @@ def _ways(ways: Sequence[Way]) -> list[list[str]]:
             lines.append([f"{scene}: {tracer}", *(milliseconds(mine[w].time) if w in mine else "" for w in WAYS),
                           *(number(v / 1e6) for v in most)])  # fmt: skip
     return lines
+
+
+def took(spent: Mapping[str, Mapping[str, float]]) -> str:
+    """Where a run's seconds went, by the kind of step and by who was at work, the most first."""
+    steps = Counter({step: sum(of.values()) for step, of in spent.items()})
+    who: Counter[str] = sum(map(Counter, spent.values()), Counter())
+    parts = (", ".join(f"{name or 'the rest'} {s:.0f}" for name, s in c.most_common() if s >= 1) for c in (steps, who))
+    return f"It took {sum(steps.values()):.0f} s: {'; or '.join(parts)}."
 
 
 def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from typing import Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,36 +22,11 @@ from .report import number
 from .tracers import Baseline, Product
 from .truth import Answer, answer
 
+if TYPE_CHECKING:
+    from .cli import Progress
+
 # Of a scene, at most so many pixels are looked at: what each must be takes milliseconds to find out.
 PIXELS = 300
-
-
-@dataclass(frozen=True)
-class Found:
-    """What came out of a case: sums and maxima over its scenes, of as many pixels."""
-
-    pixels: int
-    wrong_ids: int
-    t_ulp: float
-    normal: float
-    false_shadows: int
-    leaks: int
-    bytes_off: int
-    not_finite: int
-    same: int
-
-    def within(self, limits: Limits) -> bool:
-        """Whether that is what is required."""
-        bounds = {f.name: getattr(limits, f.name) for f in fields(limits)}
-        return all(most is None or getattr(self, name) <= most for name, most in bounds.items())
-
-
-class Say(Protocol):
-    """Where progress goes."""
-
-    def step(self, what: str) -> None: ...
-    def say(self, detail: str) -> None: ...
-    def clear(self) -> None: ...
 
 
 ABOUT = """
@@ -77,8 +52,12 @@ def pixels_of(scene: Scene) -> NDArray[np.intp]:
     return np.arange(0, count, -(-count // PIXELS))
 
 
+Found = dict[str, float]
+
+
 def examine(tracer: Product | Baseline, scenes: Sequence[Scene], truths: Sequence[Answer], limits: Limits) -> Found:
-    """What comes out of a case. A scene without lights has no colours to look at."""
+    """What comes out of a case, by the names of Limits: sums, and maxima of sizes, over its scenes. A scene without
+    lights has no colours to look at."""
     errors: list[Errors] = []
     first, moved = None, 0
     for scene, want in zip(scenes, truths, strict=True):
@@ -87,27 +66,17 @@ def examine(tracer: Product | Baseline, scenes: Sequence[Scene], truths: Sequenc
         if limits.same is not None:
             first = first or got
             moved += int((got.rgb8 != first.rgb8).any(axis=1).sum())
-    return Found(
-        pixels=sum(e.pixels for e in errors),
-        wrong_ids=sum(e.wrong_ids for e in errors),
-        t_ulp=max(e.t_ulp for e in errors),
-        normal=max(e.normal for e in errors),
-        false_shadows=sum(e.false_shadows for e in errors),
-        leaks=sum(e.leaks for e in errors),
-        bytes_off=sum(e.bytes_off for e in errors),
-        not_finite=sum(e.not_finite for e in errors),
-        same=moved,
-    )
+    each = {name: [getattr(e, name) for e in errors] for name in NAMES if name != "same"}
+    return {name: max(v) if isinstance(v[0], float) else sum(v) for name, v in each.items()} | {"same": moved}
 
 
-def verdict(found: Found, limits: Limits) -> str:
-    """What is beyond the limits, the worst kinds first, or ok."""
-    beyond = [
-        f"{number(value) if isinstance(value, float) else f'{value:,}'} {name}"
+def beyond(found: Found, limits: Limits) -> list[str]:
+    """What is more than is allowed, the worst kinds first."""
+    return [
+        f"{number(found[field]) if isinstance(found[field], float) else f'{found[field]:,}'} {name}"
         for field, name in NAMES.items()
-        if (most := getattr(limits, field)) is not None and (value := getattr(found, field)) > most
+        if (most := getattr(limits, field)) is not None and found[field] > most
     ]
-    return ", ".join(beyond[:TOLD]) or "ok"
 
 
 def _line(cells: Sequence[str], columns: int) -> str:
@@ -161,12 +130,13 @@ def outcomes(case: AnyCase, tracers: Sequence[Of], say: Callable[[str], None]) -
             out.append(Outcome(f"no {cannot}", False))
             continue
         found = examine(tracer, scenes, truths, case.limits)
-        finite = case.limits.not_finite is None or found.not_finite == 0
-        out.append(Outcome(verdict(found, case.limits), found.within(case.limits), finite))
+        more = beyond(found, case.limits)
+        finite = case.limits.not_finite is None or not found["not_finite"]
+        out.append(Outcome(", ".join(more[:TOLD]) or "ok", not more, finite))
     return sum(len(of.id) for of in truths), out
 
 
-def run(devices: Sequence[Device], quick: bool, progress: Say) -> int:
+def run(devices: Sequence[Device], quick: bool, progress: Progress) -> int:
     """Prints the report. Returns 1 if a precision that promises to meet all requirements fails one, else 0.
 
     accurate and double promise that; single only that nothing is NaN; the textbook nothing. quick: every seventh case,

@@ -19,7 +19,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.request import KEEPS, Keep
 from cltrace.renderers.renderer import Renderer, default_precision
 from cltrace.run.devices import Device
-from cltrace.scene import AMBIENT, Scene
+from cltrace.scene import AMBIENT, PARALLEL, POINT, Scene
 
 from .scenes import Case, Task, soft_lights
 from .textbook import Textbook
@@ -32,8 +32,14 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
+# A kind of strange().
+OTHER_LIGHTS = "other lights than points and parallel ones"
+# What errors are found in.
+JUDGED: tuple[Output, ...] = ("rgb8", "color", "normal", "depth", "id")
 # Rays across a pixel, and down, of the curves of antialiasing.
 ACROSS = (1, 2, 4, 8, 16)
+# The same of peers whose curves take long.
+FEW_ACROSS = (1, 4, 16)
 # Levels of 255 to within which a mean is proved.
 PROVED = (8.0, 2.0, 1.0)
 # Directions of the sky, and points of the panel, of the curve of soft light.
@@ -111,8 +117,9 @@ class Product(Tracer):
         return too_much(scene) if ACCELERATION in self.keep else ""
 
     def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
-        """What is measured, with these outputs, or with bytes."""
-        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), keep=self.keep)
+        """What is measured, or, with outputs of which errors are found, one program for as many scenes as can be."""
+        keep: tuple[Keep, ...] = (*self.keep, "features") if outputs else self.keep
+        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), keep=keep)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
@@ -131,8 +138,7 @@ class Product(Tracer):
         return Run(kernel, whole, image.rgb8, work)
 
     def answer(self, scene: Scene) -> Answer:
-        dull = [self.renderer(lamp, "color", "normal", "depth", "id").render() for lamp in lamps(scene)]
-        return answer_of(scene, self.renderer(scene, "rgb8", "color").render(), dull)
+        return answer_of(scene, *(self.renderer(of, *JUDGED).render() for of in (scene, *lamps(scene))))
 
 
 class Smooth(Product):
@@ -215,7 +221,8 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        return too_rich(scene) or ("orthographic camera" if scene.camera.parallel else "") or too_much(scene)
+        kinds = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "orthographic cameras"
+        return strange(scene, *kinds) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()
@@ -226,8 +233,7 @@ class Baseline(Tracer):
         return Run([image.frame_seconds for image in images], whole, image.rgb8)
 
     def answer(self, scene: Scene) -> Answer:
-        dull = [Textbook(lamp, self._device).render("color", "normal", "depth", "id") for lamp in lamps(scene)]
-        return answer_of(scene, Textbook(scene, self._device).render("rgb8", "color"), dull)
+        return answer_of(scene, *(Textbook(of, self._device).render(*JUDGED) for of in (scene, *lamps(scene))))
 
 
 def configurations(device: Device, precisions: Sequence[Precision], quick: bool) -> list[Tracer]:
@@ -255,29 +261,28 @@ def too_much(scene: Scene) -> str:
     return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
 
 
-def too_rich(scene: Scene) -> str:
-    """Why a scene is not handed to a tracer that knows only round opaque spheres of one colour; empty if it is."""
-    has = parts_of(scene, scene.materials[np.unique(scene.spheres["material"])])
-    return ", ".join(name for name, there in has.items() if there)
-
-
-def parts_of(scene: Scene, used: NDArray[np.void]) -> dict[str, bool]:
-    """Whether a scene has what few tracers draw, by its name. used: the materials that count."""
-    return {
+def strange(scene: Scene, *kinds: str) -> str:
+    """Which of these kinds of things, that few tracers draw, a scene has, by name; empty if none of them."""
+    m, lights = scene.materials, set(scene.lamps["kind"].tolist())
+    has = {
+        "spheres": bool(len(scene.spheres)),
         "meshes": bool(scene.meshes),
         "cylinders": bool(len(scene.cylinders)),
         "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
-        "textures": bool((used["texture"] >= 0).any()),
-        "mirrors": bool((used["reflectance"] > 0).any()),
-        "glass": bool((used["transmittance"] > 0).any()),
+        "textures": bool((m["texture"] >= 0).any()),
+        "mirrors": bool((m["reflectance"] > 0).any()),
+        "glass": bool((m["transmittance"] > 0).any()),
+        "orthographic cameras": scene.camera.parallel,
+        OTHER_LIGHTS: not lights <= {AMBIENT, PARALLEL, POINT},
+        "materials that differ in more than colour": any(
+            (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
+        ),
     }
+    return ", ".join(kind for kind in kinds if has[kind])
 
 
-def answer_of(scene: Scene, image: Image, dull: list[Image]) -> Answer:
-    """What pictures of a scene and of its lamps() say of its pixels, row by row.
-
-    image: rgb8 and color; dull: color, normal, depth and id.
-    """
+def answer_of(scene: Scene, image: Image, *dull: Image) -> Answer:
+    """What pictures of a scene and of its lamps(), with the outputs JUDGED, say of its pixels, row by row."""
     first = dull[0]
     count = int((scene.lamps["kind"] != AMBIENT).sum())
     light = np.concatenate([np.asarray(lamp.color).reshape(-1, 3) for lamp in dull], axis=1)[:, :count]

@@ -38,8 +38,8 @@ MANY = 128
 
 # So many rays a side are a pixel's true mean, or fewer if a picture of them has more pixels than that.
 RAYS, MOST_PIXELS = 64, 2**28
-# So many of them are traced at a time, which bounds the memory that they take.
-BAND = 2**23
+# So many of them are traced at a time, which bounds the memory that they take; and of a case, one of so many bands.
+BAND, BANDS = 2**21, 4
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
 
@@ -249,8 +249,8 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
 class Truth:
     """What a whole picture is held against.
 
-    levels: (h, w, 3), of 255; text: what it is, and how that is known; answer: the same, surface by surface, None where
-    there is none.
+    levels: (h, w, 3), of 255, NaN in rows where it is not known; text: what it is, and how that is known; answer: the
+    same, surface by surface, None where there is none.
     """
 
     levels: Floats
@@ -263,8 +263,8 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
     if reference is None:
         return None
     if case.task == "samples":
-        levels, n = means(case.scene, reference.on)
-        return Truth(levels, f"means of {n} x {n} rays a pixel, by cltrace, accurate")
+        levels, n = means(case.scene, reference.on, bands=BANDS)
+        return Truth(levels, f"means of {n} x {n} rays a pixel, in one row of {BANDS}, by cltrace, accurate")
     found = reference.answer(case.scene)
     width, height = case.scene.camera.resolution
     bytes_of = found.rgb8.reshape(height, width, 3).astype(float)
@@ -278,16 +278,19 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
     return Truth(bytes_of, text + "the reference tracer", found)
 
 
-def means(scene: Scene, device: Device, precision: Precision = "accurate") -> tuple[Floats, int]:
-    """(h, w, 3): a picture's means, in levels of 255, over n x n rays a pixel, each clamped to 0..1; and n."""
+def means(scene: Scene, device: Device, precision: Precision = "accurate", bands: int = 1) -> tuple[Floats, int]:
+    """(h, w, 3): a picture's means, in levels of 255, over n x n rays a pixel, each clamped to 0..1; and n.
+
+    bands: only the first of so many bands of rows is drawn, again and again; the others are NaN.
+    """
     width, height = scene.camera.resolution
     n = RAYS
     while n > 1 and (n * max(width, height) > MAX_SIDE or n * n * width * height > MOST_PIXELS):
         n //= 2
     fine = scene.seen_by(replace(scene.camera, resolution=(n * width, n * height)))
     rows = max(1, BAND // (n * n * width))
-    out = np.empty((height, width, 3))
-    for first in range(0, height, rows):
+    out = np.full((height, width, 3), np.nan)
+    for first in range(0, height, bands * rows):
         end = min(height, first + rows)
         crop = (0, n * first, n * width, n * end)
         color = np.minimum(Renderer(fine, device, precision, ("color",), crop).render(progress=False).color, 1)

@@ -74,16 +74,23 @@ def process(command: Sequence[str], **environment: str) -> Process:
 
 
 def measure(
-    case: Case, device: Device, peers: Sequence[Tracer], rounds: int, ways: list[Way], say: Callable[[str], None]
+    case: Case,
+    device: Device,
+    peers: Sequence[Tracer],
+    rounds: int,
+    ways: list[Way],
+    say: Callable[[str], None],
+    *,
+    new: bool = False,
 ) -> None:
     """Measures all ways to one scene's picture, in turn, round by round, and adds them to `ways`.
 
-    With one round, nothing is compiled anew, as that takes longest.
+    new: also with nothing compiled, which takes longest.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         first = len(ways)
-        takers = [*_own(case.scene, device, folder), *_of_peers(case.scene, peers)][rounds == 1 :]
+        takers = [*_own(case.scene, device, folder), *_of_peers(case.scene, peers)][not new :]
         surfaces = len(case.scene.spheres) + case.scene.triangles
         for tracer, version, of, _ in takers:
             for way in of:
@@ -147,7 +154,7 @@ def _own(scene: Scene, device: Device, folder: Path) -> Iterator[Taker]:
 def _of_peers(scene: Scene, peers: Sequence[Tracer]) -> Iterator[Taker]:
     """What their interfaces can say: from their own file to a picture's, and from the scene in memory to a picture."""
     for peer in peers:
-        if peer.variant or peer.refuses(scene):
+        if peer.variant or peer.task != "frame" or peer.refuses(scene):
             continue
         if command := peer.command(scene):
             yield peer.name, peer.version, (AGAIN,), lambda command=command: {AGAIN: process(command)}  # type: ignore[misc]

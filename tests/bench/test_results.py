@@ -14,7 +14,7 @@ from PIL import Image
 
 from cltrace import Scene
 from cltrace.base.errors import UsageError
-from cltrace.bench import against, counted, machine, measure, points, publish, report, scenes, tracers, ways
+from cltrace.bench import against, cli, counted, machine, measure, points, publish, report, scenes, tracers, ways
 from cltrace.bench.errors import Errors
 from cltrace.bench.points import Point, Results, Spread, Way
 from cltrace.run.devices import Device
@@ -92,14 +92,14 @@ class Fake(tracers.Tracer):
 
 def test_a_tracer_is_measured_until_its_rounds_agree() -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(2, SMALL))
-    steady, restless = Fake([9.0, 1.0, 1.0, 1.0]), Fake([9.0, 1.0, 2.0, 4.0, 1.0, 2.0])
-    slow = Fake([measure.TOO_LONG + 1.0])
+    steady, restless = Fake([9.0, 1.0, 1.0, 1.0]), Fake([9.0, 1.0, 2.0, 2.5, 1.0, 2.0])
+    slow = Fake([measure.TOO_LONG + 1.0] * 2)
     rows: list[Point] = []
     budget = measure.Budget(rounds=5, seconds=1e9, errors=False)
     measure.measure(case, [steady, restless, slow], None, budget, rows, lambda text: None)
-    assert [row.kernel for row in rows] == [(1.0,) * 3, (1.0, 2.0, 4.0, 1.0, 2.0), (11.0,)]
+    assert [row.kernel for row in rows] == [(1.0,) * 3, (1.0, 2.0, 2.5, 1.0, 2.0), (4.0,)]
     assert [row.time.steady for row in rows] == [True, False, False]
-    assert rows[2].note == "11 s a picture: measured once"
+    assert rows[2].note == "4 s a picture: no further round"
 
 
 @pytest.mark.stress
@@ -146,7 +146,9 @@ def test_a_process_is_measured() -> None:
 def test_whole_ways(any_device: Device) -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
     rows: list[Way] = []
-    ways.measure(case, any_device, [Fake([0.1] * 9)], 1, rows, lambda text: None)
+    elsewhere = Fake([])  # what is measured at another task is not asked
+    elsewhere.task = "members"
+    ways.measure(case, any_device, [Fake([0.1] * 9), elsewhere], 1, rows, lambda text: None)
     assert {row.way for row in rows if row.tracer.startswith("cltrace")} == set(ways.WAYS[1:])
     for row in rows:
         assert not row.note
@@ -155,6 +157,20 @@ def test_whole_ways(any_device: Device) -> None:
         assert (row.memory is None) == (row.way not in (ways.NEW, ways.AGAIN))
     assert [row.way for row in rows if row.tracer == "fake"] == [ways.ARRAYS]
     assert "a few: cltrace, arrays" in report.ways_table(rows)
+
+
+def test_where_seconds_went(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each belongs to the class and the tracer that were named before it."""
+    clock = iter([0.0, 1.0, 3.0, 6.0, 10.0, 15.0])
+    monkeypatch.setattr(cli.time, "monotonic", lambda: next(clock))
+    progress = cli.Progress(True, 2)
+    progress.step("meshes: a")
+    progress.say("Embree, robust: round 1 of 7")
+    progress.say("Embree: round 1 of 7")
+    progress.step("bonds: b")
+    progress.say("Embree: first picture")
+    assert progress.spent == {"": {"": 1.0}, "meshes": {"": 2.0, "Embree": 7.0}, "bonds": {"": 5.0}}
+    assert report.took(progress.spent) == "It took 15 s: meshes 9, bonds 5, the rest 1; or the rest 8, Embree 7."
 
 
 def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,12 +193,16 @@ def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_tables_say_what_was_measured() -> None:
-    rows = [point(picture=RIGHT, sample=RIGHT), point("Embree", (0.001, 0.002, 0.003), note="slow", rms=0.25)]
+    rows = [
+        point(picture=RIGHT, sample=RIGHT, truth="an oracle"),
+        point("Embree", (0.001, 0.002, 0.003), note="slow", rms=0.25),
+    ]
     text = report.scene_table(rows)
     assert text.splitlines()[0] == "ordinary: 16 balls (16 spheres, 48x27)"
     assert "2.01  2.00..2.02" in text
     assert "2.00~" in text
     assert "Embree: slow" in text
+    assert "  held against an oracle\n" in text
     lines = report.summary(Results(dict(ABOUT), rows, finished=True)).splitlines()
     assert lines[0] == "|  | accurate | Embree |"
     assert lines[2] == "| ordinary | 2.0 ms, 0.0010 % | 2.0~ ms, 0.0010 % |"
@@ -277,8 +297,9 @@ def test_plots_can_be_read_on_their_paper(scheme: str) -> None:
 
     ink, _, paper = plots.SCHEMES[scheme]
     assert contrast(ink, paper) >= 4.5
-    marks = [*plots.COLORS.values(), *(color for color, _ in plots.OTHERS)]
-    assert {color for color in marks if contrast(color, paper) < 3} == set()
+    colors = [color for color, _, _ in plots.LOOKS.values()]
+    assert {color for color in colors if contrast(color, paper) < 3} == set()
+    assert len(set(colors)) == len(colors)
 
 
 def contrast(a: str, b: str) -> float:

@@ -1,14 +1,15 @@
 /* Draws a scene with Embree 3, as the benchmark's peer: spheres, triangles and cylinders (as its linear cones),
 ambient, parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
 
-    embree SCENE FRAMES PICTURE [robust]
-    embree                                 (writes Embree's version)
+    embree SCENE FRAMES PICTURE [ROBUST [WAY]]
+    embree                                        (writes Embree's version)
 
 SCENE is what embree.py writes: a Head, then the arrays of Scene, in camera space, in which the camera looks along -z.
-Each frame is drawn with single rays and with packets of as many rays as the processor has lanes, these once with
-Embree's flag for coherent rays for the rays of the camera alone and once for all of them. Written to stdout is one line
-of JSON: the seconds of the best frame, of all frames of the way that had it, and of building the tree. PICTURE gets the
-bytes of the pixels, row by row from the top, red, green and blue.
+ROBUST is 0 or 1, Embree's flag of that name. There are three ways to draw: 0 and 1 with packets of as many rays as the
+processor has lanes, with Embree's flag for coherent rays for the rays of the camera alone and for all of them, and 2
+with single rays. Without WAY all of them draw, slow ones one frame. Written to stdout is one line of JSON: the way that
+had the best frame, the seconds of all its frames, and those of building the tree. PICTURE gets the bytes of the pixels,
+row by row from the top, red, green and blue.
 
 New rays start off the surface, along its normal, by 2^-20 of the point's distances from the eye and from where its ray
 began, and of the sphere's radius: the usual epsilon of a tracer in single precision, as Embree has no exact one. */
@@ -38,9 +39,10 @@ enum Kind { AMBIENT, PARALLEL, POINT, SPOT, LAMBERT };
 
 struct Head {
     int width, height, samples, bounces, orthographic; // samples: across a pixel, and down
-    int spheres, vertices, normals, triangles, cylinders, materials, lights;
+    int spheres, vertices, normals, triangles, cylinders, materials, textures, texels, lights;
     float half_width, half_height; // of the image plane at distance 1, or of an orthographic picture
     float background[3];
+    float basis[9]; // of the camera, in the world: right, up, back
 };
 struct Light {
     int kind;
@@ -51,14 +53,17 @@ struct Scene {
     Head head;
     std::vector<float> spheres, vertices, normals; // x, y, z, radius; x, y, z; x, y, z
     std::vector<int> corners, normal_of;           // three of each a triangle; normal_of -1: flat
+    std::vector<float> uv;                         // of the three corners of each triangle
     std::vector<float> cylinders;                  // x, y, z and radius of both ends
     std::vector<int> material_of;                  // of spheres, of triangles, then of cylinders
     std::vector<float> materials;                  // rows of COLUMNS
+    std::vector<int> textures;                     // the first pixel, width, height
+    std::vector<float> texels;                     // red, green, blue of each pixel
     std::vector<Light> lights;
     int exponent; // which all materials have, if it is a whole number, else 0
 };
 constexpr int RED = 0, GREEN = 1, BLUE = 2, KA = 3, KD = 4, KS = 5, EXPONENT = 6, MIRROR = 7, CLEAR = 8, INDEX = 9;
-constexpr int COLUMNS = 10;
+constexpr int TEXTURE = 10, COLUMNS = 11; // TEXTURE: its number, -1 for none
 
 static Scene scene;
 static RTCScene tree;
@@ -197,6 +202,7 @@ template <int N> struct Tracer {
         I there, inside, material;
         V point, normal; // normal: of length 1, against the ray
         F off;           // by which new rays start off the surface
+        F u, v;          // where it is in a texture
     };
 
     RTCIntersectContext context(int depth) const {
@@ -234,6 +240,7 @@ template <int N> struct Tracer {
         if (any(of_triangles)) n = smooth(of_triangles, number, get<F>(found.hit.u), get<F>(found.hit.v), flat);
         hit.inside = hit.there & (dot(flat, rays.direction) > 0);
         n = unit(choose(hit.there, n, V{F{}, F{}, F{} + 1}));
+        if (scene.head.textures) place(hit, of_triangles, number, get<F>(found.hit.u), get<F>(found.hit.v), n);
         hit.normal = choose(hit.inside, n * (F{} - 1), n);
         F size = root(dot(hit.point, hit.point)) + t;
         I of_spheres = hit.there & (shape == 0);
@@ -253,12 +260,47 @@ template <int N> struct Tracer {
         return choose(has, a * (1 - u - v) + b * u + c * v, flat);
     }
 
+    /* Where hits are in their textures. n: the normals to the outside, in camera space. */
+    static void place(Hit &hit, I of_triangles, I number, F b, F c, V n) {
+        const float *basis = scene.head.basis;
+        for (int k = 0; k < N; k++) {
+            float world[3];
+            for (int i = 0; i < 3; i++) world[i] = n.x[k] * basis[i] + n.y[k] * basis[3 + i] + n.z[k] * basis[6 + i];
+            hit.u[k] = .5f + atan2f(world[0] + 0.f, world[2]) / (float)(2 * M_PI);
+            hit.v[k] = atan2f(hypotf(world[0], world[2]), world[1]) / (float)M_PI;
+            if (!of_triangles[k]) continue;
+            const float *uv = &scene.uv[6 * number[k]], a = 1 - b[k] - c[k];
+            hit.u[k] = a * uv[0] + b[k] * uv[2] + c[k] * uv[4], hit.v[k] = a * uv[1] + b[k] * uv[3] + c[k] * uv[5];
+        }
+    }
+
+    /* The colour of a texture: of the four pixels around, each the more the nearer. */
+    static void paint(Vec<F> &color, const Hit &hit) {
+        for (int k = 0; k < N; k++) {
+            const int texture = scene.materials[hit.material[k] * COLUMNS + TEXTURE];
+            if (texture < 0 || !hit.there[k]) continue;
+            const int *t = &scene.textures[3 * texture];
+            float x = (hit.u[k] - floorf(hit.u[k])) * t[1], y = (hit.v[k] - floorf(hit.v[k])) * t[2];
+            const int i = x, j = y;
+            x -= i, y -= j;
+            auto at = [&](int column, int row) {
+                return &scene.texels[3 * (t[0] + row % t[2] * t[1] + column % t[1])];
+            };
+            const float *from[] = {at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)};
+            auto mixed = [&](int c) {
+                return (from[0][c] * (1 - x) + from[1][c] * x) * (1 - y) + (from[2][c] * (1 - x) + from[3][c] * x) * y;
+            };
+            color.x[k] *= mixed(0), color.y[k] *= mixed(1), color.z[k] *= mixed(2);
+        }
+    }
+
     /* Phong's formula, of all lights. */
     V shaded(const Hit &hit, V d, int depth) const {
         I row = hit.material * COLUMNS;
         const float *table = scene.materials.data();
         V sum = {F{}, F{}, F{}},
           color = {gather<F>(table + RED, row), gather<F>(table + GREEN, row), gather<F>(table + BLUE, row)};
+        if (scene.head.textures) paint(color, hit);
         F kd = gather<F>(table + KD, row), ks = gather<F>(table + KS, row), m = gather<F>(table + EXPONENT, row);
         for (const Light &light : scene.lights) {
             if (light.kind == AMBIENT) {
@@ -447,10 +489,12 @@ static bool read_scene(const char *path) {
     if (!file || fread(&head, sizeof head, 1, file) != 1) return false;
     bool whole = read(file, scene.spheres, 4ul * head.spheres) && read(file, scene.vertices, 3ul * head.vertices) &&
                  read(file, scene.normals, 3ul * head.normals) && read(file, scene.corners, 3ul * head.triangles) &&
-                 read(file, scene.normal_of, 3ul * head.triangles) &&
+                 read(file, scene.normal_of, 3ul * head.triangles) && read(file, scene.uv, 6ul * head.triangles) &&
                  read(file, scene.cylinders, 8ul * head.cylinders) &&
                  read(file, scene.material_of, 0ul + head.spheres + head.triangles + head.cylinders) &&
-                 read(file, scene.materials, 0ul + COLUMNS * head.materials) && read(file, scene.lights, head.lights);
+                 read(file, scene.materials, 0ul + COLUMNS * head.materials) &&
+                 read(file, scene.textures, 3ul * head.textures) && read(file, scene.texels, 3ul * head.texels) &&
+                 read(file, scene.lights, head.lights);
     fclose(file);
     // Embree reads 16 bytes at a vertex.
     scene.vertices.resize(scene.vertices.size() + 1);
@@ -464,21 +508,23 @@ static bool read_scene(const char *path) {
 int main(int count, char **words) {
     if (count == 1) return puts(RTC_VERSION_STRING) < 0;
     if (count < 4 || !read_scene(words[1])) {
-        fprintf(stderr, "%s\n", count < 4 ? "usage: embree SCENE FRAMES PICTURE [robust]" : "the scene cannot be read");
+        fprintf(stderr, "%s\n",
+                count < 4 ? "usage: embree SCENE FRAMES PICTURE [ROBUST [WAY]]" : "the scene cannot be read");
         return 2;
     }
     const int frames = std::stoi(words[2]);
+    const std::string robust = count > 4 ? words[4] : "", only = count > 5 ? words[5] : "";
     picture.resize(3ul * scene.head.width * scene.head.height);
     RTCDevice device = rtcNewDevice(nullptr);
-    double built = build(device, count > 4 && std::string(words[4]) == "robust");
+    double built = build(device, robust == "1");
     const std::function<void()> ways[] = {[] { Tracer<LANES>{false}.frame(); }, [] { Tracer<LANES>{true}.frame(); },
                                           [] { Tracer<1>{false}.frame(); }};
-    const char *names[] = {"packets", "packets, all coherent", "single rays"};
     std::vector<double> best;
     int chosen = 0;
     for (int way = 0; way < 3; way++) {
+        if (!only.empty() && only != std::to_string(way)) continue;
         std::vector<double> seconds;
-        for (int k = 0; k < frames; k++) {
+        for (int k = 0; k < frames && (k == 0 || !only.empty() || seconds[0] < .1); k++) {
             double start = now();
             ways[way]();
             seconds.push_back(now() - start);
@@ -488,7 +534,7 @@ int main(int count, char **words) {
     }
     FILE *file = fopen(words[3], "wb");
     if (!file || fwrite(picture.data(), 1, picture.size(), file) != picture.size() || fclose(file)) return 1;
-    printf("{\"way\": \"%s\", \"build\": %.9g, \"frames\": [", names[chosen], built);
+    printf("{\"way\": %d, \"build\": %.9g, \"frames\": [", chosen, built);
     for (size_t k = 0; k < best.size(); k++) printf("%s%.9g", k ? ", " : "", best[k]);
     printf("]}\n");
 }

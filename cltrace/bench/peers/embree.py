@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.bench.scenes import Task, soft_lights
-from cltrace.bench.tracers import ACROSS, MEMBERS, Run
+from cltrace.bench.tracers import ACROSS, MEMBERS, Run, strange
 from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, POINT, SPOT, Scene
 
-from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, triangles, understood
+from .peer import Light, Peer, PeerError, call, lights, seconds, seen_from_the_eye, texels, triangles, understood
 
 # As embree.cpp reads them.
 _KINDS = {AMBIENT: 0, PARALLEL: 1, POINT: 2, SPOT: 3, LAMBERT: 4}
-_COLUMNS = ("color", "ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
+_COLUMNS = ("color", "ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index", "texture")
 # Fast mathematics, but for infinity, which ends shadow rays of parallel lights.
 _FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-std=c++17")
 
@@ -39,24 +39,22 @@ class Embree(Peer):
         super().__init__(program, folder)
         self.variant, self.task, self.level = variant, task, level
         self.grows = task == "frame" and not variant
+        self._way = ""
 
     def refuses(self, scene: Scene) -> str:
-        has = {
-            "ellipsoids": bool((scene.spheres["to_object"] >= 0).any()),
-            "textures": bool((scene.materials["texture"] >= 0).any()),
-        }
-        return ", ".join(name for name, there in has.items() if there)
+        return strange(scene, "ellipsoids")
 
     def run(self, scene: Scene, frames: int) -> Run:
         if self.task == "members":
             scene = scene.lit_by(soft_lights(int(self.level or 1)))
         path, out = self._file(scene, ".embree"), self._folder / "embree.rgb"
-        done = call(
-            [self._program, str(path), str(frames), str(out), *(["robust"] if self.variant == "robust" else [])]
-        )
+        # A way is not chosen by the first frame of all.
+        count, robust = frames if self._way else max(frames, 2), int(self.variant == "robust")
+        done = call([self._program, str(path), str(count), str(out), str(robust), self._way])
         width, height = scene.camera.resolution
         with understood(self._program):
             report = json.loads(done.stdout)
+            self._way = str(report["way"])
             kernel, build = [seconds(value) for value in report["frames"]], seconds(report["build"])
             rgb8 = np.fromfile(out, np.uint8).reshape(height, width, 3)
         if self.task == "positions":
@@ -68,35 +66,32 @@ class Embree(Peer):
         return [self._program, str(self._file(scene, ".embree")), "1", str(self._folder / "embree.rgb")]
 
     def _write(self, scene: Scene, path: Path) -> None:
-        """The Head and the arrays of embree.cpp."""
+        """The Head and the arrays of embree.cpp. Of another scene another way may be the fastest."""
+        self._way = ""
         camera, spheres, rods = scene.camera, scene.spheres, scene.cylinders
-        mesh = triangles(scene)
+        mesh, (pixels, textures) = triangles(scene), texels(scene)
+        ambient, others = lights(scene)
+        every = [Light(AMBIENT, np.zeros(3), ambient, np.zeros(3), (0, 0)), *others]
         surfaces = len(spheres), len(mesh.vertices), len(mesh.normals), len(mesh.corners), len(rods)
-        counts = (*surfaces, len(scene.materials))
+        counts = (*surfaces, len(scene.materials), len(textures), len(pixels))
         samples = int(self.level or 1) if self.task == "samples" else 1
-        sizes = (*camera.resolution, samples, camera.max_bounces, int(camera.parallel), *counts, len(scene.lamps))
+        sizes = (*camera.resolution, samples, camera.max_bounces, int(camera.parallel), *counts, len(every))
         materials = np.column_stack([scene.materials[name].reshape(len(scene.materials), -1) for name in _COLUMNS])
         balls = np.column_stack([seen_from_the_eye(scene, spheres["center"]), spheres["radius"]])
         ends = [np.column_stack([seen_from_the_eye(scene, rods[end]), rods["radius"]]) for end in ("start", "end")]
         parts: list[tuple[NDArray[np.generic], str]] = [
             (balls, "<f4"), (mesh.vertices, "<f4"), (mesh.normals, "<f4"), (mesh.corners, "<i4"),
-            (mesh.normal_of, "<i4"), (np.column_stack(ends), "<f4"),
+            (mesh.normal_of, "<i4"), (mesh.uv, "<f4"), (np.column_stack(ends), "<f4"),
             (np.concatenate([spheres["material"], mesh.material, rods["material"]]), "<i4"), (materials, "<f4"),
+            (textures, "<i4"), (pixels, "<f4"),
         ]  # fmt: skip
         with path.open("wb") as file:
-            file.write(struct.pack("<12i5f", *sizes, *camera.image_plane(), *scene.background))
+            floats = (*camera.image_plane(), *scene.background, *np.ravel(camera.basis()))
+            file.write(struct.pack("<14i14f", *sizes, *floats))
             for array, kind in parts:
                 file.write(array.astype(kind).tobytes())
-            file.writelines(_light(scene, light) for light in scene.lamps)
-
-
-def _light(scene: Scene, light: np.void) -> bytes:
-    """A Light of embree.cpp."""
-    basis = np.array(scene.camera.basis())
-    axis = basis @ (light["direction"] / (np.linalg.norm(light["direction"]) or 1.0))
-    place = -axis if light["kind"] == PARALLEL else seen_from_the_eye(scene, light["position"][None])[0]
-    angles = np.radians([light["alpha1"], light["alpha2"]])
-    return struct.pack("<i11f", _KINDS[int(light["kind"])], *place, *light["color"], *axis, *angles)
+            for of in every:
+                file.write(struct.pack("<i11f", _KINDS[of.kind], *of.place, *of.color, *of.axis, *of.angles))
 
 
 def build(folder: Path) -> str:

@@ -12,10 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import ACROSS, Run, Tracer
-from cltrace.scene import Scene
+from cltrace.bench.tracers import FEW_ACROSS, Run, Tracer, strange
+from cltrace.scene import LAMBERT, SPOT, Scene
 
-from .peer import Company, Light, bytes_of, in_turn, lights, seen_from_the_eye, strange, triangles, version_of
+from .peer import (
+    Company,
+    Floats,
+    Light,
+    bytes_of,
+    in_turn,
+    lights,
+    seen_from_the_eye,
+    texels,
+    triangles,
+    version_of,
+)
 
 VARIANT = "llvm_ad_rgb"
 # Each sphere is an object of Python's.
@@ -34,8 +45,8 @@ class Mitsuba(Tracer):
 
     def refuses(self, scene: Scene) -> str:
         many = f"more than {MOST_SPHERES:,} spheres, each an object" if len(scene.spheres) > MOST_SPHERES else ""
-        return many or strange(scene, "cylinders", "ellipsoids", "textures", "glass",
-                               "other lights than points and parallel ones")  # fmt: skip
+        both = "textures" if scene.textures and scene.meshes and len(scene.spheres) else ""
+        return many or both or strange(scene, "cylinders", "ellipsoids", "glass")
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames, int(self.level or 1))
@@ -65,7 +76,7 @@ class Picture:
         places, normals = mesh.smooth()
         for material in used:
             mine = mesh.material == material
-            parts[f"mesh{material}"] = self._mesh(places[mine], normals[mine])
+            parts[f"mesh{material}"] = self._mesh(places[mine], normals[mine], mesh.uv[mine])
         self._scene = mi.load_dict(parts)
         # Shapes are told apart by their numbers, and may come in another order.
         numbers = dr.reinterpret_array(mi.UInt32, self._scene.shapes_dr()).numpy()
@@ -74,17 +85,21 @@ class Picture:
         table = np.zeros(int(numbers.max()) + 1, np.uint32)
         table[numbers] = [of_name[name] for name in named]
         self._material = mi.UInt32(table)
+        pixels, textures = texels(scene)
+        self._texels, self._textures = mi.Float(pixels.ravel()), [mi.Int32(column) for column in textures.T]
+        self._texture = mi.Int32(scene.materials["texture"].astype(np.int32)) if len(textures) else None
         columns = {name: scene.materials[name].astype("f4") for name in ("ka", "kd", "ks", "exponent", "reflectance")}
         self._columns = {name: mi.Float(column) for name, column in columns.items()}
         self._colors = [mi.Float(scene.materials["color"][:, k].astype("f4")) for k in range(3)]
         self._mirrors = bool(columns["reflectance"].any())
 
-    def _mesh(self, places: NDArray[np.float64], normals: NDArray[np.float64]) -> Any:
+    def _mesh(self, places: Floats, normals: Floats, uv: Floats) -> Any:
         mi = self._mi
-        mesh = mi.Mesh("mesh", 3 * len(places), len(places), has_vertex_normals=True)
+        mesh = mi.Mesh("mesh", 3 * len(places), len(places), has_vertex_normals=True, has_vertex_texcoords=True)
         to = mi.traverse(mesh)
         to["vertex_positions"] = mi.Float(places.ravel().astype("f4"))
         to["vertex_normals"] = mi.Float(normals.ravel().astype("f4"))
+        to["vertex_texcoords"] = mi.Float(uv.ravel().astype("f4"))
         to["faces"] = mi.UInt32(np.arange(3 * len(places), dtype=np.uint32))
         to.update()
         return mesh
@@ -122,6 +137,8 @@ class Picture:
             row = dr.gather(mi.UInt32, self._material, dr.reinterpret_array(mi.UInt32, at.shape), hit)
             m = {name: dr.gather(mi.Float, column, row, hit) for name, column in self._columns.items()}
             m["color"] = mi.Color3f(*(dr.gather(mi.Float, column, row, hit) for column in self._colors))
+            if self._texture is not None:
+                m["color"] *= self._painted(at, dr.gather(mi.Int32, self._texture, row, hit), hit)
             n = dr.select(dr.dot(at.n, ray.d) > 0, -at.sh_frame.n, at.sh_frame.n)
             own = weight if depth == last else weight * (1 - m["reflectance"])
             color += dr.select(hit, own * self._shaded(at, n, ray.d, m, hit), 0)
@@ -129,6 +146,28 @@ class Picture:
                 weight, active = weight * m["reflectance"], hit & (m["reflectance"] > 0)
                 ray = at.spawn_ray(dr.normalize(ray.d - 2 * dr.dot(n, ray.d) * n))
         return color
+
+    def _painted(self, at: Any, texture: Any, hit: Any) -> Any:
+        """The colour of a texture, by which that of its surface is multiplied: of the four pixels around."""
+        mi, dr = self._mi, self._dr
+        if self._given.meshes:
+            u, v = at.uv
+        else:  # LLVM 15 compiles neither dr.atan2() nor dr.clip(), nor the uv of a sphere, which has them
+            q = mi.Matrix3f(np.array(self._given.camera.basis()).T.tolist()) @ mi.Vector3f(at.n)
+            cosines = q.z * dr.rsqrt(q.x * q.x + q.z * q.z + 1e-20), q.y
+            around, v = (dr.acos(dr.select(dr.abs(c) < 1, c, dr.sign(c))) / np.pi for c in cosines)
+            u = 0.5 + dr.select(q.x < 0, -around, around) / 2
+        has = hit & (texture >= 0)
+        first, width, height = (dr.gather(mi.Int32, column, texture, has) for column in self._textures)
+        x, y = (u - dr.floor(u)) * mi.Float(width), (v - dr.floor(v)) * mi.Float(height)
+        i, j = mi.Int32(x), mi.Int32(y)
+        right, down = x - mi.Float(i), y - mi.Float(j)
+        color = mi.Color3f(0)
+        for a, b, share in ((0, 0, (1 - right) * (1 - down)), (1, 0, right * (1 - down)),
+                            (0, 1, (1 - right) * down), (1, 1, right * down)):  # fmt: skip
+            column, line = (dr.select(k + o < n, k + o, 0) for k, o, n in ((i, a, width), (j, b, height)))
+            color += share * dr.gather(mi.Color3f, self._texels, first + line * width + column, has)
+        return dr.select(has, color, 1)
 
     def _shaded(self, at: Any, n: Any, d: Any, m: dict[str, Any], hit: Any) -> Any:
         ambient, others = lights(self._given)
@@ -146,10 +185,23 @@ class Picture:
         lit &= ~self._scene.ray_test(at.spawn_ray(to) if light.parallel else at.spawn_ray_to(mi.Point3f(place)), lit)
         along = dr.dot(to - 2 * cosine * n, d)
         lobe = m["ks"] * dr.select(along > 0, along, 0) ** m["exponent"]
-        return dr.select(lit, (m["kd"] * cosine * m["color"] + lobe) * mi.Color3f(light.color.tolist()), 0)
+        strength = self._strength(light, -dr.dot(to, mi.Vector3f(light.axis.tolist())))
+        full = (m["kd"] * cosine * m["color"] + lobe) * mi.Color3f(light.color.tolist())
+        return dr.select(lit, strength * full, 0)
+
+    def _strength(self, light: Light, along: Any) -> Any:
+        """Of its light, how much is emitted this way. along: the cosine of the angle to the axis."""
+        dr, (inner, outer) = self._dr, light.angles
+        if light.kind == LAMBERT:
+            return dr.select(along > 0, along, 0)
+        if light.kind != SPOT:
+            return 1.0
+        angle = dr.acos(dr.select(dr.abs(along) < 1, along, dr.sign(along)))
+        share = (outer - angle) / (outer - inner) if outer > inner else 1.0
+        return dr.select(angle <= inner, 1, dr.select(angle <= outer, share, 0))
 
 
 def tracers(folder: Path) -> Iterable[Tracer]:
     """Mitsuba 3, if it is installed."""
     version, company = version_of("mitsuba"), Company(draw)
-    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in ACROSS)]
+    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in FEW_ACROSS)]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
 from cltrace.bench.regimes import rays
-from cltrace.bench.tracers import Run, Tracer
+from cltrace.bench.tracers import OTHER_LIGHTS, Run, Tracer, strange
 from cltrace.scene import Scene
 
-from .peer import OFF, Company, Light, bytes_of, lights, strange, triangles, version_of
+from .peer import OFF, Company, Light, bytes_of, lights, triangles, version_of
 
 Floats = NDArray[np.float32]
 
@@ -32,8 +32,8 @@ class Open3D(Tracer):
     def refuses(self, scene: Scene) -> str:
         if not scene.meshes:
             return "no meshes"
-        return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "an orthographic camera",
-                       "other lights than points and parallel ones")  # fmt: skip
+        return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "orthographic cameras",
+                       OTHER_LIGHTS)  # fmt: skip
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames)

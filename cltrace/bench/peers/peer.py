@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.bench.tracers import Run, Tracer, parts_of
-from cltrace.scene import AMBIENT, PARALLEL, POINT, PlacedMesh, Scene
+from cltrace.bench.tracers import Run, Tracer
+from cltrace.scene import AMBIENT, FULL, PARALLEL, PlacedMesh, Scene
 
 Floats = NDArray[np.float64]
 
@@ -135,13 +135,15 @@ class Triangles:
     """Triangles in camera space.
 
     vertices, normals: (n, 3) each, normals of length 1; corners, normal_of: (f, 3), which of them each corner has, -1
-    for flat ones; the corners go around counterclockwise, seen from the front; material: (f,).
+    for flat ones; the corners go around counterclockwise, seen from the front; uv: (f, 3, 2), where they are in the
+    texture; material: (f,).
     """
 
     vertices: Floats
     normals: Floats
     corners: NDArray[np.int64]
     normal_of: NDArray[np.int64]
+    uv: Floats
     material: NDArray[np.int64]
 
     def smooth(self) -> tuple[Floats, Floats]:
@@ -165,6 +167,7 @@ def triangles(scene: Scene) -> Triangles:
         np.concatenate([empty, *(part.corners + firsts[0][k] for k, part in enumerate(parts))]),
         np.concatenate([empty, *(np.where(part.normal_of < 0, -1, part.normal_of + firsts[1][k])
                                  for k, part in enumerate(parts))]),
+        np.concatenate([np.zeros((0, 3, 2)), *(part.uv for part in parts)]),
         np.concatenate([empty[:, 0], *(part.material for part in parts)]),
     )  # fmt: skip
 
@@ -182,42 +185,48 @@ def _part(scene: Scene, mesh: PlacedMesh, basis: Floats) -> Triangles:
         normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300),
         turned(shape.faces),
         turned(shape.normal_of),
+        np.concatenate([shape.uv, np.zeros((1, 2))])[turned(shape.uv_of)],
         np.full(len(shape.faces), mesh.material),
     )
 
 
+def texels(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Pixels of all textures (n, 3), 1 = full; and (k, 3): which of them is the first of each, width and height."""
+    full = [texture.reshape(-1, 3) / np.float32(FULL[texture.dtype]) for texture in scene.textures]
+    firsts = np.cumsum([0, *map(len, full)])[:-1]
+    sizes = [texture.shape[1::-1] for texture in scene.textures]
+    table = np.column_stack([firsts, np.reshape(sizes, (-1, 2))]).astype(np.int32)
+    return np.concatenate([np.zeros((0, 3), np.float32), *full]).astype(np.float32), table
+
+
 @dataclass(frozen=True)
 class Light:
-    """A light that is not ambient, in camera space: color (3,); place (3,), of a parallel one the way to it."""
+    """A light that is not ambient, in camera space.
 
-    parallel: bool
+    kind: PARALLEL, POINT, SPOT or LAMBERT; color: (3,); place: (3,), of a parallel one the way to it; axis: (3,), along
+    its light, of length 1; angles: of a spot light, rad from the axis, to where it is full and to where it ends.
+    """
+
+    kind: int
     place: Floats
     color: Floats
+    axis: Floats
+    angles: tuple[float, float]
+
+    @property
+    def parallel(self) -> bool:
+        return self.kind == PARALLEL
 
 
 def lights(scene: Scene) -> tuple[Floats, list[Light]]:
-    """The ambient light (3,), and the others, which must be points or parallel, see strange()."""
+    """The ambient light (3,), and the others."""
     found, basis = [], np.array(scene.camera.basis())
     for light in scene.lamps[scene.lamps["kind"] != AMBIENT]:
-        parallel = bool(light["kind"] == PARALLEL)
-        away = -basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
-        place = away if parallel else seen_from_the_eye(scene, light["position"][None])[0]
-        found.append(Light(parallel, place, light["color"]))
+        kind, axis = int(light["kind"]), basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
+        place = -axis if kind == PARALLEL else seen_from_the_eye(scene, light["position"][None])[0]
+        inner, outer = np.radians([light["alpha1"], light["alpha2"]]).tolist()
+        found.append(Light(kind, place, light["color"], axis, (inner, outer)))
     return scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0), found
-
-
-def strange(scene: Scene, *kinds: str) -> str:
-    """Which of these kinds of things a scene has, by name; empty if none of them."""
-    m, kinds_of_lights = scene.materials, set(scene.lamps["kind"].tolist())
-    has = parts_of(scene, m) | {
-        "spheres": bool(len(scene.spheres)),
-        "an orthographic camera": scene.camera.parallel,
-        "other lights than points and parallel ones": not kinds_of_lights <= {AMBIENT, PARALLEL, POINT},
-        "materials that differ in more than colour": any(
-            (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
-        ),
-    }
-    return ", ".join(kind for kind in kinds if has[kind])
 
 
 def levels(color: NDArray[Any]) -> NDArray[np.uint8]:

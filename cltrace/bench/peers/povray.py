@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import ACROSS, Run, too_rich
-from cltrace.scene import AMBIENT, POINT, Scene
+from cltrace.bench.tracers import FEW_ACROSS, OTHER_LIGHTS, Run, strange
+from cltrace.scene import Scene
 
-from .peer import Peer, PeerError, call, seconds, seen_from_the_eye, understood
+from .peer import Peer, PeerError, Triangles, call, lights, seconds, seen_from_the_eye, triangles, understood
 
 # Rays that differ by more of the full colour have more between them.
 THRESHOLD = 0.05
+# More are too much text.
+MOST_SPHERES, MOST_TRIANGLES = 20_000, 250_000
+# So far away is a parallel light.
+FAR = 1e5
 
 
 class PovRay(Peer):
@@ -37,8 +41,10 @@ class PovRay(Peer):
             self.task, self.level, self.variant = "samples", level, "antialiasing"
 
     def refuses(self, scene: Scene) -> str:
-        many = "too many spheres to write as text" if len(scene.spheres) > 20_000 else ""
-        return too_rich(scene) or _one_light(scene) or many
+        many = len(scene.spheres) > MOST_SPHERES or scene.triangles > MOST_TRIANGLES
+        # Light goes through its glass, where it has a shadow here.
+        return strange(scene, "cylinders", "ellipsoids", "textures", "glass",
+                       OTHER_LIGHTS) or ("too much text" if many else "")  # fmt: skip
 
     def command(self, scene: Scene) -> list[str]:
         """Reads the scene, draws it with all processors and writes a PNG."""
@@ -64,48 +70,46 @@ class PovRay(Peer):
     def _write(self, scene: Scene, path: Path) -> None:
         x, y = scene.camera.image_plane()
         kind = "orthographic" if scene.camera.parallel else "perspective"
-        material = scene.materials[scene.spheres["material"]]
-        light = seen_from_the_eye(scene, _shining(scene)["position"])[0]
-        centers = seen_from_the_eye(scene, scene.spheres["center"])
-
-        def vector(v: NDArray[np.float64]) -> str:
-            return f"<{','.join(map(repr, v.tolist()))}>"
-
-        with path.open("w", encoding="ascii") as file:
-            file.write(
-                "#version 3.7; global_settings{assumed_gamma 1 ambient_light rgb 1}\n"
-                f"background{{rgb {vector(np.array(scene.background))}}}\n"
-                f"camera{{{kind} location 0 direction -z right x*{2 * x!r} up y*{2 * y!r}}}\n"
-                f"light_source{{{vector(light)} rgb 1}}\n"
-            )
-            for center, radius, m in zip(centers, scene.spheres["radius"].tolist(), material, strict=True):
-                finish = f"ambient {m['ka']} diffuse {m['kd']} phong {m['ks']} phong_size {m['exponent']}"
-                look = f"pigment{{rgb {vector(m['color'])}}} finish{{{finish}}}"
-                file.write(f"sphere{{{vector(center)},{radius!r} {look}}}\n")
-
-
-def _one_light(scene: Scene) -> str:
-    """Why a scene is not written for POV-Ray; empty if it is."""
-    lights = _shining(scene)
-    used = scene.materials[np.unique(scene.spheres["material"])]
-    if len(lights) != 1 or lights["kind"][0] != POINT or (lights["color"] != 1).any():
-        return "not one white point light"
-    if not len(used) or any((used[name] != used[name][0]).any() for name in ("ka", "kd", "ks", "exponent")):
-        return "materials that differ"
-    if used["exponent"][0] != 50 or (used["ka"][0] > 0 and (_ambient(scene) != 1).any()):
-        return "another exponent than 50, or another ambient light than 1"
-    return ""
+        ambient, others = lights(scene)
+        text = [
+            f"#version 3.7; global_settings{{assumed_gamma 1 ambient_light rgb {_vector(ambient)}",
+            f"max_trace_level {scene.camera.max_bounces + 2}}} background{{rgb {_vector(scene.background)}}}",
+            f"camera{{{kind} location 0 direction -z right x*{2 * x!r} up y*{2 * y!r}}}",
+        ]
+        for light in others:
+            place, more = (light.place * FAR, " parallel point_at 0") if light.parallel else (light.place, "")
+            text.append(f"light_source{{{_vector(place)} rgb {_vector(light.color)}{more}}}")
+        text += [f"#declare M{k}={_look(m)}" for k, m in enumerate(scene.materials)]
+        balls = zip(seen_from_the_eye(scene, scene.spheres["center"]), scene.spheres, strict=True)
+        text += [f"sphere{{{_vector(c)},{float(b['radius'])!r} texture{{M{b['material']}}}}}" for c, b in balls]
+        mesh = triangles(scene)
+        smooth = mesh.normal_of[:, 0] >= 0
+        for material in np.unique(mesh.material):
+            for mine in ((mesh.material == material) & smooth, (mesh.material == material) & ~smooth):
+                if mine.any():
+                    text.append(f"mesh2{{{_mesh(mesh, mine)} texture{{M{material}}}}}")
+        path.write_text("\n".join(text), "ascii")
 
 
-def _shining(scene: Scene) -> NDArray[np.void]:
-    """The lights that are neither ambient nor black."""
-    lights: NDArray[np.void] = scene.lamps[(scene.lamps["kind"] != AMBIENT) & scene.lamps["color"].any(axis=1)]
-    return lights
+def _vector(v: Iterable[float]) -> str:
+    return f"<{','.join(map(repr, map(float, v)))}>"
 
 
-def _ambient(scene: Scene) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0)
-    return total
+def _mesh(mesh: Triangles, mine: NDArray[np.bool_]) -> str:
+    """The lists of these triangles, which all have normals, or none of them."""
+    lists = {"vertex_vectors": mesh.vertices, "face_indices": mesh.corners[mine]}
+    if (mesh.normal_of[mine] >= 0).all():
+        lists = {"vertex_vectors": mesh.vertices, "normal_vectors": mesh.normals, "face_indices": mesh.corners[mine],
+                 "normal_indices": mesh.normal_of[mine]}  # fmt: skip
+    texts = {name: ",".join(f"<{x},{y},{z}>" for x, y, z in rows.tolist()) for name, rows in lists.items()}
+    return " ".join(f"{name}{{{len(lists[name])},{text}}}" for name, text in texts.items())
+
+
+def _look(m: np.void) -> str:
+    """A texture. What it mirrors is added to its own colour."""
+    ka, kd, ks = (m[name] * (1 - m["reflectance"]) for name in ("ka", "kd", "ks"))
+    finish = f"ambient {ka} diffuse {kd} phong {ks} phong_size {m['exponent']} reflection {m['reflectance']}"
+    return f"texture{{pigment{{rgb {_vector(m['color'])}}} finish{{{finish}}}}}"
 
 
 def tracers(folder: Path) -> Iterable[Peer]:
@@ -114,4 +118,4 @@ def tracers(folder: Path) -> Iterable[Peer]:
     if not program:
         raise PeerError("POV-Ray is not installed (Debian: povray)")
     version = next(iter(re.findall(r"POV-Ray (\d[\w.]*)", call([program, "--version"]).stderr)), "")
-    return [PovRay(program, folder, version, level) for level in (None, *ACROSS)]
+    return [PovRay(program, folder, version, level) for level in (None, *FEW_ACROSS)]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import Run, Tracer
+from cltrace.bench.tracers import OTHER_LIGHTS, Run, Tracer, strange
 from cltrace.scene import Scene
 
-from .peer import Company, Floats, in_turn, levels, lights, seen_from_the_eye, strange, triangles, version_of
+from .peer import Company, Floats, in_turn, levels, lights, seen_from_the_eye, triangles, version_of
 
 # Rays across a pixel, so to speak, and the samples that Mesa's rasterizer has for them.
 MULTISAMPLES = {1: 0, 2: 4}
@@ -35,7 +35,7 @@ class Vtk(Tracer):
 
     def refuses(self, scene: Scene) -> str:
         found = strange(scene, "cylinders", "ellipsoids", "textures", "mirrors", "glass",
-                        "other lights than points and parallel ones",
+                        OTHER_LIGHTS,
                         "materials that differ in more than colour")  # fmt: skip
         x, y = scene.camera.image_plane()
         width, height = scene.camera.resolution
