@@ -238,6 +238,7 @@ def test_the_rest_of_the_catalogue(any_device: Device, case: catalogue.Case | ot
         assert (truth.answer(scene, stress.pixels_of(scene)).id >= 0).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_what_breaks_the_rest_of_the_catalogue_is_found(any_device: Device) -> None:
     """A tracer of float32 is beyond the limits of the new shapes, too; a judge counts what is wrong."""
     (case,) = (case for case in OTHERS if case.what.startswith("textures"))
@@ -252,6 +253,7 @@ def test_what_breaks_the_rest_of_the_catalogue_is_found(any_device: Device) -> N
     assert judged == stress.Outcome("3 wrong", False)
 
 
+@pytest.mark.slow
 def test_the_truth_of_what_is_more_than_spheres() -> None:
     """Bonds and orthographic cameras have the reference's word, not that of the oracle of spheres in perspective."""
     bonds, flat = scenes.sticks(27, SMALL), scenes.orthographic(SMALL)

@@ -74,6 +74,7 @@ def in_company(scene: Scene, frames: int, what: str) -> tracers.Run:
     return tracers.Run([1.0] * frames, os.getpid(), np.zeros((*scene.camera.resolution[::-1], 3), np.uint8))
 
 
+@pytest.mark.slow
 def test_a_package_in_a_process_of_its_own(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """It stays for all calls. What it raises, or that it ends or hangs, is one line, and the next call has another."""
     company, scene = peer.Company(in_company), scenes.cloud(2, SMALL)
