@@ -34,7 +34,7 @@ from cltrace.students.window import LARGEST, Window, place_within
 
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
-MUCH = 0.1  # of a smooth picture's pixels, beyond which something is wrong however outlines are mixed
+INNER = 0.01  # of a smooth picture's pixels, wrong with all around them: so many are no matter of outlines
 
 
 def compare(
@@ -89,11 +89,12 @@ def _smoothed(mine: Bytes, sharp: Bytes, tolerance: int, draw: Callable[..., Ima
     """The smooth picture, and where it differs from the sharp one what is nearest to the own one of what is around.
 
     How an outline is mixed depends on where the rays of a pixel go, which every program decides otherwise. The smooth
-    picture takes far longer than the sharp one, which is enough where much is wrong away from what is uneven in it.
+    picture takes far longer than the sharp one, which is enough where more than outlines is wrong.
     """
     low, high = around(sharp)
     right = np.where(uneven(sharp)[..., None], np.clip(mine, low, high), sharp)
-    if (np.abs(mine - right).max(axis=2) > tolerance).mean() <= MUCH:
+    wrong = (np.abs(mine.astype(np.int16) - right).max(axis=2) > tolerance).astype(np.uint8)
+    if around(wrong[..., None])[0].mean() <= INNER:
         smooth = draw(antialias=True).rgb8
         ends = around(smooth)
         low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
