@@ -67,7 +67,7 @@ def compare(
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
     asked = scene.camera.resolution
-    mine = pixels_of(picture, asked, or_window=True)
+    mine, zoom = _unzoomed(pixels_of(picture, asked, or_window=True), asked)
     window = None
     if any(size_faults(mine.shape[1::-1], asked)):
         right = render(scene, device, precision, truncate=truncate).rgb8
@@ -77,12 +77,20 @@ def compare(
     right = right if window else render(scene, device, precision, truncate=truncate).rgb8
     if antialias:
         right = _smoothed(mine, right, int(tolerance), partial(render, scene, device, precision, truncate=truncate))
-    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window)
+    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window, zoom=zoom)
     result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
     ask = partial(question, scene, truncate)
     return replace(result, places=places(Explainer(scene), mine, result.error, ask=ask, truncate=truncate))
+
+
+def _unzoomed(mine: Bytes, asked: tuple[int, int]) -> tuple[Bytes, int]:
+    """A picture of which each pixel is there several times each way as it was before, and how many times that is."""
+    zoom = max(mine.shape[1] // asked[0], 1)
+    small = mine[::zoom, ::zoom]
+    is_so = small.shape[1::-1] == asked and np.array_equal(np.kron(small, np.ones((zoom, zoom, 1), np.uint8)), mine)
+    return (small, zoom) if is_so else (mine, 1)
 
 
 def _smoothed(mine: Bytes, sharp: Bytes, tolerance: int, draw: Callable[..., Image]) -> Bytes:

@@ -140,6 +140,17 @@ def test_another_size_is_said_and_compared(grid: Grid, factor: int) -> None:
     assert "96x72 instead of 48x36" in str(result) or factor == 3
 
 
+@pytest.mark.parametrize("name", [(), ("no-shadows",)])
+def test_a_picture_that_is_shown_larger_is_compared_as_it_was(grid: Grid, name: tuple[str, ...]) -> None:
+    picture = grid.draw(Case("vector", "step3-shadows", (60, 45), name))
+    result = cltrace.compare(grid.scene("step3-shadows", (60, 45)), np.kron(picture, np.ones((3, 3, 1), np.uint8)))
+    assert not result.same
+    assert result.zoom == 3
+    np.testing.assert_array_equal(result.mine, picture)
+    assert [cause.name for cause in result.causes] == list(name)
+    assert "each pixel is there 3 x 3 times" in str(result)
+
+
 def test_of_equals_each_is_named(grid: Grid) -> None:
     """All spot lights of a scene with one are gone whether it is left out, or its kind is."""
     answer = asked(grid, Case("vector", "spot", SIZE, ("no-spot-lights",)))
