@@ -249,6 +249,7 @@ class Search:
         self.free = found.free.copy() if found.free is not None else np.zeros(mine.shape[:2], np.bool_)
         for cover in found.covers.values():
             self.free |= cover
+        self.is_open = False  # whether too much explains the picture, so that more mistakes would do so by chance
         self._samples = (mine, right, tolerance)
         sample = self._sample(USUAL)
         self.share = min(max(RAYS * len(sample.mine) / max(self.tracer.rays, 1), FEWER), 1.0)
@@ -291,6 +292,8 @@ class Search:
         for trials in self._looks():
             verdict = self._judged(trials)
             yield verdict and (self._judged(self._beside(verdict)) or verdict)
+            if self.is_open:
+                return
 
     def _is_all_smooth(self) -> bool:
         """Whether hardly anything is wrong but what smoothness makes so."""
@@ -342,8 +345,9 @@ class Search:
                 (name,) = gone
                 rivals[name] = (*rivals.get(name, ()), *new)
             elif new and gone:
-                return None
-        if max(map(len, rivals.values()), default=0) >= RIVALS:
+                self.is_open = True
+        self.is_open |= max(map(len, rivals.values()), default=0) >= RIVALS
+        if self.is_open:
             return None
         return Verdict(leader, rivals, others=tuple(equal[1:]))
 

@@ -196,6 +196,12 @@ def test_rivals_are_so_beside_a_second_mistake(grid: Grid) -> None:
     assert answer.said == "far-root|no-parallel-lights|light-missing|light-reversed + pixel-corner"
 
 
+def test_where_too_many_single_mistakes_explain_all_no_two_are_named(grid: Grid) -> None:
+    """Without their light, balls look as from inside, and more: two others did so, too."""
+    answer = asked(grid, Case("tutorial", "tall", (40, 30), ("no-parallel-lights",)))
+    assert answer.said == " (likely far-root)"
+
+
 @pytest.mark.parametrize(
     "case",
     [
