@@ -229,9 +229,9 @@ def _framed(mine: Levels, wrong: Bits, background: Levels) -> Iterator[tuple[str
     frame = np.ones(wrong.shape, np.bool_)
     frame[top : height - bottom, left : width - right] = False
     sides = sum(count > 0 for count in counts)
-    if not wrong[frame].any() or wrong[~frame].mean() > 0.1 * wrong[frame].mean():
+    if frame.all() or not wrong[frame].any() or wrong[~frame].mean() > 0.1 * wrong[frame].mean():
         return
-    if sides == 1 and (top or bottom) and frame.mean() < 1:
+    if sides == 1 and (top or bottom):
         yield "cut-off", frame & wrong
     elif sides == 4:
         yield "border", frame & wrong

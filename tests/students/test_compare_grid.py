@@ -114,6 +114,11 @@ def test_pictures_of_one_colour_say_no_more(grid: Grid, level: int) -> None:
     assert [(cause.name, cause.explains) for cause in result.causes] == [("one-colour" if level else "black", 1.0)]
 
 
+def test_two_halves_of_one_colour_each_are_no_frame(grid: Grid) -> None:
+    halves = np.repeat(np.repeat(np.array([[(10, 20, 30)], [(200, 100, 0)]], np.uint8), 18, axis=0), 48, axis=1)
+    assert cltrace.compare(grid.scene("step2-parallel", SIZE), halves).causes == ()
+
+
 def test_noise_is_not_called_smooth(grid: Grid) -> None:
     scene = grid.scene("step2-parallel", (160, 120))
     noise = np.random.default_rng(3).integers(0, 256, (120, 160, 3), dtype=np.uint8)
