@@ -23,6 +23,22 @@ T = TypeVar("T")
 MAX_NAMES = 1000  # in a folder, among which one that is missing is looked for
 
 
+def hint_beside(root: Path, name: str) -> str:
+    """The end of the message that a file cannot be read, where one beside it has a name that resembles its own.
+
+    Of several with that name, one of the same kind is meant.
+    """
+    folder, _, last = name.rpartition("/")
+    try:
+        found = {path.name: path for path in itertools.islice((root / folder).iterdir(), MAX_NAMES)}
+    except (OSError, ValueError):
+        return ""
+    asked = Path(last)
+    stem = None if last in found else closest(asked.stem, tuple(sorted(path.stem for path in found.values())))
+    alike = [(path.suffix != asked.suffix, name) for name, path in found.items() if path.stem == stem]
+    return f"; did you mean {quoted(name.removesuffix(last) + min(alike)[1])}?" if alike else ""
+
+
 class Names:
     """The names of files in the order of their first use, and the lines of the scene that name them."""
 
@@ -94,17 +110,6 @@ class Files:
 
         return self._read(self.textures, read, faults)
 
-    def _hint(self, name: str) -> str:
-        """The end of the message that a file cannot be read, where one beside it has a name that resembles its own."""
-        folder, _, last = name.rpartition("/")
-        try:
-            found = {path.name: path.stem for path in itertools.islice((self._folder / folder).iterdir(), MAX_NAMES)}
-        except (OSError, ValueError):
-            return ""
-        stem = None if last in found else closest(Path(last).stem, tuple(sorted(found.values())))
-        meant = min((name for name in found if found[name] == stem), default=None)
-        return f"; did you mean {quoted(f'{folder}/{meant}' if folder else meant)}?" if meant else ""
-
     def _read(self, names: Names, read: Callable[[str, str], T | None], faults: Messages) -> Contents[T]:
         contents: Contents[T] = Contents()
         place: dict[str, int | None] = {}
@@ -126,5 +131,5 @@ class Files:
                 contents.of.append(None)
                 unreadable += 1
                 for line in lines:
-                    faults.add(line, f"{names.label} {quoted(name)} {error}", partial(self._hint, name))
+                    faults.add(line, f"{names.label} {quoted(name)} {error}", partial(hint_beside, self._folder, name))
         return contents

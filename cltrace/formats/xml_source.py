@@ -11,6 +11,7 @@ import itertools
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
@@ -20,6 +21,7 @@ from cltrace.base.limits import MAX_NAMESPACE, MAX_PREFIXES
 from cltrace.base.limits import SCENE_BYTES as MAX_BYTES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.files import UnreadableError, chunks
+from cltrace.formats.xml_files import hint_beside
 from cltrace.formats.xml_values import short
 
 # Bytes that are fed at once, and of the prologue at most. The tree of a larger chunk no longer fits the CPU's cache.
@@ -147,7 +149,7 @@ def _chunks(path: str) -> Iterator[bytes]:
     try:
         yield from chunks(path, CHUNK, MAX_BYTES)
     except UnreadableError as error:
-        raise FatalError(0, str(error)) from None
+        raise FatalError(0, f"{error}{hint_beside(Path(), path) if not Path(path).exists() else ''}") from None
 
 
 def _wide(first: bytes) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -29,11 +29,12 @@ from cltrace.students.places import places
 from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes
-from cltrace.students.whole import whole
+from cltrace.students.whole import around, uneven, whole
 from cltrace.students.window import LARGEST, Window, place_within
 
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
+INNER = 0.01  # of a smooth picture's pixels, wrong with all around them: so many are no matter of outlines
 
 
 def compare(
@@ -66,7 +67,7 @@ def compare(
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
     asked = scene.camera.resolution
-    mine = pixels_of(picture, asked, or_window=True)
+    mine, zoom = _unzoomed(pixels_of(picture, asked, or_window=True), asked)
     window = None
     if any(size_faults(mine.shape[1::-1], asked)):
         right = render(scene, device, precision, truncate=truncate).rgb8
@@ -75,9 +76,8 @@ def compare(
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
     right = right if window else render(scene, device, precision, truncate=truncate).rgb8
     if antialias:
-        smooth = render(scene, device, precision, truncate=truncate, antialias=True).rgb8
-        right = _smoothed(mine, right, smooth, int(tolerance))
-    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window)
+        right = _smoothed(mine, right, int(tolerance), partial(render, scene, device, precision, truncate=truncate))
+    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window, zoom=zoom)
     result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
@@ -85,16 +85,30 @@ def compare(
     return replace(result, places=places(Explainer(scene), mine, result.error, ask=ask, truncate=truncate))
 
 
-def _smoothed(mine: Bytes, sharp: Bytes, smooth: Bytes, tolerance: int) -> Bytes:
+def _unzoomed(mine: Bytes, asked: tuple[int, int]) -> tuple[Bytes, int]:
+    """A picture of which each pixel is there several times each way as it was before, and how many times that is."""
+    zoom = max(mine.shape[1] // asked[0], 1)
+    small = mine[::zoom, ::zoom]
+    is_so = small.shape[1::-1] == asked and np.array_equal(np.kron(small, np.ones((zoom, zoom, 1), np.uint8)), mine)
+    return (small, zoom) if is_so else (mine, 1)
+
+
+def _smoothed(mine: Bytes, sharp: Bytes, tolerance: int, draw: Callable[..., Image]) -> Bytes:
     """The smooth picture, and where it differs from the sharp one what is nearest to the own one of what is around.
 
-    How an outline is mixed depends on where the rays of a pixel go, which every program decides otherwise.
+    How an outline is mixed depends on where the rays of a pixel go, which every program decides otherwise. The smooth
+    picture takes far longer than the sharp one, which is enough where more than outlines is wrong.
     """
-    around = np.pad(np.stack([sharp, smooth]), ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3), axis=(1, 2))
-    low, high = windows.min(axis=(0, 4, 5)), windows.max(axis=(0, 4, 5))
-    soft = np.abs(smooth.astype(np.int16) - sharp).max(axis=2) > tolerance
-    return np.where(soft[..., None], np.clip(mine, low, high), smooth)
+    low, high = around(sharp)
+    right = np.where(uneven(sharp)[..., None], np.clip(mine, low, high), sharp)
+    wrong = (np.abs(mine.astype(np.int16) - right).max(axis=2) > tolerance).astype(np.uint8)
+    if around(wrong[..., None])[0].mean() <= INNER:
+        smooth = draw(antialias=True).rgb8
+        ends = around(smooth)
+        low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
+        soft = np.abs(smooth.astype(np.int16) - sharp).max(axis=2) > tolerance
+        right = np.where(soft[..., None], np.clip(mine, low, high), smooth)
+    return right.astype(np.uint8)
 
 
 def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> Comparison:

@@ -57,7 +57,8 @@ class Comparison:
     them, the one that explains most first; explained: the share of the differing pixels that these explain together,
     0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves
     or spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
-    one's; window: where the picture is in a screenshot of its window; places: pixels to look at, the worst one first,
+    one's; window: where the picture is in a screenshot of its window; zoom: how many times each way its file has each
+    pixel; places: pixels to look at, the worst one first,
     none where the pictures are the same.
     """
 
@@ -69,6 +70,7 @@ class Comparison:
     likely: Cause | None = None
     asked: tuple[int, int] | None = None
     window: Window | None = None
+    zoom: int = 1
     places: tuple[Place, ...] = ()
 
     @property
@@ -78,7 +80,8 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        return not self.causes and not self.asked and not self.window and not (self.error > self.tolerance).any()
+        told = self.causes or self.asked or self.window or self.zoom > 1
+        return not told and not (self.error > self.tolerance).any()
 
     @property
     def differing(self) -> float:
@@ -121,6 +124,8 @@ class Comparison:
         if self.asked:
             sizes = "{}x{} instead of {}x{}".format(*self.mine.shape[1::-1], *self.asked)
             lines.insert(0, f"the picture has another size, {sizes} pixels: it is compared at its own")
+        if self.zoom > 1:
+            lines.insert(0, f"each pixel is there {self.zoom} x {self.zoom} times: one of them is compared")
         if self.window:
             width, height, x, y = self.window
             lines.insert(0, f"the picture is in a window of {width}x{height} pixels, {x},{y} from its left and top")

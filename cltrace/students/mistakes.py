@@ -177,6 +177,18 @@ MISTAKES = (
         "the colour of a surface with a texture is the texel's at (u, v)",
         _of(texture=("white", "black")),
     ),
+    Mistake(
+        "flat-mesh-colors",
+        "each triangle of a mesh has one colour",
+        "mix the colours of a triangle's corners as normals are mixed, by the weights of the point",
+        _of(mesh_colors=("first", "mean")),
+    ),
+    Mistake(
+        "no-mesh-colors",
+        "the colours of meshes' vertices or faces are not seen: not there yet?",
+        "the colour of a point is that of its face, or mixed of those of the corners",
+        _of(mesh_colors=("none",)),
+    ),
     # Surfaces
     Mistake(
         "near-root-only",

@@ -131,7 +131,8 @@ class TextureRules:
     """How a texture is looked up.
 
     texture: "whole" with texels of 0 and 1 only; swapped_uv, clamped_uv: whether u and v are exchanged, or do not
-    repeat; turned_u, turned_v: whether they go the other way; texels_off: how far off, in texels.
+    repeat; turned_u, turned_v: whether they go the other way; texels_off: how far off, in texels; mesh_colors: what is
+    made of the colours of meshes' vertices and faces, "first" and "mean" being one colour for each triangle.
     """
 
     texture: Literal["right", "nearest", "whole", "nearest whole", "white", "black"] = "right"
@@ -140,6 +141,7 @@ class TextureRules:
     turned_u: bool = False
     turned_v: bool = False
     texels_off: float = 0.0
+    mesh_colors: Literal["right", "none", "first", "mean"] = "right"
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ are worth a look, more of them which one it is: it is named if it explains nearl
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from cltrace.students.mistakes import BY_NAME, ENOUGH, MISTAKES, Changes
 from cltrace.students.rules import Rules
 from cltrace.students.shapes import Ints
 from cltrace.students.tracer import Tracer, to_bytes
-from cltrace.students.whole import Whole
+from cltrace.students.whole import Whole, profile
 
 Levels = NDArray[np.int64]  # (n, 3), 0..255
 Bits = NDArray[np.bool_]
@@ -31,6 +32,7 @@ LARGE = 1500, 1500  # of the one by which a cause is named
 WIDE = 2500, 5000  # of the one that parts what fits equally well
 FEW = 40, 30  # of the first look at mistakes
 RAYS, FEWER = 20, 0.25  # a pixel, beyond which samples are smaller, and to which share of their size at least
+HALF = 0.5  # at least that of the first look is left, whatever the others are
 LEAST_OF = 24, 16  # of the look at two together
 _MOST = 20.0  # what is spoiled counts no more than so many times what is explained
 _FAR = 48  # levels from which on a pixel is just wrong
@@ -43,7 +45,8 @@ LIKELY = 0.5  # the gain from which on the picture looks like it
 PART = 0.02  # of the wrong pixels, at least that each of two mistakes explains
 RIVALS = 4  # names that may fit equally well, beyond which none is worth saying
 DECISIVE = 3  # pixels by which one explanation is better than another, at least
-LEAST, LEFT = 8, 0.01  # wrong pixels, and their share, that one mistake leaves for a second one to be looked for
+LEAST, LEFT = 8, 0.005  # wrong pixels, and their share, that one mistake leaves for a second one to be looked for
+ALL_BUT = 0.9  # of these, that a second one has to explain if they are few
 LOOSE = 0.2  # the share of pixels beyond which there is no need to ask whether rounding decides them
 DELICATE = 0.05  # the share of the wrong pixels that it may decide
 _LOOKED_AT = 12  # explanations that are held against each other
@@ -86,7 +89,7 @@ class Sample:
         weight = min(len(good) / max(len(bad), 1), _MOST)
         return cls(np.stack([x, y], axis=1), mine[y, x], right[y, x], wrong[y, x], weight=weight, total=len(bad))
 
-    def few(self, counts: tuple[int, int] = FEW) -> Sample:
+    def few(self, counts: tuple[int, int]) -> Sample:
         """A few of these pixels."""
         rng = np.random.default_rng(1)
         rows = [rng.permutation(np.flatnonzero(w))[:n] for w, n in zip((self.wrong, ~self.wrong), counts, strict=True)]
@@ -146,12 +149,13 @@ class Verdict:
     """What a picture's differences are explained by.
 
     named: the mistakes, none where it is unknown; rivals: for each name those that fit as well; likely: what the
-    picture looks most like where its mistakes are not named.
+    picture looks most like where its mistakes are not named; others: what is named with the rivals in their places.
     """
 
     named: Trial
     rivals: Mapping[str, Names]
     likely: Trial | None = None
+    others: tuple[Trial, ...] = ()
 
 
 def _best(trials: list[Trial]) -> Trial:
@@ -180,6 +184,16 @@ class Fit:
         if linear not in self._colors:
             self._colors[linear] = self.tracer.colors(self.sample.pixels, linear)
         return self._colors[linear]
+
+    def prepare(self, made: Sequence[Mapping[str, Changes]]) -> None:
+        """Traces what differs by its camera alone together, which is faster."""
+        alike: dict[Rules, list[Rules]] = {}
+        for rules in dict.fromkeys(self.base.changed(**Trial(one).changes).linear for one in made):
+            if rules not in self._colors and rules.lights.reaching is not None:
+                alike.setdefault(replace(rules, camera=self.base.camera), []).append(rules)
+        for some in alike.values():
+            seen = self.tracer.through(self.sample.pixels, [rules.camera for rules in some], some[0])
+            self._colors.update(zip(some, seen, strict=True))
 
     def _with_lights(self, rules: Rules) -> Iterator[NDArray[np.float64]]:
         """The colours with each choice of lights that reach what is seen first, and what mirrors and glass show."""
@@ -235,19 +249,21 @@ class Search:
         self.free = found.free.copy() if found.free is not None else np.zeros(mine.shape[:2], np.bool_)
         for cover in found.covers.values():
             self.free |= cover
+        self.is_open = False  # whether too much explains the picture, so that more mistakes would do so by chance
         self._samples = (mine, right, tolerance)
         sample = self._sample(USUAL)
         self.share = min(max(RAYS * len(sample.mine) / max(self.tracer.rays, 1), FEWER), 1.0)
         self.fit = self._fit(sample.few(self._counts(USUAL)) if self.share < 1 else sample)
-        self.few = self._fit(self.fit.sample.few())
+        self.few = self._fit(self.fit.sample.few(self._counts(FEW, HALF)))
         self.whole = self._tuned(found.made)
 
     def _fit(self, sample: Sample) -> Fit:
         return Fit(self.tracer, sample, self.tolerance, self.base)
 
-    def _counts(self, counts: tuple[int, int]) -> tuple[int, int]:
-        """So many pixels, or fewer if each takes many rays."""
-        return round(counts[0] * self.share), round(counts[1] * self.share)
+    def _counts(self, counts: tuple[int, int], least: float = 0.0) -> tuple[int, int]:
+        """So many pixels, or fewer if each takes many rays, but no less than that share."""
+        share = max(self.share, least)
+        return round(counts[0] * share), round(counts[1] * share)
 
     def _sample(self, counts: tuple[int, int]) -> Sample:
         """Without the pixels where doubles see something else than is there, of which they cannot judge."""
@@ -276,6 +292,8 @@ class Search:
         for trials in self._looks():
             verdict = self._judged(trials)
             yield verdict and (self._judged(self._beside(verdict)) or verdict)
+            if self.is_open:
+                return
 
     def _is_all_smooth(self) -> bool:
         """Whether hardly anything is wrong but what smoothness makes so."""
@@ -300,7 +318,8 @@ class Search:
             return
         yield self._made("large-epsilon", self._epsilons(self.few, self.whole))
         # Two beside a change of the whole picture would be three, which explain too much by chance.
-        yield [] if self.whole else self.pairs()
+        yield from [] if self.whole else self.pairs()
+        yield [] if self.whole else self._profiled()
         yield self.acne()
 
     # Which of some explanations it is
@@ -326,10 +345,11 @@ class Search:
                 (name,) = gone
                 rivals[name] = (*rivals.get(name, ()), *new)
             elif new and gone:
-                return None
-        if max(map(len, rivals.values()), default=0) >= RIVALS:
+                self.is_open = True
+        self.is_open |= max(map(len, rivals.values()), default=0) >= RIVALS
+        if self.is_open:
             return None
-        return Verdict(leader, rivals)
+        return Verdict(leader, rivals, others=tuple(equal[1:]))
 
     def _fits(self, trial: Trial) -> Bits | None:
         """(n,): which pixels of the large sample a cause explains, or leaves right; None if that is not enough.
@@ -356,17 +376,23 @@ class Search:
         share = sound * spoiled / max(int((~sample.wrong).sum()), 1)
         if missed > (1 - NAMED) * count or delicate > DELICATE * count + 1 or (spoiled > 1 and share > 1 - NAMED):
             return None
-        if any(part < max(PART, ENOUGH / count) for part in self._parts(trial).values() if len(trial.made) > 1):
-            return None
-        return matched
+        return matched if len(trial.made) == 1 or all(self._adds(trial, name) for name in trial.made) else None
+
+    def _adds(self, trial: Trial, name: str) -> bool:
+        """Whether one of several mistakes explains much, or, of no few pixels, nearly all that is left without it."""
+        wrong = self.large.sample.wrong
+        with_it, without = (self.large.matched(changes)[wrong] for changes in (trial.changes, trial.without(name)))
+        part, count = int((with_it & ~without).sum()), max(int(wrong.sum()), 1)
+        enough = part >= LEAST and part >= ALL_BUT * int((~without).sum())
+        return enough or part >= max(PART * count, ENOUGH)
 
     def _surroundings(self, fit: Fit, changes: Changes, rows: Ints) -> tuple[Levels, Levels]:
         """The least and the greatest levels within a pixel's square and what is next to it, (n, 3) each."""
         rules = self.base.changed(**changes)
         x, y = rules.camera.sample
         pixels, offsets = fit.sample.pixels[rows], (-0.7, 0.0, 0.7)
-        around = [rules.changed(sample=(x + dx, y + dy)) for dx in offsets for dy in offsets]
-        seen = np.array([to_bytes(self.tracer.colors(pixels, place), place.picture) for place in around])
+        around = [rules.changed(sample=(x + dx, y + dy)).camera for dx in offsets for dy in offsets]
+        seen = to_bytes(self.tracer.through(pixels, around, rules), rules.picture)
         return seen.min(axis=0), seen.max(axis=0)
 
     def _is_clear(self, fit: Fit, one: tuple[Trial, Bits], other: tuple[Trial, Bits]) -> bool:
@@ -398,8 +424,14 @@ class Search:
     @cached_property
     def looks(self) -> dict[str, list[Trial]]:
         """Each mistake that changes anything, alone, in all its ways, by a few pixels; of each the best way first."""
-        ways = {m.name: self._ways(m.name) for m in MISTAKES if not m.whole and m.name not in FLEXIBLE}
-        return {name: trials for name in ways if (trials := self._looked(name, ways[name]))}
+        twos = [{**self.whole, name: way} for name in self.ways for way in self.ways[name]]
+        self.few.prepare([two for two in twos if _agree(two)])
+        return {name: trials for name in self.ways if (trials := self._looked(name, self.ways[name]))}
+
+    @cached_property
+    def ways(self) -> dict[str, Sequence[Changes]]:
+        """How each mistake may be made that is looked for with all others."""
+        return {m.name: self._ways(m.name) for m in MISTAKES if not m.whole and m.name not in FLEXIBLE}
 
     def _looked(self, name: str, ways: Sequence[Changes]) -> list[Trial]:
         """How a mistake fits a few pixels, in each way that changes some of them."""
@@ -425,39 +457,58 @@ class Search:
         """What else may be wrong where a named mistake leaves more than rounding does."""
         left = ~self.large.matched(verdict.named.changes)[self.large.sample.wrong]
         is_alone = len(verdict.named.made) <= len(self.whole) + 1 and not set(FLEXIBLE) & set(verdict.named.names)
-        return self._with(verdict.named) if is_alone and left.sum() >= max(LEAST, LEFT * len(left)) else []
+        enough = is_alone and left.sum() >= max(LEAST, LEFT * len(left))
+        # A few pixels of all would hardly have any of these.
+        return self._with(verdict.named, verdict.others, self.large, self.ways) if enough else []
 
-    def pairs(self) -> list[Trial]:
-        """Two mistakes at once: what explains a part, and what explains the rest of it, the best first."""
+    def pairs(self) -> Iterator[list[Trial]]:
+        """Two mistakes at once: what explains a part, and what explains the rest, by more and more of the first."""
         by_gain = sorted(self.singles, key=lambda trial: trial.score.gain, reverse=True)
         by_distance = sorted(self.singles, key=lambda trial: trial.score.distance)
-        seeds = [*by_gain[: SEEDS // 2], *(trial for trial in by_distance if trial not in by_gain[: SEEDS // 2])]
+        alike: dict[object, list[Trial]] = {}
+        for trial in itertools.chain.from_iterable(zip(by_gain, by_distance, strict=True)):
+            some = alike.setdefault(trial.order, [])
+            some += [trial] if trial not in some else []
+        ways = {name: [trial.made[name] for trial in trials] for name, trials in self.looks.items()}
         found: dict[frozenset[str], Trial] = {}
-        for seed in seeds[: max(round(SEEDS * self.share), 1)]:
-            for trial in self._with(seed):
+        for i, (seed, *twins) in enumerate(itertools.islice(alike.values(), max(round(SEEDS * self.share), 1))):
+            for trial in self._with(seed, twins, self.fit, ways):
                 found.setdefault(frozenset(trial.names), trial)
-        return list(found.values())
+            if i % 2:
+                yield list(found.values())
+        yield list(found.values())
 
-    def _with(self, seed: Trial) -> list[Trial]:
-        """A mistake beside another one that explains what this one leaves wrong, the best first."""
-        left = self.fit.sample.left(self.fit.matched(seed.changes))
-        rest = self._fit(left.few(LEAST_OF))
+    def _profiled(self) -> list[Trial]:
+        """Single mistakes in the colours of another screen."""
+        made = [{**t.made, **profile(self.fit.sample.mine, self.fit.levels(t.changes))} for t in self.singles]
+        return [self.fit.trial(two) for two in made if _agree(two) and "colour-profile" in two]
+
+    def _with(
+        self, seed: Trial, twins: Sequence[Trial], fit: Fit, ways: Mapping[str, Sequence[Changes]]
+    ) -> list[Trial]:
+        """A mistake beside another one that explains what this one leaves wrong, the best first.
+
+        twins: others that fit as well as that one, so that they may fit as well beside the second mistake; fit: by
+        what it is judged; ways: the second mistakes.
+        """
+        left = fit.sample.left(fit.matched(seed.changes))
         if left.wrong.sum() < ENOUGH:
             return []
-        before, trials = rest.trial(seed.made).score, []
-        for mistake in MISTAKES:
-            if mistake.name not in self.looks or mistake.name in seed.names:
-                continue
-            ways = [trial.made[mistake.name] for trial in self.looks[mistake.name]]
-            twos = [{**seed.made, mistake.name: way} for way in ways]
-            trials += [rest.trial(two) for two in twos if _agree(two)]
-        trials = [trial for trial in trials if trial.score.gain >= max(before.gain + 0.1, LIKELY)]
+        rest = self._fit(left.few(LEAST_OF))
+        before = rest.trial(seed.made).score
+        others = [{**seed.made, name: way} for name in ways if name not in seed.names for way in ways[name]]
+        twos = [two for two in others if _agree(two)]
+        rest.prepare(twos)
+        trials = [trial for trial in map(rest.trial, twos) if trial.score.gain >= max(before.gain + 0.1, LIKELY)]
         found: dict[Names, Trial] = {}
         for trial in sorted(trials, key=lambda trial: trial.order, reverse=True):
             if len(found) < 4 and trial.names not in found:
-                found[trial.names] = self.fit.trial(self._adjusted(self.few, trial).made)
+                found[trial.names] = fit.trial(self._adjusted(rest, trial).made)
+        second = [{name: two.made[name] for name in two.names if name not in seed.names} for two in found.values()]
+        made = [{**twin.made, **more} for more in second for twin in twins]
+        best = [*found.values(), *(fit.trial(two) for two in made if _agree(two))]
         # Few pixels cannot tell ways apart that hardly differ, and of rivals each has to be at its best.
-        best = [self._adjusted(self.fit, two) if two.score.gain >= WORTH else two for two in found.values()]
+        best = [self._adjusted(fit, two) if two.score.gain >= WORTH else two for two in best]
         return sorted(best, key=lambda trial: trial.order, reverse=True)
 
     def _adjusted(self, fit: Fit, trial: Trial) -> Trial:

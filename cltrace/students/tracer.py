@@ -7,8 +7,10 @@ whose rays rounding decides may come out otherwise than in the right picture.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +57,8 @@ class Tracer:
         self.lamps, self.light_of = lamps_of(self.lights)
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / FULL[texture.dtype] for texture in scene.textures]
+        # Colours of meshes come as signed textures, or as strips of one row.
+        self.colors_of_meshes = [texture.dtype == np.int16 or len(texture) == 1 for texture in scene.textures]
         self._shapes: dict[SurfaceRules, Shapes] = {}
         self.rays = 0  # that were traced, with those to lamps
         used = scene.materials
@@ -67,10 +71,16 @@ class Tracer:
 
     def colors(self, pixels: Ints, rules: Rules = RIGHT) -> Floats:
         """(n, 3): the linear colours of pixels (n, 2), column and row, of which row 0 is the top; not clamped."""
-        origins, directions, lengths = camera_rays(self.scene.camera, pixels, rules.camera)
+        return np.asarray(self.through(pixels, [rules.camera], rules)[0])
+
+    def through(self, pixels: Ints, cameras: Sequence[CameraRules], rules: Rules) -> Floats:
+        """(k, n, 3): the same by the rules of k cameras, with all else by those of `rules`; together they take less."""
+        seen = [camera_rays(self.scene.camera, pixels, camera) for camera in cameras]
+        origins, directions, lengths = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
         rays = Rays(origins, directions, np.full(len(directions), -1), lengths)
         # Some mistakes divide by 0, as the programs do that make them.
-        return np.nan_to_num(self._trace(rays, np.ones(len(rays)), 0, rules), nan=0.0, posinf=_MUCH, neginf=-_MUCH)
+        found = np.nan_to_num(self._trace(rays, np.ones(len(rays)), 0, rules), nan=0.0, posinf=_MUCH, neginf=-_MUCH)
+        return found.reshape(len(cameras), len(pixels), 3)
 
     def _trace(self, rays: Rays, weights: Floats, depth: int, rules: Rules) -> Floats:
         """The tutorial's trace(): what rays see, (n, 3). weights: (n,), how much of that counts in the picture."""
@@ -192,15 +202,28 @@ class Tracer:
 
     def _surface_color(self, at: Points, rules: Rules) -> Floats:
         """The colour of the material, (n, 3), times its texture's."""
-        material = self.scene.materials[at.materials]
+        material, rule = self.scene.materials[at.materials], rules.textures
         color = material["color"].copy()
-        if rules.textures.texture in ("white", "black"):
-            return np.asarray(np.where(material["texture"][:, None] >= 0, rules.textures.texture == "white", color))
         for k, texels in enumerate(self.textures):
             rows = np.flatnonzero(material["texture"] == k)
-            if len(rows):
-                color[rows] *= looked_up(texels, at.uv[rows], rules.textures)
+            if len(rows) and self.colors_of_meshes[k]:
+                color[rows] *= self._mesh_colors(texels, _rows(at, rows), rules)
+            elif len(rows) and rule.texture in ("white", "black"):
+                color[rows] = rule.texture == "white"
+            elif len(rows):
+                color[rows] *= looked_up(texels, at.uv[rows], rule)
         return color
+
+    def _mesh_colors(self, texels: Floats, at: Points, rules: Rules) -> Any:
+        """The colours of meshes' vertices and faces, of which the triangles' corners have the places in a texture."""
+        how = rules.textures.mesh_colors
+        if how == "none":
+            return 1.0
+        uv = at.uv
+        if how != "right":
+            corners = self.shapes(rules.surfaces).corner_uv[at.parts - len(self.scene.spheres)]
+            uv = corners[:, 0] if how == "first" else corners.mean(axis=1)
+        return looked_up(texels, uv, RIGHT.textures)
 
     # Mirrors and glass
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def whole(mine: Levels, right: Levels, tolerance: int, background: Levels, antia
             yield Whole(made, covers | _strips(made, wrong), free=free, sure=sure)
 
 
-def around(picture: Levels) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+def around(picture: NDArray[Any]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """The least and the greatest levels of each pixel and those next to it, (h, w, 3) each."""
     ends = []
     for of in (np.minimum, np.maximum):
@@ -94,7 +95,7 @@ def around(picture: Levels) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     return ends[0], ends[1]
 
 
-def uneven(picture: Levels) -> Bits:
+def uneven(picture: NDArray[Any]) -> Bits:
     """(h, w): where so much changes from pixel to pixel that the mean of one is not what its middle shows."""
     low, high = around(picture)
     return np.asarray((high - low).max(axis=2) > _STEP)
@@ -163,16 +164,17 @@ def _made(mine: Levels, right: Levels, tolerance: int, free: Bits | None) -> tup
         fit = fits(tried)
         if fit > best:
             best, made = fit, tried
-    if best < _HALF:
-        profile = _profile(mine[y, x], right[y, x])
-        fit = fits(profile)
+    for place in _places(height == width) if best < _HALF else ():
+        rules = RIGHT.changed(**{key: value for changes in place.values() for key, value in changes.items()})
+        tried = {**place, **profile(mine[y, x], _seen(right, x, y, rules.camera))}
+        fit = fits(tried)
         if fit > best:
-            best, made = fit, profile
+            best, made = fit, tried
     gain = (best - before) / (1 - before) if before < 1 else 0.0
     return made if gain >= _SOME else {}, min(best, gain) >= _HALF
 
 
-def _profile(mine: Levels, right: Levels) -> Made:
+def profile(mine: Levels, right: Levels) -> Made:
     """The colour profile that is nearest to what pixels, (n, 3), show.
 
     White stays white, as profiles are adapted to it: each row of the matrix has the sum 1. So what a pixel has beside
@@ -193,9 +195,13 @@ def _profile(mine: Levels, right: Levels) -> Made:
     return {"colour-profile": {"profile": tuple(weights.ravel().tolist())}} if is_screen else {}
 
 
+def _places(square: bool) -> list[Made]:
+    return [{}, *(_PLACES if square else _PLACES[:3])]
+
+
 def _tried(square: bool) -> Iterator[Made]:
     """From what is simple to what is not."""
-    places: list[Made] = [{}, *(_PLACES if square else _PLACES[:3])]
+    places = _places(square)
     colors = [{name: way} for name in _COLORS for way in BY_NAME[name].variants]
     yield from places[1:]
     yield from colors
@@ -223,9 +229,9 @@ def _framed(mine: Levels, wrong: Bits, background: Levels) -> Iterator[tuple[str
     frame = np.ones(wrong.shape, np.bool_)
     frame[top : height - bottom, left : width - right] = False
     sides = sum(count > 0 for count in counts)
-    if not wrong[frame].any() or wrong[~frame].mean() > 0.1 * wrong[frame].mean():
+    if frame.all() or not wrong[frame].any() or wrong[~frame].mean() > 0.1 * wrong[frame].mean():
         return
-    if sides == 1 and (top or bottom) and frame.mean() < 1:
+    if sides == 1 and (top or bottom):
         yield "cut-off", frame & wrong
     elif sides == 4:
         yield "border", frame & wrong

@@ -1255,6 +1255,10 @@ def test_a_name_that_no_file_can_have() -> None:
 def test_files_that_cannot_be_read() -> None:
     with pytest.raises(SceneError, match=r"^none\.xml: cannot be read: No such file or directory$"):
         read("none.xml")
+    for name in ("nine.png", "nine.xml"):
+        Path(name).touch()
+    with pytest.raises(SceneError, match=r"^nin\.xml: cannot be read: .*; did you mean 'nine\.xml'\?$"):
+        read("nin.xml")
     with pytest.raises(SceneError, match=r"^\.: is a directory$"):
         read(".")
     with pytest.raises(SceneError, match="cannot be read: the name contains a NUL"):
