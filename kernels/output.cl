@@ -20,7 +20,7 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     const LANES(uint) pixel = r | (g << 8) | (b << 16);
     const Rows p[4] = PASTE(COLUMNS_IN_, W)(pixel);
     const Rows word[3] = {p[0] | (p[1] << 24), (p[1] >> 8) | (p[2] << 16), (p[2] >> 16) | (p[3] << 8)};
-    __global uint *row = (__global uint *)(out + 3 * first);
+    __global uint *row = (__global uint *)(out + 3 * (long)first);
     for (int k = 0; k < 3; k++) {
 #pragma unroll
         for (int j = 0; j < W / 4; j++) row[j * (3 * pitch / 4) + k] = ((const uint *)&word[k])[j];

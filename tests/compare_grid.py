@@ -33,6 +33,7 @@ from lxml import etree
 from wrong_texts import PAIRS, PICTURE, READING, TUTORIAL, VECTOR, Bytes, Texts
 
 import cltrace
+from cltrace import Scene
 from cltrace.students.rules import CameraRules, Rules
 from cltrace.students.shapes import Floats, Ints
 from cltrace.students.tracer import Tracer
@@ -125,13 +126,13 @@ def chosen(share: int, seed: int = 0) -> list[Case]:
 class Remembering(Tracer):
     """The comparison's tracer, which keeps what it has traced: many cases of one scene ask for the same pictures."""
 
-    pictures: ClassVar[dict[tuple[int, Rules], Remembered]] = {}
+    pictures: ClassVar[dict[tuple[Scene, Rules], Remembered]] = {}
 
     def through(self, pixels: Ints, cameras: Sequence[CameraRules], rules: Rules) -> Floats:
         (width, height), found = self.scene.camera.resolution, []
         for camera in cameras:
             one = replace(rules, camera=camera)
-            kept = self.pictures.setdefault((id(self.scene), one), Remembered())
+            kept = self.pictures.setdefault((self.scene, one), Remembered())
             kept.asked += len(pixels)
             if kept.colors is None and kept.asked <= PATIENCE * width * height:
                 found.append(super().through(pixels, [camera], rules)[0])

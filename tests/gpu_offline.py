@@ -29,7 +29,18 @@ from cltrace.run.program import source
 ROOT = Path(__file__).parent.parent
 TABLE = ROOT / "tests" / "kernels" / "gpu_offline.json"
 COMPILER = "clang-15"
-CLANG = (COMPILER, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header", "-O3", "-w", "-S")
+CLANG = (
+    COMPILER,
+    "-x",
+    "cl",
+    "-cl-std=CL1.2",
+    "-cl-fp32-correctly-rounded-divide-sqrt",
+    "-Xclang",
+    "-finclude-default-header",
+    "-O3",
+    "-w",
+    "-S",
+)
 BUILTINS, DEVICE_LIBS = Path("/usr/lib/clc/nvptx64--nvidiacl.bc"), Path("/usr/lib/x86_64-linux-gnu/amdgcn/bitcode")
 FRONT = ("-target-feature", "+ptx75", "-target-cpu", "sm_80", "-mlink-builtin-bitcode", str(BUILTINS))
 SM_90 = ("-target", "nvptx64-nvidia-nvcl", *(part for word in FRONT for part in ("-Xclang", word)))

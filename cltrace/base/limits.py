@@ -1,10 +1,10 @@
-"""How much a scene, its files and a picture may have: one table, that of docs/format.md.
+"""How much a scene, its files and a picture may have. docs/format.md has what users meet.
 
 Scenes and files may come from strangers, so whatever has a size is compared with its limit before memory is taken for
 it, and the fault says the limit. What a limit is for stands beside it, where it is not the memory.
 """
 
-# Of a picture. Each of these is an int in the kernel, and strips of a larger one would take lists of more than 1 GB.
+# Of a picture. The kernel numbers pixels by an int, and the lists of a larger one would take more than 1 GB.
 MAX_SIDE, MAX_PIXELS = 65_536, 2**30
 MAX_BOUNCES = 100
 MAX_RAYS = 2**20  # of a pixel, which takes more than a second then

@@ -110,8 +110,11 @@ def took(spent: Mapping[str, Mapping[str, float]]) -> str:
     """Where a run's seconds went, by the kind of step and by who was at work, the most first."""
     steps = Counter({step: sum(of.values()) for step, of in spent.items()})
     who: Counter[str] = sum(map(Counter, spent.values()), Counter())
-    parts = (", ".join(f"{name or 'the rest'} {s:.0f}" for name, s in c.most_common() if s >= 1) for c in (steps, who))
-    return f"It took {sum(steps.values()):.0f} s: {'; or '.join(parts)}."
+    said = f"It took {sum(steps.values()):.0f} s."
+    for what, counts in (("class", steps), ("program", who)):
+        if parts := [f"{name or 'the rest'} {s:.0f}" for name, s in counts.most_common() if s >= 1]:
+            said += f" By {what}: {', '.join(parts)}."
+    return said
 
 
 def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:

@@ -38,7 +38,8 @@ MANY = 128
 
 # So many rays a side are a pixel's true mean, or fewer if a picture of them has more pixels than that.
 RAYS, MOST_PIXELS = 64, 2**28
-# So many of them are traced at a time, which bounds the memory that they take; and of a case, one of so many bands.
+# So many rays are traced at a time, a band, which bounds the memory that they take. Of a case's picture, one of so many
+# bands is drawn.
 BAND, BANDS = 2**21, 4
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
@@ -264,7 +265,7 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
         return None
     if case.task == "samples":
         levels, n = means(case.scene, reference.on, bands=BANDS)
-        return Truth(levels, f"means of {n} x {n} rays a pixel, in one row of {BANDS}, by cltrace, accurate")
+        return Truth(levels, f"means of {n} x {n} rays a pixel, in a {BANDS}th of the rows, by cltrace, accurate")
     found = reference.answer(case.scene)
     width, height = case.scene.camera.resolution
     bytes_of = found.rgb8.reshape(height, width, 3).astype(float)

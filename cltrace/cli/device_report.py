@@ -16,7 +16,8 @@ import pyopencl as cl
 
 import cltrace
 from cltrace.base.errors import CltraceError
-from cltrace.cli.doctor import doctor, picture
+from cltrace.cli.doctor import examine, picture
+from cltrace.cli.output_files import naming
 from cltrace.picture.files import whole_file
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import PRECISIONS
@@ -45,7 +46,7 @@ LIMITS = (
     "EXTENSIONS",
 )
 FRAMES = 5  # of which the fastest counts
-# Seconds until a device is given up: it builds some ten kernels, of which a driver may take a minute each.
+# Seconds until a device is given up: it builds fifteen kernels, of which a driver may take a minute each.
 PATIENCE = 1200
 
 
@@ -58,9 +59,8 @@ class Trial(NamedTuple):
 
 
 def report(spec: str | None, target: str, say: Callable[[str], None] = print) -> int:
-    """Says what doctor() says, and writes that and the lines on each device into a file. Returns doctor()'s status.
-
-    Raises OSError if the file cannot be written.
+    """Says what doctor() says, and writes that and the lines on each device that works into a file. Returns doctor()'s
+    status. Raises UsageError if the file cannot be written.
     """
     lines: list[str] = []
 
@@ -68,10 +68,9 @@ def report(spec: str | None, target: str, say: Callable[[str], None] = print) ->
         say(line)
         lines.append(line)
 
-    with whole_file(Path(target)) as file:
-        status = doctor(spec, note)
-        tried = [line.split()[1] for line in lines if line.startswith("device ")]
-        for name in tried:
+    with naming(target), whole_file(Path(target)) as file:
+        status, well = examine(spec, note)
+        for name in well:
             ended, answer = child("-m", __name__, name, patience=PATIENCE)
             lines += ["", *(json.loads(answer) if ended == 0 else [f"device     {name} FAILS: {answer}"])]
         file.write("\n".join([*lines, ""]).encode())

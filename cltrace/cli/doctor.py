@@ -4,7 +4,7 @@ A driver can end the whole process, as LLVM does where it cannot translate an in
 in a child process, whose death is then a line of the report:
 
     python -m cltrace.cli.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
-    python -m cltrace.cli.doctor draw P:D [WIDTH]  draws and checks a small picture; status 0 if it is right
+    python -m cltrace.cli.doctor draw P:D [WIDTH]  draws a small picture; without WIDTH, status 0 if it is right
 """
 
 from __future__ import annotations
@@ -34,12 +34,17 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
     """Reports on this installation, line by line. Returns 0 if the device that `spec` means (None: the default) draws
     the picture that the reference draws, else 3. With a spec, only that device is tried.
     """
+    return examine(spec, say)[0]
+
+
+def examine(spec: str | None, say: Callable[[str], None]) -> tuple[int, list[str]]:
+    """doctor()'s status, and the specs of the devices that draw that picture."""
     for line in [_versions(), *_drivers(), *_caches()]:
         say(line)
     status, answer = child("-m", __name__, "devices", *([] if spec is None else [spec]))
     if status != 0:
         say(f"devices    {answer}")
-        return _advise(say, [])
+        return _advise(say, []), []
     listing = json.loads(answer)
     wanted, every = listing["wanted"], listing["devices"]
     asked = f"  ({_asked(spec)})"
@@ -53,12 +58,12 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         if status == 0:
             well.append(name)
     if wanted in well:
-        return 0
+        return 0, well
     if wanted is None:
         say(f"devices    {listing['problem']}")
         for line in every.values() if spec is not None else ():  # the others have been listed as they were tried
             say(f"           {line}")
-    return _advise(say, well)
+    return _advise(say, well), well
 
 
 def _asked(spec: str | None) -> str:
@@ -154,6 +159,7 @@ def _list(spec: str | None = None) -> int:
 
 
 def _draw(spec: str, width: str | None = None) -> int:
+    """Draws, and without a width compares with the reference: else a picture that is drawn is enough."""
     scene = picture()
     try:
         renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"), width=None if width is None else int(width))
@@ -161,6 +167,8 @@ def _draw(spec: str, width: str | None = None) -> int:
     except CltraceError as error:
         print(" ".join(str(error).split()))
         return error.exit_code
+    if width is not None:
+        return 0
     report = check(scene, image, renderer.precision, 48 * 36)
     if report.ok:
         print(f"{report.pixels} pixels in {renderer.precision} precision are as the reference draws them")

@@ -87,7 +87,7 @@ def _check_target(target: str, origin: str, suffixes: tuple[str, ...]) -> None:
 
 def write(image: Image, target: str, *shown: Any, **how: Any) -> None:
     """Writes a picture to a file, or a PNG to stdout where the target is -. shown, how: as of Image.save()."""
-    with _naming(target):
+    with naming(target):
         if target == "-":
             image.write(sys.stdout.buffer, ".png", *shown, **how)
             sys.stdout.buffer.flush()
@@ -99,24 +99,24 @@ def write_rows(images: Iterable[Image], height: int, targets: Mapping[str, Mappi
     """Writes a picture to files while it is drawn. images: its rows, from the top; height: of all; targets: how
     Image.write() would write each of them.
     """
-    with _naming(), ExitStack() as stack:
+    with naming(), ExitStack() as stack:
         files = dict[str, Rows]()
         for target, how in targets.items():
             file = sys.stdout.buffer if target == "-" else stack.enter_context(whole_file(Path(target)))
             files[target] = Rows(file, suffix_of(target), height, **how)
         for image in images:
             for target, rows in files.items():
-                with _naming(target):
+                with naming(target):
                     rows.add(image)
         for target, rows in files.items():
-            with _naming(target):
+            with naming(target):
                 rows.close()
                 if target == "-":
                     sys.stdout.buffer.flush()
 
 
 @contextmanager
-def _naming(target: str | None = None) -> Iterator[None]:
+def naming(target: str | None = None) -> Iterator[None]:
     """Makes a UsageError of what is raised where a file cannot be written. target: which one, if no error says it."""
     try:
         yield

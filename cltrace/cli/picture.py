@@ -37,7 +37,7 @@ def draw(work: Picture, reporter: Reporter) -> int:
     checked: tuple[Output, ...] = () if work.check is None else ("rgb8", "id")
     renderer = renderer_of(scene, work.drawing, (*files.needed, *checked, *work.look.scale))
     start, axes = time.perf_counter(), work.look.axes(scene.camera)
-    if files.by_rows and work.check is None and work.repeat == 1:
+    if files.by_rows and work.check is None and work.repeat == 1 and not is_all(work.drawing.device):
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
@@ -151,7 +151,8 @@ def _check_memory(renderer: Renderer) -> None:
     size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
     if size > memory:
         taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
-        raise UsageError(f"{taken}; {', '.join(BY_ROWS)} are written by rows, or draw a part of it with --crop")
+        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check, --repeat, --show depth and -d all"
+        raise UsageError(f"{taken}; {rows}; or draw a part of it with --crop")
 
 
 def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:

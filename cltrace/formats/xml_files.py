@@ -35,7 +35,7 @@ def hint_beside(root: Path, name: str) -> str:
         return ""
     asked = Path(last)
     stem = None if last in found else closest(asked.stem, tuple(sorted(path.stem for path in found.values())))
-    alike = [(path.suffix != asked.suffix, name) for name, path in found.items() if path.stem == stem]
+    alike = [(path.suffix != asked.suffix, other) for other, path in found.items() if path.stem == stem]
     return f"; did you mean {quoted(name.removesuffix(last) + min(alike)[1])}?" if alike else ""
 
 

@@ -1,7 +1,7 @@
 """OpenEXR files of 32-bit channels, written by rows: what the format calls scan lines, with the compression ZIP.
 
-https://openexr.com/en/latest/OpenEXRFileLayout.html has the format. The package OpenEXR writes whole pictures alone, of
-which it holds three copies.
+https://openexr.com/en/latest/OpenEXRFileLayout.html has the format. The package OpenEXR writes only whole pictures, and
+holds three copies of them.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import concurrently
+from cltrace.picture.png import HEAD
 
 MAGIC, VERSION = 20000630, 2
 # The format's numbers: of the compression, which takes so many lines at once, and of the kinds of numbers.
 ZIP, LINES = 3, 16
 KINDS = {"u": 0, "f": 2}
-# Of zlib: higher ones take a quarter more of the time for files that are 2 % smaller. How its streams begin.
-LEVEL, HEAD = 2, b"\x78\x01"
+# Of zlib: higher ones take a quarter more time for files that are 2 % smaller.
+LEVEL = 2
 # Blocks of lines that are compressed before they are written.
 AT_ONCE = 16
 

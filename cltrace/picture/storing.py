@@ -130,8 +130,9 @@ class _Exr:
 
     def write(self, arrays: Arrays) -> None:
         height = len(next(iter(arrays.values())))
-        for i in range(0, height, 16 * exr.LINES):
-            self._rows.write(_channels({name: array[i : i + 16 * exr.LINES] for name, array in arrays.items()}))
+        for i in range(0, height, exr.AT_ONCE * exr.LINES):
+            part = slice(i, i + exr.AT_ONCE * exr.LINES)
+            self._rows.write(_channels({name: array[part] for name, array in arrays.items()}))
 
     def close(self) -> None:
         self._rows.close()

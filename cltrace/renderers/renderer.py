@@ -32,7 +32,8 @@ from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
 SAMPLES = 16
-# Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit.
+# Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit into a
+# finer picture of so many pixels.
 PROBES, PROBED = (4, 2), 2**28
 # So many of these rays are traced at a time, which bounds the memory that they take.
 BAND = 2**22
@@ -123,6 +124,7 @@ class Renderer:
                 f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
                 "use --precision single or another device"
             )
+        self._asked_width = width
         self.width = self.device.width if width is None else width
         if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
@@ -259,8 +261,8 @@ class Renderer:
         other.scene, other.request = scene, request
         other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
-            other.device, other.width = device, device.width
-            check_driver(device, device.width)
+            other.device, other.width = device, self._asked_width or device.width
+            check_driver(device, other.width)
         if not share_all_but_camera(self.scene, scene):
             old, n = self.scene, len(scene.columns)
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))

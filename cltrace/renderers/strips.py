@@ -29,9 +29,9 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
             try:
                 image = part.draw(shown.update)
             except (OutOfMemoryError, MemoryError):
-                rows = (last - first) // (2 * STEP) * STEP
-                if not rows:
+                if last - first <= STEP:
                     raise
+                rows = max(STEP, (last - first) // (2 * STEP) * STEP)
             else:
                 yield last - first, image
                 first = last

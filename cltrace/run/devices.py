@@ -103,6 +103,11 @@ class Device:
         return bool(self.cl.double_fp_config)
 
     @property
+    def rounds_correctly(self) -> bool:
+        """Whether quotients and roots of floats are rounded to the nearest, if the compiler is asked for that."""
+        return bool(self.cl.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
+
+    @property
     def record(self) -> Driver:
         """What is known of its driver, if that is one for a CPU."""
         return next((d for d in DRIVERS if re.search(d.pattern, f"{self.platform} {self.cl.name}")), OTHER_CPU)

@@ -165,7 +165,8 @@ def program(device: Device, options: list[str], files: tuple[str, ...] = SOURCES
     log.
     """
     try:
-        return _program(device.cl, tuple(options), files)
+        exact = ["-cl-fp32-correctly-rounded-divide-sqrt"] if device.rounds_correctly else []
+        return _program(device.cl, (*options, *exact), files)
     except cl.Error as error:
         raise BuildError(f"the kernel does not build on {device.name}\noptions: {' '.join(options)}\n{error}") from None
 
@@ -182,11 +183,4 @@ def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]
         # No fast-math of any kind: infinity is the distance of a miss, and the filters' bounds need each rounding.
         # No warnings: of processors without registers for 16 floats, PoCL 3.1 counts some hundred on stderr.
         made = cl.Program(context_of(device), source(files))
-        every = [*options, *_roundings(device), "-cl-std=CL1.2", "-w"]
-        return Program(aside(lambda: made.build(options=every, devices=[device])))
-
-
-def _roundings(device: cl.Device) -> list[str]:
-    """The option without which GPUs may be off by some ulp in quotients and roots of floats, where they have it."""
-    exact = device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
-    return ["-cl-fp32-correctly-rounded-divide-sqrt"] if exact else []
+        return Program(aside(lambda: made.build(options=[*options, "-cl-std=CL1.2", "-w"], devices=[device])))

@@ -1,7 +1,8 @@
 """Drivers that may end the whole process are met in another one first, as LLVM does where it lacks an instruction.
 
-What is not known of a driver is tried once for each of its versions and widths of packets, and remembered in the cache
-folder: a small picture, which `cltrace.cli.doctor` draws in a process of its own.
+What is not known of a driver is tried once for each of its versions and widths of packets: a small picture, which
+`cltrace.cli.doctor` draws in a process of its own. That it was drawn, or that the driver ended the process, is
+remembered in the cache folder.
 """
 
 from __future__ import annotations
@@ -22,8 +23,11 @@ from cltrace.run.devices import Device
 
 # Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
 PATIENCE = 120
-# The exit status of one that was given up.
+# The exit status of one that was given up, or could not begin.
 GIVEN_UP = 124
+# How drivers end a process: by these signals, or with such a status on Windows. Others come from elsewhere.
+FAULTS = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGFPE, getattr(signal, "SIGBUS", None)}
+WINDOWS_FAULT = 0xC0000000
 # The environment variable of a process that is a trial itself.
 TRIAL = "CLTRACE_TRIAL"
 
@@ -47,6 +51,8 @@ def child(*arguments: str, patience: int = PATIENCE) -> tuple[int, str]:
         )
     except subprocess.TimeoutExpired:
         return GIVEN_UP, f"no answer within {patience} seconds"
+    except OSError as error:
+        return GIVEN_UP, f"no other process can be begun: {error.strerror}"
     said, complaint = (_last_line(text) for text in (done.stdout, done.stderr))
     if done.returncode < 0:
         try:
@@ -68,29 +74,32 @@ def check_driver(device: Device, width: int) -> None:
     record = device.record
     if (record.known and width <= device.width and device.kind == "cpu") or TRIAL in os.environ:
         return
-    note = _note(device, width)
+    note, words = _note(device, width), f"{device.name} cannot draw with --width {width}"
     try:
         fault = note.read_text("utf-8")
     except (OSError, ValueError):
-        fault = _tried(device, width)
-        with contextlib.suppress(OSError):
-            note.parent.mkdir(mode=0o700, exist_ok=True)
-            part = note.with_suffix(f".{os.getpid()}")
-            part.write_text(fault, "utf-8")
-            part.replace(note)
+        with Announcement(f"trying {device.name}, which is new here ..."):
+            status, answer = child("-m", "cltrace.cli.doctor", "draw", device.spec, str(width))
+        if status == GIVEN_UP:
+            raise DeviceError(f"{words}: {answer}") from None
+        is_fault = -status in FAULTS or status >= WINDOWS_FAULT
+        fault = answer if is_fault else ""
+        if is_fault or status >= 0:
+            _remember(note, fault)
     if fault:
-        advice = f"it is not tried again before {note} is removed"
-        raise DeviceError(f"{device.name} cannot draw packets of {width} pixels: {fault}; {advice}")
+        raise DeviceError(f"{words}: {fault}; it is not tried again before {note} is removed")
+
+
+def _remember(note: Path, fault: str) -> None:
+    """Writes the file of a trial, if that is possible."""
+    with contextlib.suppress(OSError):
+        note.parent.mkdir(mode=0o700, exist_ok=True)
+        part = note.with_suffix(f".{os.getpid()}")
+        part.write_text(fault, "utf-8")
+        part.replace(note)
 
 
 def _note(device: Device, width: int) -> Path:
     """The file that says what came of a trial: nothing, or what is wrong."""
     words = f"{device.platform} {device.cl.driver_version} {device.cl.name} {width}"
     return home() / "cltrace" / f"driver-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
-
-
-def _tried(device: Device, width: int) -> str:
-    """What is wrong with a driver that ends the process or does not come back, else nothing."""
-    with Announcement(f"trying {device.name}, which is new here ..."):
-        status, answer = child("-m", "cltrace.cli.doctor", "draw", device.spec, str(width))
-    return answer if status < 0 or status == GIVEN_UP else ""

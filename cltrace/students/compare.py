@@ -87,10 +87,12 @@ def compare(
 
 def _unzoomed(mine: Bytes, asked: tuple[int, int]) -> tuple[Bytes, int]:
     """A picture of which each pixel is there several times each way as it was before, and how many times that is."""
-    zoom = max(mine.shape[1] // asked[0], 1)
+    (width, height), zoom = asked, mine.shape[1] // asked[0]
+    if zoom < 2 or mine.shape != (zoom * height, zoom * width, 3):
+        return mine, 1
     small = mine[::zoom, ::zoom]
-    is_so = small.shape[1::-1] == asked and np.array_equal(np.kron(small, np.ones((zoom, zoom, 1), np.uint8)), mine)
-    return (small, zoom) if is_so else (mine, 1)
+    same = mine.reshape(height, zoom, width, zoom, 3) == small[:, None, :, None]
+    return (small, zoom) if same.all() else (mine, 1)
 
 
 def _smoothed(mine: Bytes, sharp: Bytes, tolerance: int, draw: Callable[..., Image]) -> Bytes:

@@ -149,7 +149,8 @@ class Verdict:
     """What a picture's differences are explained by.
 
     named: the mistakes, none where it is unknown; rivals: for each name those that fit as well; likely: what the
-    picture looks most like where its mistakes are not named; others: what is named with the rivals in their places.
+    picture looks most like where its mistakes are not named; others: explanations that are as
+    good as `named`, each with a rival in place of a name.
     """
 
     named: Trial

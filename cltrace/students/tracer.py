@@ -57,8 +57,12 @@ class Tracer:
         self.lamps, self.light_of = lamps_of(self.lights)
         self.ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
         self.textures = [texture / FULL[texture.dtype] for texture in scene.textures]
-        # Colours of meshes come as signed textures, or as strips of one row.
-        self.colors_of_meshes = [texture.dtype == np.int16 or len(texture) == 1 for texture in scene.textures]
+        # Colours of meshes come as signed textures, or as strips of one row, and no other shape has these.
+        others = [scene.materials["texture"][shape["material"]] for shape in (scene.spheres, scene.cylinders)]
+        self.colors_of_meshes = [
+            texture.dtype == np.int16 or (len(texture) == 1 and k not in np.concatenate(others))
+            for k, texture in enumerate(scene.textures)
+        ]
         self._shapes: dict[SurfaceRules, Shapes] = {}
         self.rays = 0  # that were traced, with those to lamps
         used = scene.materials

@@ -32,7 +32,7 @@ from cltrace.viewer.messages import Event, Message, State
 from cltrace.viewer.stage import ERROR, VIEWS, Drawn, OverError, Phase, Stage
 
 # Seconds that the pixels of a moving picture and its JPEG may take, and by what its sides are divided at most. A page
-# takes about as long for them.
+# takes about as long again to show one.
 PACE, SMALLEST = 1 / 100, 4
 # What no pixel's id is.
 NOTHING = -2

@@ -92,6 +92,7 @@ def test_faults(
     assert capsys.readouterr().err.startswith(message)
 
 
+@pytest.mark.slow
 def test_another_run_again_and_against_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Tables and plots of results.json are made again, and a worse run ends with 1."""
     out = tmp_path / "out"

@@ -170,7 +170,9 @@ def test_where_seconds_went(monkeypatch: pytest.MonkeyPatch) -> None:
     progress.step("bonds: b")
     progress.say("Embree: first picture")
     assert progress.spent == {"": {"": 1.0}, "meshes": {"": 2.0, "Embree": 7.0}, "bonds": {"": 5.0}}
-    assert report.took(progress.spent) == "It took 15 s: meshes 9, bonds 5, the rest 1; or the rest 8, Embree 7."
+    assert report.took(progress.spent) == (
+        "It took 15 s. By class: meshes 9, bonds 5, the rest 1. By program: the rest 8, Embree 7."
+    )
 
 
 def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,9 +74,8 @@ def changed_by_filter(scene: Scene, device: Device) -> int:
     return int(((one.id != other.id) | (one.color != other.color).any(axis=2)).sum())
 
 
-@pytest.mark.parametrize(
-    "name", ["joints", *(pytest.param(r, marks=pytest.mark.slow) for r in REGIMES if r != "joints")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REGIMES)
 def test_no_filter_changes_a_picture(device: Device, name: str) -> None:
     seeds, size = (40, (5, 3)) if name in ("grazing", "edges") else (4, (31, 23))
     assert [seed for seed in range(seeds) if changed_by_filter(lit_of(name, seed, size), device)] == []

@@ -12,7 +12,7 @@ import pytest
 @pytest.mark.slow
 @pytest.mark.skipif(bool(gpu_offline.missing()), reason=f"not installed: {gpu_offline.missing()}")
 def test_programs_take_what_the_table_says(tmp_path: Path) -> None:
-    """The smallest and the largest of them; `python tests/gpu_offline.py` compares all."""
+    """Three that compile soon; `python tests/gpu_offline.py` compares all."""
     table = json.loads(gpu_offline.TABLE.read_text("utf-8"))
     every = {program.name: program for program in gpu_offline.programs()}
     assert every.keys() == table.keys()

@@ -63,6 +63,7 @@ def test_lines_are_where_surfaces_end(thick: int, device: Device) -> None:
     assert (image.depth == plain.depth).all()
 
 
+@pytest.mark.slow
 def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
     plain = draw(scene(), device, antialias=True, outputs=SMOOTH)
     image = draw(scene(), device, antialias=True, outputs=SMOOTH, outline=((1, 0, 0.5), 1.5))

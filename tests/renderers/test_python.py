@@ -182,6 +182,7 @@ for parent in (0, 1):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
 def test_what_forks_before_its_first_picture_draws_everywhere() -> None:
     """As a server's workers do, which import what they need only once."""

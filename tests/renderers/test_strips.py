@@ -60,14 +60,6 @@ def test_files_are_those_of_whole_pictures(
     assert capfdbinary.readouterr().out == want[0]
 
 
-def test_all_devices_draw_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert cli.main([str(SCENE), *SIZE, "-o", "a.png"]) == 0
-    monkeypatch.setattr(strips, "ROOM", 2**12)
-    assert cli.main([str(SCENE), *SIZE, "-d", "all", "-o", "b.png"]) == 0
-    assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
-
-
 @pytest.mark.parametrize("error", [cl.MemoryError, MemoryError])
 def test_strips_become_smaller_where_memory_does_not_suffice(
     error: type[Exception], device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -97,6 +89,7 @@ def test_too_little_memory_is_said(
         Path(name).unlink()
 
 
+@pytest.mark.slow
 def test_a_whole_picture_that_no_memory_holds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,7 +97,8 @@ def test_a_whole_picture_that_no_memory_holds(
     monkeypatch.setattr("cltrace.cli.picture.physical_memory", lambda: 5e4)
     for more, size in ((["-o", "a.npz"], 243), (["--check", "-o", "a.npy"], 47.2), (["--repeat", "2"], 20.2)):
         assert cli.main([str(SCENE), *SIZE, *more]) == (2 if size > 50 else 0)
-        advice = "of 5e-05 GB; .png, .exr, .npy are written by rows, or draw a part of it with --crop"
+        advice = "of 5e-05 GB; only .png, .exr, .npy are written by rows, without --check, --repeat, --show depth and "
+        advice += "-d all; or draw a part of it with --crop"
         want = f"cltrace: 90x75 would take {size / 1e6:.3g} GB at once, {advice}\n" if size > 50 else ""
         assert capsys.readouterr().err == want
     assert cli.main([str(SCENE), *SIZE, "-o", "a.exr"]) == 0

@@ -203,6 +203,7 @@ def test_scenes_of_files_and_ellipsoids(device: Device, seed: int) -> None:
         same(renderer, replace(scene, spheres=balls, materials=shades))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", ["maps", "which sphere has which"])
 @pytest.mark.parametrize("reflectance", [0.5, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_other_ellipsoids_in_the_same_places(device: Device, changed: str, reflectance: float) -> None:

@@ -27,7 +27,7 @@ def test_a_new_driver_draws_in_a_process_of_its_own(device: Device, notes: Path)
     assert note.read_bytes() == b""
 
 
-@pytest.mark.parametrize(("status", "refused"), [(0, False), (3, False), (-6, True), (trial.GIVEN_UP, True)])
+@pytest.mark.parametrize(("status", "refused"), [(0, False), (3, False), (-6, True)])
 def test_what_came_of_it_is_remembered(
     status: int, refused: bool, device: Device, notes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -39,7 +39,7 @@ def test_what_came_of_it_is_remembered(
             with pytest.raises(DeviceError) as caught:
                 trial.check_driver(device, 16)
             (note,) = notes.iterdir()
-            words = f"cannot draw packets of 16 pixels: LLVM ERROR: Cannot select; it is not tried again before {note}"
+            words = f"cannot draw with --width 16: LLVM ERROR: Cannot select; it is not tried again before {note}"
             assert str(caught.value) == f"{device.name} {words} is removed"
         else:
             trial.check_driver(device, 16)
@@ -49,6 +49,20 @@ def test_what_came_of_it_is_remembered(
     asked.clear()
     assert refused or trial.check_driver(device, 16) is None
     assert refused or len(asked) == 1
+
+
+@pytest.mark.parametrize("status", [-9, -15, trial.GIVEN_UP])
+def test_what_came_from_elsewhere_is_not_remembered(
+    status: int, device: Device, notes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process that others end says nothing of the driver; one that does not come back is refused this time."""
+    monkeypatch.setattr(trial, "child", lambda *_: (status, "no answer"))
+    if status == trial.GIVEN_UP:
+        with pytest.raises(DeviceError, match=r"cannot draw with --width 16: no answer$"):
+            trial.check_driver(device, 16)
+    else:
+        trial.check_driver(device, 16)
+    assert not notes.exists()
 
 
 def test_no_trial_of_what_was_measured(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +84,5 @@ def test_a_driver_that_ends_the_process(tmp_path: Path, monkeypatch: pytest.Monk
         pytest.skip("there is no PoCL 3.0")
     monkeypatch.setattr(trial, "home", lambda: tmp_path)
     for _ in range(2):
-        with pytest.raises(
-            DeviceError, match="cannot draw packets of 16 pixels: the driver ended the process with SIG"
-        ):
+        with pytest.raises(DeviceError, match="cannot draw with --width 16: the driver ended the process with SIG"):
             Renderer(usual_scene(), old[0], width=16)

@@ -273,7 +273,11 @@ def smooth(scene: cltrace.Scene, **changes: object) -> Bytes:
     return to_bytes(np.mean(colors, axis=0)).reshape(height, width, 3).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("changes", "names"), [({}, []), ({"shadows": False}, ["no-shadows"])], ids=["right", "wrong"])
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [pytest.param({}, [], marks=pytest.mark.slow), ({"shadows": False}, ["no-shadows"])],
+    ids=["right", "wrong"],
+)
 def test_smooth_pictures_are_compared(pictures: Pictures, changes: dict[str, object], names: list[str]) -> None:
     """A mistake is found as in sharp ones; that the picture is smooth is named where it should not be."""
     scene = pictures.loaded["bright"].seen_by(replace(pictures.loaded["bright"].camera, resolution=(114, 81)))

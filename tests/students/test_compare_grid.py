@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from compare_grid import MAKERS, Answer, Case, Grid, Remembering, asked, cases, chosen, module
+from PIL import Image
 from wrong_texts import PAIRS, PICTURE, TUTORIAL, VECTOR
 
 import cltrace
@@ -85,12 +88,14 @@ def test_a_picture_that_seems_smooth_is_not_called_so_where_two_mistakes_explain
     assert answer.said == "upside-down + blinn"
 
 
+@pytest.mark.slow
 def test_of_three_mistakes_one_is_named_at_most(grid: Grid) -> None:
     """Two beside a change of the whole picture fitted here by chance."""
     answer = asked(grid, Case("tutorial", "random-2", (64, 40), ("mirrored", "no-refraction")))
     assert answer.said.split(" (")[0] == "mirrored"
 
 
+@pytest.mark.slow
 def test_cylinders_that_are_missing_are_not_called_meshes() -> None:
     camera = cltrace.Camera((0, 1, 5), (0, 0, 0), horizontal_fov=30, resolution=SIZE)
     lights = [cltrace.ambient_light(), cltrace.point_light((3, 4, 4))]
@@ -306,3 +311,16 @@ def test_a_larger_picture_of_something_else_is_refused(grid: Grid) -> None:
     screen = np.random.default_rng(5).integers(0, 256, (90, 100, 3), dtype=np.uint8)
     with pytest.raises(ValueError, match="picture: has 100x90 pixels, but the scene's picture has 60x45"):
         cltrace.compare(grid.scene("step3-shadows", (60, 45)), screen)
+
+
+def test_a_texture_of_one_row_on_a_sphere_is_no_colour_of_a_mesh(tmp_path: Path) -> None:
+    """Meshes' colours come as such textures, but here a sphere has it, which has no corners."""
+    scenes = Path(__file__).parents[2] / "scenes"
+    for name in ("meshes", "textures"):
+        shutil.copytree(scenes / name, tmp_path / name)
+    row = np.arange(256, dtype=np.uint8)[None, :, None].repeat(3, 2)
+    Image.fromarray(row).save(tmp_path / "textures" / "planet.png")
+    shutil.copy(scenes / "planet.xml", tmp_path)
+    scene = cltrace.load(tmp_path / "planet.xml")
+    assert 1 in map(len, scene.textures)
+    assert not any(Tracer(scene).colors_of_meshes)

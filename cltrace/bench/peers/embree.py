@@ -63,7 +63,14 @@ class Embree(Peer):
 
     def command(self, scene: Scene) -> list[str]:
         """Reads the scene, builds the tree, draws one picture and writes its bytes."""
-        return [self._program, str(self._file(scene, ".embree")), "1", str(self._folder / "embree.rgb")]
+        return [
+            self._program,
+            str(self._file(scene, ".embree")),
+            "1",
+            str(self._folder / "embree.rgb"),
+            "0",
+            self._way or "0",
+        ]
 
     def _write(self, scene: Scene, path: Path) -> None:
         """The Head and the arrays of embree.cpp. Of another scene another way may be the fastest."""

@@ -43,9 +43,8 @@ EXACT = cl.device_fp_config.ROUND_TO_NEAREST | cl.device_fp_config.INF_NAN | cl.
 
 def is_exact(device: Device) -> bool:
     """Whether the device rounds all that packing needs as numpy does."""
-    rounds = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
     single, double = device.cl.single_fp_config, device.cl.double_fp_config
-    return bool(single & EXACT == EXACT and single & rounds and double & EXACT == EXACT)
+    return bool(single & EXACT == EXACT and device.rounds_correctly and double & EXACT == EXACT)
 
 
 class Toolbox:
