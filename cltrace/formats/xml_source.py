@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import itertools
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -149,7 +150,8 @@ def _chunks(path: str) -> Iterator[bytes]:
     try:
         yield from chunks(path, CHUNK, MAX_BYTES)
     except UnreadableError as error:
-        raise FatalError(0, f"{error}{hint_beside(Path(), path) if not Path(path).exists() else ''}") from None
+        there = os.path.exists(path)  # noqa: PTH110  # Path's raises an error for names that are too long
+        raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), path)}") from None
 
 
 def _wide(first: bytes) -> str | None:

@@ -729,6 +729,14 @@ def test_a_file_beside_the_missing_one_is_named() -> None:
     assert faults_of(text) == [f"28: {missing}; did you mean 'textures/wall.png'?"]
 
 
+def test_a_name_that_is_too_long_for_a_file_is_a_fault() -> None:
+    """Nothing is looked for beside it. Found by made-up command lines."""
+    name = 400 * "x"
+    with pytest.raises(SceneError) as caught:
+        read(name)
+    assert str(caught.value) == f"{name}: cannot be read: File name too long"
+
+
 def test_more_light_than_there_is_is_pointed_out() -> None:
     """Of spheres that are read in bulk and one by one, and of meshes."""
     shares = SCENE.replace('reflectance r="0.0"', 'reflectance r="0.6"').replace(
