@@ -267,9 +267,8 @@ def black(part: Part, camera: cltrace.scene.AnyCamera) -> cltrace.Scene:
     return cltrace.Scene.from_meshes(camera, [cltrace.ambient_light()], [mesh], background="white")
 
 
-@pytest.mark.parametrize(
-    "parallel", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["perspective", "parallel"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("parallel", [False, True], ids=["perspective", "parallel"])
 @pytest.mark.parametrize("name", MAKERS)
 def test_random_shapes(any_device: Device, name: str, parallel: bool) -> None:
     """From 10 to 10,000 sizes away, no pixel is off by more than 3 sigma of the lattice's own error at two edges."""
