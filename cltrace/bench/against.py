@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 from .errors import Errors
 from .points import Point, Results, Spread, Way, Work
-from .report import milliseconds, number
+from .texts import milliseconds, number
 
 Row = TypeVar("Row", Point, Way)
 SLOWER, FASTER, WRONG, RIGHT, MORE, LESS, GONE = (

@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 
@@ -24,15 +25,17 @@ from cltrace.process.console import Parser, command, positive, tell
 from cltrace.renderers.renderer import default_precision
 from cltrace.run.devices import Device, choose, devices
 
-from . import against, counted, machine, points, report, ways
+from . import against, counted, machine, points, ready, report, ways
 from .measure import Budget, measure
 from .peers import installed
 from .points import Results
 from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
-from .tracers import Product, Tracer, configurations
+from .tracers import Tracer
 
 SIZE, QUICK_SIZE = (800, 450), (320, 180)
-FULL, QUICK = Budget(), Budget(rounds=3, seconds=1)
+FULL, QUICK = Budget(), Budget(rounds=7, seconds=0.2)
+# So many pixels of a case are checked exactly.
+CHECKED = 100
 
 
 def parser() -> argparse.ArgumentParser:
@@ -129,10 +132,10 @@ class Bench:
     quick: bool
     results: Results
 
-    def tracers(self, peers: Sequence[Tracer]) -> list[Tracer]:
-        """On all devices."""
-        own = [t for d in self.devices for t in configurations(d, self.precisions_of(d), self.quick)]
-        return [*own, *peers]
+    def ours(self) -> ready.Ours:
+        """Our tracers on all devices; the reference is on the first that has double precision, or on any other."""
+        able = next((d.spec for d in [*self.devices, *devices()] if d.has_double), None)
+        return ready.Ours(tuple((d.spec, tuple(self.precisions_of(d))) for d in self.devices), able, self.quick)
 
     def precisions_of(self, device: Device) -> list[Precision]:
         """The device's default first. UsageError if it has none of those that were asked for."""
@@ -144,32 +147,40 @@ class Bench:
             raise UsageError(f"{device.name} has no double precision, which --precision {self.precisions[0]} needs")  # type: ignore[index]
         return chosen
 
-    def reference(self) -> Product | None:
-        """In double precision, without filters, on the first device that has it, or on any other."""
-        able = next((d for d in [*self.devices, *devices()] if d.has_double), None)
-        return Product(able, "double", ("filter",)) if able else None
+    def known(self, ours: ready.Ours, progress: Progress) -> dict[int, ready.Known]:
+        """What is known of the cases, by the identity of their scenes, of which some are those of several cases.
 
-    def run(self, peers: Sequence[Tracer], progress: Progress) -> None:
+        The last ones are begun first: they take longest.
+        """
+        scenes = {id(case.scene): case for case in reversed(self.cases)}
+        jobs = [partial(ready.known, case, ours, CHECKED) for case in scenes.values()]
+        found = {}
+        for scene, of in zip(scenes, ready.at_once(jobs), strict=True):
+            found[scene] = of
+            progress.say(f"compiled and checked: {len(found)} of {len(jobs)} scenes")
+        return found
+
+    def run(self, peers: Sequence[Tracer], progress: Progress, watch: machine.Watch) -> None:
         """Measures everything. Prints a table as soon as its scene is done."""
-        tracers, reference, out = self.tracers(peers), self.reference(), self.results
+        progress.step("made ready")
+        ours, out = self.ours(), self.results
+        tracers, known = [*ours.tracers(), *peers], self.known(ours, progress)
         for case in self.cases:
             progress.step(f"{case.group}: {case.name}")
             first = len(out.points)
-            measure(case, tracers, reference, self.budget, out.points, progress.say)
+            measure(case, tracers, known[id(case.scene)], self.budget, out.points, progress.say, watch)
             progress.clear()
             print(report.scene_table(out.points[first:]), end="\n\n", flush=True)
-        budget = replace(self.budget, errors=False)
-        if math.isfinite(budget.seconds):  # else so many rounds were asked for
-            budget = replace(budget, seconds=1)
         few_tracers = [t for t in tracers if t.grows]
         for case in self.growth:
             progress.step(f"{case.group}: {case.name}")
-            measure(case, few_tracers, None, budget, out.points, progress.say)
+            measure(case, few_tracers, None, self.budget, out.points, progress.say, watch)
         rounds = 1 if self.quick else points.LEAST_ROUNDS
         for k, case in enumerate(self.waited):
             progress.step(f"whole ways: {case.name}")
             new = k == 0 and not self.quick  # what is compiled is the same for all
-            ways.measure(case, self.devices[0], peers, rounds, out.ways, progress.say, new=new)
+            with watch.timing():
+                ways.measure(case, self.devices[0], peers, rounds, out.ways, progress.say, new=new)
         progress.clear()
         if out.ways:
             print(report.ways_table(out.ways), end="\n\n", flush=True)
@@ -180,9 +191,13 @@ class Bench:
 
 def _counted(device: Device, progress: Progress) -> points.Work:
     progress.step("counting")
-    work = counted.count(device, progress.say)
+    jobs = counted.jobs(device.spec)
+    found: points.Work = {}
+    for of in ready.at_once(jobs):
+        found |= of
+        progress.say(f"{len(found)} of {len(jobs)} scenes")
     progress.clear()
-    return work
+    return found
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -242,16 +257,18 @@ def _measured(args: argparse.Namespace, folder: Path, plots: bool) -> Results:
         results.finished = True
         return results
     bench = _bench(args, chosen, results)
-    bench.tracers([])  # finds what cannot be before the work
+    bench.ours()  # finds what cannot be before the work
     print(machine.sentence(results.about))
     for k, device in enumerate(chosen if len(chosen) > 1 else []):
         print(f"[{k}] is {device.label}")
+    progress = Progress(args.quiet, len(bench.cases) + len(bench.growth) + len(bench.waited) + 3 - args.quick)
+    progress.step("peers")
     with tempfile.TemporaryDirectory() as name:
         peers, results.missing = installed(Path(name))
+        progress.clear()
         print("".join(f"{text}\n" for text in results.missing), flush=True)
-        progress = Progress(args.quiet, len(bench.cases) + len(bench.growth) + len(bench.waited) + (not args.quick))
         try:
-            bench.run(peers, progress)
+            bench.run(peers, progress, watch)
         except BaseException:
             results.about |= watch.so_far() | {"seconds": progress.spent}
             progress.clear()

@@ -7,10 +7,11 @@ decides depends on how a driver rounds, so these are counted together.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from cltrace.plan.abi import COUNTERS
 from cltrace.renderers.renderer import Renderer
-from cltrace.run.devices import Device
+from cltrace.run.devices import choose
 
 from .points import Work
 from .scenes import MILLION, Case, generated
@@ -26,17 +27,16 @@ def cases() -> list[Case]:
     return list(reversed(first.values()))
 
 
-def count(device: Device, say: Callable[[str], None]) -> Work:
-    """What one frame of each of these scenes takes."""
-    found: Work = {}
-    for case in cases():
-        say(case.name)
-        renderer = Renderer(case.scene, device, width=1)
-        work = renderer.work()
-        tests = sum(work.pop(COUNTERS[name]) for name in TESTS)
-        sizes = {
-            f"entries of {name}": renderer.plan.arrays[name].size for name in LISTS if name in renderer.plan.arrays
-        }
-        counts = {"tests of surfaces": tests, **work, **sizes}
-        found[f"{case.group}: {case.name}"] = {name: int(n) for name, n in counts.items() if n}
-    return found
+def jobs(spec: str) -> list[Callable[[], Work]]:
+    """For each of these scenes, what says what a frame takes on this device, in any process."""
+    return [partial(count, case, spec) for case in cases()]
+
+
+def count(case: Case, spec: str) -> Work:
+    """What one frame takes."""
+    renderer = Renderer(case.scene, choose(spec), width=1)
+    work = renderer.work()
+    tests = sum(work.pop(COUNTERS[name]) for name in TESTS)
+    sizes = {f"entries of {name}": renderer.plan.arrays[name].size for name in LISTS if name in renderer.plan.arrays}
+    counts = {"tests of surfaces": tests, **work, **sizes}
+    return {f"{case.group}: {case.name}": {name: int(n) for name, n in counts.items() if n}}

@@ -86,10 +86,10 @@ def compare(got: Answer, want: Answer) -> Errors:
     )
 
 
-def apart(picture: NDArray[np.uint8], levels: NDArray[np.float64]) -> dict[str, float]:
+def apart(picture: NDArray[np.uint8], levels: NDArray[np.float64] | NDArray[np.uint8]) -> dict[str, float]:
     """How far a picture is off from a Truth's levels where these are known: differ, off and rms of a Point."""
     known = ~np.isnan(levels[:, 0, 0])
-    got, want = picture[known], levels[known]
+    got, want = picture[known], levels[known].astype(np.float64)
     differ, off = bytes_apart(got, np.rint(want).astype(np.uint8))
     pixels = got[..., 0].size
     return {"differ": differ / pixels, "off": off / pixels, "rms": float(np.sqrt(np.mean((got - want) ** 2)))}

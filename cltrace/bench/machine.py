@@ -7,31 +7,43 @@ import datetime
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from cltrace.base.arrays import processors
 
-# From these shares of all processors' time on, times are in doubt: what other processes took, and what the host did.
+# From these shares of all processors' time on, while something is timed, times are in doubt: what other processes took,
+# and what the host did.
 OTHERS, STEAL = 0.05, 0.02
 TICK = 1 / os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0.01
 
 
 class Watch:
-    """What the machine has done since this was made. Nothing is known of it without /proc/stat, as Linux has it."""
+    """What the machine does while something is timed. Nothing is known of it without /proc, as Linux has it."""
 
     def __init__(self) -> None:
-        self._start = _seconds()
+        self._sums = (0.0, 0.0, 0.0, 0.0)
+
+    @contextlib.contextmanager
+    def timing(self) -> Iterator[None]:
+        """Something is timed until this ends."""
+        start = _seconds()
+        try:
+            yield
+        finally:
+            if start and (now := _seconds()):
+                busy, steal, whole, own = (s + b - a for s, a, b in zip(self._sums, start, now, strict=True))
+                self._sums = busy, steal, whole, own
 
     def so_far(self) -> dict[str, Any]:
         """load: of the last minute; others, steal: the shares of all processors' time that other processes took, and
         other guests of the host; loaded: a sentence, if that is too much, else empty."""
-        if not self._start or not (now := _seconds()):
+        busy, steal, whole, own = self._sums
+        if not whole:
             return {"loaded": ""}
-        busy, steal, whole, own = (b - a for a, b in zip(self._start, now, strict=True))
-        shares = {"others": max(0.0, busy - own) / (whole or 1), "steal": steal / (whole or 1)}
+        shares = {"others": max(0.0, busy - own) / whole, "steal": steal / whole}
         too_much = []
         if shares["others"] > OTHERS:
             too_much.append(f"other processes took {shares['others']:.0%} of the processors")
@@ -45,9 +57,19 @@ def _seconds() -> tuple[float, float, float, float] | None:
     """Since the machine started: of all processors busy, stolen, and in all; of this process and its children."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         user, nice, system, idle, wait, hard, soft, steal = map(int, Path("/proc/stat").read_text().split()[1:9])
-        busy, own = user + nice + system + hard + soft, sum(os.times()[:4])
-        return TICK * busy, TICK * steal, TICK * (busy + steal + idle + wait), own
+        busy = user + nice + system + hard + soft
+        return TICK * busy, TICK * steal, TICK * (busy + steal + idle + wait), _used("self")
     return None
+
+
+def _used(pid: str) -> float:
+    """Seconds of a process, of its children that have ended and, as peers run on, of those that have not."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        threads = [(thread / "children").read_text().split() for thread in Path(f"/proc/{pid}/task").iterdir()]
+    except OSError:  # it has just ended
+        return 0.0
+    return TICK * sum(map(int, fields[11:15])) + sum(_used(child) for children in threads for child in children)
 
 
 def about(devices: Sequence[str]) -> dict[str, Any]:

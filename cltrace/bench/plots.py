@@ -175,12 +175,14 @@ def time_error(points: Sequence[Point], page: Page) -> Figure | None:
     """
     groups = by_group(points)
     panels: dict[str, list[Sequence[Point]]] = {}
+    left_out: dict[str, int] = {}
     for group, some in groups.items():
         known = [
             mine for mine in tracers_of(some).values() if complete(mine, some) and not math.isnan(worst_share(mine))
         ]
         if drawn := page.steady(known):
             panels[group] = drawn
+            left_out[group] = len(known) - len(drawn)
     if not panels:
         return None
     foot = "A mark: geometric means of the medians of a class's scenes, with quartiles; the worst of their errors."
@@ -195,7 +197,8 @@ def time_error(points: Sequence[Point], page: Page) -> Figure | None:
             y = max(worst_share(mine), zero)
             ax.plot([1e3 * time.low, 1e3 * time.high], [y, y], color=str(style["color"]), linewidth=1.4)
             ax.plot([1e3 * time.median], [y], **style)
-        ax.set_title(group)
+        # Of a front that lacks some, nobody should think that it is all of it.
+        ax.set_title(f"{group} ({left_out[group]} not drawn)" if left_out[group] else group)
         ax.set_xlim(1e3 * min(times) / 1.8, 1e3 * max(times) * 1.8)
         ax.set_xlabel(FRAME)
     figure.supylabel("pixels that differ from the truth", fontsize=11)

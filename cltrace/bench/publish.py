@@ -10,6 +10,7 @@ from cltrace.picture.files import whole_file
 
 from . import points, report
 from .points import Results, Work
+from .texts import number
 
 ROOT = Path(__file__).parents[2]
 PAGE, RESULTS, COUNTED = Path("docs/benchmark.md"), Path("docs/benchmark.json"), Path("tests/bench/counted.json")
@@ -66,7 +67,7 @@ def aged(old: Work, now: Work) -> str:
     )
     if ratios:
         (scene, name), most = max(ratios.items(), key=lambda of: max(of[1], 1 / of[1] if of[1] else 1e9))
-        text += f", most in {scene}, {name}, which is {report.number(most, 3)} times what it was"
+        text += f", most in {scene}, {name}, which is {number(most, 3)} times what it was"
     return text + (f"; {gone} scenes are other ones." if gone else ".")
 
 

@@ -7,35 +7,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
-from . import machine
+from . import front, machine
 from .points import Point, Results, Spread, Way
 from .scenes import GROUPS
+from .texts import UNSTEADY, milliseconds, number, percent
 from .ways import WAYS
 
 COLUMNS = ("frame ms", "quartiles", "whole ms", "wrong ids", "t ulp", "normal rad", "false sh.", "leaks", "RMS levels",
            "bytes differ")  # fmt: skip
-UNSTEADY = "~"
-
-
-def number(value: float, digits: int = 2) -> str:
-    """A number as text, with this many digits in as few characters as will do; empty for NaN."""
-    if math.isnan(value):
-        return ""
-    if value == 0 or math.isinf(value):
-        return "0" if value == 0 else "inf"
-    if 1e-3 <= abs(value) < 1e5:
-        places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-        return f"{value:,.{places}f}"
-    return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e")
-
-
-def percent(share: float | None) -> str:
-    return "" if share is None or math.isnan(share) else f"{number(100 * share)} %"
-
-
-def milliseconds(time: Spread) -> str:
-    """The median, with a ~ where the rounds do not agree."""
-    return number(1e3 * time.median, 3) + UNSTEADY * (time.rounds > 0 and not time.steady)
 
 
 def cells(point: Point) -> list[str]:
@@ -163,7 +142,8 @@ def complete(points: Sequence[Point], group: Sequence[Point]) -> bool:
 
 
 def summary(results: Results) -> str:
-    """The tables of docs/benchmark.md: time and error of each tracer by class, its worst errors, and whole ways."""
+    """What docs/benchmark.md says of a run: time and error of each tracer by class, its worst errors, whole ways, where
+    peers are ahead, and where all that comes from."""
     points = [p for p in results.points if p.kernel and not p.variant and p.group in GROUPS]
     curves = [p for p in results.points if p.kernel and p.level is not None]
     out = [*_classes([p for p in points if p.level is None]), ""]
@@ -171,11 +151,16 @@ def summary(results: Results) -> str:
         out += [*_curves(curves), ""]
     if results.ways:
         out += [*_markdown(_ways(results.ways)), ""]
+    if any(point.version for point in results.points):
+        out += [*front.told(results), ""]
     versions = sorted({f"{point.tracer} {point.version}" for point in results.points if point.version})
     sizes = sorted({point.size for point in points if point.level is None}, reverse=True)
     said = [machine.sentence(results.about), f"Pictures of {', '.join(f'{w}x{h}' for w, h in sizes)} pixels."]
     if versions:
         said.append(f"Peers: {', '.join(versions)}.")
+    said += [f"{name} does not draw: {', '.join(kinds)}." for name, kinds in _refused(results.points).items()]
+    if spent := results.about.get("seconds"):
+        said.append(took(spent).partition(". ")[0].rstrip(".") + ".")
     if results.missing:
         said.append(f"Missing: {'; '.join(results.missing)}.")
     if not results.finished:
@@ -183,6 +168,15 @@ def summary(results: Results) -> str:
     if results.loaded:
         said.append(f"**{results.loaded}**: times are in doubt.")
     return "\n".join([*out, " ".join(said)]) + "\n"
+
+
+def _refused(points: Iterable[Point]) -> dict[str, list[str]]:
+    """By peer, what it has not drawn, and what it has failed at."""
+    found: dict[str, dict[str, None]] = {}
+    for point in points:
+        if point.version and point.note and not point.kernel:
+            found.setdefault(point.tracer, {}).update(dict.fromkeys(point.note.split(", ")))
+    return {name: list(kinds) for name, kinds in found.items()}
 
 
 def _markdown(lines: Sequence[Sequence[str]]) -> list[str]:

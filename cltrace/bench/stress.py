@@ -18,7 +18,7 @@ from cltrace.scene import Scene
 from .catalogue import CATALOGUE, Case, Limits, Refusal
 from .errors import Errors, compare
 from .others import OTHERS, Judged
-from .report import number
+from .texts import number
 from .tracers import Baseline, Product
 from .truth import Answer, answer
 

@@ -68,7 +68,7 @@ class Tracer(ABC):
 
     task: what it is measured at; level: its place on a curve, as rays across a pixel, or None; version: of a program
     that is not ours; grows: whether the growth of its time with the scene is measured, as of all that are a point of
-    view of their own.
+    view of their own; afresh: whether each picture begins with nothing, so that the first is as good as any other.
     """
 
     name: str
@@ -78,6 +78,12 @@ class Tracer(ABC):
     level: float | None = None
     version: str = ""
     grows: bool = False
+    afresh: bool = False
+
+    @property
+    def mode(self) -> object:
+        """What alone decides the picture."""
+        return self.name, self.variant, self.device, self.level
 
     def draws(self, case: Case) -> bool:
         """Whether it is measured at what that case is for."""
@@ -110,7 +116,6 @@ class Product(Tracer):
 
     @property
     def mode(self) -> object:
-        """What alone decides the picture."""
         return self.on.spec, self.precision, self.task, self.variant if self.level else "", self.level
 
     def refuses(self, scene: Scene) -> str:

@@ -250,11 +250,11 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
 class Truth:
     """What a whole picture is held against.
 
-    levels: (h, w, 3), of 255, NaN in rows where it is not known; text: what it is, and how that is known; answer: the
-    same, surface by surface, None where there is none.
+    levels: (h, w, 3), of 255, bytes, or NaN in rows where it is not known; text: what it is, and how that is known;
+    answer: the same, surface by surface, None where there is none.
     """
 
-    levels: Floats
+    levels: Floats | NDArray[np.uint8]
     text: str
     answer: Answer | None = None
 
@@ -268,7 +268,7 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
         return Truth(levels, f"means of {n} x {n} rays a pixel, in a {BANDS}th of the rows, by cltrace, accurate")
     found = reference.answer(case.scene)
     width, height = case.scene.camera.resolution
-    bytes_of = found.rgb8.reshape(height, width, 3).astype(float)
+    bytes_of = found.rgb8.reshape(height, width, 3)
     if case.task == "members":
         return Truth(
             bytes_of, f"{len(case.scene.lamps)} lights in place of the soft ones, by cltrace in double precision"

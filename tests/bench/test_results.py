@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
 import sys
+import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +18,24 @@ from PIL import Image
 
 from cltrace import Scene
 from cltrace.base.errors import UsageError
-from cltrace.bench import against, cli, counted, machine, measure, points, publish, report, scenes, tracers, ways
+from cltrace.bench import (
+    against,
+    cli,
+    counted,
+    front,
+    machine,
+    measure,
+    points,
+    publish,
+    ready,
+    report,
+    scenes,
+    tracers,
+    ways,
+)
 from cltrace.bench.errors import Errors
 from cltrace.bench.points import Point, Results, Spread, Way
+from cltrace.bench.truth import Truth
 from cltrace.run.devices import Device
 
 ROOT = Path(__file__).parents[2]
@@ -79,27 +98,63 @@ def test_the_larger_error_counts() -> None:
 
 
 class Fake(tracers.Tracer):
-    """Takes the seconds that it is told to."""
+    """Takes the seconds that it is told to, for each run, and a second for the first frame of the first one."""
 
     name = "fake"
 
-    def __init__(self, seconds: list[float]) -> None:
-        self.left = seconds
+    def __init__(self, seconds: list[float], costs: float = 0.0) -> None:
+        self.left, self.costs, self.frames = seconds, costs, list[int]()
 
     def run(self, scene: Scene, frames: int) -> tracers.Run:
-        return tracers.Run([self.left.pop(0)] * frames, 1.0, np.zeros((27, 48, 3), np.uint8))
+        first = [] if self.frames else [1.0]
+        self.frames.append(frames)
+        CLOCK[0] += self.costs
+        kernel = [*first, *[self.left.pop(0)] * (frames - len(first))]
+        return tracers.Run(kernel, 1.0, np.zeros((27, 48, 3), np.uint8))
+
+
+CLOCK = [0.0]
+
+
+def measured(
+    every: list[tracers.Tracer], budget: measure.Budget, monkeypatch: pytest.MonkeyPatch | None = None
+) -> list[Point]:
+    """Points of a small scene; with a patch, by the clock of the Fakes."""
+    if monkeypatch:
+        monkeypatch.setattr(measure.time, "perf_counter", lambda: CLOCK[0])
+    case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(2, SMALL))
+    rows: list[Point] = []
+    measure.measure(case, every, None, budget, rows, lambda text: None, machine.Watch())
+    return rows
 
 
 def test_a_tracer_is_measured_until_its_rounds_agree() -> None:
-    case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(2, SMALL))
-    steady, restless = Fake([9.0, 1.0, 1.0, 1.0]), Fake([9.0, 1.0, 2.0, 2.5, 1.0, 2.0])
-    slow = Fake([measure.TOO_LONG + 1.0] * 2)
-    rows: list[Point] = []
-    budget = measure.Budget(rounds=5, seconds=1e9, errors=False)
-    measure.measure(case, [steady, restless, slow], None, budget, rows, lambda text: None)
-    assert [row.kernel for row in rows] == [(1.0,) * 3, (1.0, 2.0, 2.5, 1.0, 2.0), (4.0,)]
-    assert [row.time.steady for row in rows] == [True, False, False]
-    assert rows[2].note == "4 s a picture: no further round"
+    """Or until there are as many as there may be. An early agreement of three is not believed."""
+    steady, restless = Fake([9.0, *[1.0] * 20]), Fake([9.0, *[1.0, 2.0, 2.5] * 9])
+    late, slow = Fake([9.0, 1.0, 2.0, 2.5, *[1.0] * 20]), Fake([measure.TOO_LONG + 1.0] * 2)
+    rows = measured([steady, restless, late, slow], measure.Budget(rounds=15, seconds=1e9))
+    assert [len(row.kernel) for row in rows] == [7, 15, 9, 1]
+    assert [row.time.steady for row in rows] == [True, False, True, False]
+    assert rows[3].note == "4 s a picture: no further round"
+    every = measured([Fake([9.0, *[1.0] * 20])], measure.Budget(rounds=20, seconds=math.inf))
+    assert len(every[0].kernel) == 20
+
+
+def test_each_tracer_has_its_own_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is dear takes no round from what is cheap, and has the least that says something."""
+    dear, middle, cheap = (Fake([0.1] + [1.0, 2.0] * 9, costs) for costs in (5.0, 0.19, 1e-3))
+    rows = measured([dear, middle, cheap], measure.Budget(rounds=15, seconds=0.8), monkeypatch)
+    assert [len(row.kernel) for row in rows] == [points.LEAST_ROUNDS, 5, 15]
+
+
+def test_short_frames_are_repeated() -> None:
+    """As the second frame says, which compiles nothing; what begins with nothing each time is timed at once."""
+    short, long, tiny = Fake([0.004] * 30), Fake([0.2] * 30), Fake([1e-6] * 30)
+    afresh = Fake([0.2] * 30)
+    afresh.afresh = True
+    rows = measured([short, long, tiny, afresh], measure.Budget())
+    assert [set(fake.frames[1:]) for fake in (short, long, tiny)] == [{13}, {1}, {measure.MOST_FRAMES}]
+    assert len(afresh.frames) == len(rows[3].kernel) == len(long.frames) - 1 == 7
 
 
 @pytest.mark.stress
@@ -109,8 +164,9 @@ def test_measuring(any_device: Device, long: bool) -> None:
     case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
     rows: list[Point] = []
     every = tracers.configurations(any_device, ("accurate", "single", "double"), quick=not long)
-    budget = measure.Budget(rounds=2, seconds=math.inf, sample=60)
-    measure.measure(case, every, tracers.Product(any_device, "double"), budget, rows, lambda text: None)
+    known = ready.judged(case, every, tracers.Product(any_device, "double"), 60)
+    budget = measure.Budget(rounds=2, seconds=math.inf)
+    measure.measure(case, every, known, budget, rows, lambda text: None, machine.Watch())
     assert [row.tracer for row in rows] == [t.name for t in every if t.draws(case)]
     for row in rows:
         assert not row.note
@@ -128,6 +184,36 @@ def test_measuring(any_device: Device, long: bool) -> None:
     textbook = rows[-1].errors
     assert textbook is not None
     assert textbook.t_ulp > 10  # float32 is seen to be float32
+
+
+def test_what_is_made_ready_comes_back_in_order() -> None:
+    """From processes that are not ours; what one of them raises is raised."""
+    assert list(ready.at_once([partial(math.sqrt, k * k) for k in range(5)])) == [0, 1, 2, 3, 4]
+    assert os.getpid() not in set(ready.at_once([os.getpid] * 3))
+    with pytest.raises(ValueError, match="math domain error"):
+        list(ready.at_once([partial(math.sqrt, -1)]))
+
+
+def test_errors_are_those_of_the_same_picture() -> None:
+    """What is known of a mode counts only for the very bytes that it was found out of."""
+    picture = np.zeros((27, 48, 3), np.uint8)
+    verdict = ready.Verdict(ready.digest(picture), RIGHT, replace(RIGHT, t_ulp=7.0))
+    fake = Fake([1.0] * 9)
+    truth = Truth(picture.copy(), "what is true")
+    truth.levels[3, 5] = 255
+    known = ready.Known(truth, {fake.mode: verdict})
+    case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(2, SMALL))
+    for other in (False, True):
+        rows: list[Point] = []
+        if other:
+            known = replace(known, verdicts={fake.mode: replace(verdict, digest="of another")})
+        budget = measure.Budget(rounds=1, seconds=math.inf)
+        measure.measure(case, [fake], known, budget, rows, lambda text: None, machine.Watch())
+        assert rows[0].truth == "what is true"
+        assert rows[0].differ == 1 / (27 * 48)
+        assert rows[0].rms == pytest.approx(255 / math.sqrt(27 * 48))
+        assert (rows[0].errors is None) == other
+        assert rows[0].note == other * "another picture than with all outputs: its errors are not known"
 
 
 def test_a_process_is_measured() -> None:
@@ -175,15 +261,41 @@ def test_where_seconds_went(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+def test_only_what_others_do_while_something_is_timed_counts() -> None:
+    """What this process's children do, and theirs, is not done by others, whether they have ended or not."""
+    busy = "import time\nend = time.process_time() + 0.4\nwhile time.process_time() < end: pass\n"
+    with subprocess.Popen([sys.executable, "-c", busy + "input()"], stdin=subprocess.PIPE, text=True) as child:
+        before = machine._used("self")
+        time.sleep(0.1)
+        while machine._used(str(child.pid)) < 0.4:
+            time.sleep(0.05)
+        during = machine._used("self")
+        child.communicate("")
+    assert 0.2 < during - before < 3
+    assert machine._used("self") >= during
+    assert machine._used("no such process") == 0
+    watch = machine.Watch()
+    assert watch.so_far() == {"loaded": ""}
+
+
 def test_a_loaded_machine_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Of 100 s of all processors, others take 6 and the host 3.
-    seconds = iter([(0.0, 0.0, 0.0, 0.0), (40.0, 3.0, 100.0, 34.0), (0.0, 0.0, 0.0, 0.0), (40.0, 1.0, 100.0, 39.0)])
+    # Of 100 s of all processors in which something is timed, others take 6 and the host 3; then only 1 and 1.
+    seconds = iter(
+        [(0.0, 0.0, 0.0, 0.0), (40.0, 3.0, 100.0, 34.0), (90.0, 50.0, 200.0, 34.0), (130.0, 51.0, 300.0, 73.0)]
+    )
     monkeypatch.setattr(machine, "_seconds", lambda: next(seconds))
-    found = machine.Watch().so_far()
+    watch = machine.Watch()
+    with watch.timing():
+        pass
+    found = watch.so_far()
     assert (found["others"], found["steal"]) == (0.06, 0.03)
     text = "LOADED MACHINE: other processes took 6% of the processors and the host held back 3% of them"
     assert found["loaded"] == text
-    assert machine.Watch().so_far()["loaded"] == ""
+    with watch.timing():
+        pass
+    assert {name: watch.so_far()[name] for name in ("others", "steal", "loaded")} == {
+        "others": 0.035, "steal": 0.02, "loaded": ""
+    }  # fmt: skip
     made = some()
     made.about |= found
     assert f"**{text}**" in report.summary(made)
@@ -214,6 +326,45 @@ def test_tables_say_what_was_measured() -> None:
     assert "pixels. Peers: Embree 3. Missing: none: it is missing." in text
     assert "| Embree, 2 | 2.01 ms, 0.50 |" in text
     assert "| 16 balls: cltrace |  | 510 |  |  |  | 100 |  |" in text
+
+
+def test_where_peers_are_ahead() -> None:
+    """A peer's point is named unless one of ours is as fast and as right; errors within 1 % are equal."""
+
+    def at(tracer: str, ms: float, differ: float | None, **more: object) -> Point:
+        version = "" if tracer in ("single", "double", "textbook") else "3"
+        return point(tracer, (ms / 1000,) * 3, differ=differ, version=version, **more)
+
+    rows = [
+        at("single", 2, 0.01), at("double", 8, 0.0), at("textbook", 1, 0.0),
+        at("fast", 1, 0.01005), at("between", 4, 0.005), at("worse", 3, 0.02), at("equal", 2, 0.01),
+        at("right", 5, 0.0), at("rough", 1, 0.5), at("unknown", 1, None),
+        at("curve", 1, 0.9, level=2.0, rms=0.1, group="antialiased"),
+        at("double", 2, 0.1, level=4.0, rms=0.2, group="antialiased"),
+        at("alone", 1, 0.0, scene="that ours do not draw"),
+    ]  # fmt: skip
+    assert front.faster(rows) == [
+        "ordinary, 16 balls: fast 1.00 ms at 1.0 %, ours single 2.00 ms at 1.0 %",
+        "ordinary, 16 balls: right 5.00 ms at 0 %, ours double 8.00 ms at 0 %",
+        "antialiased, 16 balls: curve, 2 1.00 ms at RMS 0.10, ours double, 4 2.00 ms at RMS 0.20",
+    ]
+    assert front.beside(rows) == ["ordinary, 16 balls: between 4.00 ms at 0.50 %; rough 1.00 ms at 50 %"]
+    way = Way("16 balls", 16, SMALL, "cltrace, arrays", ways.AGAIN, "", (0.5, 0.51, 0.52))
+    taken = [way, replace(way, tracer="cltrace, scene file", seconds=(0.4,) * 3)]
+    taken += [replace(way, tracer=name, version="3", seconds=(s,) * 3) for name, s in (("early", 0.3), ("late", 0.45))]
+    assert front.sooner(taken) == ["16 balls, process to file: early 300 ms, ours 400 ms"]
+    assert front.sooner(taken[2:]) == []
+    text = report.summary(Results(dict(ABOUT), rows, taken, finished=True))
+    assert "\n  - 16 balls, process to file: early 300 ms, ours 400 ms\n" in text
+    assert "nowhere" not in text
+    assert "\n- **faster, at an equal or a smaller error**: nowhere\n" in report.summary(some())
+    assert "ahead" not in report.summary(Results(dict(ABOUT), [point()], finished=True))
+
+
+def test_what_peers_do_not_draw_is_said() -> None:
+    rows = [point(), *(point("Embree", (), version="3", note=text) for text in ("glass, sky", "sky", "its end"))]
+    made = Results({**ABOUT, "seconds": {"ordinary": {"Embree": 60.0, "": 21.5}}}, rows, finished=True)
+    assert "Peers: Embree 3. Embree does not draw: glass, sky, its end. It took 82 s." in report.summary(made)
 
 
 # ---------------------------------------------------------------------------------------------------------- comparisons
@@ -271,6 +422,7 @@ def test_plots_show_what_was_measured() -> None:
     figures = plots.figures(drawn(), "d")
     assert set(figures) == {"time-error", "antialiasing", "growth"}
     panel = figures["time-error"].axes[0]
+    assert panel.get_title() == "ordinary (1 not drawn)"
     marks = [line for line in panel.lines if line.get_linestyle() == "None"]
     where = {(round(float(line.get_xdata()[0]), 4), float(line.get_ydata()[0])) for line in marks}  # type: ignore[index]
     assert {(x, y) for x, y in where if y > 1e-6} == {(2.01, 1e-5), (8.04, 1e-5), (100.5, 0.5)}
@@ -342,5 +494,5 @@ def test_figures_that_are_older_than_the_code_are_marked() -> None:
 def test_work_is_as_it_was_counted(any_device: Device) -> None:
     """Exact on each machine. After a change that is meant: cltrace-bench --counted --publish, and say why."""
     old = points.load(ROOT / publish.COUNTED)
-    now = Results({}, work=counted.count(any_device, lambda text: None))
+    now = Results({}, work={name: of for job in counted.jobs(any_device.spec) for name, of in job().items()})
     assert old.work == now.work, against.told(against.changes(old, now, 0), old, now)

@@ -44,7 +44,7 @@ class Mitsuba(Tracer):
             self.task, self.level, self.variant = "samples", level, "samples"
 
     def refuses(self, scene: Scene) -> str:
-        many = f"more than {MOST_SPHERES:,} spheres, each an object" if len(scene.spheres) > MOST_SPHERES else ""
+        many = f"more than {MOST_SPHERES} spheres as each is an object" if len(scene.spheres) > MOST_SPHERES else ""
         both = "textures" if scene.textures and scene.meshes and len(scene.spheres) else ""
         return many or both or strange(scene, "cylinders", "ellipsoids", "glass")
 

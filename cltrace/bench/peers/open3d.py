@@ -31,7 +31,7 @@ class Open3D(Tracer):
 
     def refuses(self, scene: Scene) -> str:
         if not scene.meshes:
-            return "no meshes"
+            return "scenes without meshes"
         return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "orthographic cameras",
                        OTHER_LIGHTS)  # fmt: skip
 

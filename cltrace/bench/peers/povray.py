@@ -33,6 +33,7 @@ class PovRay(Peer):
     """
 
     name = "POV-Ray"
+    afresh = True
 
     def __init__(self, program: str, folder: Path, version: str = "", level: int | None = None) -> None:
         super().__init__(program, folder)
