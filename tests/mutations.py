@@ -755,6 +755,42 @@ MUTATIONS = [
         f"{RESULTS} -k rounds_agree",
     ),
     Mutation(
+        "done >= SURE_ROUNDS and point.time.steady",
+        "done >= LEAST_ROUNDS and point.time.steady",
+        "the benchmark believes three rounds",
+        f"{RESULTS} -k until_its_rounds_agree",
+    ),
+    Mutation(
+        "spent[k] += time.perf_counter() - start",
+        "spent[0] += time.perf_counter() - start",
+        "dear tracers of the benchmark take the seconds of cheap ones",
+        f"{RESULTS} -k its_own_seconds",
+    ),
+    Mutation(
+        "ENOUGH / max(1e-6, done.kernel[-1])",
+        "ENOUGH / max(1e-6, done.kernel[0])",
+        "what compiles is taken for a long frame",
+        f"{RESULTS} -k frames_are_repeated",
+    ),
+    Mutation(
+        "if digest(picture) == verdict.digest:",
+        "if verdict.digest:",
+        "errors of another picture",
+        f"{RESULTS} -k the_same_picture",
+    ),
+    Mutation(
+        "sum(_used(child) for children in threads for child in children)",
+        "0",
+        "peers that run on are taken for others",
+        f"{RESULTS} -k only_what_others_do",
+    ),
+    Mutation(
+        "_time(one) <= _time(peer) and _as_right(one, peer)",
+        "_time(one) <= _time(peer) and _as_right(peer, one)",
+        "peers that are beaten are ahead",
+        f"{RESULTS} -k peers_are_ahead",
+    ),
+    Mutation(
         'if shares["others"] > OTHERS:',
         'if shares["others"] < OTHERS:',
         "a loaded machine does not say so",
