@@ -24,7 +24,7 @@ Say = Callable[[str], None]
 
 # Short frames are repeated until a round takes about this long, in seconds: several times what a scheduler gives a
 # process before another one has its turn.
-ENOUGH = 0.05
+ENOUGH = 0.04
 MOST_FRAMES = 100
 # Of the first run, which may have to compile, the last frame says how long a frame takes.
 FIRST_FRAMES = 2
@@ -46,7 +46,7 @@ class Budget:
     """
 
     rounds: int = 15
-    seconds: float = 0.6
+    seconds: float = 0.5
 
     def is_over(self, point: Point, spent: float) -> bool:
         """Whether a tracer has been timed often enough, which has taken so many seconds."""

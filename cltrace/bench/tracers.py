@@ -32,6 +32,8 @@ SKIPS = tuple(name for name in KEEPS if name != ACCELERATION)
 # Without lists every ray tries every surface. With more tests than this, a frame would take seconds.
 MOST_TESTS = 1_000_000_000
 
+# What is more than spheres in perspective that only shade: kinds of strange().
+BEYOND = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "orthographic cameras"
 # A kind of strange().
 OTHER_LIGHTS = "other lights than points and parallel ones"
 # What errors are found in.
@@ -119,7 +121,9 @@ class Product(Tracer):
         return self.on.spec, self.precision, self.task, self.variant if self.level else "", self.level
 
     def refuses(self, scene: Scene) -> str:
-        return too_much(scene) if ACCELERATION in self.keep else ""
+        # What skips nothing has a large program for each kind, which takes longer to compile than to measure.
+        beyond = strange(scene, *BEYOND) if self.keep == SKIPS else ""
+        return beyond or (too_much(scene) if ACCELERATION in self.keep else "")
 
     def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
         """What is measured, or, with outputs of which errors are found, one program for as many scenes as can be."""
@@ -226,8 +230,7 @@ class Baseline(Tracer):
         self._device, self.device = device, device.label
 
     def refuses(self, scene: Scene) -> str:
-        kinds = "meshes", "cylinders", "ellipsoids", "textures", "mirrors", "glass", "orthographic cameras"
-        return strange(scene, *kinds) or too_much(scene)
+        return strange(scene, *BEYOND) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
         start = time.perf_counter()

@@ -184,6 +184,9 @@ def test_what_only_cltrace_draws_is_left_to_it(any_device: Device, tmp_path: Pat
     assert tracers.Baseline(any_device).refuses(rich()) == "meshes, ellipsoids, textures, mirrors, glass"
     assert povray.PovRay("povray", tmp_path).refuses(rich()) == "ellipsoids, textures, glass"
     assert tracers.Baseline(any_device).refuses(scenes.cloud(16, SMALL)) == ""
+    nothing = tracers.Product(any_device, "accurate", tracers.SKIPS, "no skipping")
+    assert nothing.refuses(rich()) == "meshes, ellipsoids, textures, mirrors, glass"
+    assert nothing.refuses(scenes.cloud(16, SMALL)) == tracers.Product(any_device, "accurate").refuses(rich()) == ""
 
 
 def test_lamps_keep_the_shapes() -> None:
