@@ -155,6 +155,7 @@ class Bench:
         scenes = {id(case.scene): case for case in reversed(self.cases)}
         jobs = [partial(ready.known, case, ours, CHECKED) for case in scenes.values()]
         found = {}
+        progress.say("compiled and checked")
         for scene, of in zip(scenes, ready.at_once(jobs), strict=True):
             found[scene] = of
             progress.say(f"compiled and checked: {len(found)} of {len(jobs)} scenes")
@@ -193,9 +194,10 @@ def _counted(device: Device, progress: Progress) -> points.Work:
     progress.step("counting")
     jobs = counted.jobs(device.spec)
     found: points.Work = {}
+    progress.say("counted")
     for of in ready.at_once(jobs):
         found |= of
-        progress.say(f"{len(found)} of {len(jobs)} scenes")
+        progress.say(f"counted: {len(found)} of {len(jobs)} scenes")
     progress.clear()
     return found
 

@@ -36,7 +36,8 @@ reference tracer; means against 64 x 64 rays; updates against new scenes, bit by
 all is ok; single and the textbook's tracer, which is float32 without any care, promise nothing but to draw numbers.
 ids: pixels with another surface, or none, or one where none is; ulp: largest error of a distance, in ulp of float32, of
 which 0.5 is its rounding; rad: of a normal; dark and leaks: lights that do not arrive, or that must not; off: pixels of
-which a byte is off by two levels or more; moved: pixels that differ from the case's first picture; NaN: no numbers."""
+which a byte is off by two levels or more; moved: pixels that differ from the case's first picture; NaN: no numbers. A
+tracer that has no say, as it has neither means nor updates, has a -."""
 NAMES = {
     "not_finite": "NaN", "wrong_ids": "ids", "t_ulp": "ulp", "false_shadows": "dark", "leaks": "leaks",
     "bytes_off": "off", "same": "moved", "normal": "rad",
