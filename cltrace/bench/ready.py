@@ -4,6 +4,7 @@ driver's cache on disk has them, and it is found out what pictures must be and w
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import multiprocessing
 import signal
@@ -112,6 +113,7 @@ def _pixels(case: Case, seen: Answer, count: int) -> NDArray[np.intp]:
 def at_once(jobs: Sequence[Callable[[], Found]]) -> Iterator[Found]:
     """What these return, in their order. They and what they return go from process to process."""
     context = multiprocessing.get_context("spawn")
+    interrupted = False
     with context.Pool(max(1, min(processors(), len(jobs))), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         found = pool.imap(_done, jobs)
         try:
@@ -119,6 +121,13 @@ def at_once(jobs: Sequence[Callable[[], Found]]) -> Iterator[Found]:
                 yield found.next(LOST)
         except multiprocessing.TimeoutError:
             raise DeviceError(f"a process that compiles and checks has not answered for {LOST} s") from None
+        except KeyboardInterrupt:
+            interrupted = True
+    # What an interruption remembers would hold the semaphores that they share, and Python says so where a program ends.
+    del pool, found
+    gc.collect()
+    if interrupted:
+        raise KeyboardInterrupt
 
 
 def _done(job: Callable[[], Found]) -> Found:

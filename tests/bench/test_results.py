@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import multiprocessing
 import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from functools import partial
@@ -192,6 +195,15 @@ def test_what_is_made_ready_comes_back_in_order() -> None:
     assert os.getpid() not in set(ready.at_once([os.getpid] * 3))
     with pytest.raises(ValueError, match="math domain error"):
         list(ready.at_once([partial(math.sqrt, -1)]))
+
+
+def test_an_interruption_ends_what_is_made_ready() -> None:
+    start = time.monotonic()
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        list(ready.at_once([partial(time.sleep, 100)]))
+    assert time.monotonic() - start < 50
+    assert multiprocessing.active_children() == []
 
 
 def test_errors_are_those_of_the_same_picture() -> None:
