@@ -196,7 +196,7 @@ MUTATIONS = [
     Mutation("if (light_side < 0) return c > 0;", "if (light_side < 0) return c < 0;", "a light inside", STRESS),
     Mutation("(bb < arr ? bb - a * c : arr - DOT(cross, cross))", "(bb - a * c)", "shadows that graze", STRESS),
     Mutation("(self & (start.side < 0) & ((REAL)side > 0))", "(self & ((REAL)side > 0))", "own shadow", STRESS),
-    Mutation("may = may & (ray.own != index);\n    }", "}", "own shadow, lean kernel", SCENES),
+    Mutation("may = may & (ray.own != index);\n    }", "}", "own shadow, lean kernel", f"{ENDS} -k right_before"),
     Mutation(
         "at.start.side * direction.cosine > 0);",
         "at.start.side * direction.cosine >= 0);",

@@ -180,3 +180,24 @@ def test_shadows_within_a_huge_shell(device: Device, R: float) -> None:
             color, at = trace(world(scene), primary_ray(camera, i % 16, i // 16))
             assert image.id.ravel()[i] == (at.index if at else -1)
             assert (image.color.reshape(-1, 3)[i, 0] > 0) == (color[0] > 0), i
+
+
+@pytest.mark.parametrize("height", [1e-2, 1e-5])
+def test_balls_on_a_ground_right_before_the_eye_in_single(device: Device, height: float) -> None:
+    """A ground of radius 1 that starts `height` below the eye stops no light of its own points: there floats measure
+    them from the eye, where the power of a point in its own sphere is not 0."""
+    generator = np.random.default_rng(3)
+    radii = generator.uniform(0.2, 1.2, 12) * height
+    places = np.stack([generator.uniform(-6, 6, 12), np.zeros(12), generator.uniform(-20, -3, 12)], axis=-1) * height
+    up = places + (0, 1, 0)
+    balls = up / np.linalg.norm(up, axis=-1, keepdims=True) * (1 + radii[:, None]) - (0, 1, 0)
+    scene = Scene.from_spheres(
+        Camera((0, 3 * height, 0), (0, 0, -10 * height), fov=60, resolution=(96, 64)),
+        [cltrace.point_light((20 * height, 30 * height, 5 * height), (1, 1, 1))],
+        np.vstack([(0, -1, 0), balls]),
+        np.append(1, radii),
+    )
+    single, accurate = (
+        cltrace.render(scene, device, precision).rgb8.astype(int) for precision in ("single", "accurate")
+    )
+    assert np.abs(single - accurate).max() <= 1

@@ -289,10 +289,10 @@ def tiles_of(renderer: cltrace.Renderer) -> bytes:
     return lists_of(renderer.plan.arrays | found)[0][2]
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "glass")]
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "crowded", "glass")]
 
 
-@pytest.mark.parametrize("name", ["crowded", "of all sizes", "touching", "wide", "one cell", *SLOW])
+@pytest.mark.parametrize("name", ["of all sizes", "touching", "wide", "one cell", *SLOW])
 def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Of tiles that a sphere covers, lists lack what is behind; no picture tells."""
     colors = np.random.default_rng(8).uniform(0, 1, (3000, 3))

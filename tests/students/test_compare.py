@@ -288,6 +288,7 @@ def test_smooth_pictures_are_compared(pictures: Pictures, changes: dict[str, obj
     assert {cause.name for cause in cltrace.compare(scene, mine).causes} == {"antialiased", *names}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0, 2, 5])
 def test_pictures_that_are_means_are_named_antialiased(pictures: Pictures, factor: int) -> None:
     """Those of --antialias, 0, and exact means of pictures that are larger by a factor."""

@@ -215,7 +215,9 @@ def test_where_too_many_single_mistakes_explain_all_no_two_are_named(grid: Grid)
 @pytest.mark.parametrize(
     "case",
     [
-        Case("vector", "step4-meshes", (48, 30), ("transform-order", "no-highlights")),
+        pytest.param(
+            Case("vector", "step4-meshes", (48, 30), ("transform-order", "no-highlights")), marks=pytest.mark.slow
+        ),
         pytest.param(Case("vector", "globe", (48, 30), ("upside-down", "blinn")), marks=pytest.mark.slow),
         pytest.param(Case("tutorial", "random-2", (48, 30), ("refraction-inverted", "gamma")), marks=pytest.mark.slow),
     ],
