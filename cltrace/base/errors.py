@@ -71,7 +71,7 @@ class TooManyRaysError(CltraceError):
     def __str__(self) -> str:
         return (
             f"camera.max_bounces: must be lower than {self.max_bounces}, with which pixel {self.pixel} takes more than "
-            f"{self.rays:,} rays"
+            f"{self.rays:,} rays; --limit rays=N allows more"
         )
 
 

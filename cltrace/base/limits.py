@@ -2,7 +2,14 @@
 
 Scenes and files may come from strangers, so whatever has a size is compared with its limit before memory is taken for
 it, and the fault says the limit. What a limit is for stands beside it, where it is not the memory.
+
+Other modules take these numbers when they are loaded. Until then, change() has others of them.
 """
+
+import os
+import re
+import warnings
+from collections.abc import Iterable
 
 # Of a picture. The kernel numbers pixels by an int, and the lists of a larger one would take more than 1 GB.
 MAX_SIDE, MAX_PIXELS = 65_536, 2**30
@@ -37,3 +44,54 @@ MAX_UNREADABLE = 1000  # files, after which no more are looked for
 MAX_ROWS = 2**31 - 1  # of a buffer on a device, such as the entries of lists
 # Bytes of addresses that the command needs, for libraries that end the process where there are less: `ulimit -v`.
 ADDRESSES = 950_000 * 1024
+
+# The limits by the names that users give them, and the most that each may be: where that is what it is already, other
+# numbers rely on it. Lower ones are for scenes of strangers.
+NAMES = {
+    "lights": ("MAX_LIGHTS", 2**16),
+    "spheres": ("MAX_SPHERES", MAX_SPHERES),
+    "cylinders": ("MAX_CYLINDERS", MAX_CYLINDERS),
+    "meshes": ("MAX_MESHES", MAX_MESHES),
+    "triangles": ("MAX_TRIANGLES", MAX_TRIANGLES),
+    "vertices": ("MAX_VERTICES", MAX_VERTICES),
+    "instances": ("INSTANCES", MAX_TRIANGLES),
+    "texels": ("MAX_TEXELS", MAX_TEXELS),
+    "bounces": ("MAX_BOUNCES", MAX_BOUNCES),
+    "rays": ("MAX_RAYS", 2**30),
+    "side": ("MAX_SIDE", MAX_SIDE),
+    "pixels": ("MAX_PIXELS", MAX_PIXELS),
+    "parts": ("MAX_PARTS", 2**26),
+    "scene-bytes": ("SCENE_BYTES", 2**40),
+    "mesh-bytes": ("MESH_BYTES", 2**40),
+    "texture-bytes": ("TEXTURE_BYTES", 2**40),
+}
+# In the environment, for processes that this one starts: some NAME=VALUE with spaces between them.
+CHANGED = "CLTRACE_LIMITS"
+
+
+def limit_of(text: str) -> tuple[str, int]:
+    """The name and the value of NAME=VALUE. Raises ValueError where one of them is not allowed."""
+    name, _, value = text.partition("=")
+    if name not in NAMES:
+        raise ValueError(f"must be NAME=VALUE, with a name of {', '.join(NAMES)}, got {text!r}")
+    most = NAMES[name][1]
+    if not re.fullmatch("[0-9]{1,15}", value) or not 1 <= int(value) <= most:
+        raise ValueError(f"{name} must be a whole number within 1..{most}, got {value!r}")
+    return name, int(value)
+
+
+def current(name: str) -> int:
+    """The value that a name of NAMES has."""
+    return int(globals()[NAMES[name][0]])
+
+
+def change(texts: Iterable[str]) -> None:
+    """Sets limits, each NAME=VALUE, for modules that are loaded from now on. Raises ValueError as limit_of() does."""
+    for name, value in map(limit_of, texts):
+        globals()[NAMES[name][0]] = value
+
+
+try:
+    change(os.environ.get(CHANGED, "").split())
+except ValueError as error:
+    warnings.warn(f"{CHANGED}: {error}", stacklevel=1)

@@ -8,6 +8,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Collection
 from typing import Literal, TypeVar
 
+from cltrace.base import limits
 from cltrace.base.limits import MAX_TRIANGLES
 from cltrace.picture.effects import Effects
 from cltrace.picture.image import OUTPUTS, Output
@@ -112,6 +113,17 @@ def triangles(text: str) -> int:
     if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) > MAX_TRIANGLES:
         raise ArgumentTypeError(f"must be a whole number within 0..{MAX_TRIANGLES}, got {text!r}")
     return int(text)
+
+
+def limit(text: str) -> str:
+    """NAME=VALUE of --limit, which is in force already: entry.py has set it."""
+    try:
+        name, value = limits.limit_of(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+    if limits.current(name) != value:
+        raise ArgumentTypeError(f"must be written out, and one for each name, got {text!r}")
+    return text
 
 
 def repeats(text: str) -> int:

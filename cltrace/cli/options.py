@@ -322,7 +322,7 @@ class _Given:
 
     def _refuse_others(self, option: str, taken: set[str]) -> None:
         """Raises UsageError if an option is given that does not go with this one. taken: those that do."""
-        own = {"scenes", "watch", "quiet", "verbose", "instances", option.removeprefix("--")} | taken
+        own = {"scenes", "watch", "quiet", "verbose", "instances", "limit", option.removeprefix("--")} | taken
         if other := self._first(name for name in vars(self._args) if name not in own):
             raise UsageError(f"{option} takes no {other}")
 

@@ -54,6 +54,7 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     )
     p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help=argparse.SUPPRESS)
     _picture(Group(p, "the picture", whole))
+    _limits(Group(p, "how much a scene may have", whole))
     _movie(Group(p, "many pictures", whole))
     _device(Group(p, "the device", whole))
     _cluster(Group(p, "many machines", whole))
@@ -93,13 +94,6 @@ def _picture(group: Group) -> None:
         help="axes of normal and direction: world or camera (default: world)",
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
-    group.rare(
-        "--instances",
-        type=arguments.triangles,
-        default=INSTANCES,
-        metavar="N",
-        help=f"triangles of meshes named again (default: up to {INSTANCES})",
-    )
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     group.usual(
         "--antialias",
@@ -115,6 +109,24 @@ def _picture(group: Group) -> None:
     )
     group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 16)")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
+
+
+def _limits(group: Group) -> None:
+    group.rare(
+        "--instances",
+        type=arguments.triangles,
+        default=INSTANCES,
+        metavar="N",
+        help=f"triangles of meshes named again (default: up to {INSTANCES})",
+    )
+    group.rare(
+        "--limit",
+        type=arguments.limit,
+        action="append",
+        default=[],
+        metavar="NAME=N",
+        help="another limit: of lights, spheres, rays and more",
+    )
 
 
 def _movie(group: Group) -> None:

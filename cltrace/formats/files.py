@@ -22,7 +22,7 @@ def chunks(path: str, size: int, most: int) -> Iterator[bytes]:
         while chunk := file.read(size):
             read += len(chunk)
             if read > most:
-                raise UnreadableError(f"must not be larger than {most} bytes")
+                raise UnreadableError(f"must not be larger than {most} bytes; --limit allows more")
             yield chunk
 
 

@@ -29,7 +29,7 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
     check_regular(path)
     try:
         if Path(path).stat().st_size > MAX_BYTES:
-            raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes")
+            raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes; --limit allows more")
         # They are of many pixels, which are counted here, and of what pixels do not need.
         with warnings_are("ignore"), Path(path).open("rb") as file:
             head = file.read(_DEPTH + 1)

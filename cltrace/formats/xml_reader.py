@@ -143,7 +143,8 @@ class _Reader(Checks):
             while element.tag in SECTIONS and len(element):
                 element = element[-1]
             raise FatalError(
-                self.document.line_of(element), f"{element.tag}: must not have more than {MAX_PARTS} parts"
+                self.document.line_of(element),
+                f"{element.tag}: must not have more than {MAX_PARTS} parts; --limit allows more",
             )
 
     def _take(self, section: etree._Element, whole: bool) -> None:
@@ -195,7 +196,9 @@ class _Reader(Checks):
             if not self._sections[lights].claim(child):
                 continue
             if self._members >= MAX_LIGHTS:
-                raise FatalError(self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}")
+                raise FatalError(
+                    self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}; --limit allows more"
+                )
             values, whole = self.element(child)
             self._members += 1
             if whole:
@@ -206,7 +209,9 @@ class _Reader(Checks):
                 self.doubt([child], light["color"])
                 if self._members > MAX_LIGHTS:
                     message = f"lights: must be at most {MAX_LIGHTS} with all members of soft lights"
-                    raise FatalError(self.document.line_of(child), f"{message}, got {self._members}")
+                    raise FatalError(
+                        self.document.line_of(child), f"{message}, got {self._members}; --limit allows more"
+                    )
 
     def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
         for child in children:

@@ -5,15 +5,17 @@ This imports hardly anything of cltrace, so that it is there before numpy and th
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
+import itertools
 import os
 import signal
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from cltrace.base.limits import ADDRESSES
+from cltrace.base import limits
 
 try:
     import resource
@@ -36,6 +38,7 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
     _check_addresses(module)
+    _change_limits(sys.argv[1:])
     try:
         # Threads that numpy starts for products of large matrices wait for work by spinning: there are none.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,8 +54,21 @@ def start(module: str, first: Callable[[], None] = lambda: None) -> NoReturn:
 def _check_addresses(module: str) -> None:
     """Ends the program where libraries would, some without a word: with less memory than they take for themselves."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
-    if 0 <= limit < ADDRESSES:
-        _end(module, f"not enough memory: ulimit -v is {limit // 1024}, and must be {ADDRESSES // 1024} at least")
+    if 0 <= limit < limits.ADDRESSES:
+        _end(
+            module, f"not enough memory: ulimit -v is {limit // 1024}, and must be {limits.ADDRESSES // 1024} at least"
+        )
+
+
+def _change_limits(words: list[str]) -> None:
+    """Sets what --limit says, here and in processes that this one starts: modules take limits as they find them."""
+    words = words[: words.index("--")] if "--" in words else words
+    given = [word.removeprefix("--limit=") for word in words if word.startswith("--limit=")]
+    given += [value for word, value in itertools.pairwise(words) if word == "--limit"]
+    if given:
+        os.environ[limits.CHANGED] = " ".join([os.environ.get(limits.CHANGED, ""), *given])
+        with contextlib.suppress(ValueError):  # which the command's own parser finds, too, and has words for
+            limits.change(given)
 
 
 def _end(module: str, words: str) -> NoReturn:

@@ -578,7 +578,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert faults_of(TRIANGLE + "f" + " 1" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     assert faults_of(TRIANGLE + "f" + " 1 \\\n" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     monkeypatch.setattr(obj, "MAX_BYTES", 1000)
-    with pytest.raises(UnreadableError, match=r"^must not be larger than 1000 bytes$"):
+    with pytest.raises(UnreadableError, match=r"^must not be larger than 1000 bytes; --limit allows more$"):
         read_text("# \n" * 500)
 
 

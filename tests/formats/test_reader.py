@@ -996,7 +996,7 @@ def test_a_long_chain_of_steps() -> None:
     scene = scene_of(with_transform(*chain * 4000, scale(1, 1, 2)))
     assert scene.to_object.tolist() == [np.diag([1, 1, 0.5]).tolist()]
     text = with_transform(*chain * 25_000, scale(1, 1, 2))
-    assert faults_of(text) == ["25: sphere: must not have more than 100000 parts"]
+    assert faults_of(text) == ["25: sphere: must not have more than 100000 parts; --limit allows more"]
 
 
 def test_cos_and_sin_in_degrees() -> None:
@@ -1357,10 +1357,19 @@ def test_long_digit_strings_take_no_time_to_refuse() -> None:
 
 Hoard = Callable[[int], str]
 HOARDS: list[tuple[Hoard, str | None]] = [
-    (lambda n: changed("<up", "<a/>" * n + "<up"), "5: camera: must not have more than 1000 parts"),
+    (
+        lambda n: changed("<up", "<a/>" * n + "<up"),
+        "5: camera: must not have more than 1000 parts; --limit allows more",
+    ),
     (lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 30) + "<up"), None),
-    (lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 3) + "<up"), "5: camera: must not have more than 1000 parts"),
-    (lambda n: changed("<phong", "<a/>" * n + "<phong"), "25: sphere: must not have more than 1000 parts"),
+    (
+        lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 3) + "<up"),
+        "5: camera: must not have more than 1000 parts; --limit allows more",
+    ),
+    (
+        lambda n: changed("<phong", "<a/>" * n + "<phong"),
+        "25: sphere: must not have more than 1000 parts; --limit allows more",
+    ),
     (lambda n: changed("<sphere", "<b>" + "<a/>" * n + "</b><sphere"), None),
     (lambda n: changed("<sphere", "<a/>" * n + "<sphere"), None),
     (lambda n: changed("<camera", "<a/>" * n + "<camera"), None),
@@ -1447,7 +1456,11 @@ def test_soft_lights_are_those_of_python() -> None:
         ('<along x="0" y="0" z="3"/>', "", "17: panel_light: <along> is missing"),
         ('z="3"', 'z="0"', "17: panel_light along: must not be 0"),
         ('x="0" y="0" z="3"', 'x="9" y="0" z="0"', "17: panel_light: across and along must not be along one line"),
-        ('n="9"', 'n="1000"', "14: lights: must be at most 1024 with all members of soft lights, got 1064"),
+        (
+            'n="9"',
+            'n="1000"',
+            "14: lights: must be at most 1024 with all members of soft lights, got 1064; --limit allows more",
+        ),
     ],
 )
 def test_faults_of_soft_lights(old: str, new: str, fault: str) -> None:
@@ -1492,9 +1505,9 @@ def test_a_prefix_may_be_declared_often() -> None:
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 3)
-    assert faults_of(SCENE) == ["17: lights: must be at most 3"]
+    assert faults_of(SCENE) == ["17: lights: must be at most 3; --limit allows more"]
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 4)
     monkeypatch.setattr(sphere, "MAX_SPHERES", 2)
     assert faults_of(changed(SPHERE_TEXT, SPHERE_TEXT * 3)) == ["45: surfaces: must be at most 2 spheres"]
     monkeypatch.setattr(xml_source, "MAX_BYTES", 1000)
-    assert faults_of(SCENE) == [" must not be larger than 1000 bytes"]
+    assert faults_of(SCENE) == [" must not be larger than 1000 bytes; --limit allows more"]

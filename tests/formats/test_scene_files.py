@@ -466,7 +466,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
     monkeypatch.setattr(obj, "MAX_BYTES", 10)
     assert faults_of(mesh("a.obj")) == [
-        f"scene.xml:{FIRST}: mesh: name 'a.obj' must not be larger than 10 bytes",
+        f"scene.xml:{FIRST}: mesh: name 'a.obj' must not be larger than 10 bytes; --limit allows more",
     ]
 
 

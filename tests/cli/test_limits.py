@@ -1,0 +1,73 @@
+"""--limit, which changes what a scene may have, and CLTRACE_LIMITS, in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cltrace.base import limits
+from cltrace.cli import command
+
+ROOT = Path(__file__).parents[2]
+MINIMAL = (ROOT / "scenes/minimal.xml").read_text("utf-8")
+LIGHT = '<point_light><color r="0" g="0" b="0.001"/><position x="1" y="2" z="3"/></point_light>\n'
+
+
+def call(folder: Path, *arguments: str, scene: Path | str = "s.xml", **environment: str) -> tuple[int, str]:
+    """The status and the last line of `cltrace s.xml -q`."""
+    line = [sys.executable, "-m", "cltrace", scene, "-q", *arguments]
+    env = os.environ | {"PYTHONPATH": str(ROOT)} | environment
+    done = subprocess.run(line, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    return done.returncode, (done.stderr.splitlines() or [""])[-1]
+
+
+def test_more_lights_than_usual(tmp_path: Path) -> None:
+    (tmp_path / "s.xml").write_text(MINIMAL.replace("</lights>", LIGHT * 1100 + "</lights>"))
+    status, words = call(tmp_path)
+    assert status == 2
+    assert re.fullmatch(r"s\.xml:[0-9]+: lights: must be at most 1024; --limit allows more", words)
+    assert call(tmp_path, "--limit", "lights=1102", "--size", "8x8") == (0, "")
+    assert call(tmp_path, "--limit=lights=1101", "--size", "8x8")[0] == 2
+    assert call(tmp_path, "--size", "8x8", CLTRACE_LIMITS="parts=9000 lights=1102") == (0, "")
+    # The option counts where both say something.
+    assert call(tmp_path, "--limit", "lights=3", CLTRACE_LIMITS="lights=1102")[0] == 2
+
+
+def test_limits_reach_other_processes(tmp_path: Path) -> None:
+    """Such as those that draw the frames of a movie: what rays a pixel may take is a number of their kernels."""
+    few = ("--limit", "rays=3", "--size", "8x8", "--cluster", "local:1", "--orbit", "2", "-o", "f_%d.png")
+    status, words = call(tmp_path, *few, scene=ROOT / "scenes/step7-glass.xml")
+    assert status == 3
+    assert "takes more than 3 rays; --limit rays=N allows more (on " in words
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("lights", "argument --limit: lights must be a whole number within 1..65536, got ''"),
+        ("lights=1e3", "argument --limit: lights must be a whole number within 1..65536, got '1e3'"),
+        ("spheres=67108865", "argument --limit: spheres must be a whole number within 1..67108864, got '67108865'"),
+        ("balls=1", "argument --limit: must be NAME=VALUE, with a name of lights, spheres, cylinders, "),
+        # In one process that has loaded all modules, it is too late.
+        ("lights=5", "argument --limit: must be written out, and one for each name, got 'lights=5'"),
+    ],
+)
+def test_what_is_no_limit(text: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["s.xml", "--limit", text]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_each_limit_has_a_name() -> None:
+    """But for what no scene has, or what is about messages."""
+    named = {constant for constant, _ in limits.NAMES.values()}
+    others = {"MAX_IMAGES", "MAX_PREFIXES", "MAX_NAMESPACE", "MAX_FAULTS", "MAX_UNREADABLE", "MAX_ROWS", "ADDRESSES"}
+    assert {name for name in vars(limits) if name.isupper()} - {"NAMES", "CHANGED"} == named | others
+    text = (ROOT / "docs/format.md").read_text("utf-8")
+    assert all(re.search(rf"\b{name}\b", text[text.index("`--limit NAME") :]) for name in limits.NAMES)
+    for name, (constant, most) in limits.NAMES.items():
+        assert limits.current(name) == getattr(limits, constant) <= most
