@@ -369,7 +369,7 @@ ARGUMENTS = (
     *_values(
         "Spheres",
         ("first_cut", "int", "how many of them come before the cut balls, which are the last"),
-        needs="WITH_CYLINDERS",
+        needs="WITH_CUTS",
     ),
     *_buffers(
         "Spheres",
@@ -379,7 +379,7 @@ ARGUMENTS = (
             "for each cut ball, whose plane is in `rod` in place of ends: xyz: its centre, as `rod` has starts, w: "
             "1 if it is solid, 0 if only its disc is there",
         ),
-        needs="WITH_CYLINDERS",
+        needs="WITH_CUTS",
     ),
     *_buffers(
         "Scene",

@@ -83,19 +83,18 @@ class Cylinders(Shape):
         return {"first_rod": first, "rods": len(self.radius), "first_cut": self.uncut}
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
-        rod, cut = np.zeros((len(self.radius), 2, 4), real), np.zeros((max(1, len(self.flat)), 4), real)
-        solid, place = cut[: len(self.flat), 3], cut[: len(self.flat), :3]
-        solid[:] = ~self.flat
+        rod, cut = np.zeros((len(self.radius), 2, 4), real), np.zeros((len(self.flat), 4), real)
+        cut[:, 3] = ~self.flat
         if exponent is None or not paths:
             rod[:, 0, :3], rod[:, 1, :3], rod[:, 0, 3] = self.start, self.end, self.radius
-            place[:] = self.center
+            cut[:, :3] = self.center
         else:
             axis = np.ldexp(self.end - self.start, exponent)
             length = np.sqrt((axis * axis).sum(axis=1))
             rod[:, 0, :3] = np.ldexp(self.start - paths.middle, exponent)
             rod[:, 0, 3], rod[:, 1, 3] = np.ldexp(self.radius, exponent), length
             rod[:, 1, :3] = axis / np.where(length > 0, length, 1)[:, None]
-            place[:] = np.ldexp(self.center - paths.middle, exponent)
+            cut[:, :3] = np.ldexp(self.center - paths.middle, exponent)
         return {"rod": rod.reshape(-1, 4), "cut": cut}
 
     def in_view(self, camera: AnyCamera, first: int) -> CylindersInView:

@@ -286,7 +286,7 @@ static REAL rod_disc_error(const RodValues e, const REAL N, const REAL v, const 
 
 static RodErrors rod_errors(const RodValues e, const REAL small) {
     const REAL round = small * 0x1p-50, sizes = small * (e.w1 * e.by_axis);
-    const REAL g_error = small * 0x1p-48 * (e.w1 * e.u1), h_error = small * 0x1p-47 * (e.s * e.u1);
+    const REAL g_error = 0x1p-48 * (small * (e.w1 * e.u1)), h_error = small * 0x1p-47 * (e.s * e.u1);
     RodOff off = {small * 0x1p-47 * (e.s * e.by_axis), 0x1p-48 * sizes, 0, g_error, round};
     const REAL FF = e.F1 * e.F1, GG = e.G1 * e.G1, V_error = 0x1p-46 * sizes * e.s;
     RodErrors by;
