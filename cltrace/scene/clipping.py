@@ -1,4 +1,4 @@
-"""What of a scene is on one side of a plane: balls that it cuts become cut balls, with caps.
+"""What of a scene is on one side of a plane: balls and meshes that it cuts are closed by caps.
 
 The plane is that of the cut balls, exactly: through the point, across the way from there to the `end` of them all.
 """
@@ -6,6 +6,7 @@ The plane is that of the cut balls, exactly: through the point, across the way f
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.columns import Columns
-from cltrace.scene.materials import Material, records
+from cltrace.scene.materials import Material, packed, records
+from cltrace.scene.meshes import PlacedMesh, check_size
 from cltrace.scene.rules import ANY, checked
+from cltrace.scene.sections import Section
 from cltrace.scene.shapes.cut import CUT
 from cltrace.scene.shapes.cylinder import colors_of, linear
 from cltrace.scene.shapes.shape import Floats
@@ -79,17 +82,18 @@ def clipped(scene: Scene, point: ArrayLike, normal: ArrayLike, cap_color: ArrayL
     _check_balls(scene, cut, maps)
     made = _cut(columns, cut, radius, half)
     caps = made[: len(made) if len(kinds) else 0].copy()
-    caps["flat"], caps["material"] = 1, columns.materials_count
-    if len(caps):
-        columns = columns.with_more(linear(kinds, scene.transfer))
+    cap = columns.materials_count if len(kinds) else None
+    caps["flat"], caps["material"] = 1, cap or 0
+    columns = columns.with_more(linear(kinds, scene.transfer))
     old, rods = scene.cuts, scene.cylinders
     found = np.concatenate([old[_whole(half, "cut balls", old["center"], old["radius"])], caps, made])
     if len(found) > MAX_CYLINDERS:
         raise ValueError(f"cut balls: must be at most {MAX_CYLINDERS}, got {len(found)}")
     rods = rods[_rods(half, rods)].copy()
-    meshes = [mesh for mesh in scene.meshes if _mesh(half, mesh)]
+    meshes, columns = _meshes(half, columns, scene.meshes, cap)
     first = int(kept.sum())
     meshes = [mesh.of(mesh.material, first + i) for i, mesh in enumerate(meshes)]
+    check_size(meshes)
     found["number"] = first + len(meshes) + np.arange(len(found))
     rods["number"] = first + len(meshes) + len(found) + np.arange(len(rods))
     return scene.with_fields(
@@ -155,9 +159,31 @@ def _rods(half: Half, rods: NDArray[np.void]) -> Mask:
     return np.asarray(a_in & b_in)
 
 
-def _mesh(half: Half, mesh: Any) -> bool:
-    """Whether a mesh stays. Raises ValueError where the plane may cut it."""
-    kept, gone = half.sides(mesh.vertices, 0.0)
-    if not kept.all() and not gone.all():
-        raise ValueError(f"meshes: the plane cuts the mesh of number {mesh.number}, which only balls can be")
-    return bool(kept.all())
+def _meshes(
+    half: Half, columns: Columns, meshes: Iterable[PlacedMesh], material: int | None
+) -> tuple[list[PlacedMesh], Columns]:
+    """What stays of meshes, then their caps, without numbers; and the materials with those of the caps.
+
+    material: the index of that of all caps, None where each is as its mesh, but for its texture.
+    """
+    left, caps, more = [], list[PlacedMesh](), list[NDArray[np.void]]()
+    for mesh in meshes:
+        height = (mesh.vertices - half.start) @ (half.end - half.start)
+        used = height[mesh.geometry.faces]
+        if (used >= 0).all():
+            left.append(mesh)
+        elif (used >= 0).any():
+            section = Section.of(mesh, height)
+            left.append(section.kept)
+            cap = section.cap(half.start - half.end) if section.closed else None
+            if cap is not None:
+                kind = material
+                if kind is None:
+                    kind = columns.materials_count + len(more)
+                    more.append(packed(columns.materials_count, columns.every_shade())[mesh.material])
+                caps.append(PlacedMesh(cap, material=kind))
+    if more:
+        shown = np.array(more)
+        shown["texture"] = -1
+        columns = columns.with_more(shown)
+    return left + caps, columns

@@ -445,11 +445,12 @@ class Scene:
         point: (3,), of the plane, scene units; normal: (3,), of any length, across it: the side to which it leads is
         left out. cap_color: one colour, as of from_spheres(), of a matte cap where balls are cut; without, a cut ball
         shows its own colour there. A ball that the plane cuts becomes a cut ball, solid as it was, on which all is
-        decided exactly. What remains is numbered anew: the spheres in their order, then meshes, caps, cut balls and
-        cylinders. Bonds stay where they are, and follow no spheres.
+        decided exactly. A mesh becomes another one, whose corners on the plane are rounded, and one more that closes it
+        if it was closed there. What remains is numbered anew: the spheres in their order, meshes, what closes them,
+        caps, cut balls and cylinders. Bonds stay where they are, and follow no spheres.
 
         Several planes can follow each other where none cuts a ball that is cut. Raises ValueError, which names what it
-        is, where a plane cuts anything else: a cut ball, an ellipsoid, a ball with a texture, a mesh, a cylinder.
+        is, where a plane cuts anything else: a cut ball, an ellipsoid, a ball with a texture, a cylinder.
         """
         return clipped(self, point, normal, cap_color)
 
