@@ -146,11 +146,16 @@ MUTATIONS = [
         "lights within cylinders",
         ROD_FILTER,
     ),
-    Mutation("rod.span *= c.w", "rod.span *= 1", "caps that are discs", CUTS),
+    Mutation("c.w == 0) rod.span = 0", "c.w < 0) rod.span = 0", "caps that are discs", CUTS),
     Mutation(
         "number < scene->spheres.first_cut;", "1;", "light where balls are cut", f"-m slow {CUTS} -k changes_a_pic"
     ),
-    Mutation("!(ray.level & (e.g < 0))", "1", "caps in the light, in single", f"-m slow {CUTS} -k single"),
+    Mutation(
+        "ray.level = rod.round & flat",
+        "ray.level = (REAL_MASK)0 & flat",
+        "caps in the light, in single",
+        f"-m slow {CUTS} -k single",
+    ),
     Mutation("caps, made])", "made, caps])", "caps before what they cap", "tests/scene/test_clipping.py"),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),

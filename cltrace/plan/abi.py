@@ -377,7 +377,7 @@ ARGUMENTS = (
             "cut",
             "real4",
             "for each cut ball, whose plane is in `rod` in place of ends: xyz: its centre, as `rod` has starts, w: "
-            "1 if it is solid, 0 if only its disc is there",
+            "0 if only its disc is there, 1 if it is solid, 2 if a disc of a lower number covers its cut, too",
         ),
         needs="WITH_CUTS",
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
@@ -31,7 +31,8 @@ class Cylinders(Shape):
     """n cylinders, the last of which are cut balls: a Shape. Many of either are sorted by place.
 
     start, end: (n, 3) float64, the middles of their ends, or what cuts the balls, and radius: (n,) float64, in the
-    world, in scene units; center: (m, 3), and flat: (m,), of the m cut balls; of_material: (n,).
+    world, in scene units; center: (m, 3), and flat: (m,), of the m cut balls; capped: (m,), the solid ones of which a
+    disc of a lower number covers the cut, and covering: (m,), the discs that cover one; of_material: (n,).
     """
 
     start: Array
@@ -39,6 +40,8 @@ class Cylinders(Shape):
     radius: Array
     center: Array
     flat: Mask
+    capped: Mask
+    covering: Mask
     of_material: Ints
 
     words: ClassVar[str] = "cylinders"
@@ -68,7 +71,8 @@ class Cylinders(Shape):
         tree = {"center": middle, "outer": outer, "inner": inner, "member": np.ones(len(row), bool)}
         flags = (FLAGS if len(row) else {}) | ({"WITH_CUTS": "shape"} if len(cuts) else {})
         number, of_material = parts.pop("number"), parts.pop("material")
-        balls = {"center": cuts["center"].copy(), "flat": cuts["flat"] == 1}
+        capped, covering = _caps(cuts)
+        balls = {"center": cuts["center"].copy(), "flat": cuts["flat"] == 1, "capped": capped, "covering": covering}
         return cls(row, number, flags, tree, leave=len(row) > 0, **parts, **balls, of_material=of_material)
 
     @property
@@ -84,7 +88,7 @@ class Cylinders(Shape):
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
         rod, cut = np.zeros((len(self.radius), 2, 4), real), np.zeros((len(self.flat), 4), real)
-        cut[:, 3] = ~self.flat
+        cut[:, 3] = np.where(self.flat, 0, np.where(self.capped, 2, 1))
         if exponent is None or not paths:
             rod[:, 0, :3], rod[:, 1, :3], rod[:, 0, 3] = self.start, self.end, self.radius
             cut[:, :3] = self.center
@@ -124,6 +128,18 @@ class Cylinders(Shape):
             center, flat = (self.center[i - n], bool(self.flat[i - n])) if i >= n else (None, False)
             out[i] = _exact_side(self.start[i], self.end[i], radius=float(r[i]), point=point, center=center, flat=flat)
         return out
+
+
+def _caps(cuts: NDArray[np.void]) -> tuple[Mask, Mask]:
+    """(m,) each: see Cylinders."""
+    names = ("center", "radius", "start", "end")
+    rows = np.ascontiguousarray(np.column_stack([cuts[name] for name in names]))
+    _, which = np.unique(rows.view(f"V{rows.itemsize * rows.shape[1]}").ravel(), return_inverse=True)
+    first, solid = np.full(len(cuts), np.iinfo(np.int64).max), np.zeros(len(cuts), bool)
+    flat = cuts["flat"] == 1
+    np.minimum.at(first, which[flat], cuts["number"][flat])
+    solid[which[~flat]] = True
+    return ~flat & (first[which] < cuts["number"]), flat & solid[which]
 
 
 def _exact_side(start: Array, end: Array, radius: float, point: Array, center: Array | None, flat: bool) -> int:
@@ -181,11 +197,16 @@ class CylindersInView(InView):
     def from_point(self, light: AtPoint, k: int, side: NDArray[np.int8]) -> Capsules:
         """What a light sees. side: (n,), gets on which side of each one the light is."""
         side[:] = self.cylinders.sides(light.place)
-        return self.capsules(self.seen_from(light.place), k)
+        return replace(self.capsules(self.seen_from(light.place), k), idle=self.idle)
 
     def along(self, light: Parallel, k: int, side: NDArray[np.int8]) -> Capsules:
         """The same of a parallel light. Infinitely far away, it is outside of all."""
-        return self.capsules(self.near, k)
+        return replace(self.capsules(self.near, k), idle=self.idle)
+
+    @property
+    def idle(self) -> Mask:
+        """(n,): discs that stop no ray to a light that the solid ball does not stop, of which they are a part."""
+        return np.concatenate([np.zeros(self.cylinders.uncut, bool), self.cylinders.covering])
 
     def capsules(self, ends: tuple[Array, Array], k: int) -> Capsules:
         start, end = (np.ldexp(p, k) for p in ends)

@@ -24,7 +24,7 @@ typedef struct {
     Real3 start, end, u; /* end: not where `real` is float */
     REAL r, span;        /* span: u.u; where `real` is float, |E - S|; 0 of a disc */
     /* WITH_CUTS: */
-    REAL_MASK round; /* whether it is a cut ball, and where its centre is */
+    REAL_MASK round, capped; /* whether it is a cut ball; whether a disc of a lower number covers the cut */
     Real3 center;
 } Rod;
 
@@ -46,7 +46,8 @@ static Rod rod_at(const Spheres spheres, const int number) {
     rod.center.x = c.x;
     rod.center.y = c.y;
     rod.center.z = c.z;
-    if (cut >= 0) rod.span *= c.w;
+    rod.capped = TO_REAL_MASK((INT)(cut >= 0 && c.w > 1 ? -1 : 0) < 0);
+    if (cut >= 0 && c.w == 0) rod.span = 0;
     return rod;
 }
 
@@ -66,6 +67,7 @@ static Rod rods_of(const Spheres spheres, const INT number) {
         PUT_WHERE(here, own.span, rod.span);
         if (HAS(WITH_CUTS)) {
             own.round = here ? rod.round : own.round;
+            own.capped = here ? rod.capped : own.capped;
             PUT3(PUT_WHERE, here, own.center, rod.center);
         }
         left = left == one ? (INT)-1 : left;
@@ -488,6 +490,15 @@ static RodMeeting rod_meet(const RodRay ray, const Rod rod, const REAL_MASK want
     return at;
 }
 
+/* Where a disc covers a cut, it is met at the same t, and counts, as its number is lower: the ball need not tell. */
+static RodMeeting uncovered(const Rod rod, RodMeeting at) {
+    if (!HAS(WITH_CUTS)) return at;
+    const REAL_MASK covered = rod.capped & at.is.flat;
+    at.is.hit = at.is.hit & !covered;
+    at.t = covered ? (REAL)INFINITY : at.t;
+    return at;
+}
+
 /* The same of a ray that leaves a point or comes from the eye, where pairs decide what double cannot. index: each
  * lane's surface, number: the same among cylinders. */
 static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres, const Leaving ray, const INT index,
@@ -496,7 +507,7 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
     const RodRay way = rod_ray_of(spheres, ray, index, rod);
     RodMeeting at = rod_meet(way, rod, wanted);
 #if REAL_BYTES == 8
-    if (!RARELY(ANY(TO_MASK(at.unsure)))) return at;
+    if (!RARELY(ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
     const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const FineRod found = fine_rod(way, fine, rod);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);
@@ -506,5 +517,5 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
     at.is.flat = at.unsure ? found.is.flat : at.is.flat;
     at.is.last = at.unsure ? found.is.last : at.is.last;
 #endif
-    return at;
+    return uncovered(rod, at);
 }

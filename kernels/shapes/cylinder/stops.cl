@@ -77,6 +77,18 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     return is;
 }
 
+/* The lanes of `may` that surely lead to what a plane has cut away, from a disc in the plane that cuts this ball, too.
+ */
+static MASK cut_away(const Scene *scene, const ShadowRay ray, const Start start, const int number, const MASK may) {
+    const Spheres spheres = scene->spheres;
+    if (!HAS(WITH_CUTS) || number < spheres.first_cut) return 0;
+    if (!ANY(may & TO_MASK(ON_START(start.q) | ON_END(start.q)))) return 0;
+    const Rod rod = rod_at(spheres, number);
+    const RodRay way = rod_ray_to(spheres, scene->lamp[ray.number], ray.at_point, start, rod);
+    const REAL least = (REAL_BYTES == 8 ? (REAL)0x1p-40 : (REAL)0x1p-16f) * (way.w1 * ROD_SIZE(rod.u));
+    return may & TO_MASK(way.level & (DOT(way.w, rod.u) < -least));
+}
+
 /* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
  * does if and only if the light is outside of it. */
 static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
@@ -87,9 +99,10 @@ static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start
     MASK stops = own & TO_MASK(start.side < 0);
     if (ANY(stops) && !is_outside_of(scene, ray, number)) stops = 0;
     stops = stops | guess.stopped;
-    COUNT(FILTERED, may & !guess.open);
-    if (!ANY(guess.open)) return stops;
-    COUNT(DECIDED, guess.open);
+    const MASK open = guess.open & !cut_away(scene, ray, start, number, guess.open);
+    COUNT(FILTERED, may & !open);
+    if (!ANY(open)) return stops;
+    COUNT(DECIDED, open);
     if (is_over(scene)) return stops;
-    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, guess.open);
+    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, open);
 }
