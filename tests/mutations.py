@@ -63,6 +63,7 @@ MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 VIEWER = "tests/viewer/test_server.py"
 ROD_FILTER = "-m slow tests/kernels/test_cylinders.py -k changes_a_picture"
+CUTS = "tests/kernels/test_cuts.py"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 SLOWLY = f"-m slow {PARALLEL}"
@@ -139,7 +140,23 @@ MUTATIONS = [
     Mutation("E = 0x1p-20f * (r + s)", "E = 0x1p-30f * (r + s)", "what floats know of a cylinder's side", ROD_FILTER),
     Mutation("FMA((FLOAT)h, a, side) + Y_error", "(FLOAT)h * a", "what floats know of a cylinder's ends", ROD_FILTER),
     Mutation("(Y + Y_error < h * a)", "(Y + Y_error < 2 * h * a)", "cylinders that surely stop", ROD_FILTER),
-    Mutation("if (is_outside_of(scene, ray, number)) is.stopped", "is.stopped", "lights within cylinders", ROD_FILTER),
+    Mutation(
+        "if (whole && is_outside_of(scene, ray, number)) is.stopped",
+        "is.stopped",
+        "lights within cylinders",
+        ROD_FILTER,
+    ),
+    Mutation("c.w == 0) rod.span = 0", "c.w < 0) rod.span = 0", "caps that are discs", CUTS),
+    Mutation(
+        "number < scene->spheres.first_cut;", "1;", "light where balls are cut", f"-m slow {CUTS} -k changes_a_pic"
+    ),
+    Mutation(
+        "ray.level = rod.round & flat",
+        "ray.level = (REAL_MASK)0 & flat",
+        "caps in the light, in single",
+        f"-m slow {CUTS} -k single",
+    ),
+    Mutation("caps, made])", "made, caps])", "caps before what they cap", "tests/scene/test_clipping.py"),
     Mutation("np.where(kind >= 0, by[kind], length)", "length", "how far ellipsoids reach", FIT),
     Mutation("max(above + below, (right + left) * high / wide)", "(above + below)", "pictures that are high", FIT),
     Mutation("hit = (e.discriminant >= 0) & (t > 0)", "hit = (e.discriminant > 0) & (t > 0)", "tangents", STRESS),

@@ -334,9 +334,9 @@ def test_mutations_find_their_text() -> None:
 
 
 def test_the_reference_knows_shapes_by_its_table_alone() -> None:
-    shapes = {"ball", "crossing", "cylinder", "ellipsoid", "equation", "face", "round", "sphere", "triangles"}
+    shapes = {"ball", "crossing", "cut", "cylinder", "ellipsoid", "equation", "face", "round", "sphere", "triangles"}
     # groups.py bounds the way of a ray, as crossing.py does.
-    allowed = {"groups": {"crossing"}, "shapes": {"cylinder", "sphere", "triangles"}, "__init__": shapes}
+    allowed = {"groups": {"crossing"}, "shapes": {"cut", "cylinder", "sphere", "triangles"}, "__init__": shapes}
     for path in (ROOT / "cltrace" / "reference").glob("*.py"):
         if path.stem not in shapes:
             imported = set(re.findall(r"^from cltrace\.reference\.(\w+)", path.read_text("utf-8"), re.MULTILINE))

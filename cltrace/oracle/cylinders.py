@@ -21,9 +21,9 @@ import numpy as np
 from cltrace.numbers.fine import Fine, select
 from cltrace.numbers.pairs import Floats, two_sum
 from cltrace.numbers.surds import Surds, signs_with_root
-from cltrace.numbers.vectors import cross, dot, minus
+from cltrace.numbers.vectors import Triple, cross, dot, minus
 from cltrace.numbers.whole import Signs, grid_of, whole
-from cltrace.oracle.rays import ExactRays, Ids, Rays, columns, moderate, rounded
+from cltrace.oracle.rays import ExactRays, Ids, Rays, Rough, columns, moderate, rounded
 from cltrace.oracle.search import Bools, Hits, Kind, Roots
 from cltrace.scene import Scene
 
@@ -59,8 +59,7 @@ class Cylinders(Kind):
         """Those that the ball around their middle does not rule out, with bounds as of spheres."""
         assert rays.rough is not None
         rough, m = rays.rough, len(self.radii)
-        middle, half = self.starts / 2 + self.ends / 2, self.ends / 2 - self.starts / 2
-        outer = (np.sqrt((half * half).sum(axis=1)) + self.radii) * (1 + 2.0**-40)
+        middle, outer = self.balls
         w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
         x, y, z = ((middle[:, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
         u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
@@ -71,6 +70,31 @@ class Cylinders(Kind):
         ray, item = np.nonzero(~(beside & fit[:, None] & self.moderate[None]))
         return (ray, item) if m else (np.empty(0, np.int64), np.empty(0, np.int64))
 
+    @property
+    def balls(self) -> tuple[Floats, Floats]:
+        """The balls around them: centres, (m, 3), and radii, (m,)."""
+        half = self.ends / 2 - self.starts / 2
+        return self.starts / 2 + self.ends / 2, (np.sqrt((half * half).sum(axis=1)) + self.radii) * (1 + 2.0**-40)
+
+    def round_part(self, rough: Rough, item: Ids, f: Triple[Fine], u: Triple[Fine]) -> tuple[Fine, Fine, Fine, Fine]:
+        """a, b, c and D of what goes round the axis."""
+        w, r, uu = rough.way, Fine.of(self.radii[item]), dot(u, u)
+        F, G, X = cross(f, u), cross(w, u), cross(f, w)
+        a, b, c, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(u, X)
+        return a, b, c, uu * (a * r * r - V * V)
+
+    def whole_round_part(
+        self, exact: ExactRays, item: Ids, f: Triple[Surds], u: Triple[Surds]
+    ) -> tuple[Surds, Surds, Surds]:
+        """a, b and c, exactly."""
+        r = whole(self.radii[item], exact.grid) * exact.scale
+        F, G = cross(f, u), cross(exact.way, u)
+        return dot(G, G), dot(F, G), dot(F, F) - dot(u, u) * (r * r)
+
+    def depth(self, item: Ids) -> Ids:
+        """(k,): 1, or 0 where the second plane is the first one."""
+        return np.ones(len(item), np.int64)
+
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
         """By four t with bounds: those of the planes, and those of the endless cylinder."""
         assert rays.rough is not None
@@ -80,11 +104,9 @@ class Cylinders(Kind):
             rough.step,
         )
         u = tuple(Fine(*two_sum(self.ends[item, i], -self.starts[item, i]), zero) for i in range(3))
-        w, r = rough.way, Fine.of(self.radii[item])
-        F, G, X, uu = cross(f, u), cross(w, u), cross(f, w), dot(u, u)
-        a, b, c, g, h = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(w, u), dot(f, u)
-        V, k = dot(u, X), h + uu
-        D = uu * (a * r * r - V * V)
+        g, h = dot(rough.way, u), dot(f, u)
+        k = h + dot(u, u) * Fine.of(self.depth(item).astype(float))
+        a, b, c, D = self.round_part(rough, item, f=f, u=u)
         root = Fine(np.maximum(D.h, 0), np.where(D.h > 0, D.l, 0), D.error).root()
         ahead = b.h > 0
         q = select(ahead, b, -b) + root
@@ -110,13 +132,11 @@ class Cylinders(Kind):
         return Hits(ray[kept], item[kept], sure[kept], t[kept])
 
     def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
-        S, E, r = (whole(x[item], exact.grid) for x in (self.starts, self.ends, self.radii))
+        S, E = (whole(x[item], exact.grid) for x in (self.starts, self.ends))
         u, f = columns(E - S), minus(columns(S * exact.scale[:, None]), exact.start)
-        uu = Surds(((E - S) * (E - S)).sum(axis=1))
-        F, G = cross(f, u), cross(exact.way, u)
-        rim = uu * (r * exact.scale * (r * exact.scale))
-        a, b, c, g, h = dot(G, G), dot(F, G), dot(F, F) - rim, dot(exact.way, u), dot(f, u)
-        k, D = h + uu * exact.scale, b * b - a * c
+        g, h = dot(exact.way, u), dot(f, u)
+        a, b, c = self.whole_round_part(exact, item, f=f, u=u)
+        k, D = h + dot(u, u) * (exact.scale * self.depth(item).astype(object)), b * b - a * c
         forth = g.signs()
         low, high = _chosen(forth > 0, h, k), _chosen(forth > 0, k, h)
         round_, steep = a.signs() > 0, forth != 0

@@ -366,6 +366,21 @@ ARGUMENTS = (
         needs="WITH_CYLINDERS",
     ),
     *_values("Scene", ("rods", "int", "how many cylinders there are"), needs="WITH_CYLINDERS"),
+    *_values(
+        "Spheres",
+        ("first_cut", "int", "how many of them come before the cut balls, which are the last"),
+        needs="WITH_CUTS",
+    ),
+    *_buffers(
+        "Spheres",
+        (
+            "cut",
+            "real4",
+            "for each cut ball, whose plane is in `rod` in place of ends: xyz: its centre, as `rod` has starts, w: "
+            "0 if only its disc is there, 1 if it is solid, 2 if a disc of a lower number covers its cut, too",
+        ),
+        needs="WITH_CUTS",
+    ),
     *_buffers(
         "Scene",
         ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
@@ -513,6 +528,7 @@ FLAGS = {
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     "WITH_SPHERES": "there are spheres, or no surfaces at all",
     "WITH_CYLINDERS": "there are cylinders",
+    "WITH_CUTS": "some of them are cut balls",
     "WITH_TRIANGLES": "there are meshes",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",

@@ -57,9 +57,8 @@ class Tube:
         """
         u = vector(self.axis)
         f, w = minus(vector(self.start), line.start), line.direction
-        F, G, g, h = cross(f, u), cross(w, u), dot(w, u), dot(f, u)
-        side = Quadratic(dot(G, G), dot(F, G), dot(F, F) - Surd(self.radius * self.radius * self.uu))
-        beyond = h + Surd(self.uu)
+        g, h = dot(w, u), dot(f, u)
+        side, beyond = self.side(line), h + Surd(self.depth)
         near: Met | None = None
         far: Met | None = None
         if side.a.sign():
@@ -79,6 +78,17 @@ class Tube:
             return None
         return near, far
 
+    def side(self, line: Line) -> Quadratic:
+        """Where a line is within what goes round the axis."""
+        f, u = minus(vector(self.start), line.start), vector(self.axis)
+        F, G = cross(f, u), cross(line.direction, u)
+        return Quadratic(dot(G, G), dot(F, G), dot(F, F) - Surd(self.radius * self.radius * self.uu))
+
+    @property
+    def depth(self) -> Fraction:
+        """How far the second plane is from the first one, times |u|."""
+        return self.uu
+
     def first(self, line: Line, t_min: float, t_max: float) -> tuple[Met, bool] | None:
         """Where a line meets the surface first, strictly between t_min and t_max, and whether from inside."""
         ends = self.way_through(line)
@@ -91,9 +101,13 @@ class Tube:
         """Whether a point is strictly outside of the solid."""
         x = tuple(a - b for a, b in zip(p, self.start, strict=True))
         along = sum((a * b for a, b in zip(x, self.axis, strict=True)), ZERO)
-        across = cross(x, self.axis)
-        square = sum((a * a for a in across), ZERO)
-        return along < 0 or along > self.uu or square > self.radius * self.radius * self.uu
+        return along < 0 or along > self.depth or self.is_beside(p)
+
+    def is_beside(self, p: Rational) -> bool:
+        """Whether a point is strictly outside of what goes round the axis."""
+        x, y, z = (a - b for a, b in zip(p, self.start, strict=True))
+        across = cross((x, y, z), self.axis)
+        return sum((a * a for a in across), ZERO) > self.radius * self.radius * self.uu
 
 
 def _flat(g: Surd[Fraction], h: Surd[Fraction], part: Part) -> Met:
@@ -188,7 +202,7 @@ class Cylinder(Surface):
         self.frame, self.eye, self.material = setting.frame, setting.eye, material
         self.axis = self.end - self.start
         self.reach = size_of(self.axis) + self.radius
-        self.tube = Tube(between(self.eye, self.start), between(self.start, self.end), Fraction(self.radius))
+        self.tube = self.solid(of)
         self.seen_start, self.seen_end = (
             Point(*map(float, self.frame.to_camera(between(self.eye, p)))) for p in (self.start, self.end)
         )
@@ -198,8 +212,16 @@ class Cylinder(Surface):
         self.e2 = self.axis.cross(self.e1)
         self._met = lru_cache(maxsize=1)(self._find)
 
+    def solid(self, of: np.void) -> Tube:
+        """What it is, exactly."""
+        return Tube(between(self.eye, self.start), between(self.start, self.end), Fraction(self.radius))
+
+    def passes_by(self, way: Way | None) -> bool:
+        """Whether a ray surely passes by it, in doubles."""
+        return passes_by(self, way)
+
     def intersect(self, ray: Ray) -> float | None:
-        if passes_by(self, way_of(ray, self.frame, self.eye)):
+        if self.passes_by(way_of(ray, self.frame, self.eye)):
             return None
         met = self._met(ray)
         return float(met[0].root) if met else None
@@ -211,7 +233,7 @@ class Cylinder(Surface):
         if ray.start.surface is self:
             # It is convex: as of a sphere.
             return ray.inside and (ray.light.parallel or self.tube.is_outside(ray.light.place))
-        if passes_by(self, shadow_way(ray)):
+        if self.passes_by(shadow_way(ray)):
             return False
         return self.tube.first(ray.line, 0.0, ray.t_max) is not None
 
@@ -234,11 +256,7 @@ class Cylinder(Surface):
 
     def point_at(self, ray: Ray, t: float, part: Part) -> OnCylinder:
         """The point of this part that is nearest to the ray's at t, but for rounding."""
-        way = way_of(ray, self.frame, self.eye)
-        if way is None:
-            way = Way(
-                self.eye, self.frame.B.T @ ray.direction, 0.0, step=self.frame.B.T @ (ray.at(0.0) - Point(0, 0, 0))
-            )
+        way = self.way(ray)
         p = way.w * t - way.to(self.end if part == "end" else self.start)
         u = self.axis
         k = p.dot(u) / u.dot(u)
@@ -247,6 +265,14 @@ class Cylinder(Surface):
             m = m * (1 / math.sqrt(m.dot(m)))
         a, b = m.dot(self.e1) / self.e1.dot(self.e1), m.dot(self.e2) / self.e2.dot(self.e2)
         return OnCylinder(self, part, k=max(0.0, min(1.0, k)), a=a, b=b)
+
+    def way(self, ray: Ray) -> Way:
+        """That of a ray that is met, rounded."""
+        way = way_of(ray, self.frame, self.eye)
+        if way is None:
+            step = self.frame.B.T @ (ray.at(0.0) - Point(0, 0, 0))
+            way = Way(self.eye, self.frame.B.T @ ray.direction, 0.0, step=step)
+        return way
 
     def outward(self, at: OnCylinder) -> Direction:
         """The outward unit normal at a point, in the world."""

@@ -31,6 +31,7 @@ from cltrace.scene.members import lamps_of, members_of
 from cltrace.scene.meshes import Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import Scene, share_all_but_camera
+from cltrace.scene.shapes.cut import CUT
 from cltrace.scene.shapes.cylinder import CYLINDER, Bonds
 from cltrace.scene.shapes.table import OTHER_FIELDS
 from cltrace.scene.source import MeshFile, Source
@@ -41,6 +42,7 @@ __all__ = [
     "ANY",
     "BALL",
     "CONE",
+    "CUT",
     "CYLINDER",
     "FOV",
     "FULL",

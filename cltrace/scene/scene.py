@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
+from cltrace.scene.clipping import clipped
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.columns import Columns, column, points, shades
@@ -66,10 +67,10 @@ class Scene:
     linear with either.
 
     cylinders: an (n,) array of the dtype CYLINDER, with flat ends; bonds: what moves the first ones of them with the
-    spheres, None for none.
+    spheres, None for none; cuts: an (n,) array of the dtype CUT, balls that clipped() has cut.
 
-    All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes
-    and cylinders know their numbers, and the spheres have those that these leave.
+    All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes,
+    cut balls and cylinders know their numbers, and the spheres have those that these leave.
 
     source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
     colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
@@ -91,6 +92,7 @@ class Scene:
     transfer: Transfer
     cylinders: NDArray[np.void]
     bonds: Bonds | None
+    cuts: NDArray[np.void]
     source: Source | None = field(default=None, init=False)
     scale: Scale | None = field(default=None, init=False)
 
@@ -109,6 +111,7 @@ class Scene:
         transfer: Transfer = "linear",
         cylinders: NDArray[np.void] | None = None,
         bonds: Bonds | None = None,
+        cuts: NDArray[np.void] | None = None,
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = records_of("spheres", spheres, SPHERE), records_of("materials", materials, MATERIAL)
@@ -116,7 +119,7 @@ class Scene:
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
         check_transfer(transfer)
-        given = {"meshes": meshes, "cylinders": cylinders, "bonds": bonds}
+        given = {"meshes": meshes, "cylinders": cylinders, "bonds": bonds, "cuts": cuts}
         others = [row.checked(given, len(shades), len(balls)) for row in OTHERS]
         _check_numbers(others)
         color, alpha = background_of(background, background_alpha)
@@ -435,6 +438,21 @@ class Scene:
         if len(found) > MAX_CYLINDERS:
             raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(found)}")
         return self.with_fields(columns=self.columns.with_more(linear(kinds, self.transfer)), cylinders=found)
+
+    def clipped(self, point: ArrayLike, normal: ArrayLike, cap_color: ArrayLike | None = None) -> Scene:
+        """The same scene without what is on one side of a plane, so that one sees what is inside.
+
+        point: (3,), of the plane, scene units; normal: (3,), of any length, across it: the side to which it leads is
+        left out. cap_color: one colour, as of from_spheres(), of a matte cap where balls are cut; without, a cut ball
+        shows its own colour there. A ball that the plane cuts becomes a cut ball, solid as it was, on which all is
+        decided exactly. A mesh becomes another one, whose corners on the plane are rounded, and one more that closes it
+        if it was closed there. What remains is numbered anew: the spheres in their order, meshes, what closes them,
+        caps, cut balls and cylinders. Bonds stay where they are, and follow no spheres.
+
+        Several planes can follow each other where none cuts a ball that is cut. Raises ValueError, which names what it
+        is, where a plane cuts anything else: a cut ball, an ellipsoid, a ball with a texture, a cylinder.
+        """
+        return clipped(self, point, normal, cap_color)
 
     def replicate(self, offsets: ArrayLike) -> Scene:
         """The same scene with all surfaces once for each of k offsets, (k, 3), by which they are moved, scene units.

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hostile.rod_pictures import REGIMES, lit_of, scene_of, wrong_pixels
+from judged_pictures import agrees, changed_by_filter
 
 import cltrace
 from cltrace import Camera, Orthographic, Scene, ambient_light, parallel_light, point_light
-from cltrace.picture.image import Output
-from cltrace.reference import world_of
-from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 
 LIGHTS = (ambient_light((0.2, 0.2, 0.2)), point_light((5, 8, 9)), parallel_light((-1, -1, -0.3), (0.3, 0.3, 0.3)))
@@ -35,16 +33,6 @@ def molecule(**how: object) -> Scene:
     return scene.with_cylinders([(-1, -1, 0), (0.5, -1, 0.1)], [(-1, -1, 0.2), (1, -0.5, 0.8)], [0.6, 0.2], (1, 1, 0))
 
 
-def agrees(scene: Scene, device: Device, precision: str = "accurate", every: int = 3, off: float = 1e-4) -> None:
-    """Of one pixel in so many, number and colour are the reference's."""
-    image, world, (width, height) = cltrace.render(scene, device, precision, ("id", "color")), world_of(scene), (48, 36)
-    for v in range(1, height, every):
-        for u in range(1, width, every):
-            color, at = trace(world, primary_ray(scene.camera, u, v))
-            assert image.id[v, u] == (at.index if at else -1), (u, v)
-            assert np.abs(image.color[v, u] - color).max() <= off, (u, v)
-
-
 def seen_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) -> int:
     wrong = 0
     for seed in range(seeds):
@@ -64,14 +52,6 @@ def test_hostile_pictures(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", REGIMES)
 def test_a_million_rays(device: Device, name: str) -> None:
     assert seen_wrong(name, device, 110, (111, 87)) == 0
-
-
-def changed_by_filter(scene: Scene, device: Device) -> int:
-    """How many pixels differ from those of pictures in which doubles and exact numbers decide all."""
-    outputs: tuple[Output, ...] = ("id", "color")
-    one = cltrace.Renderer(scene, device, "accurate", outputs).render()
-    other = cltrace.Renderer(scene, device, "accurate", outputs, keep=("filter",)).render()
-    return int(((one.id != other.id) | (one.color != other.color).any(axis=2)).sum())
 
 
 @pytest.mark.slow

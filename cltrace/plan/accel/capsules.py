@@ -39,13 +39,14 @@ class Capsules(Silhouettes):
     """n cylinders as seen from a point, or, by parallel light, from the eye: Silhouettes.
 
     start, end: (n, 3), from there to the middles of their ends, in the float buffers' unit; radius: (n,); first: the
-    index of the first one as a surface.
+    index of the first one as a surface; idle: (n,), those that count for nothing, None for none.
     """
 
     start: Array
     end: Array
     radius: Array
     first: int
+    idle: Mask | None = None
 
     has_corners = True
 
@@ -58,7 +59,7 @@ class Capsules(Silhouettes):
 
     @property
     def met(self) -> Mask:
-        return np.ones(len(self), bool)
+        return np.ones(len(self), bool) if self.idle is None else ~self.idle
 
     def of(self, mask: Mask, block: slice) -> Mask:
         """What a mask of all surfaces says of a block of them."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cltrace.numbers.fine import Fine, fine_vector, select
 from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import cross, dot
+from cltrace.numbers.vectors import Triple, cross, dot
 from cltrace.numbers.whole import signs, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
 from cltrace.rays.fine import Ends, sign_of, way_through
-from cltrace.rays.lines import Ids, Lines, differences
-from cltrace.rays.shapes.shape import Shape
+from cltrace.rays.lines import Bools, Ids, Lines, differences
+from cltrace.rays.shapes.shape import Points, Shape
 from cltrace.rays.whole import Roots, WholeRays
 from cltrace.scene import Scene
 
@@ -22,42 +24,61 @@ class Cylinders(Shape):
     """See Shape. start, end: (n, 3), the middles of their ends; radius: (n,)."""
 
     def __init__(self, scene: Scene, first: int) -> None:
-        cylinders = scene.cylinders
-        super().__init__(first, cylinders["number"])
-        self.start, self.end, self.radius = (
-            np.ascontiguousarray(cylinders[name]) for name in ("start", "end", "radius")
-        )
+        self._take(scene.cylinders, first)
         half = self.end / 2 - self.start / 2
         self.center = self.start / 2 + self.end / 2
         self.outer = (np.sqrt((half * half).sum(axis=1)) + self.radius) * (1 + 2.0**-40)
 
+    def _take(self, of: NDArray[np.void], first: int) -> None:
+        super().__init__(first, of["number"])
+        self.start, self.end, self.radius = (np.ascontiguousarray(of[name]) for name in ("start", "end", "radius"))
+
     def meet(self, lines: Lines, ray: Ids, primitive: Ids) -> Met:
-        """Only those are left out that surely pass by: pairs tell of the others.
+        """Only those are left out that surely pass by: pairs tell of the others."""
+        kept = np.flatnonzero(~self.beside(lines, ray, primitive - self.first))
+        unknown = np.full(len(kept), np.inf)
+        none = np.zeros(len(kept), np.int64)
+        return Met(ray[kept], primitive[kept], sure=none.astype(bool), side=none - 1, low=-unknown, high=unknown)
+
+    def beside(self, lines: Lines, ray: Ids, i: Ids) -> Bools:
+        """(k,): which lines surely pass by.
 
         The line is |V| / |G| from the axis, V = u.(f x w) and G = w x u. With u = 2^-53 and s as of spheres, f is off
         by 2^-48 s and f x w by 2^-47 s w1: see passes_by() in cltrace/reference/cylinder.py.
         """
-        i = primitive - self.first
         start, r = self.start[i].T, self.radius[i]
         f, w, u = start - lines.place[ray].T, lines.w[ray].T, self.end[i].T - start
         s, w1, u1 = norm1(f) + PER_OFF * lines.off[ray], norm1(w), norm1(u)
         V, G = np.abs(dot(u, cross(f, w))), cross(w, u)
         size = np.sqrt(dot(G, G)) + 2.0**-45 * w1 * u1
-        beside = V - 2.0**-45 * s * w1 * u1 > r * size * (1 + 2.0**-45) + FLOOR
-        kept = np.flatnonzero(~beside)
-        unknown = np.full(len(kept), np.inf)
-        none = np.zeros(len(kept), np.int64)
-        return Met(ray[kept], primitive[kept], sure=none.astype(bool), side=none - 1, low=-unknown, high=unknown)
+        return np.asarray(V - 2.0**-45 * s * w1 * u1 > r * size * (1 + 2.0**-45) + FLOOR)
+
+    def round_part(self, lines: Lines, ray: Ids, i: Ids, f: Triple[Fine], u: Triple[Fine]) -> tuple[Fine, ...]:
+        """a, b, c and D of what goes round the axis."""
+        r, w, uu = Fine.of(self.radius[i]), fine_vector(lines.w[ray]), dot(u, u)
+        F, G = cross(f, u), cross(w, u)
+        a, b, c, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(u, cross(f, w))
+        return a, b, c, uu * (a * r * r - V * V)
+
+    def whole_round_part(self, rays: WholeRays, i: Ids, f: Any, u: Any) -> tuple[Any, Any, Any]:
+        """a, b and c, exactly."""
+        F, G = (np.array(cross(v, u), object) for v in (f, rays.w))
+        r = whole(self.radius[i], rays.grid)
+        return dot(G, G), dot(F, G), dot(F, F) - r * r * dot(u, u)
+
+    def depth(self, i: Ids) -> Ids:
+        """(k,): 1, or 0 where the second plane is the first one."""
+        return np.ones(len(i), np.int64)
 
     def ends(self, lines: Lines, ray: Ids, primitive: Ids) -> Ends:
         """Where lines are within the endless cylinder, and between the planes of the ends: from the later beginning to
         the earlier end of the two."""
         i = primitive - self.first
-        start, r, w = self.start[i], Fine.of(self.radius[i]), fine_vector(lines.w[ray])
+        start, w = self.start[i], fine_vector(lines.w[ray])
         f, u = fine_vector(*differences(start, lines.origin[ray])), fine_vector(*differences(self.end[i], start))
-        F, G, uu = cross(f, u), cross(w, u), dot(u, u)
-        a, b, c, g, h, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(w, u), dot(f, u), dot(u, cross(f, w))
-        D, k, forth = uu * (a * r * r - V * V), h + uu, g.h > 0
+        a, b, c, D = self.round_part(lines, ray, i, f=f, u=u)
+        g, h = dot(w, u), dot(f, u)
+        k, forth = h + dot(u, u) * Fine.of(self.depth(i).astype(float)), g.h > 0
         into, out_of = way_through(a, b, c, D)
         first, last = (select(forth, h, k) / g, into), (select(forth, k, h) / g, out_of)
         late, soon = sign_of(first[0] - first[1]), sign_of(last[0] - last[1])
@@ -73,14 +94,14 @@ class Cylinders(Shape):
     def roots(self, rays: WholeRays, primitive: Ids) -> Roots:
         """The way through the endless cylinder, and that between the planes N = g t, each from -1 to 1; the later
         beginning and the earlier end of these count."""
-        w, (S, E, r) = rays.w, (whole(x, rays.grid) for x in self.lengths(primitive))
+        i = primitive - self.first
+        w, (S, E) = rays.w, (whole(x[i], rays.grid) for x in (self.start, self.end))
         f, u = S.T - rays.o, (E - S).T
-        F, G = (np.array(cross(v, u), object) for v in (f, w))
-        uu, g, h = dot(u, u), dot(w, u), dot(f, u)
-        a, b, c = dot(G, G), dot(F, G), dot(F, F) - r * r * uu
-        D, k, forth = b * b - a * c, h + uu, signs(g)
+        g, h = dot(w, u), dot(f, u)
+        a, b, c = self.whole_round_part(rays, i, f=f, u=u)
+        D, k, forth = b * b - a * c, h + dot(u, u) * self.depth(i).astype(object), signs(g)
         steep, curved, real = forth != 0, signs(a) > 0, D >= 0
-        none, one = np.zeros((3, len(r)), object), np.ones(len(r), np.int64)
+        none, one = np.zeros((3, len(i)), object), np.ones(len(i), np.int64)
         sides, flats = [], []
         for end, N in ((-1, np.where(forth > 0, h, k)), (1, np.where(forth > 0, k, h))):
             D_or_0, g_or_1, a_or_1 = np.where(real, D, 0), np.where(steep, g, 1), np.where(curved, a, 1)
@@ -92,7 +113,7 @@ class Cylinders(Shape):
         first, second = rays.reach(near), rays.reach(far)
         return near.where(first, far)._replace(exists=there & (first | second))
 
-    def points(self, lines: Lines, primitive: Ids, t: Fine) -> CylinderPoints:
+    def points(self, lines: Lines, primitive: Ids, t: Fine) -> Points:
         return CylinderPoints(self, lines, primitive - self.first, t)
 
 

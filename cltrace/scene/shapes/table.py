@@ -5,10 +5,11 @@ Cylinders are last, as their number changes where bonds follow the spheres.
 
 from dataclasses import fields
 
+from cltrace.scene.shapes.cut import Cuts
 from cltrace.scene.shapes.cylinder import Cylinders
 from cltrace.scene.shapes.mesh import Meshes
 from cltrace.scene.shapes.shape import Other
 
-OTHERS: tuple[type[Other], ...] = (Meshes, Cylinders)
+OTHERS: tuple[type[Other], ...] = (Meshes, Cuts, Cylinders)
 # The fields of Scene that hold others than spheres.
 OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))

@@ -1,13 +1,13 @@
 /* stops.cl: cylinders between a point and a light. */
 
 /* The way from a start to a light, which is at a point, or in the direction `to`. */
-static RodRay rod_ray_to(const real4 lamp, const int at_point, const Start P) {
-    const Real3 L = {lamp.x, lamp.y, lamp.z}, A = P.anchor, none = {0, 0, 0};
+static RodRay rod_ray_to(const Spheres spheres, const real4 lamp, const int at_point, const Start P, const Rod rod) {
+    const Real3 L = {lamp.x, lamp.y, lamp.z}, A = P.anchor;
     const Real3 way = {L.x - A.x, L.y - A.y, L.z - A.z};
     const Real3 w = {way.x - P.step.x, way.y - P.step.y, way.z - P.step.z};
     const RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L), 0,
-                        0, none};
-    return ray;
+                        0, P.q};
+    return leveled(spheres, P.index, ray, rod);
 }
 
 #if REAL_BYTES == 8
@@ -22,7 +22,7 @@ static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres sphere
                        minus(two_sum(to.z, -P->anchor.z), step.z)};
     RodFineRay fine = {step, whole};
     if (at_point) fine.w = way;
-    const FineRod found = fine_rod(rod_ray_to(lamp, at_point, *P), fine, rod);
+    const FineRod found = fine_rod(rod_ray_to(spheres, lamp, at_point, *P, rod), fine, rod);
     const REAL gap = (found.t.t.hi - 1) + found.t.t.lo;
     const REAL_MASK before = at_point ? gap < -found.t.error : TO_REAL_MASK(ALL_LANES);
     return found.is.hit & (found.t.t.hi > 0) & before;
@@ -35,7 +35,7 @@ static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const re
     Start P = *from;
     place_start(spheres, &P);
     const Rod rod = rod_at(spheres, number);
-    const RodMeeting at = rod_meet(rod_ray_to(lamp, at_point, P), rod, TO_REAL_MASK(wanted));
+    const RodMeeting at = rod_meet(rod_ray_to(spheres, lamp, at_point, P, rod), rod, TO_REAL_MASK(wanted));
     REAL_MASK stops = at.t < (at_point ? (REAL)1 : (REAL)INFINITY);
 #if REAL_BYTES == 8
     REAL_MASK unsure = at.unsure;
@@ -70,9 +70,23 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     const RodLine line = rod_line(scene->rod_seen + 2 * number, ray.at_point ? light : P, ray.w32, ray.a);
     const FLOAT size = (magnitude(ray.w32.x) + magnitude(ray.w32.y)) + magnitude(ray.w32.z), off = line.error * size;
     const MASK between = ray.at_point ? (line.b < -off) & (line.b + line.a > off + 0x1p-20f * ray.a) : line.b > off;
-    if (is_outside_of(scene, ray, number)) is.stopped = asked & line.within & between;
+    /* Of a cut ball, the filter knows what it is within, and nothing that is within it. */
+    const int whole = !HAS(WITH_CUTS) || number < scene->spheres.first_cut;
+    if (whole && is_outside_of(scene, ray, number)) is.stopped = asked & line.within & between;
     is.open = asked & line.may & !is.stopped;
     return is;
+}
+
+/* The lanes of `may` that surely lead to what a plane has cut away, from a disc in the plane that cuts this ball, too.
+ */
+static MASK cut_away(const Scene *scene, const ShadowRay ray, const Start start, const int number, const MASK may) {
+    const Spheres spheres = scene->spheres;
+    if (!HAS(WITH_CUTS) || number < spheres.first_cut) return 0;
+    if (!ANY(may & TO_MASK(ON_START(start.q) | ON_END(start.q)))) return 0;
+    const Rod rod = rod_at(spheres, number);
+    const RodRay way = rod_ray_to(spheres, scene->lamp[ray.number], ray.at_point, start, rod);
+    const REAL least = (REAL_BYTES == 8 ? (REAL)0x1p-40 : (REAL)0x1p-16f) * (way.w1 * ROD_SIZE(rod.u));
+    return may & TO_MASK(way.level & (DOT(way.w, rod.u) < -least));
 }
 
 /* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
@@ -85,9 +99,10 @@ static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start
     MASK stops = own & TO_MASK(start.side < 0);
     if (ANY(stops) && !is_outside_of(scene, ray, number)) stops = 0;
     stops = stops | guess.stopped;
-    COUNT(FILTERED, may & !guess.open);
-    if (!ANY(guess.open)) return stops;
-    COUNT(DECIDED, guess.open);
+    const MASK open = guess.open & !cut_away(scene, ray, start, number, guess.open);
+    COUNT(FILTERED, may & !open);
+    if (!ANY(open)) return stops;
+    COUNT(DECIDED, open);
     if (is_over(scene)) return stops;
-    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, guess.open);
+    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, open);
 }

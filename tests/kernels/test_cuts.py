@@ -1,0 +1,104 @@
+"""Balls that planes have cut: the kernel against the exact oracle and the reference, in hostile pictures, too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hostile.cut_pictures import REGIMES, lit_of, scene_of
+from hostile.rod_pictures import wrong_pixels
+from judged_pictures import agrees, changed_by_filter
+
+import cltrace
+from cltrace import Camera, Orthographic, Scene, ambient_light, parallel_light, point_light
+from cltrace.run.devices import Device
+
+# The point is in the part that is left out, and would be within a ball.
+LIGHTS = (
+    ambient_light((0.2, 0.2, 0.2)),
+    point_light((0.3, 0.2, 0.9)),
+    parallel_light((-1, -1, -0.3), (0.3, 0.3, 0.3)),
+)
+CAMERA = Camera((0.4, 1, 6), (0, 0, 0), (0, 1, 0), 15, (48, 36))
+
+
+def opened(**how: object) -> Scene:
+    """A heap of balls, cut open towards the camera, with caps; and a cylinder."""
+    rng = np.random.default_rng(4)
+    centers, radii = rng.uniform(-1, 1, (8, 3)), rng.uniform(0.4, 0.7, 8)
+    scene = Scene.from_spheres(CAMERA, LIGHTS, centers, radii, rng.uniform(0.2, 1, (8, 3)), **how)  # type: ignore[arg-type]
+    scene = scene.with_cylinders([(-1, -1.2, -1)], [(1, -1.2, -0.5)], 0.1, "gold")
+    return scene.clipped((0, 0, 0.3), (0.3, 0.2, 1), "red").clipped((0, 1.8, 0), (0, 1, 0))
+
+
+def seen_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) -> int:
+    wrong = 0
+    for seed in range(seeds):
+        scene = scene_of(name, seed, size)
+        image = cltrace.Renderer(scene, device, "accurate", ("id", "depth"), keep=("features",)).render()
+        wrong += wrong_pixels(scene, image.id, image.depth)
+    return wrong
+
+
+@pytest.mark.parametrize("name", REGIMES)
+def test_hostile_pictures(device: Device, name: str) -> None:
+    assert seen_wrong(name, device, 3, (31, 23)) == 0
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", REGIMES)
+def test_a_million_rays(device: Device, name: str) -> None:
+    assert seen_wrong(name, device, 110, (111, 87)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REGIMES)
+def test_no_filter_changes_a_picture(device: Device, name: str) -> None:
+    seeds, size = (40, (5, 3)) if name == "grazing" else (4, (31, 23))
+    assert [seed for seed in range(seeds) if changed_by_filter(lit_of(name, seed, size), device)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REGIMES)
+def test_shadows_are_those_of_the_reference(device: Device, name: str) -> None:
+    agrees(lit_of(name, 1, (48, 36)), device, every=5)
+
+
+def test_light_and_shadows(device: Device) -> None:
+    agrees(opened(), device)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"reflectance": 0.4}, {"transmittance": 0.6, "index": 1.5, "reflectance": 0.1}])
+def test_mirrors_and_glass(device: Device, how: dict[str, float]) -> None:
+    scene = opened(**how)
+    agrees(replace(scene, camera=replace(CAMERA, max_bounces=3)), device, every=2)
+
+
+@pytest.mark.slow
+def test_parallel_rays(device: Device) -> None:
+    agrees(opened().seen_by(Orthographic((0, 1, 6), (0, 0, 0), (0, 1, 0), 3.2, (48, 36))), device, every=2)
+
+
+@pytest.mark.slow
+def test_single(device: Device) -> None:
+    """In float32, few pixels at edges may be others."""
+    exact, rough = (
+        cltrace.render(opened(), device, precision, ("id", "color")) for precision in ("accurate", "single")
+    )
+    same = exact.id == rough.id
+    assert same.mean() > 0.995
+    assert (np.abs(exact.color - rough.color).max(axis=2)[same] < 1e-3).mean() > 0.995
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("antialias", [True, "proved"])
+def test_antialiasing_is_that_of_more_pixels(device: Device, antialias: object) -> None:
+    scene = opened()
+    image = cltrace.render(scene, device, "accurate", ("rgb8",), antialias=antialias)  # type: ignore[arg-type]
+    fine = cltrace.render(scene.seen_by(replace(CAMERA, resolution=(48 * 16, 36 * 16))), device, "accurate", ("color",))
+    mean = np.clip(fine.color, 0, 1).reshape(36, 16, 48, 16, 3).mean(axis=(1, 3)) * 255
+    off = np.abs(image.rgb8 - mean)
+    assert off.mean() < 0.3
+    assert off.max() < 32  # 255 times what 95 of 100 means over 16 rays are off by, where colours differ by 1
