@@ -389,8 +389,7 @@ class Executor:
         self._launch(self._kernel, frame, region, row=row, rows=rows)
         if self._undecided and self._undecided.any() and not self._last.stopped:
             with self._undecided.compiling():
-                second = self._undecided.program()
-                kernel = second.kernel()
+                second, kernel = self._undecided.drawer()
                 self._launch_first(second, kernel)
             self._launch(kernel, frame, region, row=row, rows=rows)
 

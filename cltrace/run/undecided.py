@@ -37,6 +37,7 @@ class Undecided:
     def __init__(self, queue: Any, device: Device, options: list[str]) -> None:
         self._queue, self._device, self._options = queue, device, options
         self._first = np.empty(1, np.uint8)
+        self._made: tuple[Program, Any] | None = None
         self.marks: Any = None
         self.compiles = False
 
@@ -52,9 +53,12 @@ class Undecided:
         cl.enqueue_copy(self._queue, self._first, self.marks)
         return bool(self._first[0])
 
-    def program(self) -> Program:
-        """What draws them."""
-        return program(self._device, self._options)
+    def drawer(self) -> tuple[Program, Any]:
+        """What draws them: a program and its kernel."""
+        if self._made is None:
+            second = program(self._device, self._options)
+            self._made = second, second.kernel()
+        return self._made
 
     @contextmanager
     def compiling(self) -> Iterator[None]:
