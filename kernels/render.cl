@@ -41,6 +41,16 @@ static void note_overgrown(const Scene *scene, const Packet packet, const Pixels
     atomic_min(scene->last, number_of(packet) * W + lane);
 }
 
+/* IN_STAGES: whether the first program has left the work-item's pixel to the second one. */
+static int is_undecided(const Scene *scene) {
+    return scene->spheres.undecided[number_of_item()];
+}
+
+/* Whether the first program has drawn the work-item's pixel, or was told to draw no more. */
+static int is_drawn(const Scene *scene) {
+    return HAS(IN_STAGES) && !HAS(WITHOUT_RARE) && !is_undecided(scene);
+}
+
 static Ray ray_of(const Frame frame, const Packet packet) {
     return for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
 }
@@ -98,6 +108,7 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
         }
         COUNT(BACKGROUND, ALL_LANES);
     }
+    if (HAS(WITHOUT_RARE) && is_undecided(scene)) return;
     write(frame, scene, packet, pixels, work, out, at);
     note_overgrown(scene, packet, pixels);
 }
@@ -118,6 +129,7 @@ static int2 place_of_item(const int row) {
 #ifdef WITH_AVERAGE
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
+    if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
     const int2 begin = place_of_item(row);
     Known known;
@@ -137,6 +149,7 @@ __kernel void render(RENDER_PARAMETERS) {
 #elif defined(WITH_SAMPLES)
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
+    if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
     const int2 begin = place_of_item(row);
     Known known = {no_work()};
@@ -151,6 +164,7 @@ __kernel void render(RENDER_PARAMETERS) {
 #else
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
+    if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
     const int2 begin = place_of_item(row);
     for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)

@@ -25,6 +25,7 @@ from cltrace.plan.request import Request
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.run.program import source
+from cltrace.run.undecided import FIRST, SECOND, is_in_stages
 
 ROOT = Path(__file__).parent.parent
 TABLE = ROOT / "tests" / "kernels" / "gpu_offline.json"
@@ -77,7 +78,7 @@ def missing() -> str:
 
 
 def programs() -> Iterator[Program]:
-    """Those of SCENES on a device that renders one pixel in each work-item."""
+    """Those of SCENES on a device that renders one pixel in each work-item, both where there are two."""
     for name in SCENES:
         scene = cltrace.load(ROOT / "scenes" / f"{name}.xml")
         precisions: tuple[Precision, ...] = ("single", "accurate")
@@ -85,7 +86,12 @@ def programs() -> Iterator[Program]:
             request = Request(precision, ("rgb8",))
             world = World.of(scene, request)
             plan = Plan.of(world, View.of(world, scene.camera, request), request)
-            yield Program(f"{name}, {precision}", ("-DW=1", "-DRUN=1", *plan.options()))
+            options = ("-DW=1", "-DRUN=1", *plan.options())
+            if not is_in_stages(1, precision):
+                yield Program(f"{name}, {precision}", options)
+                continue
+            yield Program(f"{name}, {precision}", (*options, *SECOND, *FIRST))
+            yield Program(f"{name}, {precision}, undecided pixels", (*options, *SECOND))
 
 
 def compiled(program: Program, folder: Path) -> dict[str, Figures]:

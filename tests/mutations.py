@@ -81,6 +81,12 @@ MUTATIONS = [
     Mutation(
         "const SHADE cosine = -DOT(axis, l);", "const SHADE cosine = 1;", "a panel's cosine", f"{SOFT} -k reference"
     ),
+    Mutation(
+        "spheres.undecided[0] = spheres.undecided[number_of_item()] = 1",
+        "spheres.undecided[0] = 1",
+        "which pixels a second program draws",
+        "-m slow tests/kernels/test_undecided.py -k second_program",
+    ),
     Mutation("(INT)scene->lattice.y * i & (n - 1)", "i", "a pixel's rays are on a diagonal", SAMPLES),
     Mutation("r + sqrt(power) * h)", "r)", "spheres that only the middle of a pixel misses are not seen", SAMPLES),
     Mutation(

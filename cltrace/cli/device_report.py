@@ -116,9 +116,9 @@ def _mirrors() -> cltrace.Scene:
         plain.lights,
         plain.spheres["center"],
         plain.spheres["radius"],
-        reflectance=[0, 0.5, 0, 0],
-        transmittance=[0, 0, 0.8, 0],
-        index=[1, 1, 1.5, 1],
+        reflectance=[0, 0.5, 0, 0, 0],
+        transmittance=[0, 0, 0.8, 0, 0],
+        index=[1, 1, 1.5, 1, 1],
     )
 
 

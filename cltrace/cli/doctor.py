@@ -133,7 +133,11 @@ def _writable(folder: Path) -> str:
 
 
 def picture() -> cltrace.Scene:
-    """A small scene with each kind of light, shadows, highlights and a ground."""
+    """A small scene with each kind of light, shadows, highlights, a ground, and a ball just before another one.
+
+    Doubles cannot tell which of the two is first: so a device with two programs has to compile both, see
+    cltrace/run/undecided.py.
+    """
     camera = cltrace.Camera(position=(0, 1, 6), lookat=(0, 0, 0), horizontal_fov=24, resolution=(48, 36))
     lights = [
         cltrace.ambient_light((0.2, 0.2, 0.2)),
@@ -141,10 +145,10 @@ def picture() -> cltrace.Scene:
         cltrace.point_light((3, 4, 5), (0.4, 0.4, 0.4)),
         cltrace.spot_light((-4, 5, 2), (4, -6, -2), alpha1=8, alpha2=20, color=(0.6, 0.6, 0.5)),
     ]
-    centers = [(0, -101, 0), (-1.2, -0.3, 0), (0.3, 0, -0.5), (1.3, -0.6, 0.8)]
-    colors = [(0.8, 0.8, 0.8), (0.9, 0.3, 0.3), (0.2, 0.6, 0.9), (0.9, 0.8, 0.3)]
+    centers = [(0, -101, 0), (-1.2, -0.3, 0), (0.3, 0, -0.5), (1.3, -0.6, 0.8 + 2**-52), (1.3, -0.6, 0.8)]
+    colors = [(0.8, 0.8, 0.8), (0.9, 0.3, 0.3), (0.2, 0.6, 0.9), (0.9, 0.8, 0.3), (0.9, 0.8, 0.3)]
     return cltrace.Scene.from_spheres(
-        camera, lights, centers, radii=[100, 0.7, 1, 0.4], colors=colors, ka=0.8, kd=0.8, ks=0.5, exponent=30
+        camera, lights, centers, radii=[100, 0.7, 1, 0.4, 0.4], colors=colors, ka=0.8, kd=0.8, ks=0.5, exponent=30
     )
 
 

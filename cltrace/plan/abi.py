@@ -427,6 +427,14 @@ ARGUMENTS = (
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
         needs="WITH_TRIANGLES",
     ),
+    Argument(
+        "undecided",
+        "uchar",
+        "note",
+        group="Spheres",
+        text="of each work-item, whether its pixel is left to the second program; before these, whether any is",
+        needs="IN_STAGES",
+    ),
     *_values("Scene", ("proved", "int", "of how many lights `unstoppable` is known"), needs="WITH_UNSTOPPABLE"),
     *_buffers(
         "Scene",
@@ -499,6 +507,8 @@ CONSTANTS = {
 # The -D flags without a value. Each is set if the scene, the outputs or the device need it.
 FLAGS = {
     "NO_FMA": "this driver's fma() is a slow call of a function: multiply and add instead",
+    "IN_STAGES": "two programs draw a picture: the second one what the first one has marked as undecided",
+    "WITHOUT_RARE": "this is the first one, which decides what double is sure of",
     "WITH_FILTER": "a float32 test with a proved bound goes before each decision",
     "WITH_INTERSECTION": "more of a hit is needed than its index and distance",
     "WITH_NORMAL": "its normal is needed",

@@ -22,8 +22,9 @@ from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import argument
-from cltrace.run.program import context_of, program
+from cltrace.run.program import Program, context_of, program
 from cltrace.run.rows import Rows
+from cltrace.run.undecided import FIRST, SECOND, Undecided, is_in_stages
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -158,7 +159,7 @@ class Executor:
             self._unstoppable = Unstoppable(self.plan, device) if "WITH_UNSTOPPABLE" in self.plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            self._launch_first()
+            self._launch_first(self._program, self._kernel)
 
     def take_over(self, before: Executor) -> None:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
@@ -248,7 +249,7 @@ class Executor:
             for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
-                seconds = self._seconds_of(partial(self._launch, frame, region, strip.start, count), drawn)
+                seconds = self._seconds_of(partial(self._render, frame, region, strip.start, count), drawn)
                 self._check_overgrown()
                 drawn(len(strip))
                 done.append(strip)
@@ -300,7 +301,7 @@ class Executor:
             counter = part.of(self.region)
             counter.plan, counter._further = part.plan.counting(), ()
             counter._build()
-            counter._launch_first()
+            counter._launch_first(counter._program, counter._kernel)
             for row in range(0, height, rows):
                 counter._move_to((x, y + row, width, min(rows, height - row)))
                 frame = counter.frame()
@@ -367,19 +368,35 @@ class Executor:
 
     def _build(self) -> None:
         """Makes the kernel of the plan."""
-        flags = (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
-        self._program = program(self.device, [*(f"-D{flag}" for flag in flags), *self.plan.options()])
+        features, flags = self.plan.features, (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
+        options = [*(f"-D{flag}" for flag in flags), *self.plan.options()]
+        self._undecided = None
+        if is_in_stages(self.width, self.plan.request.precision):
+            features, options = features | {"IN_STAGES"}, [*options, *SECOND]
+            self._undecided = Undecided(self._queue, self.device, options)
+            options = [*options, *FIRST]
+        self._program, self._arguments = program(self.device, options), arguments_of(features)
         self._kernel = self._program.kernel()
-        self._arguments = arguments_of(self.plan.features)
 
-    def _launch_first(self) -> None:
+    def _launch_first(self, made: Program, kernel: Any) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
         x, y, _, _ = self.region
         small = self.of((x, y, 1, 1))
-        self._program.launch_first(self.packet.group, lambda: small._launch(small.frame(), (0, 0, 0, 0), 0, 1))
+        made.launch_first(self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1))
+
+    def _render(self, frame: Frame, region: Region, row: int, rows: int) -> None:
+        """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
+        self._launch(self._kernel, frame, region, row=row, rows=rows)
+        if self._undecided and self._undecided.any() and not self._last.stopped:
+            with self._undecided.compiling():
+                second, kernel = self._undecided.drawer()
+                self._launch_first(second, kernel)
+            self._launch(kernel, frame, region, row=row, rows=rows)
 
     def _advice(self) -> str:
         """What to say where a strip takes long: which numbers could be lower."""
+        if self._undecided and self._undecided.compiles:
+            return "compiling what draws the pixels that double cannot decide"
         request, values = self.plan.request, self.plan.values
         numbers = {
             "max_bounces": values["bounces"] if "WITH_BOUNCES" in self.plan.features else None,
@@ -407,12 +424,16 @@ class Executor:
             if not self._last.stopped:
                 return time.perf_counter() - start
 
-    def _launch(self, frame: Frame, region: Region, row: int, rows: int) -> Any:
-        """Starts the kernel for `rows` rows of a region from `row` on. Returns its event."""
+    def _launch(self, kernel: Any, frame: Frame, region: Region, row: int, rows: int) -> Any:
+        """Starts a kernel for `rows` rows of a region from `row` on. Returns its event."""
         block = CONSTANTS["BLOCK_ROWS"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
         columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
+        if self._undecided:
+            if kernel is self._kernel:
+                self._undecided.begin(grid[0] * grid[1])
+            self.buffers["undecided"] = self._undecided.marks
         proved = self._unstoppable.lights if self._unstoppable else 0
         of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
         of_launch |= {"proved": proved, "started": int(self._started)}
@@ -423,7 +444,7 @@ class Executor:
             a.name: self._value(a.type, of_launch[a.name]) for a in self._arguments if a.name in of_launch
         }
         arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self._arguments)
-        return self._kernel(self._queue, grid, self.packet.group, *arguments)
+        return kernel(self._queue, grid, self.packet.group, *arguments)
 
     def _value(self, type_: str, value: Any) -> Any:
         """An argument that is no buffer. type_: of abi."""

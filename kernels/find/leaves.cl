@@ -34,9 +34,15 @@ static float8 smaller(const float8 a, const float8 b) {
     return a < b ? a : b;
 }
 
-/* What a packet's rays look for, and the surfaces that they may meet first, with lower bounds of the distance. There is
- * room for two leaves' of each ray. */
+/* The surfaces that a packet's rays may meet first, with lower bounds of the distance. There is room for two leaves' of
+ * each ray. They are apart from all else that is known of a search: what is beside an array stays in memory with it. */
 #define CANDIDATES 16
+typedef struct {
+    int index[CANDIDATES][W];
+    float near[CANDIDATES][W];
+} Candidates;
+
+/* What a packet's rays look for. */
 typedef struct {
     const Scene *scene;
     const Leaving *ray;
@@ -48,8 +54,8 @@ typedef struct {
     float reach[W];         /* nothing beyond this distance matters any more */
     int shorter;            /* whether some reach has become shorter since somebody asked */
     int own[W];             /* the surface that a ray leaves */
-    int count[W], index[CANDIDATES][W];
-    float near[CANDIDATES][W];
+    int count[W];
+    Candidates *found;
 } Search;
 
 /* One of the rays. */
@@ -63,8 +69,8 @@ typedef struct {
 
 static void add_candidate(Search *search, const int lane, const int index, const float near) {
     const int n = search->count[lane]++;
-    search->index[n][lane] = index;
-    search->near[n][lane] = near;
+    search->found->index[n][lane] = index;
+    search->found->near[n][lane] = near;
 }
 
 /* Makes room for a leaf: forgets the candidates that lie too far. Returns whether there is room. */
@@ -73,7 +79,8 @@ static int make_room(Search *search, const int lane, const float reach) {
     if (count <= CANDIDATES - 8) return 1;
     search->count[lane] = 0;
     for (int k = 0; k < count; k++)
-        if (search->near[k][lane] <= reach) add_candidate(search, lane, search->index[k][lane], search->near[k][lane]);
+        if (search->found->near[k][lane] <= reach)
+            add_candidate(search, lane, search->found->index[k][lane], search->found->near[k][lane]);
     return search->count[lane] <= CANDIDATES - 8;
 }
 

@@ -39,9 +39,9 @@ static __attribute__((noinline)) void decide_all(Search *search) {
     FLOAT reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;
     const INT left = LOAD_LANES(search->count);
     for (int k = 0; ANY(left > k); k++) {
-        const MASK wanted = (left > k) & (LOAD_LANES(search->near[k]) <= reach);
+        const MASK wanted = (left > k) & (LOAD_LANES(search->found->near[k]) <= reach);
         if (!ANY(wanted)) continue;
-        meet(scene, *search->ray, wanted ? LOAD_LANES(search->index[k]) : (INT)-1, met, search->work);
+        meet(scene, *search->ray, wanted ? LOAD_LANES(search->found->index[k]) : (INT)-1, met, search->work);
         reach = TO_FLOAT(met->at.t * scale) * REACH_SLACK;
     }
     const FLOAT before = LOAD_LANES(search->reach);
@@ -316,7 +316,9 @@ static __attribute__((noinline)) Met closest_from(const Scene *all, const Leavin
     /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);
     if (ANY_ROUND && ANY(inner)) meet(all, *ray, inner ? ray->own : (INT)-1, &met, work);
-    Search search; /* is large: most of it is never read before it is written */
+    Candidates found; /* is large: most of it is never read before it is written */
+    Search search;
+    search.found = &found;
     search.scene = all;
     search.ray = ray;
     search.met = &met;

@@ -81,7 +81,7 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, co
 #if REAL_BYTES == 8
     REAL_MASK open = TO_REAL_MASK(A != B);
     EACH_SHAPE(scene->spheres, A, leave_out_tied(scene->spheres, A, B, &open));
-    if (!ANY(TO_MASK(open))) return first;
+    if (!UNDECIDED(scene->spheres, ANY(TO_MASK(open)))) return first;
     const FineT t = fine_t_of(scene->spheres, ray, A), other = fine_t_of(scene->spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
     const REAL_MASK close = (gap >= -error) & (gap <= error);

@@ -22,7 +22,14 @@ def test_programs_take_what_the_table_says(tmp_path: Path) -> None:
 
 def test_the_table_has_both_gpus() -> None:
     table = json.loads(gpu_offline.TABLE.read_text("utf-8"))
-    assert len(table) == 8
+    assert len(table) == 12
     assert all(figures.keys() == {"sm_90", "gfx1030"} for figures in table.values())
-    # Nothing of a simple picture in single precision is spilled.
-    assert table["first, single"]["sm_90"]["spilled"] == table["first, single"]["gfx1030"]["stack"] == 0
+    nvidia = {name: figures["sm_90"] for name, figures in table.items()}
+    assert all(figures["spilled"] == 0 for name, figures in nvidia.items() if name.endswith("single"))
+    # What decides the pixels of simple scenes takes no memory of its own.
+    simple = [f"{name}, {precision}" for name in ("first", "step4-meshes") for precision in ("single", "accurate")]
+    assert all(nvidia[name]["stack"] == table[name]["gfx1030"]["stack"] == 0 for name in simple)
+    for name, registers, stack in (("first", 128, 256), ("step4-meshes", 168, 1024), ("four-mirrors", 168, 1024)):
+        figures = nvidia[f"{name}, accurate"]
+        assert figures["registers"] <= registers
+        assert figures["stack"] <= stack

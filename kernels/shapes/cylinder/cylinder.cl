@@ -507,7 +507,7 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
     const RodRay way = rod_ray_of(spheres, ray, index, rod);
     RodMeeting at = rod_meet(way, rod, wanted);
 #if REAL_BYTES == 8
-    if (!RARELY(ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
+    if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
     const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const FineRod found = fine_rod(way, fine, rod);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);

@@ -41,7 +41,7 @@ static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const re
     REAL_MASK unsure = at.unsure;
     /* t is right to 2^-24 of itself, see rod_is_sure(). */
     if (at_point) unsure = unsure | (fabs(at.t - 1) < 0x1p-20);
-    if (RARELY(ANY(TO_MASK(unsure)))) {
+    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) {
         const REAL_MASK fine = rod_stops_finely(spheres, lamp, at_point, &P, rod);
         stops = unsure ? fine : stops;
     }

@@ -26,7 +26,7 @@ static REAL_MASK closer(const Scene *scene, const Ray ray, const Sphere sphere, 
                         const Hit hit) {
     const REAL_MASK nearer = t < hit.t;
     const REAL_MASK close = too_close(t, hit.t);
-    if (!RARELY(ANY(TO_MASK(close)))) return nearer;
+    if (!UNDECIDED(scene->spheres, ANY(TO_MASK(close)))) return nearer;
     const REAL_MASK tie = TO_REAL_MASK(scene->id_of[index] < ids_of(scene, hit.id));
     const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene->spheres, hit.id), tie, close);
     return close ? first : nearer;

@@ -307,7 +307,7 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
                          : (D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least);
     if (HAS(WITH_ELLIPSOIDS)) sure = sure & (way.a_error <= 0x1p-27 * a);
     const REAL_MASK unsure = wanted & !passes & !sure;
-    if (RARELY(ANY(TO_MASK(unsure)))) {
+    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) {
         const FineEncounter fine = fine_encounter(spheres, ray, ball, index);
         at.t = unsure ? fine.t.hi : at.t;
         at.inside = unsure ? fine.inside : at.inside;

@@ -14,7 +14,7 @@ static __attribute__((always_inline)) void decide_quadratic(const Spheres sphere
                                                             const REAL bb, const REAL arr, Quadratic *e) {
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e->discriminant <= bound) & (e->discriminant >= -bound), tiny = arr < bb * 0x1p-42;
-    if (RARELY(ANY(TO_MASK(unsure | tiny)))) {
+    if (UNDECIDED(spheres, ANY(TO_MASK(unsure | tiny)))) {
         const REAL_MASK all_but_on = unsure & (bb < arr * 0x1p-16);
         const Decided decided = decide(spheres, ray, sphere, unsure | tiny, all_but_on);
         e->discriminant = (unsure | tiny) ? decided.discriminant : e->discriminant;

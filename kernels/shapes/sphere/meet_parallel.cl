@@ -43,7 +43,7 @@ static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sp
     const REAL near = fabs(first), far = fabs(last), least = near < far ? near : far, m = least < r ? least : r;
     const REAL_MASK sure = (D > D_error) & (D_error <= 0x1p-26 * root * m) & (e <= 0x1p-26 * m);
     const REAL_MASK unsure = !(sure | (D < -D_error));
-    if (RARELY(ANY(TO_MASK(unsure)))) decide_meeting(spheres, ray, sphere, unsure, &at);
+    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) decide_meeting(spheres, ray, sphere, unsure, &at);
     return at;
 }
 #else

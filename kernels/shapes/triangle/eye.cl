@@ -36,7 +36,7 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
  * memory all the time. */
 static __attribute__((always_inline)) void decide_crossing(const Spheres spheres, const EyeRay ray, const INT number,
                                                            Crossing *at) {
-    if (!RARELY(ANY(TO_MASK(at->unsure)))) return;
+    if (!UNDECIDED(spheres, ANY(TO_MASK(at->unsure)))) return;
     const Spheres all = spheres;
     const EyeRay own = ray;
     const FineTriangle fine = fine_meeting_from_eye(&all, &own, number, at->unsure);
@@ -45,7 +45,7 @@ static __attribute__((always_inline)) void decide_crossing(const Spheres spheres
 
 static __attribute__((always_inline)) void decide_encounter(const Spheres spheres, const Leaving ray, const INT index,
                                                             Crossing *at) {
-    if (!RARELY(ANY(TO_MASK(at->unsure)))) return;
+    if (!UNDECIDED(spheres, ANY(TO_MASK(at->unsure)))) return;
     at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(spheres, index, ray.own));
     if (!ANY(TO_MASK(at->unsure))) return;
     const INT number = TRIANGLE_OR_NONE(spheres, index);

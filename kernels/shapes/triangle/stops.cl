@@ -121,7 +121,7 @@ static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const in
                             (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
     REAL_MASK unsure = wanted & !(split | passes | ends | meets);
     REAL_MASK stops = wanted & meets;
-    if (!RARELY(ANY(TO_MASK(unsure)))) return stops;
+    if (!UNDECIDED(spheres, ANY(TO_MASK(unsure)))) return stops;
     /* Of a triangle in all but the plane of P, only the side of P is unsure. */
     const REAL_MASK met = unsure & inside & ends_there & (front | back);
     if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(spheres, to, P, (INT)number, met, v.D);

@@ -160,13 +160,11 @@ typedef struct {
     MASK open, inside; /* whether all three volumes may be positive, and whether they surely are */
 } Sides;
 
-#if REAL_BYTES == 4
 /* The sign of a plane for directions that it holds: that of its first number that is not 0. */
 static int first_sign(const float4 n) {
     const float first = n.x != 0 ? n.x : n.y != 0 ? n.y : n.z;
     return first > 0;
 }
-#endif
 
 /* bound: what the planes' bound is to be multiplied by. */
 static Sides sides_of(const FLOAT x, const FLOAT y, const FLOAT z, const FLOAT bound, __global const float4 *facet) {
@@ -547,9 +545,16 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
     const int4 f = spheres.face[a], g = spheres.face[b];
     const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
     const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
-    if (!share_a_level(one, two) && !whole_coplanar(spheres, one, two)) return 0;
+    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || !whole_coplanar(spheres, one, two))) return 0;
     note_plane(spheres, a, b);
     return 1;
+}
+
+/* The same, as far as it is known, or without whole numbers where there are none: what is not is left to another
+ * program. */
+static int is_known_in_plane(const Spheres spheres, const int a, const int b) {
+    if (HAS(WITHOUT_RARE)) return share_a_plane(spheres, a, b);
+    return first_in_plane(spheres, a) == first_in_plane(spheres, b);
 }
 
 /* In which lanes two surfaces are triangles that are known to be in one plane. A ray that meets both meets them at
@@ -563,7 +568,7 @@ static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, 
     for (int lane = 0; lane < W; lane++) {
         if (!same[lane]) continue;
         const int again = lane && a[lane] == a[lane - 1] && b[lane] == b[lane - 1];
-        same[lane] = again ? same[lane - 1] : -(first_in_plane(spheres, a[lane]) == first_in_plane(spheres, b[lane]));
+        same[lane] = again ? same[lane - 1] : -is_known_in_plane(spheres, a[lane], b[lane]);
     }
     return LOAD_LANES(same);
 }
