@@ -21,9 +21,11 @@
 #define TRIED 16
 #define MOST_GRAIN (24 * ONE / 255)
 /* They are enough, too, where they differ by no more than MOST_BEND, as on a small ball, but the mean of these four is
- * that of the corners but for MOST_BENT. */
+ * that of the corners but for MOST_BENT; what the mean of all is off by then, mostly, for each 1 by which they differ.
+ */
 #define MOST_BEND (48 * ONE / 255)
 #define MOST_BENT (2 * ONE / 255)
+#define BENT_SCATTER 0.1f
 #define GRAIN_SCATTER 0.98f
 /* A quarter of a lattice comes first, but no fewer than 2^LOG_FIRST_FEW rays, and is enough where it differs by no more
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
@@ -330,7 +332,8 @@ static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *tota
                 edge = scene->scatter * (root * sqrt(root));
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
                 error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
-    const FLOAT few = contrast * (view.doubtful ? grain : (FLOAT)CORNER_SCATTER);
+    const FLOAT tried = contrast > MOST_GRAIN ? (FLOAT)BENT_SCATTER : grain,
+                few = contrast * (view.doubtful ? tried : (FLOAT)CORNER_SCATTER);
     return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }
 

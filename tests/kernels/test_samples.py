@@ -160,13 +160,18 @@ def test_bits_do_not_depend_on_width(any_device: Device) -> None:
 
 @pytest.mark.slow
 def test_error_is_mostly_enough(any_device: Device) -> None:
-    """95 of 100 pixels are within it, and it is not much too large."""
+    """95 of 100 pixels are within it, and of 16 rays it is not much too large.
+
+    More rays are nearer than random ones by more, which is what it knows of them.
+    """
     for name in ("crossing", "large and small", "large texels"):
         scene = (HOSTILE | ESTIMATED)[name]()
-        image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
-        off = 255 * np.abs(image.color - truth(scene, any_device)).max(axis=2)
-        assert (off <= image.error + 0.01).mean() >= 0.95
-        assert image.error[off > 0.5].mean() < 5 * off[off > 0.5].mean()
+        right = truth(scene, any_device)
+        for n in (16, 32):
+            image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True, samples=n)
+            off = 255 * np.abs(image.color - right).max(axis=2)
+            assert (off <= image.error + 0.01).mean() >= 0.95
+            assert n > 16 or image.error[off > 0.5].mean() < 5 * off[off > 0.5].mean()
 
 
 def edges(scene: cltrace.Scene, device: Device, size: tuple[int, int]) -> tuple[int, int, int, int]:
