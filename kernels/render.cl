@@ -5,12 +5,9 @@ typedef struct {
     Work work; /* what has been counted */
 #ifdef WITH_AVERAGE
     Proofs proofs; /* what is proved of the work-item's pixels in one row of packets */
-    int4 region;
-    int2 begin; /* where in the picture the work-item does, and whether its corners are known */
-    int cornered;
 #endif
 #ifdef WITH_SAMPLES
-    PixelCorners corners; /* what the rays through the corners of the work-item's pixels find */
+    PixelCorners corners;
 #endif
 } Known;
 
@@ -55,23 +52,26 @@ static Ray ray_of(const Frame frame, const Packet packet) {
     return for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
 }
 
-/* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit. */
+/* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit.
+ * prove_packets(): what is known of a row of packets before they are looked at; first: where it is in the region. */
 #ifdef WITH_AVERAGE
+static void prove_packets(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 first,
+                          Known *known) {
+    const Row line = {size, region.xy + first, region.x + region.z, region.y + region.w};
+    prove_row(frame, scene, line, &known->proofs);
+}
+
 static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
     if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
-    const int first = (packet.first.x - known->begin.x) / PACKET_WIDTH * W;
+    const int first = (packet.first.x - known->corners.begin) / PACKET_WIDTH * W;
     const Means means = proofs_of(&known->proofs, first, &known->work);
     Packet rest = packet;
     rest.within = packet.within & need_samples(means);
-    if (ANY(rest.within)) {
-        if (!known->cornered)
-            find_corners(frame, scene, packet.size, known->region, known->begin, &known->corners, &known->work);
-        known->cornered = 1;
-        sample_pixels(frame, scene, rest, &known->corners, &pixels, &known->work);
-    }
+    if (ANY(rest.within)) sample_pixels(frame, scene, rest, &known->corners, &pixels, &known->work);
     return proved_pixels(scene, means, pixels, &known->work);
 }
 #elif defined(WITH_SAMPLES)
+#define prove_packets(frame, scene, size, region, first, known)
 static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
     if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
     sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
@@ -117,7 +117,7 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
  * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
  * there are BLOCK_ROWS rows of them, rendered column by column: what a packet has brought into the cache is still there
  * for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
-#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? BLOCK_ROWS : 1)
+#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? (HAS(WITH_SAMPLES) ? SAMPLED_ROWS : BLOCK_ROWS) : 1)
 
 /* Where in the region a work-item begins. row: of the region, at which the launch starts. */
 static int2 place_of_item(const int row) {
@@ -126,40 +126,25 @@ static int2 place_of_item(const int row) {
 
 /* The loops are in the kernel itself, as compilers work on all that is in a function once more in each one that calls
  * it, which took a twentieth of the time that a first picture takes. */
-#ifdef WITH_AVERAGE
+#ifdef WITH_SAMPLES
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
     const int2 begin = place_of_item(row);
     Known known;
-    known.region = region;
-    known.begin = region.xy + begin;
-    known.cornered = 0;
+    known.corners.region = region;
+    known.corners.begin = region.x + begin.x;
+    known.corners.row[0] = known.corners.row[1] = -1;
     for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
-        const Row line = {size, region.xy + (int2)(begin.x, y), region.x + region.z, region.y + region.w};
-        prove_row(frame, &scene, line, &known.proofs);
+        const int2 first = {begin.x, y};
+        prove_packets(frame, &scene, size, region, first, &known);
         for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
             const int2 place = {x, y};
             known.work = no_work();
             render_packet(frame, &scene, size, region, place, out, &known);
         }
     }
-}
-#elif defined(WITH_SAMPLES)
-__kernel void render(RENDER_PARAMETERS) {
-    const Scene scene = SCENE_OF_PARAMETERS;
-    if (is_drawn(&scene)) return;
-    const Outputs out = OUTPUTS_OF_PARAMETERS;
-    const int2 begin = place_of_item(row);
-    Known known = {no_work()};
-    find_corners(frame, &scene, size, region, region.xy + begin, &known.corners, &known.work);
-    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
-        for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
-            const int2 place = {x, y};
-            render_packet(frame, &scene, size, region, place, out, &known);
-            known.work = no_work();
-        }
 }
 #else
 __kernel void render(RENDER_PARAMETERS) {

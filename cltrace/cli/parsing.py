@@ -107,7 +107,7 @@ def _picture(group: Group) -> None:
     group.rare(
         "--fog", type=arguments.fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances"
     )
-    group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 16)")
+    group.rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 32)")
     group.usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
 
 

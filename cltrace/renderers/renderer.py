@@ -31,7 +31,7 @@ from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
-SAMPLES = 16
+SAMPLES = 32
 # Along how many rays a side of a pixel the ends of surfaces are looked for with antialiasing: the most that fit into a
 # finer picture of so many pixels.
 PROBES, PROBED = (4, 2), 2**28

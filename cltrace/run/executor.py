@@ -256,7 +256,8 @@ class Executor:
                 if self._unstoppable:
                     self._unstoppable.drawn(len(strip) * width)
                 if seconds > PATIENCE:
-                    self._rows = max(16, self._rows // 32 * 16)
+                    least = max(16, self._lines)
+                    self._rows = max(least, self._rows // (2 * least) * least)
                 elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
                     self._rows *= 2
         return done
@@ -424,10 +425,17 @@ class Executor:
             if not self._last.stopped:
                 return time.perf_counter() - start
 
+    @property
+    def _lines(self) -> int:
+        """How many rows of pixels a work-item renders."""
+        block, features = 1, self.plan.features
+        if "WITH_BLOCKS" in features and self.width > 1:
+            block = CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in features else CONSTANTS["BLOCK_ROWS"]
+        return block * self.packet.rows
+
     def _launch(self, kernel: Any, frame: Frame, region: Region, row: int, rows: int) -> Any:
         """Starts a kernel for `rows` rows of a region from `row` on. Returns its event."""
-        block = CONSTANTS["BLOCK_ROWS"] if "WITH_BLOCKS" in self.plan.features and self.width > 1 else 1
-        columns, lines = self.packet.run * self.packet.columns, block * self.packet.rows
+        columns, lines = self.packet.run * self.packet.columns, self._lines
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
         if self._undecided:

@@ -20,12 +20,17 @@
  * within 1.96 standard deviations of one ray, over sqrt(n). */
 #define TRIED 16
 #define MOST_GRAIN (24 * ONE / 255)
+/* They are enough, too, where they differ by no more than MOST_BEND, as on a small ball, but the mean of these four is
+ * that of the corners but for MOST_BENT; what the mean of all is off by then, mostly, for each 1 by which they differ.
+ */
+#define MOST_BEND (48 * ONE / 255)
+#define MOST_BENT (2 * ONE / 255)
+#define BENT_SCATTER 0.1f
 #define GRAIN_SCATTER 0.98f
-/* From so many on, a quarter of them come first, and are enough where they differ by no more than MOST_CONTRAST: an
- * edge puts their mean off by 4 % of that. What they are off by more than all of them, 4^(3/4). */
-#define STAGED 64
-#define MOST_CONTRAST (48 * ONE / 255)
-#define QUARTER_SCATTER 2.8284271f
+/* A quarter of a lattice comes first, but no fewer than 2^LOG_FIRST_FEW rays, and is enough where it differs by no more
+ * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
+#define LOG_FIRST_FEW 4
+#define MOST_CONTRAST (64 * ONE / 255)
 
 static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
@@ -47,12 +52,13 @@ typedef struct {
     INT column, row;
 } Places;
 
-/* Those of the upper left corners of pixels: of the packets that a work-item renders, and of those to their right and
- * below. origin: the first packet's first pixel in the picture. */
-#define CORNER_ROWS ((W > 1 ? BLOCK_ROWS : 1) + 1)
+/* What the rays through the upper left corners of pixels find: of a row of packets that a work-item renders, of the one
+ * below, and of those to their right. row: each one's first row in the picture, -1 where it is not known yet; begin:
+ * their first column; region: x, y, width and height of what is rendered. */
 typedef struct {
-    int2 origin;
-    Found of[CORNER_ROWS][RUN + 1];
+    int4 region;
+    int begin, row[2];
+    Found of[2][RUN + 1];
 } PixelCorners;
 
 /* The lanes of a packet `a` moved by one, so that each pixel has what is to its right, or below it; b: the packet
@@ -101,20 +107,22 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     found->of[LATE] = pixels.overgrown;
 }
 
-/* What the rays through the upper left corners of those packets find. The last tile of the region has the corners on
- * its right and lower edges, too. */
-static void find_corners(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 begin,
-                         PixelCorners *corners, Work *work) {
+/* The corners of a row of packets, which begins at `row`. The last tile of the region has the corners on its right and
+ * lower edges, too. */
+static const Found *corners_of_row(const Frame frame, const Scene *scene, const int2 size, const int row,
+                                   PixelCorners *corners, Work *work) {
+    const int slot = row / PACKET_HEIGHT & 1;
+    const int4 region = corners->region;
     const int2 last = (region.xy + region.zw - 1) / TILE;
-    corners->origin = begin;
-    for (int j = 0; j < CORNER_ROWS && begin.y + j * PACKET_HEIGHT <= region.y + region.w; j++)
-        for (int i = 0; i <= RUN && begin.x + i * PACKET_WIDTH <= region.x + region.z; i++) {
-            const int2 first = begin + (int2)(i * PACKET_WIDTH, j * PACKET_HEIGHT);
-            /* With a pixel more, the middle of the picture is half a pixel further, and a pixel's middle is a corner.
-             */
-            const Places places = {size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW};
-            find(&frame, scene, &places, min(first / TILE, last), 0, &corners->of[j][i], work);
-        }
+    if (corners->row[slot] == row) return corners->of[slot];
+    corners->row[slot] = row;
+    for (int i = 0; i <= RUN && corners->begin + i * PACKET_WIDTH <= region.x + region.z; i++) {
+        const int2 first = {corners->begin + i * PACKET_WIDTH, row};
+        /* With a pixel more, the middle of the picture is half a pixel further, and a pixel's middle is a corner. */
+        const Places places = {size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW};
+        find(&frame, scene, &places, min(first / TILE, last), 0, &corners->of[slot][i], work);
+    }
+    return corners->of[slot];
 }
 
 /* Sums over rays through a packet's pixels: red, green, blue and how many met a surface; the smallest and largest of
@@ -142,11 +150,11 @@ static INT contrast_of(const Totals *totals) {
 }
 
 /* The sums over corners. Returns the pixels in which these are not the mean. */
-static MASK add_corners(const Scene *scene, const Packet packet, const PixelCorners *corners, Outlook *view,
-                        Totals *totals) {
-    const int i = (packet.first.x - corners->origin.x) / PACKET_WIDTH,
-              j = (packet.first.y - corners->origin.y) / PACKET_HEIGHT;
-    const Found *upper = &corners->of[j][i], *lower = &corners->of[j + 1][i];
+static MASK add_corners(const Frame frame, const Scene *scene, const Packet packet, PixelCorners *corners,
+                        Outlook *view, Totals *totals, Work *work) {
+    const int i = (packet.first.x - corners->begin) / PACKET_WIDTH, row = packet.first.y;
+    const Found *upper = corners_of_row(frame, scene, packet.size, row, corners, work) + i,
+                *lower = corners_of_row(frame, scene, packet.size, row + PACKET_HEIGHT, corners, work) + i;
     Found corner[4];
     for (int k = 0; k < FINDINGS; k++) {
         const INT own = upper->of[k], below = lower->of[k];
@@ -203,12 +211,17 @@ static void put_totals(const Totals *own, const int lane, Totals *totals) {
     totals->count = here ? own->count : totals->count;
 }
 
-/* The rays number first .. first + W - 1 through the places of a pixel: first a quarter of them, which are a lattice
- * themselves, of which the middle is all but that of the pixel, then the others. */
+/* The binary logarithm of how many rays of a lattice come first. */
+static int log_first_few(const Scene *scene) {
+    return min(scene->lattice.x, max(scene->lattice.x - 2, LOG_FIRST_FEW));
+}
+
+/* The rays number first .. first + W - 1 through the places of a pixel: first those that come first, which are a
+ * lattice themselves, of which the middle is all but that of the pixel, then the others. */
 static Places lattice_places(const Scene *scene, const Packet packet, const int lane, const int first) {
-    const int n = 1 << scene->lattice.x, quarter = max(n / 4, 1);
+    const int few = log_first_few(scene), n = 1 << scene->lattice.x, step = n >> few;
     const INT number = first + LANE_NUMBER;
-    const INT i = (4 * (number & (quarter - 1)) + (number / quarter + 2) % 4) & (n - 1);
+    const INT i = (step * number + (((number >> few) + step / 2) & (step - 1))) & (n - 1);
     const Places places = {packet.size * n, (packet.first.x + lane % PACKET_WIDTH) * n + i,
                            (packet.first.y + lane / PACKET_WIDTH) * n + ((INT)scene->lattice.y * i & (n - 1))};
     return places;
@@ -220,13 +233,13 @@ static int largest_contrast(const Totals *own) {
     return contrast;
 }
 
-/* The sums over the rays through places of one pixel of a packet: a quarter of them, if these differ by little, else
- * all. few: as in find(). */
+/* The sums over the rays through places of one pixel of a packet: those that come first, if these differ by little,
+ * else all. few: as in find(). */
 static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
                          Totals *totals, Work *work) {
     const int n = 1 << scene->lattice.x;
     Totals own = NO_TOTALS;
-    int end = n < STAGED ? n : n / 4;
+    int end = 1 << log_first_few(scene);
     for (int first = 0; first < end && !is_over(scene); first += W) {
         const Places places = lattice_places(scene, packet, lane, first);
         Found found;
@@ -261,6 +274,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
     if (n < TRIED) return doubtful;
     int each[W], pixel[W], x[W], y[W], count = 0;
     STORE_LANES(doubtful, each);
+    const Totals corners = *totals;
     for (int lane = 0; lane < W; lane++)
         if (each[lane]) pixel[count++] = lane;
     for (int first = 0; first < 4 * count && !is_over(scene); first += W) {
@@ -276,7 +290,13 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         for (int lane = 0; lane < W && first + lane < 4 * count; lane++)
             add_ray(&found, lane, pixel[(first + lane) / 4], totals);
     }
-    return doubtful & (contrast_of(totals) > MOST_GRAIN);
+    const INT contrast = contrast_of(totals);
+    INT bent = 0;
+    for (int c = 0; c < 3; c++) {
+        const INT more = totals->sum[c] - 2 * corners.sum[c];
+        bent = max(bent, max(more, -more));
+    }
+    return doubtful & (contrast > MOST_GRAIN) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
 }
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
@@ -308,20 +328,21 @@ static MASK add_samples(const Frame frame, const Scene *scene, const Packet pack
  * standard deviation is half of the difference. mixed: the pixels that have a lattice. */
 static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *totals, const MASK mixed) {
     const INT count = totals->count, lattice = 1 << scene->lattice.x;
-    const FLOAT staged = count < lattice ? (FLOAT)QUARTER_SCATTER : (FLOAT)1.0f, rays = TO_FLOAT(count),
-                grain = GRAIN_SCATTER / sqrt(rays), edge = scene->scatter * staged;
+    const FLOAT rays = TO_FLOAT(count), root = sqrt(TO_FLOAT(lattice) / rays), grain = GRAIN_SCATTER / sqrt(rays),
+                edge = scene->scatter * (root * sqrt(root));
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
                 error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
-    const FLOAT few = contrast * (view.doubtful ? grain : (FLOAT)CORNER_SCATTER);
+    const FLOAT tried = contrast > MOST_GRAIN ? (FLOAT)BENT_SCATTER : grain,
+                few = contrast * (view.doubtful ? tried : (FLOAT)CORNER_SCATTER);
     return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }
 
 /* Puts the means into a packet of pixels. */
-static void sample_pixels(const Frame frame, const Scene *scene, const Packet packet, const PixelCorners *corners,
+static void sample_pixels(const Frame frame, const Scene *scene, const Packet packet, PixelCorners *corners,
                           Pixels *pixels, Work *work) {
     Totals totals = NO_TOTALS;
     Outlook view = outlook_of(frame, scene, packet);
-    MASK mixed = add_corners(scene, packet, corners, &view, &totals);
+    MASK mixed = add_corners(frame, scene, packet, corners, &view, &totals, work);
     if (ANY(mixed)) mixed = add_samples(frame, scene, packet, view, mixed, &totals, work);
     const FLOAT over = 1 / TO_FLOAT(totals.count);
     const SHADE share = TO_SHADE(over) * (shade_t)(1.0f / ONE);

@@ -190,12 +190,13 @@ static MASK may_show_another(const Scene *scene, const int2 tile, const Outlook 
     return asked & found;
 }
 
-/* Entries of a tile's lists that may be seen in some of its pixels: all of these, unless `full`. */
-#define LISTED 64
+/* Entries of a tile's lists that may be seen in some of its pixels: all of these, unless `full`. seen: bit k of a
+ * pixel's lane stands for the entry number k. */
+#define LISTED 32
 typedef struct {
     int count, full;
     int2 entry[LISTED];
-    MASK seen[LISTED];
+    INT seen;
 } Candidates;
 
 /* What may be seen in the pixels that are asked for, up to what covers all of one. */
@@ -206,6 +207,7 @@ static void gather_candidates(const Scene *scene, const int2 tile, const Outlook
     const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
     found->count = found->full = 0;
+    found->seen = 0;
     while (level.mask) {
         level = next_level(grid, level);
         const int cell = cell_of(level, tile), end = scene->lists.start[cell + 1];
@@ -218,7 +220,8 @@ static void gather_candidates(const Scene *scene, const int2 tile, const Outlook
             found->full = found->count == LISTED;
             if (found->full) return;
             found->entry[found->count] = entry;
-            found->seen[found->count++] = seen;
+            found->seen |= seen ? (INT)(1 << found->count) : (INT)0;
+            found->count++;
             const FLOAT far = ASK_SHAPE(scene->spheres, entry.x, covers(scene, view, entry.x));
             if (!ANY(seen & (far < depth))) continue;
             depth = (seen & (far < depth)) ? far : depth;
@@ -235,8 +238,8 @@ typedef struct {
 
 static void list_few(const Candidates *found, const int lane, Few *few) {
     few->count = 0;
-    for (int k = 0; k < found->count; k++)
-        if (((const int *)&found->seen[k])[lane]) few->entry[few->count++] = found->entry[k];
+    for (uint seen = ((const uint *)&found->seen)[lane]; seen; seen &= seen - 1)
+        few->entry[few->count++] = found->entry[31 - clz(seen & -seen)];
 }
 
 /* Where a walk through lists is. */

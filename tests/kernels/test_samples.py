@@ -82,14 +82,15 @@ def assert_sampled(
     edge = (number != number[..., :1]).any(axis=2)
     mean = color.sum(axis=2).astype(np.float32) * np.float32(1 / (n * ONE))
     covered = (number >= 0).mean(axis=2, dtype=np.float32)
-    if n >= 64:
-        # Every fourth ray comes first.
-        first = color[:, :, 2::4]
-        few = (np.ptp(first, axis=2) <= 48 * ONE // 255).all(axis=2)
+    if n >= 32:
+        # Some come first, which are a lattice themselves.
+        step = min(4, n // 16)
+        first = color[:, :, step // 2 :: step]
+        few = (np.ptp(first, axis=2) <= 64 * ONE // 255).all(axis=2)
         assert few[edge].any()
         assert not few[edge].all()
-        mean[few] = (first.sum(axis=2).astype(np.float32) * np.float32(4 / (n * ONE)))[few]
-        covered[few] = (number[:, :, 2::4] >= 0).mean(axis=2, dtype=np.float32)[few]
+        mean[few] = (first.sum(axis=2).astype(np.float32) * np.float32(step / (n * ONE)))[few]
+        covered[few] = (number[:, :, step // 2 :: step] >= 0).mean(axis=2, dtype=np.float32)[few]
     assert edge.any()
     np.testing.assert_array_equal(image.color[edge], mean[edge])
     np.testing.assert_array_equal(image.coverage[edge], covered[edge])
@@ -159,13 +160,18 @@ def test_bits_do_not_depend_on_width(any_device: Device) -> None:
 
 @pytest.mark.slow
 def test_error_is_mostly_enough(any_device: Device) -> None:
-    """95 of 100 pixels are within it, and it is not much too large."""
+    """95 of 100 pixels are within it, and it is not much too large.
+
+    32 rays are nearer to the truth than what their spread says by more than 16 rays are.
+    """
     for name in ("crossing", "large and small", "large texels"):
         scene = (HOSTILE | ESTIMATED)[name]()
-        image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
-        off = 255 * np.abs(image.color - truth(scene, any_device)).max(axis=2)
-        assert (off <= image.error + 0.01).mean() >= 0.95
-        assert image.error[off > 0.5].mean() < 5 * off[off > 0.5].mean()
+        right = truth(scene, any_device)
+        for n, most in ((16, 5), (32, 7)):
+            image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True, samples=n)
+            off = 255 * np.abs(image.color - right).max(axis=2)
+            assert (off <= image.error + 0.01).mean() >= 0.95
+            assert image.error[off > 0.5].mean() < most * off[off > 0.5].mean()
 
 
 def edges(scene: cltrace.Scene, device: Device, size: tuple[int, int]) -> tuple[int, int, int, int]:
