@@ -321,6 +321,7 @@ def test_of_equal_triangles_the_first_shows_whatever_the_others_are(device: Devi
         assert set(np.unique(image.id).tolist()) <= {-1, 0, 3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 0.6], ids=["across an axis", "turned"])
 def test_faces_doubled_with_the_other_diagonal(device: Device, turn: float) -> None:
     """As files have quadrilaterals wound both ways: nothing is equal, and the lower number wins in each point."""

@@ -253,6 +253,7 @@ def test_no_epsilon_in_the_sources() -> None:
         "0x1p-13f",
         "0x1p-14f",
         "0x1p-16",
+        "0x1p-16f",
         "0x1p-18f",
         "0x1p-19f",
         "0x1p-20f",

@@ -40,7 +40,7 @@ def fails_above(monkeypatch: pytest.MonkeyPatch, rows: int, error: type[Exceptio
     monkeypatch.setattr(Executor, "frame", frame)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", [pytest.param(way, marks=pytest.mark.slow) if "fog" in way else way for way in WAYS])
 def test_files_are_those_of_whole_pictures(
     way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
 ) -> None:

@@ -93,6 +93,7 @@ def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     both(edge_on(), device, Request())
 
 
+@pytest.mark.slow
 def test_pictures(device: Device) -> None:
     """A Renderer takes buffers that the device has made, also for another camera."""
     renderer = cltrace.Renderer(edge_on(), device)

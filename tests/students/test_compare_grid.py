@@ -57,6 +57,7 @@ def test_names_that_were_false(grid: Grid, scene: str, name: str) -> None:
     assert answer.kind in ("right", "either"), answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [
@@ -206,6 +207,7 @@ def test_rivals_are_so_beside_a_second_mistake(grid: Grid) -> None:
     assert answer.said == "far-root|no-parallel-lights|light-missing|light-reversed + pixel-corner"
 
 
+@pytest.mark.slow
 def test_where_too_many_single_mistakes_explain_all_no_two_are_named(grid: Grid) -> None:
     """Without their light, balls look as from inside, and more: two others did so, too."""
     answer = asked(grid, Case("tutorial", "tall", (40, 30), ("no-parallel-lights",)))
@@ -245,6 +247,7 @@ GEM = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, 
 FACES = np.array([(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shown", "drawn", "name"),
     [
@@ -278,6 +281,7 @@ def test_colours_of_meshes_are_no_textures(shown: dict[str, str], drawn: dict[st
     assert [cause.either for cause in result.causes] == ([name] if name else [])
 
 
+@pytest.mark.slow
 def test_a_smooth_picture_of_which_much_is_wrong_needs_no_other_one(grid: Grid) -> None:
     """It takes far longer than a sharp one."""
     sharp = cltrace.render(grid.scene("step3-shadows", SIZE)).rgb8

@@ -435,7 +435,7 @@ def test_samples(session: Session, tmp_path: Path, spec: str) -> None:
     session.handle(Event("samples", 5))
     assert session.samples == 4
     session.handle(Event("reset"))
-    assert drawn(session)[-1].state.samples == 16
+    assert drawn(session)[-1].state.samples == 32
     proved = Session(Stage(session.stage.scene, session.stage.device, smooth={"antialias": "proved", "samples": None}))
     proved.handle(Event("samples", 4))
     assert proved.samples == 0
