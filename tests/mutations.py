@@ -53,6 +53,9 @@ MESHES = "-m slow tests/kernels/test_mesh_rays.py -k"
 SHOWN, LIT, ONWARD = f"{MESHES} pixels_show", f"{MESHES} lights_reach", f"{MESHES} what_their_mirrors"
 BETWEEN = f"{MESHES} glass_show_of_spheres"
 REFERENCE = "-m slow tests/oracle/test_mesh_oracle.py -k reference"
+# What only a hundred thousand rays meet: minutes.
+MANY = "-m stress tests/kernels/test_mesh_rays.py -k"
+PIXELS, LIGHTS, MIRRORS = f"{MANY} million_pixels", f"{MANY} thousand_lights", f"{MANY} thousand_mirrors"
 SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 RESULTS = "tests/bench/test_results.py"
@@ -183,8 +186,13 @@ MUTATIONS = [
     Mutation("return (exact < 0) | ((exact == 0) & tie);", "return exact < 0;", "exact ties", EXACT),
     Mutation("(wanted & !rounds_to_hi(e.D, e.D_error))", "(wanted & (e.D.hi != e.D.hi))", "doubts of pairs", EXACT),
     Mutation("!((gap > error) | (gap < -error))", "(gap != gap)", "doubts of pairs about distances", EXACT),
-    Mutation("? 124 : 108)", "? 124 : 80)", "room for whole numbers", EXACT),
-    Mutation("set_to(&f, coordinate(eye, i)", "set_to(&f, 0 * coordinate(eye, i)", "the eye in whole numbers", EXACT),
+    Mutation("? 124 : 108)", "? 124 : 80)", "room for whole numbers", "-m slow tests/kernels/test_exact.py"),
+    Mutation(
+        "set_to(&f, coordinate(eye, i)",
+        "set_to(&f, 0 * coordinate(eye, i)",
+        "the eye in whole numbers",
+        "-m slow tests/kernels/test_exact.py",
+    ),
     Mutation("sign_root = s * t * sign_D", "sign_root = s * sign_D", "the order of two roots", EXACT),
     Mutation("(cut > 0x400 ||", "(cut > 0x4ff ||", "rounding of whole numbers", EXACT),
     Mutation(
@@ -232,7 +240,12 @@ MUTATIONS = [
         "end of lists of lights",
         CULLING,
     ),
-    Mutation("FMA(du, du, dv * dv) <= s.z)", "FMA(du, du, dv * dv) <= 0.99f * s.z)", "parallel filter", CULLING),
+    Mutation(
+        "FMA(du, du, dv * dv) <= s.z)",
+        "FMA(du, du, dv * dv) <= 0.99f * s.z)",
+        "parallel filter",
+        "-m slow tests/plan/test_culling.py",
+    ),
     Mutation(
         "may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s)",
         "may & sphere_may_meet(dot_float(ray.w32, s), 1.001f * ray.a, s)",
@@ -247,7 +260,10 @@ MUTATIONS = [
         CULLING,
     ),
     Mutation(
-        "level.columns + (cell.column >> level.level)", "level.columns + cell.column", "levels of a light", CULLING
+        "level.columns + (cell.column >> level.level)",
+        "level.columns + cell.column",
+        "levels of a light",
+        "-m slow tests/plan/test_culling.py",
     ),
     Mutation("level.columns + (place.x >> level.level)", "level.columns + place.x", "levels of the picture", CULLING),
     Mutation(
@@ -256,21 +272,34 @@ MUTATIONS = [
         "where a level begins",
         CULLING,
     ),
-    Mutation("2 * dot * N.x - l.x + view.x", "2 * dot * N.x - l.x - view.x", "the mirrored ray", SCENES),
+    Mutation("2 * dot * N.x - l.x + view.x", "2 * dot * N.x - l.x - view.x", "the mirrored ray", AGREE),
     Mutation("(exponent == 0 ? (SHADE)1 : (SHADE)0)", "(SHADE)0", "0 to the power of 0", STRESS),
     Mutation(
-        "fall = 1 - (angle - light.cone.x) * light.cone.y", "fall = 1 - angle * light.cone.y", "spot lights", SCENES
+        "fall = 1 - (angle - light.cone.x) * light.cone.y", "fall = 1 - angle * light.cone.y", "spot lights", AGREE
     ),
-    Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", SCENES),
+    Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", AGREE),
     Mutation("MASK tiny = ray.a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
-    Mutation("cosine_nl = dot < 1 ? dot : (SHADE)1", "cosine_nl = dot", "n.l above 1", ENDS),
-    Mutation("g = g * w + 0.09091444562630861", "g = g * w + 0.19091444562630861", "the highlight in double", SCENES),
+    Mutation(
+        "cosine_nl = dot < 1 ? dot : (SHADE)1",
+        "cosine_nl = dot",
+        "n.l above 1",
+        "-m slow tests/kernels/test_hostile.py",
+    ),
+    Mutation(
+        "g = g * w + 0.14285714312987743",
+        "g = g * w + 0.24285714312987743",
+        "the highlight in double",
+        f"{SCENES} -k highlights",
+    ),
     Mutation("at.exponent * z >= (shade_t)light.cone.z", "at.exponent * z >= (shade_t)-1", "highlights", STRESS),
-    Mutation("{p[0] | (p[1] << 24)", "{p[0] | (p[1] << 16)", "bytes", SCENES),
-    Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", SCENES),
+    Mutation("{p[0] | (p[1] << 24)", "{p[0] | (p[1] << 16)", "bytes", AGREE),
+    Mutation("clamped * (shade_t)255 + rounding", "clamped * (shade_t)256 + rounding", "levels", AGREE),
     Mutation("low < 1 ? low : (SHADE)1", "low < 2 ? low : (SHADE)1", "what is brighter than white", STRESS),
     Mutation(
-        "frame.right.y * v.x + frame.up.y * v.y", "frame.up.x * v.x + frame.up.y * v.y", "normals in the world", AGREE
+        "frame.right.y * v.x + frame.up.y * v.y",
+        "frame.up.x * v.x + frame.up.y * v.y",
+        "normals in the world",
+        "-m slow tests/kernels/test_consistency.py",
     ),
     Mutation(
         'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + loose',
@@ -313,19 +342,25 @@ MUTATIONS = [
         "return np.asarray((gap <= roomy[:, None] + roomy[None])",
         "return np.asarray((gap <= roomy[:, None])",
         "few spheres in the sun",
-        CULLING,
+        "-m slow tests/plan/test_culling.py",
     ),
     Mutation(
         "overlap = angle <= (half + loose)[:, None] + (half + loose)[None]",
         "overlap = angle <= (half + loose)[:, None]",
         "few spheres before a lamp",
-        CULLING,
+        "-m slow tests/plan/test_culling.py",
     ),
     Mutation(
-        '"WITH_SPECULAR": lit and (world.materials.shiny or full)', '"WITH_SPECULAR": lit and full', "a flag", SCENES
+        '"WITH_SPECULAR": lit and (world.materials.shiny or full)',
+        '"WITH_SPECULAR": lit and full',
+        "a flag",
+        "-m slow tests/kernels/test_scenes.py",
     ),
     Mutation(
-        "inside = inside or world.bounces.glass or full", "inside = world.bounces.glass or full", "a flag", SCENES
+        "inside = inside or world.bounces.glass or full",
+        "inside = world.bounces.glass or full",
+        "a flag",
+        "-m slow tests/kernels/test_scenes.py",
     ),
     Mutation(
         '"WITH_SHADOWS": lit and (surfaces > 1 or',
@@ -334,7 +369,7 @@ MUTATIONS = [
         f"{SCENES} {ABI}",
     ),
     Mutation(
-        "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", SCENES
+        "1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0", "1 / alpha2 if alpha2 > alpha1 else 0", "spot lights", AGREE
     ),
     Mutation(
         "in_world = np.concatenate([world.center, space.power_rest[:, None]], axis=1)",
@@ -360,7 +395,7 @@ MUTATIONS = [
         "square_pixels=False,  # the tutorial's rule for the shorter side",
         "square_pixels=True,",
         "the angle of the shorter side",
-        SCENES,
+        "-m slow tests/kernels/test_scenes.py",
     ),
     Mutation("const REAL k = 2 * DOT(n, d);", "const REAL k = 1.9999 * DOT(n, d);", "the angle of reflection", BOUNCES),
     Mutation(
@@ -368,7 +403,7 @@ MUTATIONS = [
     ),
     Mutation("(eta * eta) * DOT(X, X), root", "eta * DOT(X, X), root", "Snell's law", BOUNCES),
     Mutation("!same & (k < 0)", "!same & (k < -0x1p-28)", "the critical angle", BOUNCES),
-    Mutation("!same & (k < 0)", "(REAL_MASK)(k < 0)", "an index of 1", BOUNCES),
+    Mutation("!same & (k < 0)", "(REAL_MASK)(k < 0)", "an index of 1", "-m slow tests/kernels/test_bounces.py"),
     Mutation("total ? rays.weight * (R + T)", "total ? rays.weight * R", "what total reflection adds", BOUNCES),
     Mutation("rays.depth > scene->bounces", "rays.depth >= scene->bounces", "the last depth", BOUNCES),
     Mutation("kept < most ? kept : most", "kept", "the largest contribution", BOUNCES),
@@ -412,7 +447,12 @@ MUTATIONS = [
         "light in glass",
         f"{BOUNCES} {TREE}",
     ),
-    Mutation("inside = inside or world.bounces.glass or", "inside = inside or", "a flag", f"{BOUNCES} {TREE}"),
+    Mutation(
+        "inside = inside or world.bounces.glass or",
+        "inside = inside or",
+        "a flag",
+        "-m slow tests/kernels/test_bounces.py tests/kernels/test_tree.py",
+    ),
     Mutation(
         "world.materials.brightest * world.bounces.growth(camera.max_bounces)",
         "world.materials.brightest",
@@ -424,18 +464,23 @@ MUTATIONS = [
     ),
     Mutation("rays.weight * bounce.share, &all", "bounce.share, &all", "weights", BOUNCES),
     Mutation("const MASK only = sends & !mirrors;", "const MASK only = sends;", "branches", BOUNCES),
-    Mutation("slack->y += slack_of(w * scene->brightest.y, roundings);", "", "what was dropped", TREE),
+    Mutation(
+        "slack->y += slack_of(w * scene->brightest.y, roundings);",
+        "",
+        "what was dropped",
+        "-m slow tests/kernels/test_tree.py",
+    ),
     Mutation(
         "parts > (real)0.5f ? parts + more : (REAL)0",
         "parts > (real)0.5f ? (real)0.25f * parts : (REAL)0",
         "bounds of what was dropped",
-        TREE,
+        "-m slow tests/kernels/test_tree.py",
     ),
     Mutation(
         "np.maximum(shown.max(axis=0, initial=0), background)",
         "0.25 * shown.max(axis=0, initial=0)",
         "the greatest brightness",
-        TREE,
+        "-m slow tests/kernels/test_tree.py",
     ),
     Mutation(
         'text.startswith("/") or ".." in text.split("/")', 'text.startswith("/")', "paths out of the folder", READER
@@ -500,7 +545,7 @@ MUTATIONS = [
         SHOWN,
     ),
     Mutation("const MASK lower = level &", "const MASK lower = level & 0 &", "the first of one plane", SHOWN),
-    Mutation("return wanted & (sign * D > 0);", "return wanted & (sign * D < 0);", "all but in one plane", LIT),
+    Mutation("return wanted & (sign * D > 0);", "return wanted & (sign * D < 0);", "all but in one plane", LIGHTS),
     Mutation(
         "corners = np.take_along_axis(corners[among], by_mark, axis=1)",
         "corners = corners[among]",
@@ -514,9 +559,9 @@ MUTATIONS = [
         "equal triangles of a mesh",
         SHOWN,
     ),
-    Mutation("fine.hit = wanted & (fine.side != 0);", "fine.hit = wanted;", "rays in a triangle's plane", SHOWN),
+    Mutation("fine.hit = wanted & (fine.side != 0);", "fine.hit = wanted;", "rays in a triangle's plane", PIXELS),
     Mutation(
-        "TO_REAL_MASK(index != ray.own)", "TO_REAL_MASK(index == index)", "the triangle that a ray leaves", ONWARD
+        "TO_REAL_MASK(index != ray.own)", "TO_REAL_MASK(index == index)", "the triangle that a ray leaves", MIRRORS
     ),
     Mutation(
         "const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));",
@@ -531,7 +576,7 @@ MUTATIONS = [
         ONWARD,
     ),
     Mutation(
-        "return weight > INWARD ? (weight", "return weight > 0 ? (weight", "points of edges are moved inwards", ONWARD
+        "return weight > INWARD ? (weight", "return weight > 0 ? (weight", "points of edges are moved inwards", MIRRORS
     ),
     Mutation(
         "at.q.z = first ? (REAL)0 : second ? (REAL)1 : (REAL)2;",
@@ -539,7 +584,7 @@ MUTATIONS = [
         "the corner that a point is counted from",
         ONWARD,
     ),
-    Mutation("place.reach = size_of(x) + size_of(y);", "place.reach = 0;", "how far a start may be off", ONWARD),
+    Mutation("place.reach = size_of(x) + size_of(y);", "place.reach = 0;", "how far a start may be off", MIRRORS),
     Mutation(
         "is.side = at_point ? DOT(T.N, beyond) : is.v.D;",
         "is.side = at_point ? -DOT(T.N, beyond) : is.v.D;",
@@ -550,13 +595,13 @@ MUTATIONS = [
         "const REAL_MASK ends = ends_there & ((front & (side < -side_error))",
         "const REAL_MASK ends = ends_there & ((front & (side < 0x1p30 * side_error))",
         "points all but in a triangle's plane",
-        LIT,
+        LIGHTS,
     ),
     Mutation(
         "TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(",
         "TO_REAL_MASK(unsure) ? TO_REAL(whole_signs(",
         "points in a triangle's plane",
-        LIT,
+        LIGHTS,
     ),
     Mutation(
         "sides.open = least >= -bound;",
@@ -641,7 +686,7 @@ MUTATIONS = [
         "entered = (near <= far) & (child != 0)",
         "entered = (near <= 0.99 * far) & (child != 0)",
         "boxes, of single rays",
-        f"{RAYS} many_surfaces",
+        "tests/rays/test_rays.py",
     ),
     Mutation(
         '(written["id"] >= 0, np.uint8(255), level)',
@@ -665,13 +710,13 @@ MUTATIONS = [
         'more["color"] = decoded(more["color"], transfer)',
         "",
         "materials of meshes given as sRGB",
-        "tests/picture/test_transfer.py",
+        "-m slow tests/picture/test_transfer.py",
     ),
     Mutation(
         "images = tuple(linear_texels(image, transfer) for image in textures)",
         "images = textures",
         "textures given as sRGB",
-        "tests/picture/test_transfer.py",
+        "-m slow tests/picture/test_transfer.py",
     ),
     Mutation(
         'shade["color"] = decoded(shade["color"], scene.transfer)',

@@ -75,3 +75,16 @@ def test_answers_of_the_kernel(device: Device, precision: str, path: Path) -> No
         assert np.array_equal(cltrace.render(scene, device, precision).rgb8, image.rgb8)
     for (x, y), rgb in answers(path):
         assert tuple(image.rgb8[y, x].tolist()) == rgb, (x, y)
+
+
+def test_highlights_in_double_are_the_reference_s_to_all_digits_of_float(device: Device) -> None:
+    """Of a low exponent, whose highlight covers the ball: cosines from 0.4 to 1, of which a power is taken."""
+    light = cltrace.point_light((2, 3, 4), (1, 1, 1))
+    camera = cltrace.Camera((0, 0, 4), (0, 0, 0), fov=40, resolution=(32, 24))
+    scene = cltrace.Scene.from_spheres(camera, [light], [(0, 0, 0)], 1, kd=0, ks=1, exponent=24, ka=0)
+    image = cltrace.render(scene, device, "double", outputs=("color",))
+    ys, xs = np.nonzero(image.color[..., 0] > 1e-6)
+    assert len(ys) > 50
+    for y, x in zip(ys.tolist(), xs.tolist(), strict=True):
+        color, _ = trace(world(scene), primary_ray(scene.camera, x, y))
+        assert float(image.color[y, x, 0]) == pytest.approx(color[0], rel=2.0**-23)
