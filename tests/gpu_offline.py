@@ -25,7 +25,7 @@ from cltrace.plan.request import Request
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.run.program import source
-from cltrace.run.undecided import FIRST, SECOND, is_in_stages
+from cltrace.run.undecided import BOTH, FIRST, is_in_stages
 
 ROOT = Path(__file__).parent.parent
 TABLE = ROOT / "tests" / "kernels" / "gpu_offline.json"
@@ -90,8 +90,8 @@ def programs() -> Iterator[Program]:
             if not is_in_stages(1, precision):
                 yield Program(f"{name}, {precision}", options)
                 continue
-            yield Program(f"{name}, {precision}", (*options, *SECOND, *FIRST))
-            yield Program(f"{name}, {precision}, undecided pixels", (*options, *SECOND))
+            yield Program(f"{name}, {precision}", (*options, *BOTH, *FIRST))
+            yield Program(f"{name}, {precision}, undecided pixels", (*options, *BOTH))
 
 
 def compiled(program: Program, folder: Path) -> dict[str, Figures]:

@@ -17,6 +17,8 @@ from typing import NamedTuple
 import pytest
 from mutations import MUTATIONS, pattern_of
 
+from cltrace.run.program import SOURCES
+
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "cltrace").rglob("*.py"))
 KERNELS = sorted((ROOT / "kernels").rglob("*.cl"))
@@ -341,3 +343,11 @@ def test_the_reference_knows_shapes_by_its_table_alone() -> None:
         if path.stem not in shapes:
             imported = set(re.findall(r"^from cltrace\.reference\.(\w+)", path.read_text("utf-8"), re.MULTILINE))
             assert imported & shapes <= allowed.get(path.stem, set()), path.name
+
+
+def test_types_of_a_program_stand_once() -> None:
+    """Some programs alone have both files, and would not compile. Of the two outlines, a program has one: of spheres,
+    or of ellipsoids, too."""
+    texts = ((ROOT / "kernels" / name).read_text("utf-8") for name in SOURCES if name != "abi")
+    names = Counter(name for text in texts for name in re.findall(r"^\} (\w+);", text, re.MULTILINE))
+    assert [name for name, count in names.items() if count > 1] == ["Outline"]

@@ -24,7 +24,7 @@ from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import argument
 from cltrace.run.program import Program, context_of, program
 from cltrace.run.rows import Rows
-from cltrace.run.undecided import FIRST, SECOND, Undecided, is_in_stages
+from cltrace.run.undecided import BOTH, FIRST, Undecided, is_in_stages
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -373,7 +373,7 @@ class Executor:
         options = [*(f"-D{flag}" for flag in flags), *self.plan.options()]
         self._undecided = None
         if is_in_stages(self.width, self.plan.request.precision):
-            features, options = features | {"IN_STAGES"}, [*options, *SECOND]
+            features, options = features | {"IN_STAGES"}, [*options, *BOTH]
             self._undecided = Undecided(self._queue, self.device, options)
             options = [*options, *FIRST]
         self._program, self._arguments = program(self.device, options), arguments_of(features)

@@ -18,8 +18,8 @@ from cltrace.plan.abi import Precision
 from cltrace.run.devices import Device
 from cltrace.run.program import Program, program
 
-# The options of the second program, and those that the first one has as well.
-SECOND, FIRST = ("-DIN_STAGES",), ("-DWITHOUT_RARE",)
+# Flags of both programs, and of the first one alone.
+BOTH, FIRST = ("-DIN_STAGES",), ("-DWITHOUT_RARE",)
 
 
 def is_in_stages(width: int, precision: Precision) -> bool:
@@ -64,5 +64,7 @@ class Undecided:
     def compiling(self) -> Iterator[None]:
         """While it lasts, that program may be being compiled."""
         self.compiles = True
-        yield
-        self.compiles = False
+        try:
+            yield
+        finally:
+            self.compiles = False

@@ -40,7 +40,7 @@ static float8 smaller(const float8 a, const float8 b) {
 typedef struct {
     int index[CANDIDATES][W];
     float near[CANDIDATES][W];
-} Candidates;
+} Reached;
 
 /* What a packet's rays look for. */
 typedef struct {
@@ -55,7 +55,7 @@ typedef struct {
     int shorter;            /* whether some reach has become shorter since somebody asked */
     int own[W];             /* the surface that a ray leaves */
     int count[W];
-    Candidates *found;
+    Reached *found;
 } Search;
 
 /* One of the rays. */

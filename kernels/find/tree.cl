@@ -316,7 +316,7 @@ static __attribute__((noinline)) Met closest_from(const Scene *all, const Leavin
     /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);
     if (ANY_ROUND && ANY(inner)) meet(all, *ray, inner ? ray->own : (INT)-1, &met, work);
-    Candidates found; /* is large: most of it is never read before it is written */
+    Reached found; /* is large: most of it is never read before it is written */
     Search search;
     search.found = &found;
     search.scene = all;

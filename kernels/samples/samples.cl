@@ -20,13 +20,13 @@
  * within 1.96 standard deviations of one ray, over sqrt(n). */
 #define TRIED 16
 #define MOST_GRAIN (24 * ONE / 255)
+#define GRAIN_SCATTER 0.98f
 /* They are enough, too, where they differ by no more than MOST_BEND, as on a small ball, but the mean of these four is
  * that of the corners but for MOST_BENT; what the mean of all is off by then, mostly, for each 1 by which they differ.
  */
 #define MOST_BEND (48 * ONE / 255)
 #define MOST_BENT (2 * ONE / 255)
 #define BENT_SCATTER 0.1f
-#define GRAIN_SCATTER 0.98f
 /* A quarter of a lattice comes first, but no fewer than 2^LOG_FIRST_FEW rays, and is enough where it differs by no more
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
 #define LOG_FIRST_FEW 4

@@ -265,7 +265,7 @@ def test_what_is_not_known_is_not_named(pictures: Pictures, name: str, scene: st
 
 
 def smooth(scene: cltrace.Scene, **changes: object) -> Bytes:
-    """The picture of nine rays a pixel, where cltrace's own has sixteen, with what a mistake changes."""
+    """The picture of nine rays a pixel, where cltrace's own has up to 32, with what a mistake changes."""
     tracer, (width, height) = Textbook(scene), scene.camera.resolution
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=2).reshape(-1, 2)
     places = [(x / 6, y / 6) for x in (1, 3, 5) for y in (1, 3, 5)]
