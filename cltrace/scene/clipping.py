@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_CYLINDERS
+from cltrace.numbers.inverses import inverses
 from cltrace.scene.columns import Columns
 from cltrace.scene.materials import Material, packed, records
 from cltrace.scene.meshes import PlacedMesh, check_size
@@ -22,7 +23,6 @@ from cltrace.scene.sections import Section
 from cltrace.scene.shapes.cut import CUT
 from cltrace.scene.shapes.cylinder import colors_of, linear
 from cltrace.scene.shapes.shape import Floats
-from cltrace.scene.surfaces import reaches
 
 if TYPE_CHECKING:
     from cltrace.scene.scene import Scene
@@ -59,11 +59,16 @@ class Half:
         end = start - away * along
         return cls(start, checked("point, moved against the normal", ANY, end, (3,)), size)
 
-    def sides(self, points: Floats, radius: Any) -> tuple[Mask, Mask]:
-        """(n,) each: which balls are surely all in it, and which are surely all out of it."""
+    @property
+    def up(self) -> Floats:
+        """u / |u|, rounded."""
         u = self.end - self.start
-        length = math.sqrt(float(u @ u))
-        height = (points - self.start) @ u / length
+        return np.asarray(u / math.sqrt(float(u @ u)))
+
+    def sides(self, points: Floats, radius: Any) -> tuple[Mask, Mask]:
+        """(n,) each: what is surely all in it, and what is surely all out of it. radius: how far up or down from the
+        points it reaches."""
+        height = (points - self.start) @ self.up
         room = radius + ROOM * (self.size + np.abs(points).max(axis=1, initial=0))
         return height > room, height < -room
 
@@ -74,8 +79,9 @@ def clipped(scene: Scene, point: ArrayLike, normal: ArrayLike, cap_color: ArrayL
     columns, many = scene.columns, len(scene.columns)
     radius = np.broadcast_to(columns.radius, (many,)).astype(np.float64)
     maps = np.broadcast_to(columns.to_object, (many,))
-    # The last one is that of a ball, whose map is -1.
-    stretch = np.append(np.sqrt((reaches(scene.to_object) ** 2).sum(axis=1)), 1.0)
+    # An ellipsoid C + r L s, with |s| = 1, reaches r |L^T n| to both sides. The last one is that of a ball, whose map
+    # is -1.
+    stretch = np.append(np.linalg.norm(half.up @ inverses(scene.to_object), axis=1), 1.0)
     kept, gone = half.sides(columns.center.astype(np.float64), radius * stretch[maps])
     cut = np.flatnonzero(~kept & ~gone)
     kinds = _cap(cap_color)
@@ -86,9 +92,9 @@ def clipped(scene: Scene, point: ArrayLike, normal: ArrayLike, cap_color: ArrayL
     caps["flat"], caps["material"] = 1, cap or 0
     columns = columns.with_more(linear(kinds, scene.transfer))
     old, rods = scene.cuts, scene.cylinders
-    found = np.concatenate([old[_whole(half, "cut balls", old["center"], old["radius"])], caps, made])
+    found = np.concatenate([old[_whole(half, old)], caps, made])
     if len(found) > MAX_CYLINDERS:
-        raise ValueError(f"cut balls: must be at most {MAX_CYLINDERS}, got {len(found)}")
+        raise ValueError(f"cut balls and caps: must be at most {MAX_CYLINDERS}, got {len(found)}")
     rods = rods[_rods(half, rods)].copy()
     meshes, columns = _meshes(half, columns, scene.meshes, cap)
     first = int(kept.sum())
@@ -141,18 +147,21 @@ def _check_balls(scene: Scene, cut: NDArray[np.intp], maps: NDArray[np.int32]) -
             raise ValueError(f"spheres[{shown[0]}]: has a texture and the plane cuts it; cut balls have none")
 
 
-def _whole(half: Half, words: str, points: Floats, radius: Floats) -> Mask:
-    """(n,): which balls stay. Raises ValueError where the plane may cut one."""
-    kept, gone = half.sides(points, radius)
+def _whole(half: Half, cuts: NDArray[np.void]) -> Mask:
+    """(n,): which cut balls and caps stay. Raises ValueError where the plane may cut the whole ball of one."""
+    kept, gone = half.sides(cuts["center"], cuts["radius"])
     cut = np.flatnonzero(~kept & ~gone)
     if len(cut):
-        raise ValueError(f"{words}[{cut[0]}]: the plane cuts it, which only balls can be that are whole so far")
+        raise ValueError(f"cut balls[{cut[0]}]: the plane cuts a ball that is cut already; a ball can be cut once")
     return kept
 
 
 def _rods(half: Half, rods: NDArray[np.void]) -> Mask:
     """(n,): which cylinders stay. Raises ValueError where the plane may cut one."""
-    (a_in, a_out), (b_in, b_out) = (half.sides(rods[end], rods["radius"]) for end in ("start", "end"))
+    # Ends are discs, which reach r sin(angle between u and the axis). A root of 1 - cos^2 would be less exact.
+    axis = rods["end"] - rods["start"]
+    reach = rods["radius"] * np.linalg.norm(np.cross(axis, half.up), axis=1) / np.linalg.norm(axis, axis=1)
+    (a_in, a_out), (b_in, b_out) = (half.sides(rods[end], reach) for end in ("start", "end"))
     cut = np.flatnonzero(~(a_in & b_in) & ~(a_out & b_out))
     if len(cut):
         raise ValueError(f"cylinders[{cut[0]}]: the plane cuts it, which only balls can be; leave it out, or move it")
@@ -168,7 +177,8 @@ def _meshes(
     """
     left, caps, more = [], list[PlacedMesh](), list[NDArray[np.void]]()
     for mesh in meshes:
-        height = (mesh.vertices - half.start) @ (half.end - half.start)
+        # Vertices at one place have one height, which `@` does not promise.
+        height = ((mesh.vertices - half.start) * (half.end - half.start)).sum(axis=1)
         used = height[mesh.geometry.faces]
         if (used >= 0).all():
             left.append(mesh)

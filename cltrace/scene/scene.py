@@ -443,14 +443,19 @@ class Scene:
         """The same scene without what is on one side of a plane, so that one sees what is inside.
 
         point: (3,), of the plane, scene units; normal: (3,), of any length, across it: the side to which it leads is
-        left out. cap_color: one colour, as of from_spheres(), of a matte cap where balls are cut; without, a cut ball
-        shows its own colour there. A ball that the plane cuts becomes a cut ball, solid as it was, on which all is
-        decided exactly. A mesh becomes another one, whose corners on the plane are rounded, and one more that closes it
-        if it was closed there. What remains is numbered anew: the spheres in their order, meshes, what closes them,
-        caps, cut balls and cylinders. Bonds stay where they are, and follow no spheres.
+        left out. cap_color: one colour, as of from_spheres(), of matte caps where balls and meshes are cut; without, a
+        cut ball shows its own colour there, and what closes a mesh has its material, but no texture and no values.
 
-        Several planes can follow each other where none cuts a ball that is cut. Raises ValueError, which names what it
-        is, where a plane cuts anything else: a cut ball, an ellipsoid, a ball with a texture, a cylinder.
+        A ball that the plane cuts becomes a cut ball, solid as it was, on which all is decided exactly. A mesh becomes
+        another one, whose corners on the plane are rounded, and one more that closes it if it was closed there. What
+        remains is numbered anew: the spheres in their order, meshes, what closes them, caps, cut balls and cylinders.
+        Bonds stay where they are, and follow no spheres.
+
+        Several planes can follow each other where none cuts a ball that is cut, of which the whole counts.
+
+        Raises ValueError, which names the argument or the index: where the plane cuts or all but touches a ball that is
+        cut already, an ellipsoid, a ball with a texture, or a cylinder; where an argument is not allowed; and where
+        more cut balls and caps, meshes, triangles or vertices are made than the limits allow.
         """
         return clipped(self, point, normal, cap_color)
 
@@ -458,8 +463,9 @@ class Scene:
         """The same scene with all surfaces once for each of k offsets, (k, 3), by which they are moved, scene units.
 
         box_images() gives those of a periodic box. Bonds of one with `box` are halves at its boundary, which meet those
-        of the next image there. Surfaces are numbered anew: the spheres of each image in turn, then the meshes, then
-        the cylinders; so sphere i of n has the number k n + i in image k. Camera and lights stay where they are.
+        of the next image there. Surfaces are numbered anew: the spheres of each image in turn, then the meshes, the
+        cut balls and the cylinders; so sphere i of n has the number k n + i in image k. Camera and lights stay where
+        they are.
 
         Raises ValueError, which names offsets and the index.
         """

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.limits import MAX_TRIANGLES
 from cltrace.scene.meshes import Geometry, PlacedMesh
 from cltrace.scene.rules import SMALLEST
 from cltrace.scene.shapes.shape import Floats
@@ -39,7 +40,11 @@ class Section:
         cut = np.flatnonzero((count == 1) | (count == 2))
         turn = np.argmax(inside[cut] == (count[cut] == 1)[:, None], axis=1)
         corner = (turn[:, None] + np.arange(3)) % 3
-        faces = np.take_along_axis(shape.faces[cut].astype(np.int64), corner, axis=1)
+        # Vertices at one place count as one: where a mesh has seams, or shares none, it is closed nevertheless.
+        near, vertex = np.unique(shape.faces[cut], return_inverse=True)
+        _, first, same = np.unique(mesh.vertices[near], axis=0, return_index=True, return_inverse=True)
+        joined = near[first[same.reshape(-1)]][vertex.reshape(-1)].reshape(-1, 3)
+        faces = np.take_along_axis(joined.astype(np.int64), corner, axis=1)
         alone = count[cut] == 1
         # The two edges from there that the plane cuts. Each is one however many triangles share it.
         ends = np.stack([faces[:, [0, 0]], faces[:, 1:]], axis=2)
@@ -81,15 +86,20 @@ class Section:
         """What closes it, None if that has no area. away: (3,), across the plane, to the side that is gone.
 
         Between two lines next to each other across the plane there are trapezoids, from each end of a line to the next.
-        What an odd number of lines is in front of is inside.
+        What an odd number of lines is in front of is inside. Raises ValueError where these are too many.
         """
         right = np.cross(away, np.eye(3)[np.abs(away).argmin()])
         up = np.cross(away, right)
-        plane = self.lines @ np.stack([right, up], axis=1)
+        # Ends at one place have one x, which `@` does not promise.
+        plane = (self.lines[:, :, None] * np.stack([right, up])).sum(axis=3)
         first = np.argsort(plane[:, :, 0], axis=1)
         line, plane = (np.take_along_axis(x, first[:, :, None], axis=1) for x in (self.lines, plane))
         x = np.unique(plane[:, :, 0])
         begin, end = (np.searchsorted(x, plane[:, k, 0]) for k in (0, 1))
+        count = int((end - begin).sum())
+        if count > MAX_TRIANGLES:
+            words = f"meshes: the cap of surface {self.kept.number} must be at most"
+            raise ValueError(f"{words} {MAX_TRIANGLES} triangles, got {count}")
         row = np.repeat(np.arange(len(line)), end - begin)
         slab = np.arange(len(row)) - np.repeat(np.cumsum(end - begin) - (end - begin), end - begin) + begin[row]
         shares = [(at - plane[row, 0, 0]) / (plane[row, 1, 0] - plane[row, 0, 0]) for at in (x[slab], x[slab + 1])]

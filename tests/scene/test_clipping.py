@@ -10,7 +10,7 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Mesh, Scene, ambient_light
-from cltrace.scene import CUT, with_spheres
+from cltrace.scene import CUT, sections, with_spheres
 
 CAMERA = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), 30, (64, 48))
 # In front of z = 0, cut by it, touching it from behind, and behind it.
@@ -32,7 +32,7 @@ def test_what_is_beyond_is_gone_and_what_is_cut_has_a_cap() -> None:
     color = scene.materials["color"][scene.cuts["material"]]
     assert color.tolist() == [[1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     assert len(balls().clipped((0, 0, 0), (0, 0, 1)).cuts) == 2
-    assert repr(scene) == "<cltrace.Scene 64x48: 1 spheres, 4 cut balls, 1 lights>"
+    assert repr(scene) == "<cltrace.Scene 64x48: 1 spheres, 4 cut balls and caps, 1 lights>"
 
 
 def test_first_hits_are_those_of_balls_within_half_of_space() -> None:
@@ -69,10 +69,41 @@ def test_a_plane_beside_all_changes_no_picture() -> None:
     assert not cltrace.render(scene.clipped((0, 0, 5), (0, 0, -1), "red")).rgb8.any()
 
 
+@pytest.mark.parametrize("turn", [np.eye(3), np.array([(0.8, 0, 0.6), (0, 1, 0), (-0.6, 0, 0.8)])])
+@pytest.mark.parametrize("scales", [(0.4, 0.4, 0.44), (3, 3, 1)])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_plane_beside_an_ellipsoid_leaves_it(side: int, scales: tuple[float, ...], turn: Any) -> None:
+    """Also where its box has a diagonal that the plane cuts."""
+    place = turn @ np.diag(scales)
+    bottom = -side * np.linalg.norm(place[2])
+    near, over = (
+        Scene.from_spheres(CAMERA, ambient_light(), [(0, 0, bottom * by)], 1, transform=place)
+        for by in (1 + 1e-6, 1 - 1e-6)
+    )
+    assert len(near.clipped((0, 0, 0), (0, 0, 1)).columns) == (side > 0)
+    with pytest.raises(ValueError, match=r"^spheres\[0\]: is an ellipsoid that the plane cuts"):
+        over.clipped((0, 0, 0), (0, 0, 1))
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "radius", "reach"),
+    [((0, 0, -4), (0, 0, 0), 0.1, 0), ((-3, 0, -4), (0, 0, 0), 0.4, 0.24), ((-3, 0, 0), (0, 0, 0), 0.1, 0.1)],
+)
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_plane_beside_a_cylinder_leaves_it(side: int, start: Any, end: Any, radius: float, reach: float) -> None:
+    """Its ends are flat: they reach radius times the sine of the angle between the axis and the normal."""
+    ends = np.array([start, end]) * (1, 1, side)
+    scene = balls().clipped((0, 0, -9), (0, 0, 1)).with_cylinders(ends[:1], ends[1:], radius)
+    near, over = ((0, 0, side * (reach + off)) for off in (1e-6, -1e-6))
+    assert len(scene.clipped(near, (0, 0, 1)).cylinders) == (side > 0)
+    with pytest.raises(ValueError, match=r"^cylinders\[0\]: the plane cuts it"):
+        scene.clipped(over, (0, 0, 1))
+
+
 def test_several_planes() -> None:
     scene = balls().clipped((0, 0, 0), (0, 0, 1), "red").clipped((0.5, 0, 0), (1, 0, 0), "blue")
     assert scene.cuts["center"].tolist() == [[0, 1, -0.4]] * 2
-    with pytest.raises(ValueError, match=r"^cut balls\[0\]: the plane cuts it, which only balls can be that are whole"):
+    with pytest.raises(ValueError, match=r"^cut balls\[0\]: the plane cuts a ball that is cut already; a ball"):
         balls().clipped((0, 0, 0), (0, 0, 1)).clipped((1, 0, 0), (1, 0, 0))
 
 
@@ -156,6 +187,39 @@ def test_a_cut_mesh_looks_as_before_where_it_is() -> None:
     assert (half.id == 1).sum() > 5
     assert np.abs(half.normal - whole.normal)[left].max() < 1e-5
     assert np.abs(half.color - whole.color)[left].max() < 1e-4
+
+
+def test_meshes_whose_triangles_share_no_vertices_are_closed() -> None:
+    """As of an STL file, in any order of corners; and one with a hole in the plane stays open."""
+    whole, rng = ring(), np.random.default_rng(3)
+    corners = whole.vertices[whole.faces]
+    turn = (rng.integers(3, size=(len(corners), 1)) + np.arange(3)) % 3
+    loose = np.take_along_axis(corners, turn[..., None], axis=1).reshape(-1, 3)
+    order = rng.permutation(len(loose))
+    faces = np.argsort(order).reshape(-1, 3)
+    plane = (0.01, 0.02, 0.03), (0.3, 0.5, 1), "gold"
+    one, other = (
+        Scene.from_meshes(CAMERA, ambient_light(), mesh).clipped(*plane).meshes
+        for mesh in (Mesh(whole.vertices, whole.faces), Mesh(loose[order], faces))
+    )
+    assert len(one) == len(other) == 2
+    assert [volume_of(mesh) for mesh in one] == pytest.approx([volume_of(mesh) for mesh in other], rel=1e-12)
+    height = (loose.reshape(-1, 3, 3) - plane[0]) @ plane[1]
+    cut = int(np.argmax((height.min(axis=1) < 0) & (height.max(axis=1) > 0)))
+    holed = Mesh(loose[order], np.delete(faces, cut, axis=0))
+    assert len(Scene.from_meshes(CAMERA, ambient_light(), holed).clipped(*plane).meshes) == 1
+
+
+def test_caps_have_no_more_triangles_than_a_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each line is split at each end of another one: that is known before there is memory taken for it."""
+    scene = Scene.from_meshes(CAMERA, ambient_light(), ring())
+    most = len(scene.clipped((0, 0, 0.1), (0.1, 0, 1)).meshes[1].geometry.faces)
+    monkeypatch.setattr(sections, "MAX_TRIANGLES", 2 * most)
+    assert len(scene.clipped((0, 0, 0.1), (0.1, 0, 1)).meshes) == 2
+    monkeypatch.setattr(sections, "MAX_TRIANGLES", most // 2)
+    words = rf"^meshes: the cap of surface 0 must be at most {most // 2} triangles, got \d+$"
+    with pytest.raises(ValueError, match=words):
+        scene.clipped((0, 0, 0.1), (0.1, 0, 1))
 
 
 def test_what_is_open_stays_open_and_has_its_own_color() -> None:

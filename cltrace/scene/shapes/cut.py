@@ -37,7 +37,7 @@ class Cuts(Other):
     """cuts: CUT."""
 
     cuts: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, CUT))
-    words: ClassVar[str] = "cut balls"
+    words: ClassVar[str] = "cut balls and caps"
     most: ClassVar[float] = MAX_CYLINDERS
 
     @classmethod
