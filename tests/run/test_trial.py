@@ -8,6 +8,7 @@ import pytest
 from random_scenes import usual_scene
 
 from cltrace import DeviceError, Renderer
+from cltrace.base import limits
 from cltrace.run import trial
 from cltrace.run.devices import OTHER_CPU, Device, devices
 
@@ -25,6 +26,13 @@ def test_a_new_driver_draws_in_a_process_of_its_own(device: Device, notes: Path)
     trial.check_driver(device, 4)
     (note,) = notes.iterdir()
     assert note.read_bytes() == b""
+
+
+def test_limits_of_scenes_are_not_those_of_the_trial(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it draws has more than these, which would be taken for a driver that draws."""
+    monkeypatch.setenv(limits.CHANGED, "bounces=4 lights=1 pixels=100")
+    status, answer = trial.child("-m", "cltrace.cli.doctor", "draw", device.spec, "4")
+    assert (status, answer) == (0, "exit status 0")
 
 
 @pytest.mark.parametrize(("status", "refused"), [(0, False), (3, False), (-6, True)])
