@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.errors import DeviceError
-from cltrace.base.limits import MAX_SIDE
+from cltrace.base.limits import MAX_PIXELS, MAX_SIDE
 from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
@@ -284,7 +284,8 @@ class Renderer:
         if effects is None:
             return None
         wide, high = self.scene.camera.resolution
-        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= PROBED)
+        most = min(PROBED, MAX_PIXELS)
+        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= most)
         k = next(fits, 1) if self.request.means else 1
         more = effects.reach(k)
         low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))

@@ -14,6 +14,7 @@ import cltrace
 from cltrace import cli
 from cltrace.renderers import renderer as front
 from cltrace.run.devices import Device
+from cltrace.scene import camera as eye
 
 SIZE = (60, 44)
 CAMERA = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=15, resolution=SIZE)
@@ -75,6 +76,15 @@ def test_smooth_lines_are_means_of_16_rays(device: Device) -> None:
     wanted = plain.color + share * (np.array((1, 0, 0.5)) - plain.color)
     assert np.abs(image.color - wanted).max() < 1e-6
     assert np.abs(image.rgb8 - 255 * wanted).max() <= 0.5 + 1e-4
+
+
+def test_a_finer_picture_within_the_limit(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture that is allowed has lines, too, where none of four times as many pixels is."""
+    width, height = SIZE
+    monkeypatch.setattr(eye, "MAX_PIXELS", 2 * width * height)
+    monkeypatch.setattr(front, "MAX_PIXELS", 2 * width * height)
+    renderer = cltrace.Renderer(scene(), device, outputs=SMOOTH, antialias=True, outline=("red", 1.5))
+    assert renderer.render().rgb8.shape == (height, width, 3)
 
 
 @pytest.mark.parametrize("antialias", [False, True])
