@@ -37,7 +37,7 @@ BELOW = {
     "run": {"plan", "scene", "base"},
     "picture": {"scene", "base"},
     "renderers": {"run", "plan", "picture", "scene", "base"},
-    "reference": {"numbers", "scene"},
+    "reference": {"numbers", "scene", "base"},
     "explanation": {"reference", "numbers", "scene", "base"},
     "oracle": {"numbers", "scene"},
     "rays": {"numbers", "plan", "scene", "base"},

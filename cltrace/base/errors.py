@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from cltrace.base.limits import hint
+
 
 def printable(text: str) -> str:
     """The text on one line that a terminal takes for text: control characters and line breaks as escapes."""
@@ -71,7 +73,7 @@ class TooManyRaysError(CltraceError):
     def __str__(self) -> str:
         return (
             f"camera.max_bounces: must be lower than {self.max_bounces}, with which pixel {self.pixel} takes more than "
-            f"{self.rays:,} rays; --limit rays=N allows more"
+            f"{self.rays:,} rays{hint('rays')}"
         )
 
 

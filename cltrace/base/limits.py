@@ -85,10 +85,25 @@ def current(name: str) -> int:
     return int(globals()[NAMES[name][0]])
 
 
+def hint(name: str) -> str:
+    """The end of a message that a limit is passed: how to have more, or nothing where there cannot be more."""
+    return f"; --limit {name}=N or {CHANGED} allows more" if current(name) < NAMES[name][1] else ""
+
+
 def change(texts: Iterable[str]) -> None:
-    """Sets limits, each NAME=VALUE, for modules that are loaded from now on. Raises ValueError as limit_of() does."""
-    for name, value in map(limit_of, texts):
-        globals()[NAMES[name][0]] = value
+    """Sets limits, each NAME=VALUE, for modules that are loaded from now on.
+
+    Raises ValueError with all that limit_of() does not allow; the others are set.
+    """
+    faults = []
+    for text in texts:
+        try:
+            name, value = limit_of(text)
+            globals()[NAMES[name][0]] = value
+        except ValueError as error:
+            faults.append(str(error))
+    if faults:
+        raise ValueError("; ".join(faults))
 
 
 try:

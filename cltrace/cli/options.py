@@ -249,6 +249,8 @@ class _Given:
             raise UsageError("which scene? Say cltrace SCENE.xml; see cltrace --help")
         if "-" in args.scenes and not Path("-").exists():
             raise UsageError("a scene is not read from stdin: say the name of its file")
+        if self._first(["instances"]) and any(text.startswith("instances=") for text in args.limit):
+            raise UsageError("--instances N is --limit instances=N, and two numbers are given")
         self._check_devices()
         make = self._kind()
         if args.watch and args.output and "-" in args.output:

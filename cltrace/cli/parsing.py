@@ -124,7 +124,7 @@ def _limits(group: Group) -> None:
         type=arguments.limit,
         action="append",
         default=[],
-        metavar="NAME=N",
+        metavar="NAME=VALUE",
         help="another limit: of lights, spheres, rays and more",
     )
 

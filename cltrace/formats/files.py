@@ -9,20 +9,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from cltrace.base import limits
+
 
 class UnreadableError(Exception):
     """What is wrong with a file before any of its contents, in words that belong behind its name."""
 
 
-def chunks(path: str, size: int, most: int) -> Iterator[bytes]:
-    """The bytes of a regular file, `size` at once; raises UnreadableError, also beyond `most` bytes."""
+def chunks(path: str, size: int, name: str) -> Iterator[bytes]:
+    """The bytes of a regular file, `size` at once; raises UnreadableError, also beyond the limit of this name."""
+    most = limits.current(name)
     check_regular(path)
     with _words_for_errors(), Path(path).open("rb") as file:
         read = 0
         while chunk := file.read(size):
             read += len(chunk)
             if read > most:
-                raise UnreadableError(f"must not be larger than {most} bytes; --limit allows more")
+                raise UnreadableError(f"must not be larger than {most} bytes{limits.hint(name)}")
             yield chunk
 
 

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import blockwise, keep_freed_memory
 from cltrace.base.errors import Fault, SceneError
 from cltrace.base.limits import MAX_FAULTS, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.base.limits import MESH_BYTES as MAX_BYTES
 from cltrace.formats.faults import FatalError, Messages
 from cltrace.formats.files import chunks
 from cltrace.formats.obj_numbers import Doubles, FaceCorners, Integers, corners, counts, decimals, word_ends
@@ -89,7 +88,7 @@ class _Reader:
         """What the file holds, or None if it has faults. Raises UnreadableError."""
         try:
             empty = True
-            for block in blocks(chunks(path, BLOCK_BYTES, MAX_BYTES)):
+            for block in blocks(chunks(path, BLOCK_BYTES, "mesh-bytes")):
                 self._take(block)
                 empty = False
             if empty:

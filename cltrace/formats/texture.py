@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from cltrace.base.limits import MAX_TEXELS
+from cltrace.base.limits import MAX_TEXELS, hint
 from cltrace.base.limits import TEXTURE_BYTES as MAX_BYTES
 from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
@@ -29,7 +29,7 @@ def read_texture(path: str, most: int = MAX_TEXELS) -> tuple[Texture, str | None
     check_regular(path)
     try:
         if Path(path).stat().st_size > MAX_BYTES:
-            raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes; --limit allows more")
+            raise UnreadableError(f"must not be larger than {MAX_BYTES} bytes{hint('texture-bytes')}")
         # They are of many pixels, which are counted here, and of what pixels do not need.
         with warnings_are("ignore"), Path(path).open("rb") as file:
             head = file.read(_DEPTH + 1)

@@ -22,7 +22,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
-from cltrace.base.limits import MAX_LIGHTS, MAX_PARTS, MAX_TRIANGLES
+from cltrace.base.limits import MAX_LIGHTS, MAX_PARTS, MAX_TRIANGLES, hint
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
 from cltrace.formats.xml_bulk import packed_materials
@@ -144,7 +144,7 @@ class _Reader(Checks):
                 element = element[-1]
             raise FatalError(
                 self.document.line_of(element),
-                f"{element.tag}: must not have more than {MAX_PARTS} parts; --limit allows more",
+                f"{element.tag}: must not have more than {MAX_PARTS} parts{hint('parts')}",
             )
 
     def _take(self, section: etree._Element, whole: bool) -> None:
@@ -196,9 +196,7 @@ class _Reader(Checks):
             if not self._sections[lights].claim(child):
                 continue
             if self._members >= MAX_LIGHTS:
-                raise FatalError(
-                    self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}; --limit allows more"
-                )
+                raise FatalError(self.document.line_of(child), f"lights: must be at most {MAX_LIGHTS}{hint('lights')}")
             values, whole = self.element(child)
             self._members += 1
             if whole:
@@ -209,9 +207,7 @@ class _Reader(Checks):
                 self.doubt([child], light["color"])
                 if self._members > MAX_LIGHTS:
                     message = f"lights: must be at most {MAX_LIGHTS} with all members of soft lights"
-                    raise FatalError(
-                        self.document.line_of(child), f"{message}, got {self._members}; --limit allows more"
-                    )
+                    raise FatalError(self.document.line_of(child), f"{message}, got {self._members}{hint('lights')}")
 
     def _surfaces_of(self, surfaces: etree._Element, children: Sequence[etree._Element]) -> None:
         for child in children:
@@ -232,7 +228,7 @@ class _Reader(Checks):
         if "position" not in view or "lookat" not in view:
             return
         try:
-            Camera(**view)
+            Camera(**view, resolution=(1, 1), max_bounces=0)  # which any limits allow
         except ValueError as error:
             name, _, fault = str(error).removeprefix("camera.").partition(": ")
             if name in view:  # It may be a default of the camera's.

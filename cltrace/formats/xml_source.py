@@ -19,7 +19,6 @@ from lxml import etree
 
 from cltrace.base.errors import Fault
 from cltrace.base.limits import MAX_NAMESPACE, MAX_PREFIXES
-from cltrace.base.limits import SCENE_BYTES as MAX_BYTES
 from cltrace.formats.faults import FatalError
 from cltrace.formats.files import UnreadableError, chunks
 from cltrace.formats.xml_files import hint_beside
@@ -148,7 +147,7 @@ class Document:
 
 def _chunks(path: str) -> Iterator[bytes]:
     try:
-        yield from chunks(path, CHUNK, MAX_BYTES)
+        yield from chunks(path, CHUNK, "scene-bytes")
     except UnreadableError as error:
         there = os.path.exists(path)  # noqa: PTH110  # Path's raises an error for names that are too long
         raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), path)}") from None

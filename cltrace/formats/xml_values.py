@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.limits import MAX_BOUNCES, MAX_LIGHTS
+from cltrace.base.limits import MAX_BOUNCES, MAX_LIGHTS, hint
 from cltrace.scene import CONE, FOV, Rule
 
 Kind = Rule | Callable[[str], Any]
@@ -72,7 +72,7 @@ def members(text: str) -> int:
     """How many lights a soft light stands for."""
     n = integer(text)
     if not 1 <= n <= MAX_LIGHTS:
-        raise ValueError(f"must be within 1..{MAX_LIGHTS}, got {n}")
+        raise ValueError(f"must be within 1..{MAX_LIGHTS}, got {n}{hint('lights') if n > MAX_LIGHTS else ''}")
     return n
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cltrace.base.limits import MAX_RAYS
 from cltrace.reference.vectors import Color
 
 
@@ -12,7 +13,7 @@ class Pixel:
     a background of 0.9, seen in a perfect mirror, is 229.5 levels and has to be rounded up as beside the mirror.
     """
 
-    UNIT, FULL, RAYS = 2.0**-60, 2**81, 2**20
+    UNIT, FULL, RAYS = 2.0**-60, 2**81, MAX_RAYS
 
     def __init__(self) -> None:
         self.sums, self.rays = [0, 0, 0], 1

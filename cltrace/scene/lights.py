@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.limits import MAX_LIGHTS
+from cltrace.base.limits import MAX_LIGHTS, hint
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
 
@@ -156,7 +156,8 @@ def _three(name: str, value: ArrayLike) -> NDArray[np.float64]:
 def members_given(name: str, count: int) -> int:
     """A number of members. Raises ValueError, which names the argument, if it is none."""
     if not is_whole(count) or not 1 <= count <= MAX_LIGHTS:
-        raise ValueError(f"light.{name}: must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}")
+        more = hint("lights") if is_whole(count) and count > MAX_LIGHTS else ""
+        raise ValueError(f"light.{name}: must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}{more}")
     return int(count)
 
 
@@ -203,7 +204,7 @@ def check_lights(lights: NDArray[np.void]) -> None:
     count = int(np.where(soft, lights["members"], 1).sum())
     if count > MAX_LIGHTS:
         members = " with all members of soft lights" if soft.any() else ""
-        raise ValueError(f"lights: must be at most {MAX_LIGHTS}{members}, got {count}")
+        raise ValueError(f"lights: must be at most {MAX_LIGHTS}{members}, got {count}{hint('lights')}")
     vectors = (("color", NOT_NEGATIVE), ("position", ANY), ("direction", ANY), ("below", NOT_NEGATIVE))
     for name, rule in vectors:
         checked(f"lights.{name}", rule, lights[name], (-1, 3))

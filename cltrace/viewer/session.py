@@ -57,7 +57,7 @@ class Session:
         self.phase: Phase = "exact"
         self._scene, self._frames, self._lights = stage.scene, stage.frames, Lights()
         self.camera = self._scene.camera
-        self._pinhole = self.camera if isinstance(self.camera, Camera) else Camera()
+        self._pinhole = self.camera if isinstance(self.camera, Camera) else Camera(resolution=(1, 1), max_bounces=0)
         self._explained = NOTHING  # the surface that is outlined
         self._rest: Phase = "smooth"  # what comes after the outline
         self._undo, self._count, self._divisor = deque[AnyCamera](maxlen=UNDO), 0, 2

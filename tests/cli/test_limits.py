@@ -30,7 +30,9 @@ def test_more_lights_than_usual(tmp_path: Path) -> None:
     (tmp_path / "s.xml").write_text(MINIMAL.replace("</lights>", LIGHT * 1100 + "</lights>"))
     status, words = call(tmp_path)
     assert status == 2
-    assert re.fullmatch(r"s\.xml:[0-9]+: lights: must be at most 1024; --limit allows more", words)
+    assert re.fullmatch(
+        r"s\.xml:[0-9]+: lights: must be at most 1024; --limit lights=N or CLTRACE_LIMITS allows more", words
+    )
     assert call(tmp_path, "--limit", "lights=1102", "--size", "8x8") == (0, "")
     assert call(tmp_path, "--limit=lights=1101", "--size", "8x8")[0] == 2
     assert call(tmp_path, "--size", "8x8", CLTRACE_LIMITS="parts=9000 lights=1102") == (0, "")
@@ -44,7 +46,7 @@ def test_limits_reach_other_processes(tmp_path: Path) -> None:
     few = ("--limit", "rays=3", "--size", "8x8", "--cluster", "local:1", "--orbit", "2", "-o", "f_%d.png")
     status, words = call(tmp_path, *few, scene=ROOT / "scenes/step7-glass.xml")
     assert status == 3
-    assert "takes more than 3 rays; --limit rays=N allows more (on " in words
+    assert "takes more than 3 rays; --limit rays=N or CLTRACE_LIMITS allows more (on " in words
 
 
 @pytest.mark.parametrize(
@@ -61,6 +63,31 @@ def test_limits_reach_other_processes(tmp_path: Path) -> None:
 def test_what_is_no_limit(text: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["s.xml", "--limit", text]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_one_fault_in_the_environment_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In whatever order they are; and it is said of all that are wrong."""
+    for name in ("MAX_LIGHTS", "MAX_PARTS"):
+        monkeypatch.setattr(limits, name, getattr(limits, name))
+    with pytest.raises(ValueError, match=r"^must be NAME=VALUE, .* got 'ligths=9'; rays must be .*, got 'x'$"):
+        limits.change(["lights=5", "ligths=9", "rays=x", "parts=6"])
+    assert (limits.current("lights"), limits.current("parts")) == (5, 6)
+
+
+def test_hints(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert limits.hint("lights") == "; --limit lights=N or CLTRACE_LIMITS allows more"
+    monkeypatch.setattr(limits, "MAX_LIGHTS", 2**16)
+    assert limits.hint("lights") == ""
+
+
+def test_instances_are_one_limit(tmp_path: Path) -> None:
+    scene = ROOT / "scenes/step4-meshes.xml"
+    few = ("--limit", "instances=11", "--size", "8x8")
+    assert call(tmp_path, *few, scene=scene)[0] == 2
+    assert call(tmp_path, *few, "--instances", "11", scene=scene)[1].endswith("--instances allows more")
+    status, words = call(tmp_path, *few, "--instances", "1000", scene=scene)
+    assert status == 2
+    assert "--instances N is --limit instances=N, and two numbers are given" in words
 
 
 def test_each_limit_has_a_name() -> None:

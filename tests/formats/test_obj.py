@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from fuzzing import FACTOR
 
+from cltrace.base import limits
 from cltrace.base.errors import SceneError
 from cltrace.formats import obj, obj_text
 from cltrace.formats.files import UnreadableError
@@ -577,8 +578,9 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obj, "BLOCK_BYTES", 100)
     assert faults_of(TRIANGLE + "f" + " 1" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     assert faults_of(TRIANGLE + "f" + " 1 \\\n" * 1000) == ["4: must not be a line of more than 1000 bytes"]
-    monkeypatch.setattr(obj, "MAX_BYTES", 1000)
-    with pytest.raises(UnreadableError, match=r"^must not be larger than 1000 bytes; --limit allows more$"):
+    monkeypatch.setattr(limits, "MESH_BYTES", 1000)
+    words = "must not be larger than 1000 bytes; --limit mesh-bytes=N or CLTRACE_LIMITS allows more"
+    with pytest.raises(UnreadableError, match=f"^{words}$"):
         read_text("# \n" * 500)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import cltrace
+from cltrace.base import limits
 from cltrace.base.errors import SceneError
 from cltrace.formats import xml_bulk, xml_checks, xml_reader, xml_source
 from cltrace.formats.faults import closest
@@ -25,7 +26,9 @@ from cltrace.formats.shapes import sphere
 from cltrace.formats.xml_reader import read
 from cltrace.formats.xml_transforms import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Camera, Scene
+from cltrace.scene import camera as eye
 
+MORE_LIGHTS = "; --limit lights=N or CLTRACE_LIMITS allows more"
 SCENE = """\
 <?xml version="1.0" standalone="no" ?>
 <!DOCTYPE scene SYSTEM "scene.dtd">
@@ -996,7 +999,9 @@ def test_a_long_chain_of_steps() -> None:
     scene = scene_of(with_transform(*chain * 4000, scale(1, 1, 2)))
     assert scene.to_object.tolist() == [np.diag([1, 1, 0.5]).tolist()]
     text = with_transform(*chain * 25_000, scale(1, 1, 2))
-    assert faults_of(text) == ["25: sphere: must not have more than 100000 parts; --limit allows more"]
+    assert faults_of(text) == [
+        "25: sphere: must not have more than 100000 parts; --limit parts=N or CLTRACE_LIMITS allows more"
+    ]
 
 
 def test_cos_and_sin_in_degrees() -> None:
@@ -1359,16 +1364,16 @@ Hoard = Callable[[int], str]
 HOARDS: list[tuple[Hoard, str | None]] = [
     (
         lambda n: changed("<up", "<a/>" * n + "<up"),
-        "5: camera: must not have more than 1000 parts; --limit allows more",
+        "5: camera: must not have more than 1000 parts; --limit parts=N or CLTRACE_LIMITS allows more",
     ),
     (lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 30) + "<up"), None),
     (
         lambda n: changed("<up", "<a b='1' c='1'/>" * (n // 3) + "<up"),
-        "5: camera: must not have more than 1000 parts; --limit allows more",
+        "5: camera: must not have more than 1000 parts; --limit parts=N or CLTRACE_LIMITS allows more",
     ),
     (
         lambda n: changed("<phong", "<a/>" * n + "<phong"),
-        "25: sphere: must not have more than 1000 parts; --limit allows more",
+        "25: sphere: must not have more than 1000 parts; --limit parts=N or CLTRACE_LIMITS allows more",
     ),
     (lambda n: changed("<sphere", "<b>" + "<a/>" * n + "</b><sphere"), None),
     (lambda n: changed("<sphere", "<a/>" * n + "<sphere"), None),
@@ -1449,6 +1454,11 @@ def test_soft_lights_are_those_of_python() -> None:
     [
         ('<up x="0" y="2" z="0"/>', "", "14: sky_light: <below> goes with <up>, which is missing"),
         ('n="9"', 'n="0"', "14: sky_light directions: n must be within 1..1024, got 0"),
+        (
+            'n="9"',
+            'n="1025"',
+            "14: sky_light directions: n must be within 1..1024, got 1025" + MORE_LIGHTS,
+        ),
         ('n="8"', 'n="8.5"', "15: sun_light directions: n must be an integer, got '8.5'"),
         ('angle="7"', 'angle="400"', "15: sun_light: angle must be within [0, 180], got 400"),
         ('radius="0.5"', "", "16: ball_light: attribute radius is missing"),
@@ -1459,7 +1469,7 @@ def test_soft_lights_are_those_of_python() -> None:
         (
             'n="9"',
             'n="1000"',
-            "14: lights: must be at most 1024 with all members of soft lights, got 1064; --limit allows more",
+            "14: lights: must be at most 1024 with all members of soft lights, got 1064" + MORE_LIGHTS,
         ),
     ],
 )
@@ -1503,11 +1513,20 @@ def test_a_prefix_may_be_declared_often() -> None:
     assert same(read_text(text)[0], scene_of(SCENE))
 
 
+def test_a_view_is_judged_with_any_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also with those that the defaults of cameras in Python pass, of which the file knows nothing."""
+    monkeypatch.setattr(eye, "MAX_BOUNCES", 7)
+    old, new, faults = FAULTS["eye at lookat"]
+    assert faults_of(changed(old, new)) == faults
+
+
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 3)
-    assert faults_of(SCENE) == ["17: lights: must be at most 3; --limit allows more"]
+    assert faults_of(SCENE) == ["17: lights: must be at most 3; --limit lights=N or CLTRACE_LIMITS allows more"]
     monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 4)
     monkeypatch.setattr(sphere, "MAX_SPHERES", 2)
     assert faults_of(changed(SPHERE_TEXT, SPHERE_TEXT * 3)) == ["45: surfaces: must be at most 2 spheres"]
-    monkeypatch.setattr(xml_source, "MAX_BYTES", 1000)
-    assert faults_of(SCENE) == [" must not be larger than 1000 bytes; --limit allows more"]
+    monkeypatch.setattr(limits, "SCENE_BYTES", 1000)
+    assert faults_of(SCENE) == [
+        " must not be larger than 1000 bytes; --limit scene-bytes=N or CLTRACE_LIMITS allows more"
+    ]

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 import cltrace
+from cltrace.base import limits
 from cltrace.base.errors import Fault, SceneError, SceneWarning
 from cltrace.formats import obj, texture, xml_files
 from cltrace.formats.shapes import mesh as meshes
@@ -464,10 +465,9 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
         f"scene.xml:{FIRST + 1}: material_textured texture: name 'sub/sky.png' must not have more than 7 pixels with "
         "the textures before it"
     ]
-    monkeypatch.setattr(obj, "MAX_BYTES", 10)
-    assert faults_of(mesh("a.obj")) == [
-        f"scene.xml:{FIRST}: mesh: name 'a.obj' must not be larger than 10 bytes; --limit allows more",
-    ]
+    monkeypatch.setattr(limits, "MESH_BYTES", 10)
+    words = "must not be larger than 10 bytes; --limit mesh-bytes=N or CLTRACE_LIMITS allows more"
+    assert faults_of(mesh("a.obj")) == [f"scene.xml:{FIRST}: mesh: name 'a.obj' {words}"]
 
 
 def test_lines_beyond_16_bits() -> None:

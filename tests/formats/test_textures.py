@@ -207,7 +207,7 @@ def test_files_that_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert fault("text.png") == "is no PNG or JPEG file"
     Image.fromarray(RGB).save("x.png")
     monkeypatch.setattr(texture, "MAX_BYTES", 10)
-    assert fault() == "must not be larger than 10 bytes; --limit allows more"
+    assert fault() == "must not be larger than 10 bytes; --limit texture-bytes=N or CLTRACE_LIMITS allows more"
 
 
 def test_a_decoder_out_of_memory_is_no_damage(monkeypatch: pytest.MonkeyPatch) -> None:

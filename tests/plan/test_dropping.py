@@ -193,7 +193,7 @@ def test_how_many_rays_are_too_many(device: Device) -> None:
         drawn(shells(19), device, BYTES)
     assert error.value.pixel == (0, 0)
     text = "camera.max_bounces: must be lower than 19, with which pixel (0, 0) takes more than 1,048,576 rays; "
-    text += "--limit rays=N allows more"
+    text += "--limit rays=N or CLTRACE_LIMITS allows more"
     assert str(error.value) == text
 
 
@@ -238,6 +238,6 @@ def test_the_command_says_so_and_writes_nothing(
     Path("shells.xml").write_text(SCENE.format("".join(SPHERE.format(1 + k / 64) for k in range(24))), "utf-8")
     assert cli.main(["shells.xml", "-d", device.spec, "--keep", "features"]) == 2
     error = "camera.max_bounces: must be lower than 22, with which pixel (0, 0) takes more than 1,048,576 rays; "
-    error += "--limit rays=N allows more"
+    error += "--limit rays=N or CLTRACE_LIMITS allows more"
     assert capsys.readouterr().err.splitlines()[-1] == f"cltrace: {error}"
     assert [path.name for path in tmp_path.iterdir()] == ["shells.xml"]

@@ -179,7 +179,10 @@ FAULTS: list[tuple[Callable[[], object], str]] = [
     (lambda: cltrace.sky_light(COLOR, directions=0), r"light.directions: must be a whole number within 1..1024, got 0"),
     (lambda: cltrace.sky_light(COLOR, directions=1.5), r"light.directions: must be a whole number"),  # type: ignore[arg-type]
     (lambda: cltrace.sun_light((1, 0)), r"light.direction: must be 3 numbers"),
-    (lambda: cltrace.sun_light((0, 0, 1), COLOR, directions=1025), r"light.directions: .* got 1025"),
+    (
+        lambda: cltrace.sun_light((0, 0, 1), COLOR, directions=1025),
+        r"light.directions: .* got 1025; --limit lights=N or CLTRACE_LIMITS allows more$",
+    ),
     (lambda: cltrace.ball_light((0, 0, 0), COLOR, points=True), r"light.points: must be a whole number"),
     (lambda: cltrace.panel_light((0, 0, 0), COLOR, (1, 0), (0, 1, 0)), r"light.across: must be 3 numbers"),
     (lambda: cltrace.panel_light((0, 0, 0), COLOR, (1, 0, 0), 3), r"light.along: must be 3 numbers, got 3"),
@@ -194,7 +197,8 @@ FAULTS: list[tuple[Callable[[], object], str]] = [
     ),
     (
         lambda: scene([cltrace.sky_light(COLOR, directions=1000), cltrace.sky_light(COLOR, directions=25)]),
-        r"lights: must be at most 1024 with all members of soft lights, got 1025",
+        r"lights: must be at most 1024 with all members of soft lights, got 1025; --limit lights=N or CLTRACE_LIMITS "
+        "allows more$",
     ),
     (lambda: scene("stdio"), r"lights: must be one of studio, flat, sky, rim, or a list of lights, got 'stdio'"),
 ]

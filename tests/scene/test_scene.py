@@ -499,5 +499,7 @@ def test_more_lights_than_a_scene_may_have() -> None:
     """Each light has tables of its own for all spheres: 7,000 lights and 1,000 spheres took 1.2 GB."""
     spheres = {"centers": [(0, 0, -3)], "radii": 1}
     assert len(Scene.from_spheres(Camera(), [cltrace.point_light((0, 0, 0))] * 1024, **spheres).lights) == 1024
-    with pytest.raises(ValueError, match=r"^lights: must be at most 1024, got 1025$"):
+    with pytest.raises(
+        ValueError, match=r"^lights: must be at most 1024, got 1025; --limit lights=N or CLTRACE_LIMITS allows more$"
+    ):
         Scene.from_spheres(Camera(), [cltrace.point_light((0, 0, 0))] * 1025, **spheres)
