@@ -9,7 +9,7 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import metadata
@@ -29,6 +29,7 @@ from . import against, counted, machine, points, ready, report, ways
 from .measure import Budget, measure
 from .peers import installed
 from .points import Results
+from .ready import Found
 from .scenes import GIVEN, ORDINARY, Case, Size, cloud, few, generated, growing
 from .tracers import Tracer
 
@@ -147,29 +148,20 @@ class Bench:
             raise UsageError(f"{device.name} has no double precision, which --precision {self.precisions[0]} needs")  # type: ignore[index]
         return chosen
 
-    def known(self, ours: ready.Ours, progress: Progress) -> dict[int, ready.Known]:
-        """What is known of the cases, by the identity of their scenes, of which some are those of several cases.
-
-        The last ones are begun first: they take longest.
-        """
-        scenes = {id(case.scene): case for case in reversed(self.cases)}
-        jobs = [partial(ready.known, case, ours, CHECKED) for case in scenes.values()]
-        found = {}
-        progress.say("compiled and checked")
-        for scene, of in zip(scenes, ready.at_once(jobs), strict=True):
-            found[scene] = of
-            progress.say(f"compiled and checked: {len(found)} of {len(jobs)} scenes")
-        return found
+    def known(self, ours: ready.Ours, progress: Progress) -> list[ready.Known]:
+        """What is known of each case. The last ones are begun first: they take longest."""
+        jobs = [partial(ready.known, case, ours, CHECKED) for case in reversed(self.cases)]
+        return _at_once(jobs, "compiled and checked", progress)[::-1]
 
     def run(self, peers: Sequence[Tracer], progress: Progress, watch: machine.Watch) -> None:
         """Measures everything. Prints a table as soon as its scene is done."""
         progress.step("made ready")
         ours, out = self.ours(), self.results
-        tracers, known = [*ours.tracers(), *peers], self.known(ours, progress)
-        for case in self.cases:
+        tracers = [*ours.tracers(), *peers]
+        for case, known in zip(self.cases, self.known(ours, progress), strict=True):
             progress.step(f"{case.group}: {case.name}")
             first = len(out.points)
-            measure(case, tracers, known[id(case.scene)], self.budget, out.points, progress.say, watch)
+            measure(case, tracers, known, self.budget, out.points, progress.say, watch)
             progress.clear()
             print(report.scene_table(out.points[first:]), end="\n\n", flush=True)
         few_tracers = [t for t in tracers if t.grows]
@@ -190,16 +182,21 @@ class Bench:
         out.finished = True
 
 
+def _at_once(jobs: Sequence[Callable[[], Found]], done: str, progress: Progress) -> list[Found]:
+    """What these return, in their order. done: what each of them, of a scene, has then been."""
+    found: list[Found] = []
+    progress.say(done)
+    for of in ready.at_once(jobs):
+        found.append(of)
+        progress.say(f"{done}: {len(found)} of {len(jobs)} scenes")
+    return found
+
+
 def _counted(device: Device, progress: Progress) -> points.Work:
     progress.step("counting")
-    jobs = counted.jobs(device.spec)
-    found: points.Work = {}
-    progress.say("counted")
-    for of in ready.at_once(jobs):
-        found |= of
-        progress.say(f"counted: {len(found)} of {len(jobs)} scenes")
+    found = _at_once(counted.jobs(device.spec), "counted", progress)
     progress.clear()
-    return found
+    return {scene: counts for of in found for scene, counts in of.items()}
 
 
 def _run(args: argparse.Namespace) -> int:

@@ -66,10 +66,13 @@ def _used(pid: str) -> float:
     """Seconds of a process, of its children that have ended and, as peers run on, of those that have not."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        threads = [(thread / "children").read_text().split() for thread in Path(f"/proc/{pid}/task").iterdir()]
     except OSError:  # it has just ended
         return 0.0
-    return TICK * sum(map(int, fields[11:15])) + sum(_used(child) for children in threads for child in children)
+    seconds = TICK * sum(map(int, fields[11:15]))
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):  # none in kernels that do not tell
+        with contextlib.suppress(OSError):  # the thread has just ended
+            seconds += sum(_used(child) for child in children.read_text().split())
+    return seconds
 
 
 def about(devices: Sequence[str]) -> dict[str, Any]:

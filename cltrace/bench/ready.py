@@ -1,5 +1,6 @@
-"""What is made ready before anything is timed, by a process for each processor: programs are compiled, so that the
-driver's cache on disk has them, and it is found out what pictures must be and what is wrong with ours.
+"""What is made ready before anything is timed, by a process for each processor, of which eight are enough: programs are
+compiled, so that the driver's cache on disk has them, and it is found out what pictures must be and what is wrong with
+ours.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ Found = TypeVar("Found")
 
 # Of scenes with more balls and bonds that are not thinned, a quarter of the pixels is checked exactly.
 MANY_BALLS = 5000
-# A job that takes longer than this many seconds has lost its process.
-LOST = 600
+# How many seconds a job may take, and how many are done at once: each process holds a scene and its pictures.
+LONGEST, AT_ONCE = 600, 8
 
 
 @dataclass(frozen=True)
@@ -114,13 +115,14 @@ def at_once(jobs: Sequence[Callable[[], Found]]) -> Iterator[Found]:
     """What these return, in their order. They and what they return go from process to process."""
     context = multiprocessing.get_context("spawn")
     interrupted = False
-    with context.Pool(max(1, min(processors(), len(jobs))), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+    count = max(1, min(processors(), AT_ONCE, len(jobs)))
+    with context.Pool(count, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         found = pool.imap(_done, jobs)
         try:
             for _ in jobs:
-                yield found.next(LOST)
+                yield found.next(LONGEST)
         except multiprocessing.TimeoutError:
-            raise DeviceError(f"a process that compiles and checks has not answered for {LOST} s") from None
+            raise DeviceError(f"making a scene ready has taken more than {LONGEST} s") from None
         except KeyboardInterrupt:
             interrupted = True
     # What an interruption remembers would hold the semaphores that they share, and Python says so where a program ends.

@@ -6,7 +6,6 @@ same seeds each time.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -236,7 +235,6 @@ def fewer(size: Size) -> Size:
     return max(1, size[0] // FEWER), max(1, size[1] // FEWER)
 
 
-@functools.cache
 def moving(size: Size) -> dict[str, Scene]:
     """What moves, or is moved around."""
     return {f"{count:,} balls": cloud(count, size) for count in (1000, 100_000)}

@@ -53,6 +53,28 @@ def test_a_peer(tmp_path: Path) -> None:
         one.run(scene, 3)
 
 
+def test_a_peer_has_its_seconds_for_each_of_two_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first run of one that draws several has to compile, too; it may not hang for all of a hundred frames."""
+    monkeypatch.setattr(peer, "PEER_SECONDS", 0.2)
+    program = tmp_path / "peer"
+    program.write_text("#!/bin/sh\nexec sleep 60\n")
+    program.chmod(0o755)
+    for frames, most in ((1, "0.2"), (2, "0.4"), (100, "0.4")):
+        with pytest.raises(PeerError, match=f"^peer took more than {most} s$"):
+            peer.call([str(program)], frames)
+    with pytest.raises(PeerError, match=r"^peer took more than 0.4 s$"):  # two frames at least
+        embree.Embree(str(program), tmp_path).run(scenes.cloud(2, SMALL), 1)
+
+
+def test_a_peer_of_an_unknown_version_is_a_peer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has no version is ours."""
+    program = tmp_path / "povray"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert {each.version for each in povray.tracers(tmp_path)} == {"unknown"}
+
+
 def test_peers_that_are_not_installed_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(peer.importlib.util, "find_spec", lambda name: None)
@@ -89,6 +111,8 @@ def test_a_package_in_a_process_of_its_own(capfd: pytest.CaptureFixture[str], mo
     monkeypatch.setattr(peer, "PEER_SECONDS", 0.2)
     with pytest.raises(PeerError, match=r"test_peers: more than 0.2 s"):
         company.run(scene, 1, "sleep")
+    with pytest.raises(PeerError, match=r"test_peers: more than 0.4 s"):
+        company.run(scene, 2, "sleep")
     assert capfd.readouterr() == ("", "")
 
 

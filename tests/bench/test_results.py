@@ -14,13 +14,14 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from cltrace import Scene
-from cltrace.base.errors import UsageError
+from cltrace.base.errors import DeviceError, UsageError
 from cltrace.bench import (
     against,
     cli,
@@ -197,6 +198,40 @@ def test_what_is_made_ready_comes_back_in_order() -> None:
         list(ready.at_once([partial(math.sqrt, -1)]))
 
 
+def test_what_takes_too_long_to_be_made_ready_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ready, "LONGEST", 0.5)
+    with pytest.raises(DeviceError, match=r"^making a scene ready has taken more than 0.5 s$"):
+        list(ready.at_once([partial(time.sleep, 100)]))
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.parametrize(("jobs", "have", "want"), [(20, 64, 8), (20, 2, 2), (3, 64, 3)])
+def test_few_are_made_ready_at_once(monkeypatch: pytest.MonkeyPatch, jobs: int, have: int, want: int) -> None:
+    context = MagicMock()
+    monkeypatch.setattr(ready.multiprocessing, "get_context", lambda kind: context)
+    monkeypatch.setattr(ready, "processors", lambda: have)
+    list(ready.at_once([os.getpid] * jobs))
+    assert context.Pool.call_args.args[0] == want
+
+
+def test_errors_of_what_moves_are_known(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of cameras and of positions, whose scenes are the same ones."""
+    monkeypatch.setattr(cli, "_counted", lambda device, progress: {})
+    monkeypatch.setattr(ready, "at_once", lambda jobs: (job() for job in jobs))
+    cases = [
+        scenes.Case("1,000 balls", group, make(SMALL)["1,000 balls"], task)
+        for group, (task, make) in scenes.CLASSES.items()
+        if group.startswith("moving")
+    ]
+    made = Results(dict(ABOUT))
+    bench = cli.Bench(cases, [], [], [any_device], ["accurate"], measure.Budget(rounds=1), False, made)
+    bench.run([], cli.Progress(True, 3), machine.Watch())
+    assert [row.group for row in made.points] == ["moving cameras", "moving positions"]
+    for row in made.points:
+        assert row.errors
+        assert (row.errors.wrong_ids, row.errors.false_shadows, row.errors.leaks) == (0, 0, 0)
+
+
 def test_an_interruption_ends_what_is_made_ready() -> None:
     start = time.monotonic()
     threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
@@ -273,7 +308,7 @@ def test_where_seconds_went(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_only_what_others_do_while_something_is_timed_counts() -> None:
+def test_only_what_others_do_while_something_is_timed_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     """What this process's children do, and theirs, is not done by others, whether they have ended or not."""
     busy = "import time\nend = time.process_time() + 0.4\nwhile time.process_time() < end: pass\n"
     with subprocess.Popen([sys.executable, "-c", busy + "input()"], stdin=subprocess.PIPE, text=True) as child:
@@ -286,6 +321,10 @@ def test_only_what_others_do_while_something_is_timed_counts() -> None:
     assert 0.2 < during - before < 3
     assert machine._used("self") >= during
     assert machine._used("no such process") == 0
+    # A thread that has ended, or a kernel that does not tell of children, takes no seconds of the process away.
+    read = Path.read_text
+    monkeypatch.setattr(Path, "read_text", lambda path: read(path if path.name != "children" else path / "none"))
+    assert machine._used("self") > 0
     watch = machine.Watch()
     assert watch.so_far() == {"loaded": ""}
 

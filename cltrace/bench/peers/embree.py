@@ -50,7 +50,7 @@ class Embree(Peer):
         path, out = self._file(scene, ".embree"), self._folder / "embree.rgb"
         # A way is not chosen by the first frame of all.
         count, robust = frames if self._way else max(frames, 2), int(self.variant == "robust")
-        done = call([self._program, str(path), str(count), str(out), str(robust), self._way])
+        done = call([self._program, str(path), str(count), str(out), str(robust), self._way], count)
         width, height = scene.camera.resolution
         with understood(self._program):
             report = json.loads(done.stdout)

@@ -29,6 +29,7 @@ from cltrace.scene import AMBIENT, FULL, PARALLEL, PlacedMesh, Scene
 
 Floats = NDArray[np.float64]
 
+# How long a peer may take for a picture; for more than two it has the time of two, as only short frames are repeated.
 PEER_SECONDS = 120
 # New rays start off a surface by so much of the distances: the usual epsilon in single precision.
 OFF = 2.0**-20
@@ -90,9 +91,10 @@ class Company:
             self._process = context.Process(target=_serve, args=(theirs, self._draw), daemon=True)
             self._process.start()
             theirs.close()
+        limit = most_seconds(frames)
         try:
             self._pipe.send((scene, frames, options))
-            done = self._pipe.recv() if self._pipe.poll(PEER_SECONDS) else f"more than {PEER_SECONDS} s"
+            done = self._pipe.recv() if self._pipe.poll(limit) else f"more than {limit:g} s"
         except (EOFError, OSError):
             done = "its process has ended"
         if isinstance(done, Run):
@@ -257,14 +259,18 @@ def seconds(text: Any) -> float:
     return value
 
 
-def call(command: list[str]) -> subprocess.CompletedProcess[str]:
-    name = Path(command[0]).name
+def most_seconds(frames: int) -> float:
+    """How long a peer may take for so many pictures."""
+    return PEER_SECONDS * min(frames, 2)
+
+
+def call(command: list[str], frames: int = 1) -> subprocess.CompletedProcess[str]:
+    """Runs a peer's program, which draws so many pictures. Raises PeerError if it fails, or takes too long."""
+    name, limit = Path(command[0]).name, most_seconds(frames)
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=PEER_SECONDS, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=limit, check=False)
     except subprocess.TimeoutExpired:
-        raise PeerError(f"{name} took more than {PEER_SECONDS} s") from None
+        raise PeerError(f"{name} took more than {limit:g} s") from None
     except OSError as error:
         raise PeerError(f"{name}: {error.strerror}") from None
     if done.returncode:

@@ -118,5 +118,5 @@ def tracers(folder: Path) -> Iterable[Peer]:
     program = shutil.which("povray")
     if not program:
         raise PeerError("POV-Ray is not installed (Debian: povray)")
-    version = next(iter(re.findall(r"POV-Ray (\d[\w.]*)", call([program, "--version"]).stderr)), "")
+    version = next(iter(re.findall(r"POV-Ray (\d[\w.]*)", call([program, "--version"]).stderr)), "unknown")
     return [PovRay(program, folder, version, level) for level in (None, *FEW_ACROSS)]
