@@ -55,12 +55,11 @@ def told(results: Results) -> list[str]:
     """The lists of docs/benchmark.md, in Markdown."""
     parts = {
         "faster, at an equal or a smaller error": faster(results.points),
-        "on the front beside ours, of which what is faster is less right, and what is more right is slower": beside(
-            results.points
-        ),
+        "neither better nor worse: faster and less right than ours, or slower and more right": beside(results.points),
         "sooner, in what a user waits for": sooner(results.ways),
     }
-    out = ["Where another program is ahead of cltrace:", ""]
+    equal = f"errors that are within {100 * EQUAL:g} % of each other are equal"
+    out = [f"Where another program is ahead of cltrace, or beside it; {equal}:", ""]
     for text, lines in parts.items():
         out += [f"- **{text}**:{'' if lines else ' nowhere'}", *(f"  - {line}" for line in lines)]
     return out

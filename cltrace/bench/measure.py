@@ -76,10 +76,10 @@ def measure(
     live: dict[int, Tracer] = {}
     for tracer in tracers:
         if tracer.draws(case):
-            note = tracer.refuses(case.scene)
-            if not note:
+            point = _blank(case, tracer)
+            if not point.refused:
                 live[len(points)] = tracer
-            points.append(_blank(case, tracer, note))
+            points.append(point)
 
     def run(k: int, frames: int) -> Run | None:
         """None, and no more of it, if the peer fails."""
@@ -117,7 +117,7 @@ def _timed(point: Point, done: Run) -> Point:
     return replace(point, kernel=(*point.kernel, statistics.median(done.kernel)), whole=(*point.whole, done.whole))
 
 
-def _blank(case: Case, tracer: Tracer, note: str) -> Point:
+def _blank(case: Case, tracer: Tracer) -> Point:
     scene = case.scene
     return Point(
         group=case.group,
@@ -132,7 +132,7 @@ def _blank(case: Case, tracer: Tracer, note: str) -> Point:
         version=tracer.version,
         device=tracer.device,
         keep=tracer.keep if isinstance(tracer, Product) else (),
-        note=note,
+        refused=tracer.refuses(scene),
     )
 
 

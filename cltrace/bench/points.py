@@ -52,7 +52,8 @@ class Point:
     kernel: seconds of a frame, the median of each round; whole: seconds of each round, as of tracers.Run; picture:
     errors of the whole picture, and sample: of some pixels against exact arithmetic; differ: share of the picture's
     pixels of which a byte differs from the truth, and off: by more than a level; rms: of all bytes from the truth, in
-    levels of 255; truth: what that is, and how it is known; note: why something is missing.
+    levels of 255; truth: what that is, and how it is known; refused: as of Tracer.refuses(); note:
+    why something is missing.
     """
 
     group: str
@@ -75,6 +76,7 @@ class Point:
     off: float | None = None
     rms: float | None = None
     truth: str = ""
+    refused: tuple[str, ...] = ()
     note: str = ""
 
     @property
@@ -214,7 +216,7 @@ def load(path: str | Path) -> Results:
 def _taken(row: dict[str, Any]) -> dict[str, Any]:
     """A row's fields as they were: tuples and Errors."""
     out = dict(row)
-    for name in ("size", "keep", "kernel", "whole", "seconds"):
+    for name in ("size", "keep", "kernel", "whole", "refused", "seconds"):
         if name in out:
             out[name] = tuple(out[name])
     for name in ("picture", "sample"):

@@ -56,8 +56,8 @@ def scene_table(points: Sequence[Point]) -> str:
         if point.kernel or point.whole or point.errors:
             star = "*" if point.picture is None and point.sample is not None else ""
             lines.append([point.label + where + star, *cells(point)])
-        if point.note:
-            notes.append(f"{point.label}{where}: {point.note}")
+        if note := point.note or ", ".join(point.refused):
+            notes.append(f"{point.label}{where}: {note}")
     if any(line[0].endswith("*") for line in lines):
         notes.append(f"* is what whole pictures are held against; its own errors are those of {sample} exact pixels")
     notes += [f"held against {text}" for text in dict.fromkeys(point.truth for point in points) if text]
@@ -174,8 +174,8 @@ def _refused(points: Iterable[Point]) -> dict[str, list[str]]:
     """By peer, what it has not drawn, and what it has failed at."""
     found: dict[str, dict[str, None]] = {}
     for point in points:
-        if point.version and point.note and not point.kernel:
-            found.setdefault(point.tracer, {}).update(dict.fromkeys(point.note.split(", ")))
+        if point.version and not point.kernel and (point.refused or point.note):
+            found.setdefault(point.tracer, {}).update(dict.fromkeys(point.refused or [point.note]))
     return {name: list(kinds) for name, kinds in found.items()}
 
 

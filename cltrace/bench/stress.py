@@ -128,7 +128,7 @@ def outcomes(case: AnyCase, tracers: Sequence[Of], say: Callable[[str], None]) -
     for tracer in tracers:
         say(tracer.name)
         if isinstance(tracer, Baseline) and any(cannot := tracer.refuses(scene) for scene in scenes):
-            out.append(Outcome(f"no {cannot}", False))
+            out.append(Outcome(f"no {', '.join(cannot)}", False))
             continue
         found = examine(tracer, scenes, truths, case.limits)
         more = beyond(found, case.limits)

@@ -95,9 +95,9 @@ class Tracer(ABC):
         """Writes the scene's file, and gives the command of a process that makes a picture's file of it, if any."""
         return None
 
-    def refuses(self, scene: Scene) -> str:
-        """Why this scene is not measured; empty if it is."""
-        return ""
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
+        """What this scene has for which it is not measured; empty if it is."""
+        return ()
 
     @abstractmethod
     def run(self, scene: Scene, frames: int) -> Run:
@@ -120,10 +120,10 @@ class Product(Tracer):
     def mode(self) -> object:
         return self.on.spec, self.precision, self.task, self.variant if self.level else "", self.level
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         # What skips nothing has a large program for each kind, which takes longer to compile than to measure.
-        beyond = strange(scene, *BEYOND) if self.keep == SKIPS else ""
-        return beyond or (too_much(scene) if ACCELERATION in self.keep else "")
+        beyond = strange(scene, *BEYOND) if self.keep == SKIPS else ()
+        return beyond or (too_much(scene) if ACCELERATION in self.keep else ())
 
     def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
         """What is measured, or, with outputs of which errors are found, one program for as many scenes as can be."""
@@ -229,7 +229,7 @@ class Baseline(Tracer):
     def __init__(self, device: Device) -> None:
         self._device, self.device = device, device.label
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         return strange(scene, *BEYOND) or too_much(scene)
 
     def run(self, scene: Scene, frames: int) -> Run:
@@ -263,14 +263,14 @@ def configurations(device: Device, precisions: Sequence[Precision], quick: bool)
     return [*out, Baseline(device)]
 
 
-def too_much(scene: Scene) -> str:
+def too_much(scene: Scene) -> tuple[str, ...]:
     """Why a scene is not traced surface by surface; empty if it is."""
     tests = (len(scene.spheres) + scene.triangles) * math.prod(scene.camera.resolution)
-    return f"{tests:.1g} tests a frame are too many" if tests > MOST_TESTS else ""
+    return (f"{tests:.1g} tests a frame are too many",) if tests > MOST_TESTS else ()
 
 
-def strange(scene: Scene, *kinds: str) -> str:
-    """Which of these kinds of things, that few tracers draw, a scene has, by name; empty if none of them."""
+def strange(scene: Scene, *kinds: str) -> tuple[str, ...]:
+    """Which of these kinds of things, that few tracers draw, a scene has, by name."""
     m, lights = scene.materials, set(scene.lamps["kind"].tolist())
     has = {
         "spheres": bool(len(scene.spheres)),
@@ -286,7 +286,7 @@ def strange(scene: Scene, *kinds: str) -> str:
             (m[name] != m[name][0]).any() for name in ("ka", "kd", "ks", "exponent")
         ),
     }
-    return ", ".join(kind for kind in kinds if has[kind])
+    return tuple(kind for kind in kinds if has[kind])
 
 
 def answer_of(scene: Scene, image: Image, *dull: Image) -> Answer:

@@ -59,7 +59,7 @@ def some() -> Results:
     odd = replace(RIGHT, t_ulp=math.inf, color_max=math.nan, wrong_ids=3)
     rows = [
         point(picture=odd, sample=RIGHT, whole=(0.01, 0.02), truth="t"),
-        point("Embree", version="3", level=2.0, rms=0.5),
+        point("Embree", version="3", level=2.0, rms=0.5, refused=("mirrors", "glass")),
     ]
     way = Way("16 balls", 16, SMALL, "cltrace", ways.AGAIN, "", (0.5, 0.51, 0.52), 10**8, None)
     return Results(dict(ABOUT), rows, [way], {"a scene": {"rays": 5}}, ["none: it is missing"], True)
@@ -409,13 +409,19 @@ def test_where_peers_are_ahead() -> None:
     assert "\n  - 16 balls, process to file: early 300 ms, ours 400 ms\n" in text
     assert "nowhere" not in text
     assert "\n- **faster, at an equal or a smaller error**: nowhere\n" in report.summary(some())
+    assert "ahead of cltrace, or beside it; errors that are within 1 % of each other are equal:\n\n- **faster" in text
     assert "ahead" not in report.summary(Results(dict(ABOUT), [point()], finished=True))
 
 
 def test_what_peers_do_not_draw_is_said() -> None:
-    rows = [point(), *(point("Embree", (), version="3", note=text) for text in ("glass, sky", "sky", "its end"))]
+    """And what one has failed at, in its own words; what was not reached is neither."""
+    rows = [point(), point("Embree", (), version="3"), point("VTK", (), version="9")]
+    many = "more than 9, each a sky"
+    rows += [point("Embree", (), version="3", refused=kinds) for kinds in (("glass", many), ("glass",))]
+    rows.append(point("Embree", (), version="3", note="its end, at last"))
     made = Results({**ABOUT, "seconds": {"ordinary": {"Embree": 60.0, "": 21.5}}}, rows, finished=True)
-    assert "Peers: Embree 3. Embree does not draw: glass, sky, its end. It took 82 s." in report.summary(made)
+    assert f"VTK 9. Embree does not draw: glass, {many}, its end, at last. It took 82 s." in report.summary(made)
+    assert f"\n  Embree: glass, {many}\n" in report.scene_table(rows)
 
 
 # ---------------------------------------------------------------------------------------------------------- comparisons

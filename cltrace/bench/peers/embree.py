@@ -41,7 +41,7 @@ class Embree(Peer):
         self.grows = task == "frame" and not variant
         self._way = ""
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         return strange(scene, "ellipsoids")
 
     def run(self, scene: Scene, frames: int) -> Run:

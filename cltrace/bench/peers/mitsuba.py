@@ -43,10 +43,12 @@ class Mitsuba(Tracer):
         if level:
             self.task, self.level, self.variant = "samples", level, "samples"
 
-    def refuses(self, scene: Scene) -> str:
-        many = f"more than {MOST_SPHERES} spheres as each is an object" if len(scene.spheres) > MOST_SPHERES else ""
-        both = "textures" if scene.textures and scene.meshes and len(scene.spheres) else ""
-        return many or both or strange(scene, "cylinders", "ellipsoids", "glass")
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
+        if len(scene.spheres) > MOST_SPHERES:
+            return (f"more than {MOST_SPHERES:,} spheres, each an object",)
+        if scene.textures and scene.meshes and len(scene.spheres):
+            return ("textures",)
+        return strange(scene, "cylinders", "ellipsoids", "glass")
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames, int(self.level or 1))

@@ -29,9 +29,9 @@ class Open3D(Tracer):
     def __init__(self) -> None:
         self.version, self._company = version_of("open3d"), Company(draw)
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         if not scene.meshes:
-            return "scenes without meshes"
+            return ("scenes without meshes",)
         return strange(scene, "spheres", "cylinders", "textures", "mirrors", "glass", "orthographic cameras",
                        OTHER_LIGHTS)  # fmt: skip
 

@@ -41,11 +41,11 @@ class PovRay(Peer):
         if level:
             self.task, self.level, self.variant = "samples", level, "antialiasing"
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         many = len(scene.spheres) > MOST_SPHERES or scene.triangles > MOST_TRIANGLES
         # Light goes through its glass, where it has a shadow here.
         return strange(scene, "cylinders", "ellipsoids", "textures", "glass",
-                       OTHER_LIGHTS) or ("too much text" if many else "")  # fmt: skip
+                       OTHER_LIGHTS) or (("too much text",) if many else ())  # fmt: skip
 
     def command(self, scene: Scene) -> list[str]:
         """Reads the scene, draws it with all processors and writes a PNG."""

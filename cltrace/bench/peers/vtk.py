@@ -33,13 +33,13 @@ class Vtk(Tracer):
         if level:
             self.task, self.level, self.variant = "samples", level, "multisampling"
 
-    def refuses(self, scene: Scene) -> str:
+    def refuses(self, scene: Scene) -> tuple[str, ...]:
         found = strange(scene, "cylinders", "ellipsoids", "textures", "mirrors", "glass",
                         OTHER_LIGHTS,
                         "materials that differ in more than colour")  # fmt: skip
         x, y = scene.camera.image_plane()
         width, height = scene.camera.resolution
-        return found or ("" if math.isclose(x * height, y * width) else "pixels that are not square")
+        return found or (() if math.isclose(x * height, y * width) else ("pixels that are not square",))
 
     def run(self, scene: Scene, frames: int) -> Run:
         return self._company.run(scene, frames, MULTISAMPLES[int(self.level or 1)])
