@@ -128,7 +128,8 @@ def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any
         whole = replace(clear, background=tuple(behind), background_alpha=1.0, transfer="linear")
         right = cltrace.render(whole, any_device, outputs=("color", "rgb8", "error"), antialias="proved")
         laid = image.color * image.alpha[..., None] + (1 - image.alpha[..., None]) * ground
-        assert np.abs(laid - right.color).max() <= 2.01 / 255  # each is off by a level at most
+        # Each is off by its own error: other backgrounds ask for other numbers of rays.
+        assert (255 * np.abs(laid - right.color).max(axis=2) <= image.error + right.error + 0.01).all()
         assert np.abs(laid - right.color).mean() <= 0.2 / 255
         if transfer == "linear":
             share = image.rgba8[..., 3:] / 255
