@@ -105,7 +105,7 @@ def _tried(trial: Trial, device: Device, precision: Precision) -> str:
     if not trial.checked:
         return times
     found = check(scene, images[0], precision, images[0].rgb8[..., 0].size)
-    return f"{'ok' if found.ok else 'WRONG'}: {found}; {times}"
+    return f"{'ok' if found.ok else 'WRONG'}: {' '.join(str(found).split())}; {times}"
 
 
 def _mirrors() -> cltrace.Scene:

@@ -43,13 +43,13 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     counts, both = Counter[str](), threading.Barrier(2)
     launch = Executor._launch
 
-    def counted(self: Executor, frame: Any, region: Any, row: int, rows: int) -> Any:
+    def counted(self: Executor, kernel: Any, frame: Any, region: Any, row: int, rows: int) -> Any:
         if region[3]:
             counts[self.device.spec] += 1
             if counts[self.device.spec] == 1:
                 both.wait(60)
             time.sleep(0.01)  # for the other one
-        return launch(self, frame, region, row, rows)
+        return launch(self, kernel, frame, region, row, rows)
 
     monkeypatch.setattr(Executor, "_launch", counted)
     monkeypatch.setattr(executor, "FIRST_ROWS", STEP)
@@ -61,13 +61,13 @@ def fail(monkeypatch: pytest.MonkeyPatch, wanted: Callable[[str, int], bool]) ->
     """Makes devices fail in those of their strips, by spec and number, that are wanted."""
     launch, numbers, lock = Executor._launch, Counter[str](), threading.Lock()
 
-    def faulty(self: Executor, frame: Any, region: Any, row: int, rows: int) -> Any:
+    def faulty(self: Executor, kernel: Any, frame: Any, region: Any, row: int, rows: int) -> Any:
         if region[3]:
             with lock:
                 numbers[self.device.spec] += 1
             if wanted(self.device.spec, numbers[self.device.spec]):
                 raise cl.RuntimeError("clEnqueueNDRangeKernel failed: it is on fire")
-        return launch(self, frame, region, row, rows)
+        return launch(self, kernel, frame, region, row, rows)
 
     monkeypatch.setattr(Executor, "_launch", faulty)
 
