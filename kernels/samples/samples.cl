@@ -351,7 +351,8 @@ static void sample_pixels(const Frame frame, const Scene *scene, const Packet pa
     pixels->color.z = TO_SHADE(totals.sum[2]) * share;
     pixels->coverage = TO_FLOAT(totals.sum[3]) * over;
     pixels->error = error_of(scene, view, &totals, mixed);
-    pixels->overgrown = totals.late != 0;
+    /* What is beside the region may have corners that nobody has looked at. */
+    pixels->overgrown = (totals.late != 0) & pixels->wanted;
     COUNT(SAMPLED, mixed);
 }
 #endif

@@ -324,7 +324,7 @@ def test_sliders_and_movie(page: Any, spec: str, tmp_path: Path) -> None:
 
         assert moved("#fov", "PageUp").endswith("°")
         assert camera_of(page).horizontal_fov > home.horizontal_fov
-        assert moved("#samples", "ArrowRight") == "32"
+        assert moved("#samples", "ArrowRight") == "64"
         assert moved("#lights input >> nth=1", "Home") == "0 %"
         page.click("text=reset")
         angle = f"{2 * home.horizontal_fov:g}°"
