@@ -42,7 +42,7 @@ def test_more_lights_than_usual(tmp_path: Path) -> None:
 
 def test_limits_reach_other_processes(tmp_path: Path) -> None:
     """Such as those that draw the frames of a movie: what rays a pixel may take is a number of their kernels."""
-    pytest.importorskip("distributed")
+    pytest.importorskip("dask")
     few = ("--limit", "rays=3", "--size", "8x8", "--cluster", "local:1", "--orbit", "2", "-o", "f_%d.png")
     status, words = call(tmp_path, *few, scene=ROOT / "scenes/step7-glass.xml")
     assert status == 3

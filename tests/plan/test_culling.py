@@ -299,6 +299,7 @@ def test_of_equal_triangles_only_the_first_is_packed(many: int) -> None:
     assert not len(culling.repeated_faces(other.reshape(-1, 3), np.arange(3 * many, dtype=np.int32).reshape(-1, 3)))
 
 
+@pytest.mark.slow
 def test_of_equal_triangles_the_first_shows_whatever_the_others_are(device: Device) -> None:
     """A mirror, glass and plain faces in one place: the id, the colours and the normals are those of the first."""
     kinds = [Material("red"), Material("lime", reflectance=0.8), Material("blue", transmittance=0.7, index=1.5)]

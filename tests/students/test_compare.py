@@ -273,9 +273,10 @@ def smooth(scene: cltrace.Scene, **changes: object) -> Bytes:
     return to_bytes(np.mean(colors, axis=0)).reshape(height, width, 3).astype(np.uint8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "names"),
-    [pytest.param({}, [], marks=pytest.mark.slow), ({"shadows": False}, ["no-shadows"])],
+    [({}, []), ({"shadows": False}, ["no-shadows"])],
     ids=["right", "wrong"],
 )
 def test_smooth_pictures_are_compared(pictures: Pictures, changes: dict[str, object], names: list[str]) -> None:
