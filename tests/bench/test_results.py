@@ -214,6 +214,7 @@ def test_few_are_made_ready_at_once(monkeypatch: pytest.MonkeyPatch, jobs: int, 
     assert context.Pool.call_args.args[0] == want
 
 
+@pytest.mark.slow
 def test_errors_of_what_moves_are_known(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of cameras and of positions, whose scenes are the same ones."""
     monkeypatch.setattr(cli, "_counted", lambda device, progress: {})

@@ -26,6 +26,7 @@ def call(folder: Path, *arguments: str, scene: Path | str = "s.xml", **environme
     return done.returncode, (done.stderr.splitlines() or [""])[-1]
 
 
+@pytest.mark.slow
 def test_more_lights_than_usual(tmp_path: Path) -> None:
     (tmp_path / "s.xml").write_text(MINIMAL.replace("</lights>", LIGHT * 1100 + "</lights>"))
     status, words = call(tmp_path)

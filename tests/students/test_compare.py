@@ -217,9 +217,8 @@ def test_two_mistakes_are_named(pictures: Pictures) -> None:
     assert set(pictures.causes("bright", picture)[:2]) == {"no-shadows", "upside-down"}
 
 
-@pytest.mark.parametrize(
-    "scene", ["bright", *(pytest.param(x, marks=pytest.mark.slow) for x in NAMES if x != "bright")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", NAMES)
 def test_the_right_picture_is_the_same(pictures: Pictures, scene: str) -> None:
     right = cltrace.render(pictures.loaded[scene]).rgb8
     for picture in (right, noisy(right)):
