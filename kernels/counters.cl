@@ -26,6 +26,17 @@ static int is_over(const Scene *scene) {
     return *scene->last < 0;
 }
 
+/* Where a work-item's mark is in `undecided`, behind that of all. */
+static int number_of_item(void) {
+    return 1 + (int)(get_global_id(1) * get_global_size(0) + get_global_id(0));
+}
+
+/* The first program IN_STAGES leaves a work-item's pixel to the second one. */
+static int mark_undecided(const Spheres spheres) {
+    spheres.undecided[0] = spheres.undecided[number_of_item()] = 1;
+    return 0;
+}
+
 /* A sum of such numbers says what all rays of a sample have met, in whatever order: surfaces at each depth, and lights
  * that reach these; and, as another sum, between which texels. Equal numbers of two different sums are a matter of
  * chance, one in 2^32. */

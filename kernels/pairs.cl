@@ -3,18 +3,6 @@
  * A pair is the unevaluated sum hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of Dekker
  * 1971 and of Ogita, Rump and Oishi 2005. Their errors are a few 2^-104 of the result.
  */
-
-/* Where a work-item's mark is in `undecided`, behind that of all. */
-static int number_of_item(void) {
-    return 1 + (int)(get_global_id(1) * get_global_size(0) + get_global_id(0));
-}
-
-/* The first program IN_STAGES leaves a work-item's pixel to the second one. */
-static int mark_undecided(const Spheres spheres) {
-    spheres.undecided[0] = spheres.undecided[number_of_item()] = 1;
-    return 0;
-}
-
 #if REAL_BYTES == 8
 typedef struct {
     REAL hi, lo;

@@ -52,8 +52,9 @@ static Ray ray_of(const Frame frame, const Packet packet) {
     return for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
 }
 
-/* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit.
- * prove_packets(): what is known of a row of packets before they are looked at; first: where it is in the region. */
+/* prove_packets(): proves what it can of a row of packets, before any of them is drawn. first: the place of the row in
+ * the region. seen_by(): what a packet shows, where its tile is not all background. pixels: as they are where nothing
+ * is hit. */
 #ifdef WITH_AVERAGE
 static void prove_packets(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 first,
                           Known *known) {

@@ -90,8 +90,8 @@ def programs() -> Iterator[Program]:
             if not is_in_stages(1, precision):
                 yield Program(f"{name}, {precision}", options)
                 continue
-            yield Program(f"{name}, {precision}", (*options, *BOTH, *FIRST))
-            yield Program(f"{name}, {precision}, undecided pixels", (*options, *BOTH))
+            yield Program(f"{name}, {precision}", (*options, f"-D{BOTH}", f"-D{FIRST}"))
+            yield Program(f"{name}, {precision}, undecided pixels", (*options, f"-D{BOTH}"))
 
 
 def compiled(program: Program, folder: Path) -> dict[str, Figures]:

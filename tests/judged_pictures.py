@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 import cltrace
@@ -28,3 +31,21 @@ def changed_by_filter(scene: Scene, device: Device) -> int:
     one = cltrace.Renderer(scene, device, "accurate", outputs).render()
     other = cltrace.Renderer(scene, device, "accurate", outputs, keep=("filter",)).render()
     return int(((one.id != other.id) | (one.color != other.color).any(axis=2)).sum())
+
+
+def single_agrees(scene: Scene, device: Device) -> None:
+    """In float32, few pixels at edges are others than in `accurate`."""
+    exact, rough = (cltrace.render(scene, device, precision, ("id", "color")) for precision in ("accurate", "single"))
+    same = exact.id == rough.id
+    assert same.mean() > 0.995
+    assert (np.abs(exact.color - rough.color).max(axis=2)[same] < 1e-3).mean() > 0.995
+
+
+def is_the_mean_of_finer_pixels(scene: Scene, device: Device, antialias: Any) -> None:
+    image = cltrace.render(scene, device, "accurate", ("rgb8",), antialias=antialias)
+    finer = scene.seen_by(replace(scene.camera, resolution=(48 * 16, 36 * 16)))
+    fine = cltrace.render(finer, device, "accurate", ("color",))
+    mean = np.clip(fine.color, 0, 1).reshape(36, 16, 48, 16, 3).mean(axis=(1, 3)) * 255
+    off = np.abs(image.rgb8 - mean)
+    assert off.mean() < 0.3
+    assert off.max() < 24  # 255 times what 95 of 100 means over 32 rays are off by, where colours differ by 1

@@ -52,8 +52,8 @@ class Point:
     kernel: seconds of a frame, the median of each round; whole: seconds of each round, as of tracers.Run; picture:
     errors of the whole picture, and sample: of some pixels against exact arithmetic; differ: share of the picture's
     pixels of which a byte differs from the truth, and off: by more than a level; rms: of all bytes from the truth, in
-    levels of 255; truth: what that is, and how it is known; refused: as of Tracer.refuses(); note:
-    why something is missing.
+    levels of 255; truth: what that is, and how it is known; refused: as of Tracer.refuses(); note: why something is
+    missing.
     """
 
     group: str

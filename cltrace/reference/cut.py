@@ -13,7 +13,7 @@ import numpy as np
 from cltrace.numbers.surds import Surd
 from cltrace.numbers.vectors import dot, minus
 from cltrace.reference.crossing import Way
-from cltrace.reference.cylinder import Cylinder, OnCylinder, Part, Tube, exact_axes
+from cltrace.reference.cylinder import Cylinder, OnCylinder, Part, Tube
 from cltrace.reference.doubt import size_of
 from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Vector, between, vector
 from cltrace.reference.rays import Ray
@@ -69,14 +69,12 @@ class OnCut(OnCylinder):
 
     @cached_property
     def exact_point(self) -> Vector:
-        of = self.cylinder.segment
-        e1, e2 = exact_axes(of.axis)
-        m = tuple(Fraction(self.a) * p + Fraction(self.b) * q for p, q in zip(e1, e2, strict=True))
+        of, across = self.cylinder.segment, self.exact_across
         if self.part != "side":
-            x, y, z = (Surd(s + v) for s, v in zip(of.start, m, strict=True))
+            x, y, z = (Surd(s + v) for s, v in zip(of.start, across, strict=True))
             return x, y, z
         along = 2 * Fraction(self.k) - 1
-        m = tuple(along * u + v for u, v in zip(of.axis, m, strict=True))
+        m = [along * u + v for u, v in zip(of.axis, across, strict=True)]
         square = sum((v * v for v in m), ZERO)
         x, y, z = (Surd(c, of.radius * v / square, square) for c, v in zip(of.center, m, strict=True))
         return x, y, z

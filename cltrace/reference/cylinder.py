@@ -160,11 +160,16 @@ class OnCylinder(Start):
         turning by 5.2 u of |step|."""
         return self.reach * 2.0**-48
 
+    @property
+    def exact_across(self) -> Rational:
+        """m."""
+        e1, e2 = exact_axes(self.cylinder.tube.axis)
+        x, y, z = (Fraction(self.a) * p + Fraction(self.b) * q for p, q in zip(e1, e2, strict=True))
+        return x, y, z
+
     @cached_property
     def exact_point(self) -> Vector:
-        of = self.cylinder.tube
-        e1, e2 = exact_axes(of.axis)
-        m = tuple(Fraction(self.a) * p + Fraction(self.b) * q for p, q in zip(e1, e2, strict=True))
+        of, m = self.cylinder.tube, self.exact_across
         if self.part != "side":
             k = Fraction(self.part == "end")
             x, y, z = (Surd(s + k * u + v) for s, u, v in zip(of.start, of.axis, m, strict=True))

@@ -373,9 +373,9 @@ class Executor:
         options = [*(f"-D{flag}" for flag in flags), *self.plan.options()]
         self._undecided = None
         if is_in_stages(self.width, self.plan.request.precision):
-            features, options = features | {"IN_STAGES"}, [*options, *BOTH]
+            features, options = features | {BOTH}, [*options, f"-D{BOTH}"]
             self._undecided = Undecided(self._queue, self.device, options)
-            options = [*options, *FIRST]
+            options = [*options, f"-D{FIRST}"]
         self._program, self._arguments = program(self.device, options), arguments_of(features)
         self._kernel = self._program.kernel()
 

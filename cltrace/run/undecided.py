@@ -19,7 +19,7 @@ from cltrace.run.devices import Device
 from cltrace.run.program import Program, program
 
 # Flags of both programs, and of the first one alone.
-BOTH, FIRST = ("-DIN_STAGES",), ("-DWITHOUT_RARE",)
+BOTH, FIRST = "IN_STAGES", "WITHOUT_RARE"
 
 
 def is_in_stages(width: int, precision: Precision) -> bool:

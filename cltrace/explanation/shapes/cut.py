@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cltrace.explanation.shapes.shape import Textbook, first_of, solutions
+from cltrace.explanation.shapes.shape import Textbook, common, first_of, solutions
 from cltrace.explanation.triples import Triple, number, triple, vector
 from cltrace.reference import Direction, Point
 from cltrace.reference.cut import Cut
@@ -52,8 +52,6 @@ class CutTest(Textbook):
             side = (plane, math.inf) if speed > 0 else (-math.inf, plane)
         else:
             side = (-math.inf, math.inf) if height >= 0 else nowhere
-        ball = t or nowhere
-        inside = max(ball[0], side[0]), min(ball[1], side[1])
         return cls(
             triple(cut.place),
             R,
@@ -65,7 +63,7 @@ class CutTest(Textbook):
             c=c,
             t=t,
             plane=plane,
-            inside=inside if inside[0] <= inside[1] else (),
+            inside=common(t or nowhere, side),
         )
 
     @classmethod

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cltrace.explanation.shapes.shape import Textbook, first_of, solutions
+from cltrace.explanation.shapes.shape import Textbook, common, first_of, solutions
 from cltrace.explanation.triples import Triple, number, triple, vector
 from cltrace.reference import Direction, Point
 from cltrace.reference.cylinder import Cylinder
@@ -51,7 +51,6 @@ class CylinderTest(Textbook):
         planes = (-along / speed, (length - along) / speed) if speed else (math.nan, math.nan)
         round_ = t or ((-math.inf, math.inf) if a == 0 and c <= 0 else (math.inf, -math.inf))
         between = sorted(planes) if speed else [-math.inf, math.inf] if 0 <= along <= length else [math.inf, -math.inf]
-        inside = max(round_[0], between[0]), min(round_[1], between[1])
         return cls(
             triple(S),
             triple(cylinder.end),
@@ -64,7 +63,7 @@ class CylinderTest(Textbook):
             c=c,
             t=t,
             planes=planes,
-            inside=inside if inside[0] <= inside[1] else (),
+            inside=common(round_, between),
         )
 
     @classmethod

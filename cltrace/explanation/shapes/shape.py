@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -53,6 +53,12 @@ def first_of(ends: tuple[float, ...], own: bool) -> float:
     if own and ahead:
         ahead = [t for t in ends if t != min(ends, key=abs) and t > 0]
     return min(ahead, default=math.inf)
+
+
+def common(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:
+    """From where to where a ray is in both of two parts of it, none if it is nowhere."""
+    begin, end = max(one[0], other[0]), min(one[1], other[1])
+    return (begin, end) if begin <= end else ()
 
 
 def solutions(a: float, b: float, c: float) -> tuple[float, tuple[float, ...]]:
