@@ -161,6 +161,11 @@ def driver_errors(device: Device) -> Iterator[None]:
     except cl.MemoryError as error:
         raise OutOfMemoryError(f"{device.name} has not enough memory: {error}") from None
     except cl.Error as error:
+        if error.code == cl.status_code.INVALID_BUFFER_SIZE:
+            most = f"{device.largest_buffer / 1e9:.3g} GB at most"
+            raise OutOfMemoryError(
+                f"{device.name} has buffers of {most}: draw a crop of the picture, or fewer outputs"
+            ) from None
         raise DeviceError(f"{device.name} failed: {error}") from None
 
 

@@ -1,0 +1,90 @@
+"""What Oclgrind finds in the kernel: `python tests/oclgrind.py [SCENE ...]`, by names of scenes/, all of them if none.
+
+Oclgrind (Debian's package of this name) is an OpenCL device that interprets a program, and says where it reads or
+writes beside a buffer, reads what was never written, or races. Each scene is drawn in `single` and in `accurate`, in
+16x12 pixels, as by a graphics card. Prints what was found; the exit status is 1 if that is anything.
+
+As a child of Oclgrind, with the words `draw SCENE PRECISION FILE`, it draws one of them.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+import cltrace
+from cltrace.run import program
+from cltrace.run.devices import Device
+from cltrace.run.trial import TRIAL
+
+ROOT = Path(__file__).parent.parent
+SIZE = (16, 12)
+COMMAND = (
+    "oclgrind",
+    "--data-races",
+    "--uninitialized",
+    # What is inlined has marks of aliases, which it takes for calls of functions that are not there.
+    "--build-options",
+    "-O0 -Dalways_inline=unused",
+    "--log",
+)
+
+
+def scene_of(name: str) -> cltrace.Scene:
+    scene = cltrace.load(ROOT / "scenes" / f"{name}.xml")
+    return scene.seen_by(replace(scene.camera, resolution=SIZE))
+
+
+def faults_of(name: str, precision: str) -> str:
+    """What Oclgrind says of a scene, or the bytes that differ from those of the device at hand; empty if nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        log, drawn = Path(folder) / "log", Path(folder) / "drawn.npy"
+        child = (sys.executable, __file__, "draw", name, precision, str(drawn))
+        # Its own options are not in the key of pyopencl's cache of programs.
+        environment = os.environ | {TRIAL: "1", "PYOPENCL_NO_CACHE": "1", "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            [*COMMAND, str(log), *child], env=environment, capture_output=True, text=True, check=False
+        )
+        if done.returncode or (log.exists() and log.read_text("utf-8").strip()):
+            return f"{done.stderr}\n{log.read_text('utf-8') if log.exists() else ''}"
+        differing = int((np.load(drawn) != cltrace.render(scene_of(name), precision=precision).rgb8).sum())
+    return f"{differing} bytes are others than those of the device at hand" if differing else ""
+
+
+def draw(name: str, precision: str, path: str) -> None:
+    """Draws a scene by Oclgrind and saves its bytes."""
+    Device.kind = "gpu"  # type: ignore[method-assign, assignment]
+    # It counts what was written by buffers of threads, and has none of the thread in which programs are built.
+    program.aside = lambda build: build()
+    # It does not count what is filled, so that is written.
+    cl.enqueue_fill_buffer = filled
+    np.save(path, cltrace.render(scene_of(name), "0:0", precision).rgb8)
+
+
+def filled(queue: Any, buffer: Any, pattern: Any, offset: int, size: int) -> Any:
+    return cl.enqueue_copy(queue, buffer, np.tile(pattern, size // pattern.nbytes), dst_offset=offset)
+
+
+def main(names: list[str]) -> int:
+    if names[:1] == ["draw"]:
+        draw(*names[1:])
+        return 0
+    found = 0
+    for name in names or sorted(path.stem for path in (ROOT / "scenes").glob("*.xml")):
+        for precision in ("single", "accurate"):
+            faults = faults_of(name, precision)
+            print(f"{name} {precision}: {faults or 'nothing'}", flush=True)
+            found += bool(faults)
+    return int(found > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
