@@ -31,7 +31,11 @@ from cltrace.viewer.session import Session
 from cltrace.viewer.stage import Stage
 
 pytestmark = pytest.mark.slow
-nbformat = pytest.importorskip("nbformat", reason="pip install jupyterlab")
+
+
+def nbformat() -> Any:
+    """Not imported above, as that takes seconds of whatever tests are run."""
+    return pytest.importorskip("nbformat", reason="pip install jupyterlab")
 
 
 # How a notebook's own elements look, which is none of the widget's business.
@@ -46,14 +50,15 @@ STYLES = """() => ['header', 'fieldset', 'button', 'p', 'pre', 'form', 'canvas']
 def notebook(spec: str, *cells: str) -> Any:
     first = f"import cltrace\nscene = cltrace.load({str(FILE)!r})\nview = cltrace.view(scene, {spec!r})\nview"
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    return nbformat.v4.new_notebook(metadata=kernel, cells=list(map(nbformat.v4.new_code_cell, (first, *cells))))
+    v4 = nbformat().v4
+    return v4.new_notebook(metadata=kernel, cells=list(map(v4.new_code_cell, (first, *cells))))
 
 
 def test_executed(spec: str, tmp_path: Path) -> None:
     """Its picture is the command's, and is in the page that nbconvert makes."""
     nbclient = pytest.importorskip("nbclient")
     nbconvert = pytest.importorskip("nbconvert")
-    book = nbformat.from_dict(notebook(spec, "view.camera == scene.camera"))
+    book = nbformat().from_dict(notebook(spec, "view.camera == scene.camera"))
     nbclient.NotebookClient(book, store_widget_state=False).execute()
     (output,) = book.cells[0].outputs
     cltrace.render(cltrace.load(FILE), spec).save(tmp_path / "exact.png")
@@ -153,7 +158,7 @@ def jupyterlab(folder: Path) -> Iterator[str]:
 def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
     """The hand, the keys, the theme; the notebook around it stays as it is; the next cell has the camera."""
     pytest.importorskip("jupyterlab")
-    nbformat.write(notebook(spec, "print(view.camera)"), tmp_path / "book.ipynb")
+    nbformat().write(notebook(spec, "print(view.camera)"), tmp_path / "book.ipynb")
     scene = cltrace.load(FILE)
     with jupyterlab(tmp_path) as address:
         page.goto(address)
