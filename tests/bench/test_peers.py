@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import os
 import sys
@@ -154,9 +155,14 @@ def peers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tracers.Tracer]
 
 
 WRONG = (scenes.GROUND, scenes.FAR, scenes.SCALE, scenes.MILLION)
-DRAWN = [case for case in scenes.generated(LARGER) if case.group not in WRONG and case.task == "frame"]
-# As the benchmark has no parallel light beside points alone.
-DRAWN.append(scenes.Case("100 balls, two lights", scenes.ORDINARY, scenes.cloud(100, LARGER, scenes.OTHER_LIGHTS[0])))
+
+
+@functools.cache
+def drawn_by_peers() -> list[scenes.Case]:
+    """The frames of the benchmark that single precision can draw, and one with a parallel light beside points alone."""
+    found = [case for case in scenes.generated(LARGER) if case.group not in WRONG and case.task == "frame"]
+    light = scenes.cloud(100, LARGER, scenes.OTHER_LIGHTS[0])
+    return [*found, scenes.Case("100 balls, two lights", scenes.ORDINARY, light)]
 
 
 @pytest.mark.slow
@@ -168,7 +174,7 @@ def test_peers_draw_what_cltrace_draws(peers: dict[str, tracers.Tracer], name: s
         pytest.skip(f"{name} is not installed")
     one, drawn = peers[name], 0
     assert one.version
-    for case in DRAWN:
+    for case in drawn_by_peers():
         if one.refuses(case.scene):
             continue
         got, want = one.run(case.scene, 1).rgb8, cltrace.render(case.scene).rgb8
