@@ -44,12 +44,12 @@ def test_nothing_is_shown_where_nobody_looks(
 ) -> None:
     scene = usual_scene()
     for wanted in (None, False):
-        cltrace.render(scene, any_device, progress=wanted)
+        cltrace.render(scene, any_device, outputs=("rgb8", "id"), progress=wanted)
     assert capsys.readouterr().err == ""
     monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
-    cltrace.render(scene, any_device)
+    cltrace.render(scene, any_device, outputs=("rgb8", "id"))
     assert "100%" in capsys.readouterr().err
-    cltrace.render(scene, any_device, progress=False)
+    cltrace.render(scene, any_device, outputs=("rgb8", "id"), progress=False)
     assert capsys.readouterr().err == ""
 
 

@@ -108,7 +108,6 @@ def poor(monkeypatch: pytest.MonkeyPatch, any_device: Device, doubles: bool) -> 
 
 
 SCENES = ["first", "step4-meshes", "step7-glass", "four-mirrors", "room", "globe"]
-LONG = [name if name == "first" else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
 
 
 def scene_of(name: str) -> cltrace.Scene:
@@ -128,7 +127,8 @@ def want(name: str) -> cltrace.Image:
     return drawn(name)
 
 
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("doubles", [True], ids=["doubles"])
 def test_decisions_are_exact(name: str, want: cltrace.Image, poor: Device) -> None:
     image = cltrace.render(scene_of(name), poor, "accurate", ("id", "rgb8"))
@@ -136,7 +136,8 @@ def test_decisions_are_exact(name: str, want: cltrace.Image, poor: Device) -> No
     assert np.abs(image.rgb8.astype(int) - want.rgb8).max() <= 1
 
 
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("doubles", [False], ids=["no doubles"])
 def test_single_draws_right(name: str, want: cltrace.Image, poor: Device) -> None:
     image = cltrace.render(scene_of(name), poor, outputs=("id", "rgb8"))

@@ -33,7 +33,7 @@ COLUMNS = {
 
 
 # The others need programs of their own, which take long to compile, or many seconds in Python.
-ALWAYS = {"step2-parallel", "step3-shadows", "step4-meshes", "spot"}
+ALWAYS = {"step2-parallel", "step3-shadows", "spot"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in ALWAYS else pytest.mark.slow) for n in COLUMNS])
