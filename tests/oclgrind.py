@@ -10,6 +10,7 @@ As a child of Oclgrind, with the words `draw SCENE PRECISION FILE`, it draws one
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -43,6 +44,20 @@ def scene_of(name: str) -> cltrace.Scene:
     return scene.seen_by(replace(scene.camera, resolution=SIZE))
 
 
+def without_notes(log: str) -> str:
+    """A log without the races for notes of triangles' planes, of which any may be lost: see note_plane()."""
+    path = "shapes/triangle/triangle.cl"
+    text = (ROOT / "kernels" / path).read_text("utf-8")
+    begin, end = text.index("static int first_in_plane"), text.index("\n}", text.index("static void note_plane"))
+    first, last = (text.count("\n", 0, at) + 1 for at in (begin, end))
+    kept = []
+    for race in re.split(r"(?m)^(?=\S)", log):
+        lines = [int(line) for line in re.findall(rf"At line (\d+) \(column \d+\) of kernels/{path}", race)]
+        if not (race.startswith("Read-write data race") and len(lines) == 2 and all(first <= n <= last for n in lines)):
+            kept.append(race)
+    return "".join(kept).strip()
+
+
 def faults_of(name: str, precision: str) -> str:
     """What Oclgrind says of a scene, or the bytes that differ from those of the device at hand; empty if nothing."""
     with tempfile.TemporaryDirectory() as folder:
@@ -53,8 +68,9 @@ def faults_of(name: str, precision: str) -> str:
         done = subprocess.run(
             [*COMMAND, str(log), *child], env=environment, capture_output=True, text=True, check=False
         )
-        if done.returncode or (log.exists() and log.read_text("utf-8").strip()):
-            return f"{done.stderr}\n{log.read_text('utf-8') if log.exists() else ''}"
+        found = without_notes(log.read_text("utf-8")) if log.exists() else ""
+        if done.returncode or found:
+            return f"{done.stderr}\n{found}"
         differing = int((np.load(drawn) != cltrace.render(scene_of(name), precision=precision).rgb8).sum())
     return f"{differing} bytes are others than those of the device at hand" if differing else ""
 
