@@ -71,7 +71,13 @@ ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 SLOWLY = f"-m slow {PARALLEL}"
 
+COARSE = "tests/run/test_packing.py -k coarse"
+
 MUTATIONS = [
+    Mutation("(s.x * slope.x - s.y * slope.y)", "(s.x * slope.x + s.y * slope.y)", "rays of coarse pictures", COARSE),
+    Mutation("(a * (1 + 0x1p-36))", "(a * (1 - 0x1p-9))", "depths of coarse pictures", COARSE),
+    Mutation("D > off ? far", "1 ? far", "what may miss hides nothing in coarse pictures", COARSE),
+    Mutation("if (!(a * c > 0x1p-20 * size))", "if (0)", "coarse pictures from the surface of a sphere", COARSE),
     Mutation(
         "scene->started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
     ),

@@ -20,8 +20,7 @@ __kernel void tally(const int n, const int pitch, const int lifts, __global cons
                     __global const float *restrict near, __global long *restrict part) {
     long entries[16], spheres[16];
     for (int k = 0; k < 16; k++) entries[k] = spheres[k] = 0;
-    FOR_EACH_OF_PART(i, n, 1) {
-        if (!(near[i] < INFINITY)) continue;
+    FOR_EACH_MEMBER(i, n) {
         const int left = covers[i], top = covers[pitch + i], wide = covers[2L * pitch + i],
                   high = covers[3L * pitch + i];
         const int bits = bits_of(max(wide, high));
@@ -81,8 +80,7 @@ __kernel void count_entries(const int n, const int pitch, const int lift, const 
                             __global const float *restrict deepest, __constant Levels *levels,
                             __global const short *restrict covers, __global float *restrict near,
                             volatile __global int *count) {
-    FOR_EACH_SPHERE(i, n) {
-        if (!(near[i] < INFINITY)) continue;
+    FOR_EACH_MEMBER(i, n) {
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         const float depth = near[i];
         int entered = !some;
@@ -146,8 +144,7 @@ __kernel void scatter_entries(const int n, const int pitch, const int lift, cons
                               __global const float *restrict deepest, const uint mask, __constant Levels *levels,
                               __global const short *restrict covers, __global const float *restrict near,
                               volatile __global int *next, __global ulong *restrict entry) {
-    FOR_EACH_SPHERE(i, n) {
-        if (!(near[i] < INFINITY)) continue;
+    FOR_EACH_MEMBER(i, n) {
         const float depth = near[i];
         const ulong key = key_of(depth, mask, i);
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);

@@ -22,6 +22,13 @@ INLINE int part_of(const int n, const int step, const ulong item) {
 #define FOR_EACH_SPHERE(i, n) FOR_EACH_OF_PART(i, n, 1)
 #endif
 
+/* Those of n spheres whose depth, in `near`, is not infinite. Where they are few, most packets have none. */
+#define FOR_EACH_MEMBER(i, n)                               \
+    FOR_EACH_PACKET(packet_, n)                             \
+    if (ANY(LOAD_LANES(near + packet_) < INFINITY))         \
+        for (int i = packet_; i < min(packet_ + W, n); i++) \
+            if (near[i] < INFINITY)
+
 #define LANE (LANE_COLUMN + 4 * LANE_ROW)
 #define LARGER(a, b) ((a) > (b) ? (a) : (b))
 

@@ -20,7 +20,7 @@ from cltrace.plan.request import Request
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device
-from cltrace.run.pack import list_buffers, packers
+from cltrace.run.pack import list_buffers, packers, spheres
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.run.pack.toolbox import Toolbox
 from cltrace.scene import AnyCamera
@@ -309,6 +309,7 @@ def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.Monkey
     every = cltrace.Renderer(some, device)
     monkeypatch.setattr(discs, "FEWEST", 0)
     monkeypatch.setattr(discs, "DEEP", 0)
+    monkeypatch.setattr(discs, "CROWD", np.inf)
     both(some, device, Request(), other)
     fewer = cltrace.Renderer(some, device)
     sizes = [len(tiles_of(renderer)) for renderer in (every, fewer)]
@@ -317,6 +318,67 @@ def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.Monkey
     for request in (Request("single"), Request(antialias=1.0, crop=(8, 9, 50, 40)), Request(samples=16)):
         if name == "crowded":
             both(some, device, request)
+
+
+def in_a_row(seen_by: cltrace.Camera) -> cltrace.Scene:
+    """Thousands of balls on one line, of which most overlap and each pixel that shows any shows one or two."""
+    along = np.linspace(0, 1, 3000)[:, None]
+    return cltrace.Scene.from_spheres(seen_by, LIGHTS, (-1.5, -0.6, 0.3) + along * (3, 1, -0.4), 0.05, ka=0.1)
+
+
+def passed(seen_by: cltrace.Camera) -> cltrace.Scene:
+    """A ray in the middle passes balls by the last digit of a radius, or touches others, before it meets a tiny one."""
+    step = np.arange(1, 200)[:, None] / 1024
+    centers = np.concatenate([step * (3, 4, -2), [(0, 0, -2)]])
+    radii = np.append(np.nextafter(5 * step[:, 0], 0), 0.001)
+    colors = np.random.default_rng(2).uniform(0, 1, (len(radii), 3))
+    return cltrace.Scene.from_spheres(seen_by, LIGHTS[:1], centers, radii, colors)
+
+
+COARSE: dict[str, Callable[[cltrace.Camera], cltrace.Scene]] = {
+    "of all sizes": of_all_sizes().seen_by,
+    "touching": touching().seen_by,
+    "around the eye": lambda by: around(300).seen_by(by),
+    "equal": lambda by: equal().seen_by(by),
+    "mirrors": lambda by: mirrors().seen_by(by),
+    "tiny": lambda by: scene(*balls(3000, 0.01)).seen_by(by),
+    "row": in_a_row,
+    "passed": passed,
+}
+
+
+@pytest.mark.parametrize("name", COARSE)
+def test_lists_of_coarse_pictures(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Lists lack spheres that no pixel shows; no picture tells, and a list has none that it had not before."""
+    monkeypatch.setattr(discs, "FEWEST", 0)
+    monkeypatch.setattr(spheres, "WIDE", 64)
+    sizes: list[dict[str, object]] = [{"resolution": size} for size in ((7, 5), (17, 11), (64, 47))]
+    for by in (*sizes, {"resolution": (15, 15), "position": (0, 0, 3)}):
+        some, listed, pictures = COARSE[name](camera(**by)), [], []
+        for crowd in (np.inf, 0):
+            monkeypatch.setattr(discs, "CROWD", crowd)
+            renderer = cltrace.Renderer(some, device, outputs=DRAWN)
+            moved = renderer.look(camera(position=(1.0, 2.0, 2.5), resolution=(9, 9)))
+            pictures.append([array for one in (renderer, moved) for array in (one.render().id, one.render().rgb8)])
+            listed.append(set(map(tuple, np.frombuffer(tiles_of(renderer), np.int32).reshape(-1, 2).tolist())))
+        assert all(map(np.array_equal, *pictures))
+        assert listed[1] <= listed[0]
+        assert name != "row" or 4 * len(listed[1]) <= len(listed[0])
+
+
+def test_coarse_pictures_of_which_parts_are_wanted(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crop is the same part of the same picture. Lists are as before where spheres cover many pixels, where 16 bits
+    cannot count these, and of pixels that are antialiased."""
+    whole = cltrace.Renderer(crowded(), device, outputs=DRAWN).render()
+    monkeypatch.setattr(discs, "FEWEST", 0)
+    monkeypatch.setattr(discs, "CROWD", 0)
+    both(crowded(), device, Request())
+    monkeypatch.setattr(spheres, "WIDE", 64)
+    crop = cltrace.Renderer(crowded(), device, outputs=DRAWN, crop=(13, 7, 30, 22)).render()
+    assert np.array_equal(crop.rgb8, whole.rgb8[7:22, 13:30])
+    for request in (Request("single"), Request(samples=16), Request(antialias=1.0)):
+        both(crowded(), device, request)
+    both(crowded(resolution=(2**15, 1)), device, Request())
 
 
 def test_pictures(device: Device) -> None:

@@ -34,7 +34,11 @@ from cltrace.plan.rounding import Array, Ints, Mask, along, rotated, rounded_dow
 FEWEST, DEEP = 2**15, 4
 # Half of the side of a square within a circle of radius 1, less a hundredth for all that is rounded.
 SQUARE = 0.7
-# A sphere hides what is behind at most so many columns and rows of tiles: many large ones would take long.
+# With more spheres than so many for each pixel, lists lack those that no pixel shows, unless on average a sphere covers
+# more pixels than so many: a grid of four million at 1920x1080 would take 0.8 s for that.
+CROWD, WIDE = 8, 4
+# A sphere hides what is behind at most so many columns and rows of tiles, or of pixels of a coarse picture: many large
+# ones would take long.
 MOST = 8
 # Of one in so many spheres it is asked how deep those are that cover the tiles so many times.
 STRIDE, LAYERS = 64, 4
@@ -218,6 +222,16 @@ def is_deep(request: Request, spheres: int, members: int, entries: int) -> bool:
     where pixels are antialiased, it is not their centres alone that count.
     """
     return spheres >= FEWEST and entries > DEEP * members and request.precision != "single" and not request.means
+
+
+def is_coarse(request: Request, spheres: int, window: Window) -> bool:
+    """Whether a picture is so coarse that its lists lack the spheres that no pixel shows. They are the device's then.
+
+    spheres, and why it is not done elsewhere: see is_deep(). 16 bits have to tell which pixels a sphere covers.
+    """
+    width, height = window.region[2:]
+    crowded = spheres >= FEWEST and spheres > CROWD * width * height and max(window.size) < 2**15
+    return crowded and request.precision != "single" and not request.means and not window.parallel
 
 
 def front_of(near: NDArray[np.float32], more: NDArray[Any], tiles: int) -> np.float32:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.cells import SLACK, CellGrid, Members
-from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, front_of, is_deep
+from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
 from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
@@ -192,6 +192,7 @@ class _SeenSpheres:
         while k != (k := exponent_of(self.world, self.camera, (), most)):
             self.k, self.unit = k, 2.0**k
             self.window = Window.of(self.camera, packer.request, k)
+            self.coarse = is_coarse(packer.request, self.n, self.window)
             if min(self.window.step) <= (FINE if parallel else TINY):
                 return None
             part = self._see_all()
@@ -202,6 +203,9 @@ class _SeenSpheres:
             index, hi, lo = (tools.upload(values) for values in (rows, space.power, space.power_rest))
             tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._axes)
             inside |= not parallel and bool((space.power <= 0).any())
+        self.pictured = self.covers.members
+        if self.coarse:
+            self._sift()
         return inside, int(part[:, 2].sum())
 
     def _largest_of_some(self) -> float:
@@ -214,7 +218,8 @@ class _SeenSpheres:
         """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
         tools, covers, shell = self.tools, self.covers, self._shell()
         tools.clear(self.unsure, 1)
-        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": SHIFT, "keep_seen": self.any_along}
+        shift = 0 if self.coarse else SHIFT
+        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": shift, "keep_seen": self.any_along}
         arguments |= {"shell": tools.upload(shell), "shells": len(shell)}
         arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
         for name, axis in zip("xy", self.window.axes, strict=True):
@@ -226,6 +231,23 @@ class _SeenSpheres:
         covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
         covers.last = int(part[:, 5].max())
         return part
+
+    def _sift(self) -> None:
+        """Leaves spheres out of `covers` that no pixel of a coarse picture shows, and has it count tiles."""
+        tools, covers, (x, y, width, height) = self.tools, self.covers, self.window.region
+        behind = tools.room(width * height, np.float32)
+        tools.clear(behind, width * height, value=np.float32(np.inf))
+        arguments: Arguments = {name: self.made[name] for name in ("center_radius", "power")}
+        for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
+            arguments[f"{name}_axis"] = (1 / axis.scale, (size - 1) / 2)
+        # Spheres that cover more pixels than `most` are not looked at.
+        most = MOST**2 if covers.entries <= WIDE * self.n else 0
+        arguments |= {"unit": self.unit, "region": (x, y, width, height), "most": most, "behind": behind}
+        if most:
+            tools.run("cover_pixels", **covers.arguments, **arguments)
+        part = tools.noted("sift", 3, np.int64, **covers.arguments, **arguments, shift=SHIFT)
+        covers.members, covers.entries = part[:, :2].sum(axis=0).tolist()
+        covers.last = int(part[:, 2].max())
 
     def _shell(self) -> Array:
         """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
@@ -249,7 +271,7 @@ class _SeenSpheres:
         writer = ListWriter(tools, self.packer.request.precision, lists)
         grid = picture_grid(self.window.size, NOBODY)
         writer.add(grid, self.covers, self._behind(grid))
-        skipped["spheres out of the picture"] = self.n - self.covers.members
+        skipped["spheres out of the picture"] = self.n - self.pictured
 
         what = "spheres that shadow nothing seen, per light"
         if not m:
