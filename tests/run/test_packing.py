@@ -352,6 +352,7 @@ def test_lists_of_coarse_pictures(device: Device, monkeypatch: pytest.MonkeyPatc
     """Lists lack spheres that no pixel shows; no picture tells, and a list has none that it had not before."""
     monkeypatch.setattr(discs, "FEWEST", 0)
     monkeypatch.setattr(spheres, "WIDE", 64)
+    monkeypatch.setattr(spheres, "LAYERS", 0)
     sizes: list[dict[str, object]] = [{"resolution": size} for size in ((7, 5), (17, 11), (64, 47))]
     for by in (*sizes, {"resolution": (15, 15), "position": (0, 0, 3)}):
         some, listed, pictures = COARSE[name](camera(**by)), [], []
@@ -367,18 +368,21 @@ def test_lists_of_coarse_pictures(device: Device, monkeypatch: pytest.MonkeyPatc
 
 
 def test_coarse_pictures_of_which_parts_are_wanted(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A crop is the same part of the same picture. Lists are as before where spheres cover many pixels, where 16 bits
-    cannot count these, and of pixels that are antialiased."""
+    """A crop is the same part of the same picture. Lists are as before where spheres cover many pixels, or few cover a
+    pixel, where 16 bits cannot count these, and of pixels that are antialiased."""
     whole = cltrace.Renderer(crowded(), device, outputs=DRAWN).render()
     monkeypatch.setattr(discs, "FEWEST", 0)
     monkeypatch.setattr(discs, "CROWD", 0)
     both(crowded(), device, Request())
     monkeypatch.setattr(spheres, "WIDE", 64)
+    monkeypatch.setattr(spheres, "LAYERS", 0)
     crop = cltrace.Renderer(crowded(), device, outputs=DRAWN, crop=(13, 7, 30, 22)).render()
     assert np.array_equal(crop.rgb8, whole.rgb8[7:22, 13:30])
     for request in (Request("single"), Request(samples=16), Request(antialias=1.0)):
         both(crowded(), device, request)
     both(crowded(resolution=(2**15, 1)), device, Request())
+    monkeypatch.setattr(spheres, "LAYERS", np.inf)
+    both(crowded(), device, Request())
 
 
 def test_pictures(device: Device) -> None:

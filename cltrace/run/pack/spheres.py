@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.cells import SLACK, CellGrid, Members
-from cltrace.plan.accel.discs import MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
+from cltrace.plan.accel.discs import LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
 from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
@@ -240,8 +240,8 @@ class _SeenSpheres:
         arguments: Arguments = {name: self.made[name] for name in ("center_radius", "power")}
         for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
             arguments[f"{name}_axis"] = (1 / axis.scale, (size - 1) / 2)
-        # Spheres that cover more pixels than `most` are not looked at.
-        most = MOST**2 if covers.entries <= WIDE * self.n else 0
+        # Those that cover more pixels than `most` are not looked at. Where few cover a pixel, lists are short already.
+        most = MOST**2 if LAYERS * width * height < covers.entries <= WIDE * self.n else 0
         arguments |= {"unit": self.unit, "region": (x, y, width, height), "most": most, "behind": behind}
         if most:
             tools.run("cover_pixels", **covers.arguments, **arguments)
