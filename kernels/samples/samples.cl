@@ -12,21 +12,19 @@
 #ifdef WITH_SAMPLES
 #define ONE (1 << 20) /* a full colour */
 /* Corners that have met the same surface, lights and texels leave out the bend of the colour alone, where they differ
- * by no more than this; what that puts their mean off by, mostly, for each 1 by which they differ. */
+ * by no more than this; what their mean is off by, mostly, or that of eight rays, for each 1 by which they differ up to
+ * MOST_SLOPE. */
 #define MOST_SLOPE (24 * ONE / 255)
-#define CORNER_SCATTER 0.25f
+#define FEW_SCATTER 0.25f
 /* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with
- * the corners these are enough where they differ by no more than MOST_GRAIN. 95 of 100 means over n random rays are
+ * the corners these are enough where they differ by no more than MOST_SLOPE. 95 of 100 means over n random rays are
  * within 1.96 standard deviations of one ray, over sqrt(n). */
 #define TRIED 16
-#define MOST_GRAIN (24 * ONE / 255)
 #define GRAIN_SCATTER 0.98f
 /* They are enough, too, where they differ by no more than MOST_BEND, as on a small ball, but the mean of these four is
- * that of the corners but for MOST_BENT; what the mean of all is off by then, mostly, for each 1 by which they differ.
- */
+ * that of the corners but for MOST_BENT. What the mean of all is off by does not grow then. */
 #define MOST_BEND (48 * ONE / 255)
 #define MOST_BENT (2 * ONE / 255)
-#define BENT_SCATTER 0.1f
 /* A quarter of a lattice comes first, but no fewer than 2^LOG_FIRST_FEW rays, and is enough where it differs by no more
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
 #define LOG_FIRST_FEW 4
@@ -296,7 +294,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         const INT more = totals->sum[c] - 2 * corners.sum[c];
         bent = max(bent, max(more, -more));
     }
-    return doubtful & (contrast > MOST_GRAIN) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
+    return doubtful & (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
 }
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
@@ -332,8 +330,7 @@ static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *tota
                 edge = scene->scatter * (root * sqrt(root));
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
                 error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
-    const FLOAT tried = contrast > MOST_GRAIN ? (FLOAT)BENT_SCATTER : grain,
-                few = contrast * (view.doubtful ? tried : (FLOAT)CORNER_SCATTER);
+    const FLOAT few = (contrast < MOST_SLOPE ? contrast : (FLOAT)MOST_SLOPE) * FEW_SCATTER;
     return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }
 
