@@ -15,7 +15,7 @@
  * by no more than this; what their mean is off by, mostly, or that of eight rays, for each 1 by which they differ up to
  * MOST_SLOPE. */
 #define MOST_SLOPE (24 * ONE / 255)
-#define FEW_SCATTER 0.25f
+#define FEW_SCATTER 0.28f
 /* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with
  * the corners these are enough where they differ by no more than MOST_SLOPE. 95 of 100 means over n random rays are
  * within 1.96 standard deviations of one ray, over sqrt(n). */
