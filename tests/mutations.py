@@ -59,7 +59,7 @@ PIXELS, LIGHTS, MIRRORS = f"{MANY} million_pixels", f"{MANY} thousand_lights", f
 SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 RESULTS = "tests/bench/test_results.py"
-FREE = "tests/run/test_unstoppable.py"
+FREE, PACKED = "tests/run/test_unstoppable.py", "tests/run/test_packing.py -k tunnel"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
 MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
@@ -327,7 +327,10 @@ MUTATIONS = [
     Mutation("loose = slack * (1 + 2 * np.maximum", "loose = 0 * (1 + 2 * np.maximum", "edges of windows", LISTS),
     Mutation("2.0**-60) * (1 + SLACK)", "2.0**-60)", "a window's half", LISTS),
     Mutation("room = 256 * slack", "room = 0 * slack", "where rays end", LISTS),
-    Mutation("within = part.near < window.furthest", "within = part.near < 0.5 * window.furthest", "far ends", LISTS),
+    Mutation("(part.near < window.furthest) &", "(part.near < 0.5 * window.furthest) &", "far ends", LISTS),
+    Mutation(" & (right <= pane[1])", "", "which discs fit into a window", LISTS),
+    Mutation(" & ~_fit(edges, self.beside)", "", "which discs are left to a smaller window", LISTS),
+    Mutation("disc[1] <= pane.y", "disc[0] <= pane.y", "which discs fit into a window, on the device", PACKED),
     Mutation("(distance + r) ** 2 * real(1 + 2.0**-10)", "distance**2", "furthest points", LISTS),
     Mutation("r * real(2**0.5 * (1 + SLACK))", "r", "sides of the cube", LISTS),
     Mutation("middle - half, middle + half", "middle - half, middle", "tangents of discs", LISTS),

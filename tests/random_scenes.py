@@ -11,6 +11,14 @@ import cltrace
 from cltrace import Camera, Scene
 
 
+def tunnel(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The centres and the radii of balls on the wall of a tunnel along z. Seen from in it, most are far down."""
+    rng = np.random.default_rng(9)
+    angle, z = rng.uniform(0, 2 * math.pi, count), rng.uniform(-40, 0, count)
+    centers = np.column_stack([np.cos(angle), np.sin(angle), z])
+    return centers, rng.uniform(0.03, 0.06, count)
+
+
 def random_scene(seed: int) -> Scene:
     """A scene of 1 to 11 spheres, 0 to 3 lights and about 48x36 pixels, always the same for a seed."""
     rng = np.random.default_rng(seed)

@@ -191,13 +191,12 @@ __kernel void cube_discs(const int n, const int pitch, const double unit, const 
     note_discs(extent, part);
 }
 
-/* The widths and heights of every stride-th sphere's disc, nan where there is none. */
-__kernel void sizes(const int n, const int pitch, const int stride, __global const edge_t *restrict edges,
-                    __global const float *restrict near, __global edge_t *restrict size) {
+/* The edges of every stride-th sphere's disc, nan where there is none. */
+__kernel void sample_edges(const int n, const int pitch, const int stride, __global const edge_t *restrict edges,
+                           __global const float *restrict near, __global edge_t *restrict sample) {
     FOR_EACH_SPHERE(k, (n - 1) / stride + 1) {
         const int i = k * stride, there = near[i] < INFINITY;
-        size[2 * k] = there ? edges[pitch + i] - edges[i] : (edge_t)NAN;
-        size[2 * k + 1] = there ? edges[3L * pitch + i] - edges[2L * pitch + i] : (edge_t)NAN;
+        for (int edge = 0; edge < 4; edge++) sample[4 * k + edge] = there ? edges[(long)edge * pitch + i] : (edge_t)NAN;
     }
 }
 
@@ -212,12 +211,19 @@ INLINE Run cells_of(const EDGE low, const EDGE high, const edge4 axis, const edg
     return run;
 }
 
-/* The cells of a window that discs cover. x_axis, y_axis: see cells_of(); furthest: a depth beyond which nothing
- * matters. For each work-item, four numbers: how many spheres are entered, how many cells of level 0 they cover, the
- * last one of them, and how many of them are in no grid of this light before. */
+/* Which discs fit into a pane: left, right, low and high. */
+INLINE MASK fit(const EDGE *disc, const edge4 pane) {
+    return EDGE_MASK((disc[0] >= pane.x) & (disc[1] <= pane.y) & (disc[2] >= pane.z) & (disc[3] <= pane.w));
+}
+
+/* The cells of a window that discs cover, of those that fit into one pane and not into another one. x_axis, y_axis: see
+ * cells_of(); furthest: a depth beyond which nothing matters. For each work-item, four numbers: how many spheres are
+ * entered, how many cells of level 0 they cover, the last one of them, and how many of them are in no grid of this
+ * light before. */
 __kernel void place(const int n, const int pitch, const edge4 x_axis, const edge4 y_axis, const edge_t slack,
-                    const float furthest, __global const edge_t *restrict edges, __global char *restrict flags,
-                    __global short *restrict covers, __global float *restrict near, __global long *restrict part) {
+                    const float furthest, const edge4 fits, const edge4 beside, __global const edge_t *restrict edges,
+                    __global char *restrict flags, __global short *restrict covers, __global float *restrict near,
+                    __global long *restrict part) {
     LONG members = 0, entries = 0, more = 0;
     INT last = -1;
     FOR_EACH_PACKET(i, n) {
@@ -227,10 +233,10 @@ __kernel void place(const int n, const int pitch, const edge4 x_axis, const edge
             STORE_LANES((FLOAT)INFINITY, near + i);
             continue;
         }
-        const Run row = cells_of(LOAD_LANES(edges + i), LOAD_LANES(edges + pitch + i), x_axis, slack);
-        const Run rows = cells_of(LOAD_LANES(edges + 2L * pitch + i), LOAD_LANES(edges + 3L * pitch + i), y_axis,
-                                  slack);
-        within &= row.any & rows.any;
+        EDGE disc[4];
+        for (int k = 0; k < 4; k++) disc[k] = LOAD_LANES(edges + (long)k * pitch + i);
+        const Run row = cells_of(disc[0], disc[1], x_axis, slack), rows = cells_of(disc[2], disc[3], y_axis, slack);
+        within &= row.any & rows.any & fit(disc, fits) & !fit(disc, beside);
         store_covers(row, rows, covers + i, pitch);
         STORE_LANES(within ? depth : (FLOAT)INFINITY, near + i);
         const INT flag = load_flags(flags + i);

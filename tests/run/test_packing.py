@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from device_views import LIGHTS, PRECISIONS, check_same_view, lists_of, read
 from numpy.typing import NDArray
+from random_scenes import tunnel
 
 import cltrace
 from cltrace.picture.image import Output
@@ -131,6 +132,12 @@ def crowded(**changes: object) -> cltrace.Scene:
     return scene(centers, radii, **changes)
 
 
+def in_a_tunnel() -> cltrace.Scene:
+    """Far down the tunnel, spheres crowd, and have grids of their own."""
+    lights = [cltrace.point_light((0.3, -0.2, z)) for z in (-2, -37)]
+    return scene(*tunnel(3000), lights, position=(0, 0, -0.5), lookat=(0, 0, -9))
+
+
 DRAWN: tuple[Output, ...] = ("rgb8", "id")  # by the program that --doctor has
 
 CASES: dict[str, Callable[[], cltrace.Scene]] = {
@@ -148,6 +155,7 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "few in the light": few_in_light,
     "mirrors": mirrors,
     "crowded": crowded,
+    "in a tunnel": in_a_tunnel,
     "one cell": lambda: crowded(resolution=(4, 3)),
     "two cells": lambda: crowded(resolution=(5, 3)),
     "no light": lambda: scene(*balls(), []),
@@ -166,7 +174,7 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
 def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A GPU takes one sphere at a time, and has memory of its own. Here a CPU does that."""
     monkeypatch.setattr(Device, "kind", "gpu")
-    for make in (crowded, touching, mirrors, few_in_light):
+    for make in (crowded, touching, mirrors, few_in_light, in_a_tunnel):
         for precision in ("accurate", "single"):
             both(make(), device, Request(precision))
 

@@ -1,12 +1,14 @@
 """Light buffers: the directions from a light in cells, each with the surfaces that can stop a shadow ray there.
 
 A point light has a grid on each side of a cube around it, the direction cube (Haines and Greenberg 1986). A side on
-which nothing is to be seen has none. A parallel light has one grid, on the plane across it.
+which nothing is to be seen has none. Where many discs crowd in a small part of a side, as far down a tunnel, those that
+fit into a window around that part have a grid of their own, with cells of their size, and so on. A parallel light has
+one grid, on the plane across it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,18 +19,27 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import concurrently
 from cltrace.plan.accel.cells import SLACK, CellGrid, Held, Outlines, Place, outlines_of, put_together, sprawling
 from cltrace.plan.accel.silhouettes import Cast, Cube, Elsewhere, Extent, Pane, Part, Real, Reals, Shadows, Silhouettes
-from cltrace.plan.rounding import Array
+from cltrace.plan.rounding import Array, Mask
 
-# The cells of a window that is at least so wide are at least 2^-15 wide, 32 times SLACK: see _on_window().
-NARROW = 2.0**-4
+# Where float32 tells cells apart, they are at least so wide, 32 times SLACK: see _on_window(). A window of 2^-4 has
+# room for the most that there may be, and a window in one, NARROWEST at least, for 128 of them across.
+NARROW, NARROWEST, LEAST = 2.0**-4, 2.0**-8, 2.0**-15
 # The cells of a light's grid are made for so many entries, besides 1.6 for each triangle.
 FINER = 2**14
 # Cells of a window of parallel light that are narrower than this are too narrow for float32.
 TINY = 2.0**-16
-# Discs in more layers than this have finer cells.
-LAYERS = 32
-# One in so many discs is looked at to know the size of most.
+# Discs in more layers than this have finer cells; and those of a side on which many crowd, in more than this.
+LAYERS, CROWDED_LAYERS = 32, 2
+# One in so many discs is looked at to know the size of most, and where they are.
 SAMPLE = 16
+# Discs crowd where a pane of so many times smaller sides than their window's holds a CROWD-th of them, and FEW at
+# least; if discs are all over a window, it holds a sixteenth. They have a window of their own if most of them are less
+# than half as large as most others, as what is far away is. Down a tunnel with 100 lights, frames of 20,000 balls take
+# 0.55 of the time then; with finer cells in one window instead they took 0.72, in more memory. In a galaxy, where all
+# are as large, windows in windows took 1.05.
+SMALLER, CROWD, FEW = 4, 4, 256
+# Panes into which all discs fit, and none: left, right, low and high.
+EVERYWHERE, NOWHERE = (-np.inf, np.inf, -np.inf, np.inf), (np.inf, -np.inf, np.inf, -np.inf)
 # Each has an axis and a sign.
 SIDES = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
 # What is seen through a side of the cube: slopes of at most 1, and a few roundings more.
@@ -36,7 +47,7 @@ SIDE = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16))
 
 
 def point_buffer(shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
-    """The grids of a light at a point, at most six. shapes: surfaces as seen from the light, in the order of SHAPES."""
+    """The grids of a light at a point. shapes: surfaces as seen from the light, in the order of SHAPES."""
     axes = cube_of([silhouettes.points[sampled(len(silhouettes.points))] for silhouettes in shapes])
 
     def cast(real: Real, sides: list[tuple[int, float]], pane: Pane = SIDE) -> list[list[Part]]:
@@ -54,8 +65,12 @@ def point_buffer(shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
             if window is None:
                 continue
             window = window._replace(coarse=False)
-        slack = SLACK if window.coarse else who.slack
-        grids.append(_on_window(side_axes(axes, axis, sign), parts, window, slack, True))
+        slack, nest = SLACK if window.coarse else who.slack, _nest_of(window, parts)
+        discs = [part for part in parts if isinstance(part, Cast) and part.corner is None]
+        nests = [nest]
+        if len(discs) == len(parts):
+            nests = nests_of(nest, _some([part.edges_of for part in discs]), [part.extent for part in discs])
+        grids += [_on_window(side_axes(axes, axis, sign), parts, each, slack, True) for each in nests]
     return grids
 
 
@@ -95,7 +110,7 @@ def parallel_buffer(axes: Array, shapes: Sequence[Silhouettes], who: Shadows) ->
         window = window_of([part.extent for part in parts], who.slack, False)
         if window is None or not window.is_tiny(sum(part.members for part in parts)):
             break
-    return [] if window is None else [_on_window(axes, parts, window, who.slack, False)]
+    return [] if window is None else [_on_window(axes, parts, _nest_of(window, parts), who.slack, False)]
 
 
 class Side(NamedTuple):
@@ -128,10 +143,11 @@ class Rectangle(NamedTuple):
         (x, y), (wide, high) = self.middle.tolist(), (self.half + 4 * slack).tolist()
         return Pane((x, y), (wide, high))
 
-    def cells(self, sizes: Reals, members: int, polygons: bool) -> tuple[int, int]:
+    def cells(self, sizes: Reals, members: int, polygons: bool, deep: float) -> tuple[int, int]:
         """Columns and rows, of cells that are about square.
 
-        sizes: of some discs and polygons; members: how many there are; polygons: whether there are any of these.
+        sizes: of some discs and polygons; members: how many there are; polygons: whether there are any of these; deep:
+        in more layers than this, cells are finer.
         """
         # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each
         # one has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a
@@ -141,10 +157,11 @@ class Rectangle(NamedTuple):
         # may have many entries: for five meshes of 1,000 to 100,000, twice as many or half as many change little.
         sides, size = 2 * self.half, float(np.median(sizes))
         layers = members * size**2 / (sides[0] * sides[1])
-        entries = 1.6 + min(FINER / max(1, members), 64) if polygons else 4 if layers > LAYERS else 2.25
+        entries = 1.6 + min(FINER / max(1, members), 64) if polygons else 4 if layers > deep else 2.25
         most = max(members, FINER if polygons else 2)
         cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
-        columns, rows = (int(np.clip(np.ceil(s / cell), 2, 2048)) for s in sides)
+        limits = [min(2048, int(s / LEAST)) if self.coarse else 2048 for s in sides]
+        columns, rows = (int(np.clip(np.ceil(s / cell), 2, limit)) for s, limit in zip(sides, limits, strict=True))
         return columns, rows
 
     def sides(self, cells: tuple[int, int]) -> tuple[Side, Side]:
@@ -152,6 +169,81 @@ class Rectangle(NamedTuple):
         low, wide = (self.middle - self.half).tolist(), (2 * self.half).tolist()
         x, y = (Side(a, a + s, n / s, n - 1) for a, s, n in zip(low, wide, cells, strict=True))
         return x, y
+
+
+class Nest(NamedTuple):
+    """A window for those discs that fit into a pane, but not into another one, which has a window of its own.
+
+    sizes: of some of them, see Rectangle.cells(); members: how many there are, about; fits, beside: left, right, low
+    and high of both panes; deep: of Rectangle.cells().
+    """
+
+    window: Rectangle
+    sizes: Reals
+    members: int
+    fits: tuple[float, ...] = EVERYWHERE
+    beside: tuple[float, ...] = NOWHERE
+    deep: float = LAYERS
+
+    def holds(self, edges: Sequence[Reals]) -> Mask:
+        """(n,): which discs with these edges, four of (n,), are its own."""
+        return _fit(edges, self.fits) & ~_fit(edges, self.beside)
+
+
+def _fit(edges: Reals | Sequence[Reals], pane: tuple[float, ...]) -> Mask:
+    left, right, low, high = edges
+    return np.asarray((left >= pane[0]) & (right <= pane[1]) & (low >= pane[2]) & (high <= pane[3]))
+
+
+def _nest_of(window: Rectangle, parts: Sequence[Part]) -> Nest:
+    """The window of all that is seen in it."""
+    return Nest(window, _some([part.sizes for part in parts]), sum(part.members for part in parts))
+
+
+def _some(parts: list[Callable[[int], Reals]]) -> Reals:
+    """What parts say of those whose indices SAMPLE divides, or of all of them if there is none."""
+    for sample in (SAMPLE, 1):
+        found = np.concatenate([part(sample) for part in parts], axis=-1)
+        if found.size:
+            break
+    return found
+
+
+def nests_of(whole: Nest, edges: Reals, extents: list[Extent]) -> list[Nest]:
+    """A side's window, and one around where the discs crowd in it, one around where they crowd in that, and so on.
+
+    A ray looks into all windows that it passes. So each disc is in one of them alone, the innermost one that has all
+    rays that may meet it. whole: the window of all discs; edges: (4, s), of some of them; extents: of all of them.
+    """
+    found = [whole]
+    while (pane := _crowd_of(found[0].window, edges)) is not None:
+        outer, inside = found[0], _fit(edges, pane)
+        inner, rest = sizes_of(edges[:, inside]), sizes_of(edges[:, ~inside])
+        more = outer.members * int(inside.sum()) // len(inside)
+        if more < FEW or CROWD * more < outer.members or not len(rest) or 2 * np.median(inner) >= np.median(rest):
+            break
+        window = window_of([extent._replace(spans=[list(pane), extent.spans[1]]) for extent in extents], SLACK, True)
+        if window is None or (2 * window.half < NARROWEST).any():
+            break
+        outer = outer._replace(sizes=rest, members=outer.members - more, beside=pane, deep=CROWDED_LAYERS)
+        narrow = Nest(window._replace(coarse=True), inner, more, fits=pane, deep=CROWDED_LAYERS)
+        found[:1], edges = [narrow, outer], edges[:, inside]
+    return found
+
+
+def _crowd_of(window: Rectangle, edges: Reals) -> tuple[float, ...] | None:
+    """A pane in the middle of most of a window's discs, if float32 tells its cells apart."""
+    known, half = edges[:, np.isfinite(edges).all(axis=0)], window.half / SMALLER
+    if not known.size or not window.coarse:
+        return None
+    middle = np.median((known[::2] + known[1::2]) / 2, axis=1).astype(np.float64)
+    (left, low), (right, high) = ((middle + sign * half).astype(np.float32).tolist() for sign in (-1, 1))
+    return left, right, low, high
+
+
+def sizes_of(edges: Reals) -> Reals:
+    """The widths and the heights of discs with edges (4, s)."""
+    return np.asarray(edges[1::2] - edges[::2]).ravel()
 
 
 def window_of(extents: list[Extent], slack: float, perspective: bool) -> Rectangle | None:
@@ -179,15 +271,13 @@ def window_of(extents: list[Extent], slack: float, perspective: bool) -> Rectang
     return Rectangle((low + high) / 2, half, max(extent.furthest for extent in extents), coarse)
 
 
-def _on_window(axes: Array, parts: Sequence[Part], window: Rectangle, slack: float, perspective: bool) -> CellGrid:
+def _on_window(axes: Array, parts: Sequence[Part], nest: Nest, slack: float, perspective: bool) -> CellGrid:
     """The grid of a window. perspective: of CellGrid."""
     here = [part for part in parts if isinstance(part, Cast)]
     shown = [part for part in parts if not isinstance(part, Cast)]
     flat: list[Part] = [*shown, *(part for part in here if part.corner is not None)]
-    sizes = np.concatenate([part.sizes(SAMPLE) for part in parts])
-    if not len(sizes):
-        sizes = np.concatenate([part.sizes(1) for part in parts])
-    cells = window.cells(sizes, sum(part.members for part in parts), bool(flat))
+    window = nest.window
+    cells = window.cells(nest.sizes, nest.members, bool(flat), nest.deep)
     low, sides = window.middle - window.half, 2 * window.half
     scale = np.array(cells) / sides
     # The largest coordinate of a corner; corners in cells are off by this, beside `loose`.
@@ -198,7 +288,7 @@ def _on_window(axes: Array, parts: Sequence[Part], window: Rectangle, slack: flo
 
     def place(part: Cast) -> tuple[tuple[NDArray[Any], ...], Outlines | None]:
         # A sphere that is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
-        within = part.near < window.furthest
+        within = (part.near < window.furthest) & nest.holds(part.edges)
         covers = np.empty((4, len(within)), np.int16)
         for k, (begin, end, side) in enumerate(
             zip(part.edges[::2], part.edges[1::2], window.sides(cells), strict=True)

@@ -189,6 +189,11 @@ class Cast:
         """n."""
         return len(self.member)
 
+    def edges_of(self, sample: int) -> Reals:
+        """(4, s): of those whose indices `sample` divides."""
+        which = np.flatnonzero(self.member % sample == 0)
+        return np.array([edge[which] for edge in self.edges])
+
     def sizes(self, sample: int) -> Reals:
         """The width and the height of discs whose indices `sample` divides.
 

@@ -19,7 +19,18 @@ from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.cells import SLACK, CellGrid, Members
 from cltrace.plan.accel.discs import LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
-from cltrace.plan.accel.light_buffer import SAMPLE, SIDES, Rectangle, cube_of, sampled, side_axes, window_of
+from cltrace.plan.accel.light_buffer import (
+    SAMPLE,
+    SIDES,
+    Nest,
+    Rectangle,
+    cube_of,
+    nests_of,
+    sampled,
+    side_axes,
+    sizes_of,
+    window_of,
+)
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
 from cltrace.plan.culling import larger, shells
@@ -363,10 +374,10 @@ class _SeenSpheres:
         self.tools.run("pack_along", **spheres, **self._rows_of(number, "light_filter", "light_side"))
         discs = _Discs.of(self, "discs_along", np.float64, spheres | {"c": axes[2], "flags": self.flags})
         window = window_of([discs.extent], self.slack, False)
-        return self._add(axes, discs, window, self.slack, False, writer) if window else 0
+        return sum(self._add(axes, discs, nest, self.slack, False, writer) for nest in discs.nests(window))
 
     def from_point(self, light: AtPoint, number: int, writer: ListWriter) -> int:
-        """Packs spheres as a light at a point sees them, and adds its grids, at most six.
+        """Packs spheres as a light at a point sees them, and adds its grids.
 
         Returns how many spheres are in any of them.
         """
@@ -389,21 +400,23 @@ class _SeenSpheres:
                 discs = discs_of(np.float64)
                 window = window_of([discs.extent], self.slack, True)
                 window = window and window._replace(coarse=False)
-            if window is not None:
-                slack = SLACK if window.coarse else self.slack
-                entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, writer)
+            for k, nest in enumerate(discs.nests(window)):
+                if k:  # Of those before, the last window has left its own alone.
+                    discs = discs_of(np.float32)
+                slack = SLACK if nest.window.coarse else self.slack
+                entered += self._add(side_axes(cube, axis, sign), discs, nest, slack, True, writer)
         return entered
 
     def _pack_light(self, light: int) -> None:
         """Packs what `seen` is."""
         self.tools.run("pack_light", **self._seen, **self._axes, **self._rows_of(light, "light_filter", "light_side"))
 
-    def _add(
-        self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, writer: ListWriter
-    ) -> int:
+    def _add(self, axes: Array, discs: _Discs, nest: Nest, slack: float, perspective: bool, writer: ListWriter) -> int:
         """Adds the grid of a window. Returns how many spheres are in no grid of the light before."""
-        cells = window.cells(discs.sizes(), discs.count, False)
+        window = nest.window
+        cells = window.cells(nest.sizes, nest.members, False, nest.deep)
         sides: Arguments = dict(zip(("x_axis", "y_axis"), window.sides(cells), strict=True))
+        sides |= {"fits": nest.fits, "beside": nest.beside}
         spheres = {"flags": self.flags, "slack": slack, "furthest": window.furthest} | sides
         self.covers.place(discs.edge, **spheres, edges=discs.edges)
         del discs.edges  # Lists have room in their place.
@@ -434,16 +447,23 @@ class _Discs:
         extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
         return cls(spheres, edge, edges, int(part[:, 6].sum()), extent)
 
-    def sizes(self) -> NDArray[Any]:
-        """The width and the height of those whose indices SAMPLE divides, or of all of them if there is none."""
+    def _some_edges(self) -> NDArray[Any]:
+        """(4, s): the edges of those whose indices SAMPLE divides, or of all of them if there is none."""
         spheres = self._spheres
         for sample in (SAMPLE, 1):
-            count = 2 * ((spheres.n - 1) // sample + 1)
-            sizes = spheres.tools.room(count, self.edge)
+            count = 4 * ((spheres.n - 1) // sample + 1)
+            edges = spheres.tools.room(count, self.edge)
             discs = {"n": spheres.n, "pitch": spheres.pitch, "edges": self.edges, "near": spheres.covers.near}
-            spheres.tools.run("sizes", edge=self.edge, **discs, stride=sample, size=sizes)
-            found = spheres.tools.read(sizes, count, self.edge)
-            found = found[~np.isnan(found)]
-            if len(found):
+            spheres.tools.run("sample_edges", edge=self.edge, **discs, stride=sample, sample=edges)
+            found = spheres.tools.read(edges, count, self.edge).reshape(-1, 4).T
+            found = found[:, ~np.isnan(found[0])]
+            if found.size:
                 break
         return found
+
+    def nests(self, window: Rectangle | None) -> list[Nest]:
+        """The windows of all of them, in one that holds them all, if there is any."""
+        if window is None:
+            return []
+        edges = self._some_edges()
+        return nests_of(Nest(window, sizes_of(edges), self.count), edges, [self.extent])
