@@ -16,7 +16,7 @@ from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.scene import Texture
 
-BAND = 64  # rows that are converted at a time
+BAND = 2**16  # pixels that are converted at a time
 _PNG, _DEPTH = b"\x89PNG", 24  # the first bytes of a PNG, and where its bits for each colour stand
 
 
@@ -58,9 +58,10 @@ def _pixels(image: Image.Image, head: bytes) -> tuple[Texture, str | None]:
     image.info.pop("transparency", None)
     grey = image.mode.startswith("I")  # of 16 bits, which convert() would clip at 255
     pixels = np.empty((image.height, image.width, 3), np.uint16 if grey else np.uint8)
-    for y in range(0, image.height, BAND):  # a converted copy of all would take as much memory again
-        rows = image.crop((0, y, image.width, min(y + BAND, image.height)))
-        pixels[y : y + BAND] = np.asarray(rows)[..., None] if grey else np.asarray(rows.convert("RGB"))
+    step = max(1, BAND // image.width)
+    for y in range(0, image.height, step):  # a converted copy of all would take as much memory again
+        rows = image.crop((0, y, image.width, min(y + step, image.height)))
+        pixels[y : y + step] = np.asarray(rows)[..., None] if grey else np.asarray(rows.convert("RGB"))
     pixels.flags.writeable = False
     if grey:
         return pixels, None

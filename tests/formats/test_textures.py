@@ -220,6 +220,20 @@ def test_a_decoder_out_of_memory_is_no_damage(monkeypatch: pytest.MonkeyPatch) -
         read_texture("x.png")
 
 
+def test_narrow_pixels_are_converted_many_rows_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damaged header made 17 million rows of four pixels of 300 bytes, which took 5 seconds: 64 rows at a time."""
+    bands, crop = [], Image.Image.crop
+
+    def counted(image: Image.Image, box: Any) -> Image.Image:
+        bands.append(box)
+        return crop(image, box)
+
+    monkeypatch.setattr(Image.Image, "crop", counted)
+    Path("x.png").write_bytes(png(3, 100_000, 1, 0, b"\0\xa0" * 100_000))
+    assert np.array_equal(pixels()[..., 1], np.tile(np.uint8([255, 0, 255]), (100_000, 1)))
+    assert len(bands) <= -(-300_000 // texture.BAND) + 1
+
+
 @pytest.mark.parametrize(("kind", "depth", "size"), [(0, 16, 2), (2, 16, 6), (6, 8, 4), (3, 8, 1)])
 def test_memory_that_reading_takes(kind: int, depth: int, size: int) -> None:
     """Beside what the decoder has, no more than the texture itself."""
