@@ -13,6 +13,7 @@ from cltrace.base.errors import (
     SceneError,
     SceneWarning,
     TooManyRaysError,
+    TooSlowError,
     UsageError,
 )
 from cltrace.explanation.explanation import Explanation
@@ -70,6 +71,7 @@ __all__ = [
     "SceneError",
     "SceneWarning",
     "TooManyRaysError",
+    "TooSlowError",
     "UsageError",
     "ambient_light",
     "animate",

@@ -77,6 +77,21 @@ class TooManyRaysError(CltraceError):
         )
 
 
+class TooSlowError(CltraceError):
+    """A picture takes longer than the limit of seconds, and is given up.
+
+    `seconds`: that limit, for so large a picture; `advice`: which numbers could be lower.
+    """
+
+    def __init__(self, seconds: float, advice: str) -> None:
+        super().__init__(seconds, advice)
+        self.seconds = seconds
+        self.advice = advice
+
+    def __str__(self) -> str:
+        return f"drawing takes more than {self.seconds:.0f} seconds; lower {self.advice}{hint('seconds')}"
+
+
 class SceneWarning(UserWarning):
     """Something in a scene file is ignored, such as an unknown element."""
 

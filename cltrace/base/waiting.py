@@ -56,9 +56,15 @@ def aside(work: Callable[[], T]) -> T:
 
 @dataclass(eq=False)
 class _Wait:
-    """A thread's work with a library. slow: what to say where it takes long; since: when it was called last."""
+    """A thread's work with a library.
 
+    stop: has that come back; slow: what to say where it takes long; ends: when there is to be no more of it; since:
+    when it was called last.
+    """
+
+    stop: Callable[[], object]
     slow: Callable[[], str]
+    ends: Callable[[], float]
     since: float = math.inf
 
 
@@ -110,6 +116,8 @@ class _Listener:
             if (stop := self._stop) and ENDING.intersection(numbers):
                 stop()
             for wait in self.waits.copy():
+                if time.monotonic() >= wait.ends():
+                    wait.stop()
                 if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
                     self._told.add(words)
                     log.warning(words)
@@ -121,13 +129,15 @@ def _listener() -> _Listener:
 
 
 @contextmanager
-def interruptible(stop: Callable[[], object], slow: Callable[[], str]) -> Iterator[Callable[[], None]]:
+def interruptible(
+    stop: Callable[[], object], slow: Callable[[], str], ends: Callable[[], float] = lambda: math.inf
+) -> Iterator[Callable[[], None]]:
     """While it lasts, a signal that ends programs has another thread call `stop`, so that a library comes back.
 
     It gives what to call before a library is called; `slow` is what is said, once, if that then takes more than a
-    second. Signals are heard in the main thread alone.
+    second; ends: the time.monotonic() from which on `stop` is called, too. Signals are heard in the main thread alone.
     """
-    listener, wait = _listener(), _Wait(slow)
+    listener, wait = _listener(), _Wait(stop, slow, ends)
     listener.waits.add(wait)
     try:
         with listener.hearing(stop) if in_main_thread() else nullcontext():

@@ -22,7 +22,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
-from cltrace.base.limits import MAX_LIGHTS, MAX_PARTS, MAX_TRIANGLES, hint
+from cltrace.base.limits import FEW, FEW_AGAIN, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, hint
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
 from cltrace.formats.xml_bulk import packed_materials
@@ -67,6 +67,7 @@ class _Reader(Checks):
         shapes = list(self._shapes.values())
         for shape in shapes:
             shape.complete()
+        self._check_pairs()
         if self.faults.count or self.files.faults:
             raise SceneError(self.path, [*self.faults.in_order(), *self.files.faults], self.files.named())
         parts = [shape.finishes for shape in shapes]
@@ -89,6 +90,17 @@ class _Reader(Checks):
         ).read_from(self._source(view, textures))
         warnings = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
         return scene, [*warnings, *(note for shape in shapes for note in shape.notes())]
+
+    def _check_pairs(self) -> None:
+        """Complains about more pairs of a light and a surface than allowed, where nothing else is wrong."""
+        surfaces, held = map(sum, zip(*(shape.counts() for shape in self._shapes.values()), strict=True))
+        few = FEW if surfaces == held else FEW_AGAIN
+        if not self.faults.count and self._members > few and self._members * surfaces > MAX_PAIRS:
+            self.faults.add(
+                self._light_lines[-1],
+                f"lights: must be at most {MAX_PAIRS} pairs of a light and a surface, got {self._members} lights, with "
+                f"all members of soft ones, and {surfaces} surfaces{hint('pairs')}",
+            )
 
     def _source(self, view: Camera, textures: Contents[Texture]) -> Source:
         return Source(

@@ -410,8 +410,9 @@ class Renderer:
         out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones;
         progress: whether tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed. Raises
         MissingPackageError if it is wanted and tqdm is missing, ValueError if `out` is no such image, TooManyRaysError
-        if mirrors and glass make more than 2^20 rays of a pixel, and DeviceError if the driver fails or in a forked
-        process. What `out` holds after an error is undefined.
+        if mirrors and glass make more than 2^20 rays of a pixel, TooSlowError if it takes longer than the limit of
+        seconds, and DeviceError if the driver fails or in a forked process. What `out` holds after an error is
+        undefined.
         """
         with bar(self.region[3], "row", progress) as shown:
             return self.draw(shown.update, out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +16,8 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import LARGE, begins_on_page, empty
-from cltrace.base.errors import TooManyRaysError
+from cltrace.base.errors import TooManyRaysError, TooSlowError
+from cltrace.base.limits import MAX_SECONDS, SAMPLES_A_PICTURE
 from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
@@ -211,8 +213,10 @@ class Executor:
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
         frame begins with the size that was found. drawn: called with how many rows a strip had, in the last pass, and
         with 0 in others and where it was stopped; what that raises ends it. take: Rows.take() of rows that other
-        devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened.
+        devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
+        TooSlowError soon after the limit of seconds.
         """
+        self._end = time.monotonic() + self._most_seconds
         strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
         for number, part in enumerate(self._passes()):
             told = drawn if number == len(self._further) else lambda rows: drawn(0)
@@ -245,7 +249,7 @@ class Executor:
         region, done = (x0 - x, y0 - y, width + x, height + y), []
         frame.exponent = self.plan.exponent
         self._last.begin(self._queue)
-        with interruptible(self._last.stop, self._advice) as begin:
+        with interruptible(self._last.stop, self._advice, self._ends) as begin:
             for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
@@ -389,15 +393,21 @@ class Executor:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self._kernel, frame, region, row=row, rows=rows)
         if self._undecided and self._undecided.any() and not self._last.stopped:
+            start = time.monotonic()
             with self._undecided.compiling():
                 second, kernel = self._undecided.drawer()
                 self._launch_first(second, kernel)
+            self._end += time.monotonic() - start
             self._launch(kernel, frame, region, row=row, rows=rows)
 
     def _advice(self) -> str:
         """What to say where a strip takes long: which numbers could be lower."""
         if self._undecided and self._undecided.compiles:
             return "compiling what draws the pixels that double cannot decide"
+        return f"drawing is slow: no {self._rows} rows in a second; lower {self._lower()}"
+
+    def _lower(self) -> str:
+        """Which numbers could be lower for a picture to take less time."""
         request, values = self.plan.request, self.plan.values
         numbers = {
             "max_bounces": values["bounces"] if "WITH_BOUNCES" in self.plan.features else None,
@@ -406,11 +416,24 @@ class Executor:
         }
         lower = " or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number is not None)
         proof = ", or do without the proof of antialiasing" if request.antialias else ""
-        return f"drawing is slow: no {self._rows} rows in a second; lower {lower}{proof}"
+        return lower + proof
+
+    @property
+    def _most_seconds(self) -> float:
+        """How long drawing may take."""
+        samples = self.region[2] * self.region[3] * (self.plan.request.samples or 1)
+        return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
+
+    def _ends(self) -> float:
+        """When drawing is to end, as far as is known: compilers take the time that they take."""
+        return math.inf if self._undecided and self._undecided.compiles else self._end
 
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
         while True:
+            if time.monotonic() >= self._end:
+                self._last.reset(self._queue)
+                raise TooSlowError(self._most_seconds, self._lower())
             if self._last.stopped:
                 self._last.reset(self._queue)
                 drawn(0)

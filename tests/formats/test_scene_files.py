@@ -14,7 +14,7 @@ from PIL import Image
 import cltrace
 from cltrace.base import limits
 from cltrace.base.errors import Fault, SceneError, SceneWarning
-from cltrace.formats import obj, texture, xml_files
+from cltrace.formats import obj, texture, xml_files, xml_reader
 from cltrace.formats.shapes import mesh as meshes
 from cltrace.formats.xml_reader import read
 from cltrace.numbers.inverses import inverses
@@ -468,6 +468,23 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MESH_BYTES", 10)
     words = "must not be larger than 10 bytes; --limit mesh-bytes=N or CLTRACE_LIMITS allows more"
     assert faults_of(mesh("a.obj")) == [f"scene.xml:{FIRST}: mesh: name 'a.obj' {words}"]
+
+
+@pytest.mark.parametrize(("names", "few"), [(["sub/b.obj", "a.obj"], 64), (["a.obj", "a.obj", "a.obj"], 3)])
+def test_pairs_of_lights_and_surfaces(names: list[str], few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """How many lights are few depends on whether a mesh is placed again."""
+    monkeypatch.setattr(xml_reader, "MAX_PAIRS", 3 * few)
+    scene = HEAD + "".join(map(mesh, names)) + "</surfaces></scene>"
+    lamp = '<point_light><color r="1" g="1" b="1"/><position x="0" y="0" z="9"/></point_light>'
+    Path("scene.xml").write_text(scene.replace("<lights/>", f"<lights>{lamp * few}</lights>"))
+    assert len(read("scene.xml")[0].lights) == few
+    Path("scene.xml").write_text(scene.replace("<lights/>", f"<lights>{lamp * (few + 1)}</lights>"))
+    with pytest.raises(SceneError) as error:
+        read("scene.xml")
+    assert str(error.value) == (
+        f"scene.xml:5: lights: must be at most {3 * few} pairs of a light and a surface, got {few + 1} lights, with "
+        "all members of soft ones, and 3 surfaces; --limit pairs=N or CLTRACE_LIMITS allows more"
+    )
 
 
 def test_lines_beyond_16_bits() -> None:

@@ -15,6 +15,7 @@ import pytest
 
 import cltrace
 from cltrace.base import waiting
+from cltrace.run import executor
 
 
 def nested() -> cltrace.Scene:
@@ -101,6 +102,39 @@ def test_a_stop_before_a_frame_is_heard_in_it() -> None:
     told.clear()
     renderer.draw(told.append)
     assert 0 not in told
+
+
+def test_a_picture_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within a launch, too; and the next one is right, and told nothing."""
+    renderer, told = cltrace.Renderer(nested(), outputs=("color",)), list[int]()
+    expected = renderer.render().color
+    with monkeypatch.context() as patch:
+        patch.setattr(executor, "MAX_SECONDS", 0.1)
+        for _ in range(2):
+            start = time.monotonic()
+            with pytest.raises(cltrace.TooSlowError) as error:
+                for_ever(renderer.render)
+            assert time.monotonic() - start < 30
+            assert str(error.value) == (
+                "drawing takes more than 0 seconds; lower max_bounces, which is 13 or the resolution, which is 24x12; "
+                "--limit seconds=N or CLTRACE_LIMITS allows more"
+            )
+    np.testing.assert_array_equal(renderer.draw(told.append).color, expected)
+    assert 0 not in told
+
+
+def test_larger_pictures_may_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executor, "MAX_SECONDS", 0)
+    monkeypatch.setattr(executor, "SAMPLES_A_PICTURE", 100)
+    with pytest.raises(cltrace.TooSlowError) as one:
+        cltrace.render(nested())
+    monkeypatch.setattr(executor, "MAX_SECONDS", 1)
+    assert one.value.seconds == 0
+    camera = cltrace.Camera((0, 0, 6), (0, 0, 0), resolution=(40, 20), max_bounces=0)
+    scene = cltrace.Scene.from_spheres(camera, [], np.zeros((1, 3)), 1)
+    assert cltrace.Renderer(scene)._executor._most_seconds == 8
+    assert cltrace.Renderer(scene, antialias=True, samples=4)._executor._most_seconds == 32
+    assert cltrace.Renderer(scene, crop=(0, 0, 3, 3))._executor._most_seconds == 1
 
 
 def test_all_devices_stop() -> None:

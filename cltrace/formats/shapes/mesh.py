@@ -95,6 +95,10 @@ class Meshes(Shape):
         file_of = ((mesh.number, contents.of[mesh.file]) for mesh in self._meshes)
         return {number: files[k] for number, k in file_of if k is not None}
 
+    def counts(self) -> tuple[int, int]:
+        placed, found = (mesh.geometry for mesh in self._placed), (obj.geometry for obj in self._contents.found)
+        return sum(len(mesh.faces) for mesh in placed), sum(len(mesh.faces) for mesh in found)
+
     def notes(self) -> Iterator[str]:
         contents = self._contents
         textured = {contents.of[mesh.file] for mesh in self._meshes if mesh.textured}

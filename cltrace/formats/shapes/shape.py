@@ -41,6 +41,14 @@ class Shape(ABC):
         """The warnings of these files."""
         return iter(())
 
+    def counts(self) -> tuple[int, int]:
+        """How many surfaces there are, and how many of them the files hold: those of a mesh that is placed again once.
+
+        A triangle of a mesh is a surface.
+        """
+        count = sum(map(len, self._finishes))
+        return count, count
+
     def keep(self, elements: Sequence[etree._Element], finishes: Numbers) -> None:
         """Keeps the finishes, (n, 11), of surfaces, and warns of what is odd about them."""
         self._finishes.append(finishes)
