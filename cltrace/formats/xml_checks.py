@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cltrace.formats.faults import MAX_MESSAGES, Messages, closest
 from cltrace.formats.xml_bulk import SHARES
-from cltrace.formats.xml_elements import ELEMENTS, MEANT, SECTIONS, Values, rotations
+from cltrace.formats.xml_elements import ELEMENTS, MATERIALS, MEANT, SECTIONS, Values, rotations
 from cltrace.formats.xml_files import Files
 from cltrace.formats.xml_source import Document
 from cltrace.formats.xml_transforms import Steps, maps_of
@@ -20,6 +20,7 @@ from cltrace.formats.xml_values import like_bytes, short, value
 from cltrace.scene import Vector
 
 MAX_TRANSFORMS = 10_000  # whose steps are kept
+MAX_MATERIALS = 1000  # which are known again
 
 # Colours are computed in float32, whose numbers are 2^-126 to 2^128 where they keep their digits. Sizes and their
 # inverses are squared for lengths, so they stay in there up to this.
@@ -33,9 +34,13 @@ class Children:
 
     def __init__(self, checks: Checks, element: etree._Element) -> None:
         self.checks, self.element = checks, element
-        self.schema, self.label = ELEMENTS[element.tag], label_of(element)
+        self.schema = ELEMENTS[element.tag]
         self.filled: set[str] = set()
         self.strays: dict[str, int] = {}
+
+    @property
+    def label(self) -> str:
+        return label_of(self.element)
 
     def claim(self, child: etree._Element) -> bool:
         """Whether the child is to be read; if not, it has been complained about."""
@@ -95,6 +100,7 @@ class Checks:
         self.faults, self.warnings = Messages(), Messages()
         self.cut_off: set[etree._Element] = set()  # the elements that may be open where the file ceases to be XML
         self.transforms: dict[int, NDArray[np.float64]] = {}
+        self._materials: dict[bytes, Values] = {}  # those of which there is nothing to say, by their texts
 
     def fault(self, element: etree._Element, message: str, hint: Callable[[], str] = lambda: "") -> None:
         self.faults.add(self.document.line_of(element), message, hint)
@@ -112,12 +118,12 @@ class Checks:
 
     def element(self, element: etree._Element) -> tuple[Values, bool]:
         """What is valid in an element, and whether that is all that it needs."""
-        schema, label = ELEMENTS[element.tag], label_of(element)
+        schema = ELEMENTS[element.tag]
         values, whole = self.attributes(element)
         children = Children(self, element)
         for child in element.iterchildren("*"):
             if children.claim(child):
-                inner, good = self.element(child)
+                inner, good = self.material(child) if child.tag in MATERIALS else self.element(child)
                 whole &= good
                 if child.tag not in schema.many:
                     values[child.tag] = inner
@@ -126,32 +132,40 @@ class Checks:
         whole &= children.complete()
         with suppress(KeyError):
             if fault := schema.check(values):
-                self.fault(element, f"{label}: {fault}")
+                self.fault(element, f"{label_of(element)}: {fault}")
                 whole = False
+        return values, whole
+
+    def material(self, element: etree._Element) -> tuple[Values, bool]:
+        """As element(), of a material: most surfaces of a scene have one of a few."""
+        text = etree.tostring(element, with_tail=False)
+        if values := self._materials.get(text):
+            return values, True
+        said = self.faults.count + self.warnings.count
+        values, whole = self.element(element)
+        if whole and said == self.faults.count + self.warnings.count and len(self._materials) < MAX_MATERIALS:
+            self._materials[text] = values
         return values, whole
 
     def attributes(self, element: etree._Element) -> tuple[Values, bool]:
         """The valid attributes of an element, in the order of the schema, and whether these are all."""
-        kinds, label = ELEMENTS[element.tag].attributes, label_of(element)
-        wanted = tuple(kind for kind in kinds if element.get(kind) is None)
-        strays = [str(name) for name in element.attrib if name not in kinds]
+        kinds = ELEMENTS[element.tag].attributes
+        texts = {str(name): str(text) for name, text in element.attrib.items()}
+        strays = [name for name in texts if name not in kinds]
         for name in strays:
-            self.warn_unknown(element, label, what="attribute '{}'", name=name, known=wanted)
+            wanted = tuple(kind for kind in kinds if kind not in texts)
+            self.warn_unknown(element, label_of(element), what="attribute '{}'", name=name, known=wanted)
         del strays[MAX_MESSAGES:]
         values: Values = {}
         for name, kind in kinds.items():
-            text = element.get(name)
-            if text is None:
-                self.fault(
-                    element,
-                    f"{label}: attribute {name} is missing",
-                    functools.partial(_meant, element.tag, name, *strays),
-                )
+            if name not in texts:
+                hint = functools.partial(_meant, element.tag, name, *strays)
+                self.fault(element, f"{label_of(element)}: attribute {name} is missing", hint)
                 continue
             try:
-                values[name] = value(kind, text)
+                values[name] = value(kind, texts[name])
             except ValueError as error:
-                self.fault(element, f"{label}: {name} {error}")
+                self.fault(element, f"{label_of(element)}: {name} {error}")
         return values, len(values) == len(kinds)
 
     def steps(self, values: Values, number: int) -> Steps:
@@ -196,7 +210,7 @@ class Checks:
         """Warns of materials, a row of FINISH each, that send on more light than reaches them."""
         shares = finishes[:, SHARES].sum(axis=1)
         for i in np.flatnonzero(shares > 1 + np.finfo(np.float32).eps).tolist():  # what is written as 0.7 + 0.3 is 1
-            material = next(elements[i].iter("material_solid", "material_textured"))
+            material = next(elements[i].iter(*MATERIALS))
             message = f"{material.tag}: r + t = {shares[i]:g} is above 1: more light goes on than reaches it"
             self.warnings.add(self.document.line_of(material), message)
 

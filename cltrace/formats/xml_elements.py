@@ -114,7 +114,8 @@ SOFT = ("sky_light", "sun_light", "ball_light", "panel_light")
 _RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
 _XYZ = dict.fromkeys("xyz", ANY)
 _ANGLE = {"theta": ANY}
-_MATERIAL = "material_solid|material_textured"
+MATERIALS = ("material_solid", "material_textured")
+_MATERIAL = "|".join(MATERIALS)
 _FINISH = ("phong", "reflectance", "transmittance", "refraction")
 
 ELEMENTS = {

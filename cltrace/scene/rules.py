@@ -43,13 +43,12 @@ class Rule:
     open_low: bool = False
     open_high: bool = False
 
-    def admits(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each value is allowed: an array of bools of the same shape."""
-        size = np.abs(value)
+    def admits(self, value: Any) -> Any:
+        """Whether each value is allowed: an array of bools of the same shape, or one bool for a float."""
+        size = abs(value)
         low = value > self.low if self.open_low else value >= self.low
         high = value < self.high if self.open_high else value <= self.high
-        ok: NDArray[np.bool_] = low & high & ((size == 0) | ((size >= SMALLEST) & (size <= LARGEST)))
-        return ok
+        return low & high & ((size == 0) | ((size >= SMALLEST) & (size <= LARGEST)))
 
     def admits_all(self, block: NDArray[Any]) -> bool:
         """Whether all values are allowed."""
@@ -72,7 +71,7 @@ class Rule:
         if value != 0 and abs(value) < SMALLEST:
             zero = "" if self.open_low and self.low == 0 else "0 or "
             return f"must be {zero}at least 1.4e-45 in magnitude, got {value:g}"
-        if not self.admits(np.asarray(value, np.float64)):
+        if not self.admits(value):
             return f"must be {self.text}, got {value:g}"
         return None
 

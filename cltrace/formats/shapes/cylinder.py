@@ -33,7 +33,7 @@ class Cylinders(Shape):
         radius = np.array([values["radius"]])
         self._found.append((vector_of(values["start"]), vector_of(values["end"]), radius[0], 0, number))
         checks.doubt_sizes([element], radius, radius)
-        self.keep([element], np.array([finish]))
+        self.tell(element, finish)
 
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
         found = np.array(self._found, CYLINDER)

@@ -15,11 +15,14 @@ from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.shape import Shape
 from cltrace.formats.xml_checks import Checks, Numbers
 from cltrace.formats.xml_files import Contents
-from cltrace.formats.xml_transforms import to_world
+from cltrace.formats.xml_transforms import Steps, to_world
 from cltrace.scene import ANY, MeshFile, PlacedMesh, place_faults
 
 if TYPE_CHECKING:
     from cltrace.formats.obj import Obj
+
+
+AS_IT_IS = np.array(to_world(()))
 
 
 class _Mesh(NamedTuple):
@@ -48,19 +51,26 @@ class Meshes(Shape):
         values, whole = checks.element(element)
         finish, line = checks.finish(element, values), checks.document.line_of(element)
         file = checks.files.meshes.add(values["name"], line) if "name" in values else -1
-        place = np.array(to_world(checks.steps(values, number)))
-        extreme = place[~ANY.admits(place)].tolist()
-        if extreme:
-            checks.fault(element, f"mesh transform: a number of its matrix {ANY.fault(extreme[0])}")
+        place = self._place(element, checks.steps(values, number))
+        if place is None:
             return
-        for fault in place_faults(place):
-            checks.fault(element, f"mesh transform: {fault}")
-            return
-        sizes = np.linalg.norm(place[:, :3], axis=0)
-        checks.doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
         if whole and finish is not None:
             self._meshes.append(_Mesh(line, file=file, to_world=place, number=number, textured=finish[-1] >= 0))
-            self.keep([element], np.array([finish]))
+            self.tell(element, finish)
+
+    def _place(self, element: etree._Element, steps: Steps) -> Numbers | None:
+        """The map of the steps to the world; None, and complains, where it is none for meshes."""
+        if not steps:
+            return AS_IT_IS
+        checks, place = self.checks, np.array(to_world(steps))
+        extreme = place[~ANY.admits(place)].tolist()
+        faults = [f"a number of its matrix {ANY.fault(extreme[0])}"] if extreme else place_faults(place)
+        for fault in faults:
+            checks.fault(element, f"mesh transform: {fault}")
+            return None
+        sizes = np.linalg.norm(place[:, :3], axis=0)
+        checks.doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
+        return place
 
     def complete(self) -> None:
         """Places the meshes whose files are right in the world; complains about those that are not right there."""

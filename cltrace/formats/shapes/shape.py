@@ -22,13 +22,22 @@ class Shape(ABC):
         """instances: as of read()."""
         self.checks, self.instances = checks, instances
         self._finishes: list[Numbers] = [np.empty((0, FINISHED))]
+        self._told: list[tuple[etree._Element, Sequence[float]]] = []
 
     @abstractmethod
     def take(self, element: etree._Element, number: int) -> None:
         """Reads a complete element with its number among all surfaces. Raises FatalError if these are too many."""
 
-    def take_rest(self) -> None:  # noqa: B027 (most put off none)
-        """Reads the elements that take() has put off, before they are dropped. Raises FatalError likewise."""
+    def take_rest(self) -> None:
+        """Reads what take() has put off of elements, before they are dropped. Raises FatalError likewise."""
+        if self._told:
+            elements, finishes = zip(*self._told, strict=True)
+            self._told = []
+            self.keep(elements, np.array(finishes))
+
+    def tell(self, element: etree._Element, finish: Sequence[float]) -> None:
+        """keep() of one surface, put off."""
+        self._told.append((element, finish))
 
     def complete(self) -> None:  # noqa: B027 (most name none)
         """Reads the files that the elements name, after all of these."""
