@@ -16,16 +16,16 @@ MAX_SIDE, MAX_PIXELS = 65_536, 2**30
 MAX_BOUNCES = 100
 MAX_RAYS = 2**20  # of a pixel, which takes more than a second then
 # Of drawing a picture of SAMPLES_A_PICTURE samples or fewer, and of more in proportion. A small file can ask for hours.
-MAX_SECONDS = 15
+MAX_SECONDS = 10
 SAMPLES_A_PICTURE = 640 * 360 * 32
 
 # A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each
 # member of a soft light counts.
 MAX_LIGHTS = 1024
-# Pairs of a light and a surface in a scene that is read from files, as each light has lists of all surfaces: so many
-# cylinders as long as the scene take 8 seconds of a processor and 2 GB. FEW lights shine on as many surfaces as files
-# hold, and FEW_AGAIN where a mesh is placed again, of which a few bytes ask.
-MAX_PAIRS, FEW_AGAIN, FEW = 2**21, 3, 64
+# Pairs of a light and a surface in a scene that is read from files, as each light has lists of all surfaces: these take
+# up to 8 seconds of a processor and 1.5 GB. FEW lights shine on as many surfaces as files hold, and FEW_AGAIN where a
+# mesh is placed again, of which a few bytes ask.
+MAX_PAIRS, FEW_AGAIN, FEW = 1_500_000, 3, 64
 MAX_SPHERES = 2**26
 MAX_CYLINDERS = 2**24
 # In all meshes of a scene. A mesh that is placed twice counts twice.
