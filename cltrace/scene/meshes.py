@@ -104,7 +104,8 @@ class PlacedMesh(Frozen):
         for fault in place_faults(place):
             raise ValueError(f"mesh.to_world: {fault}")
         self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
-        check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
+        if self.vertices is not geometry.vertices:  # which are checked
+            check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
 
     @functools.cached_property
     def vertices(self) -> NDArray[np.float64]:
