@@ -414,7 +414,7 @@ class Executor:
             "samples": request.samples,
             "the resolution": "x".join(map(str, self.plan.size)),
         }
-        lower = " or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number is not None)
+        lower = " or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number)
         proof = ", or do without the proof of antialiasing" if request.antialias else ""
         return lower + proof
 

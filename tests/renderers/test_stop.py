@@ -131,7 +131,8 @@ def test_larger_pictures_may_take_longer(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(executor, "MAX_SECONDS", 1)
     assert one.value.seconds == 0
     camera = cltrace.Camera((0, 0, 6), (0, 0, 0), resolution=(40, 20), max_bounces=0)
-    scene = cltrace.Scene.from_spheres(camera, [], np.zeros((1, 3)), 1)
+    scene = cltrace.Scene.from_spheres(camera, [], np.zeros((1, 3)), 1, reflectance=0.5)
+    assert cltrace.Renderer(scene)._executor._lower() == "the resolution, which is 40x20"
     assert cltrace.Renderer(scene)._executor._most_seconds == 8
     assert cltrace.Renderer(scene, antialias=True, samples=4)._executor._most_seconds == 32
     assert cltrace.Renderer(scene, crop=(0, 0, 3, 3))._executor._most_seconds == 1
