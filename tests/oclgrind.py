@@ -22,6 +22,7 @@ import numpy as np
 import pyopencl as cl
 
 import cltrace
+from cltrace.base.limits import CHANGED
 from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.run.trial import TRIAL
@@ -64,7 +65,12 @@ def faults_of(name: str, precision: str) -> str:
         log, drawn = Path(folder) / "log", Path(folder) / "drawn.npy"
         child = (sys.executable, __file__, "draw", name, precision, str(drawn))
         # Its own options are not in the key of pyopencl's cache of programs.
-        environment = os.environ | {TRIAL: "1", "PYOPENCL_NO_CACHE": "1", "PYTHONPATH": str(ROOT)}
+        environment = os.environ | {
+            TRIAL: "1",
+            "PYOPENCL_NO_CACHE": "1",
+            "PYTHONPATH": str(ROOT),
+            CHANGED: "seconds=100000",
+        }
         done = subprocess.run(
             [*COMMAND, str(log), *child], env=environment, capture_output=True, text=True, check=False
         )

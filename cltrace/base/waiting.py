@@ -58,13 +58,13 @@ def aside(work: Callable[[], T]) -> T:
 class _Wait:
     """A thread's work with a library.
 
-    stop: has that come back; slow: what to say where it takes long; ends: when there is to be no more of it; since:
+    stop: has that come back; slow: what to say where it takes long; over: whether there is to be no more of it; since:
     when it was called last.
     """
 
     stop: Callable[[], object]
     slow: Callable[[], str]
-    ends: Callable[[], float]
+    over: Callable[[], bool]
     since: float = math.inf
 
 
@@ -116,7 +116,7 @@ class _Listener:
             if (stop := self._stop) and ENDING.intersection(numbers):
                 stop()
             for wait in self.waits.copy():
-                if time.monotonic() >= wait.ends():
+                if wait.over():
                     wait.stop()
                 if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
                     self._told.add(words)
@@ -130,20 +130,44 @@ def _listener() -> _Listener:
 
 @contextmanager
 def interruptible(
-    stop: Callable[[], object], slow: Callable[[], str], ends: Callable[[], float] = lambda: math.inf
+    stop: Callable[[], object], slow: Callable[[], str], over: Callable[[], bool] = lambda: False
 ) -> Iterator[Callable[[], None]]:
     """While it lasts, a signal that ends programs has another thread call `stop`, so that a library comes back.
 
     It gives what to call before a library is called; `slow` is what is said, once, if that then takes more than a
-    second; ends: the time.monotonic() from which on `stop` is called, too. Signals are heard in the main thread alone.
+    second; where `over` says so, `stop` is called, too. Signals are heard in the main thread alone.
     """
-    listener, wait = _listener(), _Wait(stop, slow, ends)
+    listener, wait = _listener(), _Wait(stop, slow, over)
     listener.waits.add(wait)
     try:
         with listener.hearing(stop) if in_main_thread() else nullcontext():
             yield partial(listener.begin, wait)
     finally:
         listener.waits.discard(wait)
+
+
+class Stopwatch:
+    """Seconds of work since it was made, without what it is told to leave out.
+
+    own: whether the work is this process's, and not a device's. Then seconds in which other programs had all processors
+    do not count, so that a busy machine takes no longer by this clock.
+    """
+
+    def __init__(self, own: bool) -> None:
+        self._clocks = (time.monotonic, time.process_time) if own else (time.monotonic,)
+        self._since = [clock() for clock in self._clocks]
+
+    def seconds(self) -> float:
+        return min(clock() - since for clock, since in zip(self._clocks, self._since, strict=True))
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Leaves out what is done while it lasts."""
+        before = [clock() for clock in self._clocks]
+        try:
+            yield
+        finally:
+            self._since = [s + clock() - b for s, clock, b in zip(self._since, self._clocks, before, strict=True)]
 
 
 class Announcement:

@@ -22,7 +22,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
-from cltrace.base.limits import FEW, FEW_AGAIN, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, hint
+from cltrace.base.limits import FEW, FEW_AGAIN, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, PAIRS_BYTES, hint
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
 from cltrace.formats.xml_bulk import packed_materials
@@ -95,10 +95,14 @@ class _Reader(Checks):
         """Complains about more pairs of a light and a surface than allowed, where nothing else is wrong."""
         surfaces, held = map(sum, zip(*(shape.counts() for shape in self._shapes.values()), strict=True))
         few = FEW if surfaces == held else FEW_AGAIN
-        if not self.faults.count and self._members > few and self._members * surfaces > MAX_PAIRS:
+        if self.faults.count or self.files.faults or self._members <= few:
+            return
+        size = sum(path.stat().st_size for path in self.files.named())
+        most = MAX_PAIRS * max(size, PAIRS_BYTES) // PAIRS_BYTES
+        if self._members * surfaces > most:
             self.faults.add(
                 self._light_lines[-1],
-                f"lights: must be at most {MAX_PAIRS} pairs of a light and a surface, got {self._members} lights, with "
+                f"lights: must be at most {most} pairs of a light and a surface, got {self._members} lights, with "
                 f"all members of soft ones, and {surfaces} surfaces{hint('pairs')}",
             )
 

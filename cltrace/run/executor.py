@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError, TooSlowError
 from cltrace.base.limits import MAX_SECONDS, SAMPLES_A_PICTURE
-from cltrace.base.waiting import Announcement, interruptible
+from cltrace.base.waiting import Announcement, Stopwatch, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
@@ -216,7 +215,7 @@ class Executor:
         devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
         TooSlowError soon after the limit of seconds.
         """
-        self._end = time.monotonic() + self._most_seconds
+        self._watch = Stopwatch(own=self.device.kind == "cpu")
         strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
         for number, part in enumerate(self._passes()):
             told = drawn if number == len(self._further) else lambda rows: drawn(0)
@@ -249,7 +248,7 @@ class Executor:
         region, done = (x0 - x, y0 - y, width + x, height + y), []
         frame.exponent = self.plan.exponent
         self._last.begin(self._queue)
-        with interruptible(self._last.stop, self._advice, self._ends) as begin:
+        with interruptible(self._last.stop, self._advice, self._is_late) as begin:
             for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
@@ -393,11 +392,9 @@ class Executor:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self._kernel, frame, region, row=row, rows=rows)
         if self._undecided and self._undecided.any() and not self._last.stopped:
-            start = time.monotonic()
-            with self._undecided.compiling():
+            with self._watch.stopped(), self._undecided.compiling():
                 second, kernel = self._undecided.drawer()
                 self._launch_first(second, kernel)
-            self._end += time.monotonic() - start
             self._launch(kernel, frame, region, row=row, rows=rows)
 
     def _advice(self) -> str:
@@ -424,14 +421,15 @@ class Executor:
         samples = self.region[2] * self.region[3] * (self.plan.request.samples or 1)
         return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
 
-    def _ends(self) -> float:
-        """When drawing is to end, as far as is known: compilers take the time that they take."""
-        return math.inf if self._undecided and self._undecided.compiles else self._end
+    def _is_late(self) -> bool:
+        """Whether drawing has taken so long, without compilers, which take the time that they take."""
+        compiles = self._undecided is not None and self._undecided.compiles
+        return not compiles and self._watch.seconds() >= self._most_seconds
 
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
         while True:
-            if time.monotonic() >= self._end:
+            if self._is_late():
                 self._last.reset(self._queue)
                 raise TooSlowError(self._most_seconds, self._lower())
             if self._last.stopped:
