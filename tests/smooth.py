@@ -136,6 +136,7 @@ def row(name: str, how: dict[str, Any]) -> str:
 def main(*words: str) -> None:
     # The truth is a part of a picture that is larger than one may ask for.
     vars(cltrace.scene.camera).update(MAX_SIDE=1 << 20, MAX_PIXELS=1 << 40)
+    cltrace.run.executor.MAX_SECONDS = 1 << 20
     how: dict[str, Any] = {"antialias": "proved" if "proved" in words else True}
     for word in filter(str.isdigit, words):
         how["samples"] = int(word)

@@ -89,7 +89,7 @@ class TooSlowError(CltraceError):
         self.advice = advice
 
     def __str__(self) -> str:
-        return f"drawing takes more than {self.seconds:.0f} seconds; lower {self.advice}{hint('seconds')}"
+        return f"drawing takes longer than {self.seconds:.0f} s; lower {self.advice}{hint('seconds')}"
 
 
 class SceneWarning(UserWarning):

@@ -149,8 +149,8 @@ def interruptible(
 class Stopwatch:
     """Seconds of work since it was made, without what it is told to leave out.
 
-    own: whether the work is this process's, and not a device's. Then seconds in which other programs had all processors
-    do not count, so that a busy machine takes no longer by this clock.
+    own: whether the work is this process's, and not a device's. Then seconds in which other programs have all of the
+    processors do not count.
     """
 
     def __init__(self, own: bool) -> None:

@@ -97,8 +97,7 @@ class _Reader(Checks):
         few = FEW if surfaces == held else FEW_AGAIN
         if self.faults.count or self.files.faults or self._members <= few:
             return
-        size = sum(path.stat().st_size for path in self.files.named())
-        most = MAX_PAIRS * max(size, PAIRS_BYTES) // PAIRS_BYTES
+        most = MAX_PAIRS * max(self.files.size(), PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
             self.faults.add(
                 self._light_lines[-1],

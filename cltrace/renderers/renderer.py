@@ -446,8 +446,8 @@ class Renderer:
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
 
-        The keys are the texts of abi.COUNTERS. Raises TooManyRaysError as render() does, and DeviceError and BuildError
-        as Renderer does.
+        The keys are the texts of abi.COUNTERS. Raises TooManyRaysError and TooSlowError as render() does, and
+        DeviceError and BuildError as Renderer does.
         """
         check_process()
         with self._lock, self._executor.driver_errors():

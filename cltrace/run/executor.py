@@ -145,6 +145,7 @@ class Executor:
         (self.plan, _), self.device, self.width, self.packet = made, device, width, PACKETS[width]
         self._further, self._started = further, False
         self.seconds: dict[str, float] = {}
+        self._watch = Stopwatch(own=device.kind == "cpu")
         self.room = object()
         self._rows = FIRST_ROWS
         self._move_to(self.plan.region)
@@ -229,7 +230,8 @@ class Executor:
         yield self
         for make in self._further:
             other = copy(self)
-            other._upload(make(), self)
+            with self._watch.stopped():
+                other._upload(make(), self)
             other.buffers, other._started = self.buffers | other.buffers, True
             yield other
             del other
@@ -392,7 +394,7 @@ class Executor:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self._kernel, frame, region, row=row, rows=rows)
         if self._undecided and self._undecided.any() and not self._last.stopped:
-            with self._watch.stopped(), self._undecided.compiling():
+            with self._undecided.compiling(), self._watch.stopped():
                 second, kernel = self._undecided.drawer()
                 self._launch_first(second, kernel)
             self._launch(kernel, frame, region, row=row, rows=rows)
@@ -411,9 +413,10 @@ class Executor:
             "samples": request.samples,
             "the resolution": "x".join(map(str, self.plan.size)),
         }
-        lower = " or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number)
+        lower = ", or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number)
+        lights = ", or have fewer lights" if self._further else ""
         proof = ", or do without the proof of antialiasing" if request.antialias else ""
-        return lower + proof
+        return lower + lights + proof
 
     @property
     def _most_seconds(self) -> float:
@@ -429,12 +432,11 @@ class Executor:
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
         while True:
-            if self._is_late():
-                self._last.reset(self._queue)
-                raise TooSlowError(self._most_seconds, self._lower())
             if self._last.stopped:
                 self._last.reset(self._queue)
                 drawn(0)
+            if self._is_late():
+                raise TooSlowError(self._most_seconds, self._lower())
             start = time.perf_counter()
             try:
                 launch()

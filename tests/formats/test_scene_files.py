@@ -470,7 +470,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert faults_of(mesh("a.obj")) == [f"scene.xml:{FIRST}: mesh: name 'a.obj' {words}"]
 
 
-@pytest.mark.parametrize(("names", "few"), [(["sub/b.obj", "a.obj"], 64), (["a.obj", "a.obj", "a.obj"], 3)])
+@pytest.mark.parametrize(("names", "few"), [(["sub/b.obj", "a.obj"], 64), (["a.obj", "./a.obj", ".//a.obj"], 3)])
 def test_pairs_of_lights_and_surfaces(names: list[str], few: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """How many lights are few depends on whether a mesh is placed again."""
     monkeypatch.setattr(xml_reader, "MAX_PAIRS", 3 * few)
@@ -485,8 +485,11 @@ def test_pairs_of_lights_and_surfaces(names: list[str], few: int, monkeypatch: p
         f"scene.xml:5: lights: must be at most {3 * few} pairs of a light and a surface, got {few + 1} lights, with "
         "all members of soft ones, and 3 surfaces; --limit pairs=N or CLTRACE_LIMITS allows more"
     )
-    # Larger files may have more in proportion.
-    size = sum(Path(name).stat().st_size for name in {"scene.xml", *names})
+    # Larger files may have more in proportion: each counts once, by whatever names.
+    size = sum(path.stat().st_size for path in {Path(name).resolve() for name in ("scene.xml", *names)})
+    monkeypatch.setattr(xml_reader, "PAIRS_BYTES", size - 1)
+    with pytest.raises(SceneError):
+        read("scene.xml")
     monkeypatch.setattr(xml_reader, "PAIRS_BYTES", size // 2)
     assert len(read("scene.xml")[0].lights) == few + 1
 

@@ -17,6 +17,7 @@ import pytest
 from fuzzing import FACTOR
 
 import cltrace
+from cltrace.base.waiting import Stopwatch
 from cltrace.renderers import renderer
 from cltrace.run import executor
 
@@ -142,14 +143,14 @@ def prepared(case: Case, path: Path) -> tuple[float, str]:
 
 
 def drawn(case: Case, path: Path) -> tuple[float, str]:
-    """How long it then takes by the clock, but for compiling, and why it is refused, if it is."""
+    """How long it then takes, but for compiling and what other programs take, and why it is refused, if it is."""
     made, refused = cltrace.Renderer(cltrace.load(path), antialias=bool(case["antialias"])), ""
-    start = time.monotonic()
+    watch = Stopwatch(own=True)
     try:
         made.render()
     except (cltrace.TooSlowError, cltrace.TooManyRaysError) as error:
         refused = str(error)
-    return time.monotonic() - start, refused
+    return watch.seconds(), refused
 
 
 @pytest.mark.slow

@@ -116,7 +116,7 @@ def test_a_picture_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPat
                 for_ever(renderer.render)
             assert time.monotonic() - start < 30
             assert str(error.value) == (
-                "drawing takes more than 0 seconds; lower max_bounces, which is 13 or the resolution, which is 24x12; "
+                "drawing takes longer than 0 s; lower max_bounces, which is 13, or the resolution, which is 24x12; "
                 "--limit seconds=N or CLTRACE_LIMITS allows more"
             )
     np.testing.assert_array_equal(renderer.draw(told.append).color, expected)

@@ -177,6 +177,7 @@ def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     for make in (crowded, touching, mirrors, few_in_light, in_a_tunnel):
         for precision in ("accurate", "single"):
             both(make(), device, Request(precision))
+    test_lists_of_coarse_pictures(device, monkeypatch, "row")
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

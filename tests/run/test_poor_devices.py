@@ -51,10 +51,10 @@ GROUP = 256
 
 
 def roughened(text: str, doubles: bool) -> str:
-    """The program's text with each quotient and each root wrong by up to 2 ulp, where these are of floats."""
+    """The program's text with quotients and roots wrong by up to 2 ulp, where these are of floats."""
     text = re.sub(r"/\*.*?\*/", lambda comment: "\n" * comment.group().count("\n"), text, flags=re.DOTALL)
     parts, end = [], 0
-    for divided in re.finditer(r"(?<=[^/\"a-z])/ (?=[(a-z])", text):
+    for divided in re.finditer(r"(?<=[^/\"a-z])/ (?=[(a-zA-Z])", text):
         if divided.start() < end:
             continue
         begin = divided.end()

@@ -32,12 +32,12 @@ TINY = 2.0**-16
 LAYERS, CROWDED_LAYERS = 32, 2
 # One in so many discs is looked at to know the size of most, and where they are.
 SAMPLE = 16
-# Discs crowd where a pane of so many times smaller sides than their window's holds a CROWD-th of them, and FEW at
+# Discs crowd where a pane of so many times smaller sides than their window's holds a SHARE-th of them, and FEW at
 # least; if discs are all over a window, it holds a sixteenth. They have a window of their own if most of them are less
 # than half as large as most others, as what is far away is. Down a tunnel with 100 lights, frames of 20,000 balls take
 # 0.55 of the time then; with finer cells in one window instead they took 0.72, in more memory. In a galaxy, where all
 # are as large, windows in windows took 1.05.
-SMALLER, CROWD, FEW = 4, 4, 256
+SMALLER, SHARE, FEW = 4, 4, 256
 # Panes into which all discs fit, and none: left, right, low and high.
 EVERYWHERE, NOWHERE = (-np.inf, np.inf, -np.inf, np.inf), (np.inf, -np.inf, np.inf, -np.inf)
 # Each has an axis and a sign.
@@ -216,11 +216,15 @@ def nests_of(whole: Nest, edges: Reals, extents: list[Extent]) -> list[Nest]:
     rays that may meet it. whole: the window of all discs; edges: (4, s), of some of them; extents: of all of them.
     """
     found = [whole]
-    while (pane := _crowd_of(found[0].window, edges)) is not None:
-        outer, inside = found[0], _fit(edges, pane)
+    while (crowd := _crowd_of(found[0].window, edges)) is not None:
+        outer = found[0]
+        pane = tuple(
+            (max, min)[k % 2](one, other) for k, (one, other) in enumerate(zip(crowd, outer.fits, strict=True))
+        )
+        inside = _fit(edges, pane)
         inner, rest = sizes_of(edges[:, inside]), sizes_of(edges[:, ~inside])
         more = outer.members * int(inside.sum()) // len(inside)
-        if more < FEW or CROWD * more < outer.members or not len(rest) or 2 * np.median(inner) >= np.median(rest):
+        if more < FEW or SHARE * more < outer.members or not len(rest) or 2 * np.median(inner) >= np.median(rest):
             break
         window = window_of([extent._replace(spans=[list(pane), extent.spans[1]]) for extent in extents], SLACK, True)
         if window is None or (2 * window.half < NARROWEST).any():
