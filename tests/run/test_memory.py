@@ -130,7 +130,7 @@ def test_bytes_a_texel(device: Device) -> None:
 @pytest.mark.slow
 def test_frames_leave_nothing_behind(device: Device) -> None:
     """Of other cameras and of other spheres. The last ones have the bits of new Renderers."""
-    (growth,) = measured(device, FLAT, "1300")
+    (growth,) = measured(device, FLAT, "1550")  # 300 frames until it is settled
     assert growth <= 1.003
 
 
