@@ -55,7 +55,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """On a second driver, the ordinary run does only the first case of each test: --device SPEC does all of them there.
 
-    What differs between drivers is how they compile, which any case of a test shows. --half leaves those of one half, by
+    What differs between drivers is how they compile, which any case of a test shows. --half leaves one half, chosen by
     a bit of the hash that has both take about as long.
     """
     half = config.getoption("--half")
