@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from numpy.typing import NDArray
@@ -58,15 +58,17 @@ def draw_together(
     again. Raises DeviceError if none is left, and what else drawing raises.
     """
     picture = _Picture(region, len(makers), drawn, faults or Faults())
-    pool = ThreadPoolExecutor(len(makers))
+    pool, shares = ThreadPoolExecutor(len(makers)), dict[Device, Future[None]]()
     try:
-        shares = {device: pool.submit(picture.share, device, make) for device, make in makers.items()}
+        for device, make in makers.items():
+            shares[device] = pool.submit(picture.share, device, make)
         picture.rows.wait_for_all()
     finally:
         picture.rows.stop()
         for executor in picture.executors.values():
             executor.stop()
-        wait(shares[device] for device in picture.executors)  # and not for one that compiles
+        # And not for one that compiles; a signal may come before all have begun.
+        wait(shares[device] for device in picture.executors if device in shares)
         pool.shutdown(wait=False)
     if picture.fault:
         raise picture.fault
