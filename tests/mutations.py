@@ -472,6 +472,7 @@ MUTATIONS = [
         "rays.live & (met.id < 0), rays.weight, background", "rays.live, rays.weight, background", "the night", BOUNCES
     ),
     Mutation("rays.weight * bounce.share, &all", "bounce.share, &all", "weights", BOUNCES),
+    Mutation("leaf, live, &bundle, furthest", "0, live, &bundle, furthest", "leaves that packets try", BOUNCES),
     Mutation("const MASK only = sends & !mirrors;", "const MASK only = sends;", "branches", BOUNCES),
     Mutation(
         "slack->y += slack_of(w * scene->brightest.y, roundings);",

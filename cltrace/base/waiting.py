@@ -147,7 +147,7 @@ def interruptible(
 
 
 class Stopwatch:
-    """Seconds of work since it was made, without what it is told to leave out.
+    """Seconds of work since begin(), which is when it is made, too, without what it is told to leave out.
 
     own: whether the work is this process's, and not a device's. Then seconds in which other programs have all of the
     processors do not count.
@@ -155,6 +155,9 @@ class Stopwatch:
 
     def __init__(self, own: bool) -> None:
         self._clocks = (time.monotonic, time.process_time) if own else (time.monotonic,)
+        self.begin()
+
+    def begin(self) -> None:
         self._since = [clock() for clock in self._clocks]
 
     def seconds(self) -> float:

@@ -216,7 +216,7 @@ class Executor:
         devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
         TooSlowError soon after the limit of seconds.
         """
-        self._watch = Stopwatch(own=self.device.kind == "cpu")
+        self._watch.begin()
         strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
         for number, part in enumerate(self._passes()):
             told = drawn if number == len(self._further) else lambda rows: drawn(0)

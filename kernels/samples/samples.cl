@@ -12,8 +12,8 @@
 #ifdef WITH_SAMPLES
 #define ONE (1 << 20) /* a full colour */
 /* Corners that have met the same surface, lights and texels leave out the bend of the colour alone, where they differ
- * by no more than this; what their mean is off by, mostly, or that of eight rays, for each 1 by which they differ up to
- * MOST_SLOPE. */
+ * by no more than MOST_SLOPE. Their mean is mostly off by FEW_SCATTER of what they differ by. So is the mean of eight
+ * rays, of which no difference above MOST_SLOPE counts. */
 #define MOST_SLOPE (24 * ONE / 255)
 #define FEW_SCATTER 0.28f
 /* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with

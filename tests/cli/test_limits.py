@@ -62,7 +62,7 @@ def test_what_would_take_hours_is_refused(tmp_path: Path, options: list[str]) ->
     status, words = call(tmp_path, "--limit", "seconds=1", *options)
     assert status == 2
     assert re.fullmatch(
-        r"cltrace: drawing takes more than 1 seconds; lower max_bounces, which is 20.*; "
+        r"cltrace: drawing takes longer than 1 s; lower max_bounces, which is 20.*; "
         r"--limit seconds=N or CLTRACE_LIMITS allows more",
         words,
     )

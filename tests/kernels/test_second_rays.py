@@ -44,9 +44,8 @@ def judged(name: str, device: Device, count: int, side: int, cameras: int, **how
 def test_second_rays(device: Device, name: str) -> None:
     """By the kernel with all features, as other tests have it. Of a thousand balls the oracle takes its time."""
     count, side = (1, 12) if name == NAMES[-1] else (1400, 20)
-    keep = (
-        ("features", "bounces") if "ellipsoids" in name or "needles" in name else ("features",)
-    )  # test_tree.py has it
+    # test_tree.py has the program of these with ellipsoids.
+    keep = ("features", "bounces") if "ellipsoids" in name or "needles" in name else ("features",)
     assert judged(name, device, count, side, 2, outputs=OUTPUTS, keep=keep) >= count
 
 

@@ -34,8 +34,8 @@ from cltrace.plan.rounding import Array, Ints, Mask, along, rotated, rounded_dow
 FEWEST, DEEP = 2**15, 4
 # Half of the side of a square within a circle of radius 1, less a hundredth for all that is rounded.
 SQUARE = 0.7
-# With more spheres than so many for each pixel, lists lack those that no pixel shows, unless on average a sphere covers
-# more pixels than so many: a grid of four million at 1920x1080 would take 0.8 s for that.
+# With more than CROWD spheres for each pixel, lists lack those that no pixel shows, unless a sphere covers more than
+# WIDE pixels on average: a grid of four million at 1920x1080 would take 0.8 s for that.
 CROWD, WIDE = 8, 4
 # A sphere hides what is behind at most so many columns and rows of tiles, or of pixels of a coarse picture: many large
 # ones would take long.
@@ -225,7 +225,7 @@ def is_deep(request: Request, spheres: int, members: int, entries: int) -> bool:
 
 
 def is_coarse(request: Request, spheres: int, window: Window) -> bool:
-    """Whether a picture is so coarse that its lists lack the spheres that no pixel shows. They are the device's then.
+    """Whether a picture is so coarse that its lists lack the spheres that no pixel shows, if a device makes them.
 
     spheres, and why it is not done elsewhere: see is_deep(). 16 bits have to tell which pixels a sphere covers.
     """

@@ -18,7 +18,19 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import concurrently
 from cltrace.plan.accel.cells import SLACK, CellGrid, Held, Outlines, Place, outlines_of, put_together, sprawling
-from cltrace.plan.accel.silhouettes import Cast, Cube, Elsewhere, Extent, Pane, Part, Real, Reals, Shadows, Silhouettes
+from cltrace.plan.accel.silhouettes import (
+    Cast,
+    Cube,
+    Elsewhere,
+    Extent,
+    Pane,
+    Part,
+    Real,
+    Reals,
+    Shadows,
+    Silhouettes,
+    sizes_of,
+)
 from cltrace.plan.rounding import Array, Mask
 
 # Where float32 tells cells apart, they are at least so wide, 32 times SLACK: see _on_window(). A window of 2^-4 has
@@ -218,9 +230,8 @@ def nests_of(whole: Nest, edges: Reals, extents: list[Extent]) -> list[Nest]:
     found = [whole]
     while (crowd := _crowd_of(found[0].window, edges)) is not None:
         outer = found[0]
-        pane = tuple(
-            (max, min)[k % 2](one, other) for k, (one, other) in enumerate(zip(crowd, outer.fits, strict=True))
-        )
+        (left, right, low, high), fits = crowd, outer.fits
+        pane = max(left, fits[0]), min(right, fits[1]), max(low, fits[2]), min(high, fits[3])
         inside = _fit(edges, pane)
         inner, rest = sizes_of(edges[:, inside]), sizes_of(edges[:, ~inside])
         more = outer.members * int(inside.sum()) // len(inside)
@@ -243,11 +254,6 @@ def _crowd_of(window: Rectangle, edges: Reals) -> tuple[float, ...] | None:
     middle = np.median((known[::2] + known[1::2]) / 2, axis=1).astype(np.float64)
     (left, low), (right, high) = ((middle + sign * half).astype(np.float32).tolist() for sign in (-1, 1))
     return left, right, low, high
-
-
-def sizes_of(edges: Reals) -> Reals:
-    """The widths and the heights of discs with edges (4, s)."""
-    return np.asarray(edges[1::2] - edges[::2]).ravel()
 
 
 def window_of(extents: list[Extent], slack: float, perspective: bool) -> Rectangle | None:

@@ -199,10 +199,15 @@ class Cast:
 
         Of polygons, it is the side of a square of twice the area.
         """
-        which = np.flatnonzero(self.member % sample == 0)
         if self.corner is None:
-            return np.concatenate([self.edges[k + 1][which] - self.edges[k][which] for k in (0, 2)])
+            return sizes_of(self.edges_of(sample))
+        which = np.flatnonzero(self.member % sample == 0)
         return np.asarray(np.sqrt(2 * areas(self.corner.take(which, axis=2))))
+
+
+def sizes_of(edges: Reals) -> Reals:
+    """The widths and the heights of discs with edges (4, s)."""
+    return np.asarray(edges[1::2] - edges[::2]).ravel()
 
 
 def _extreme(k: int, edge: Reals) -> float:

@@ -28,10 +28,9 @@ from cltrace.plan.accel.light_buffer import (
     nests_of,
     sampled,
     side_axes,
-    sizes_of,
     window_of,
 )
-from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window
+from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window, sizes_of
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
 from cltrace.plan.culling import larger, shells
 from cltrace.plan.lights import AtPoint, Parallel, are_at_points, kinds, lamps_of
