@@ -89,7 +89,9 @@ def test_the_project_holds_its_folders_and_papers_alone() -> None:
     """A trial of the reader once left its scene here, 430 kB, and it was committed."""
     if not (ROOT / ".git").exists():
         pytest.skip("these files are no clone, so git cannot tell which are the project's")
-    tracked = subprocess.run(["git", "-c", "safe.directory=*", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    tracked = subprocess.run(
+        ["git", "-c", "safe.directory=*", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert {name.split("/")[0] for name in tracked.splitlines()} == {
         *("cltrace", "kernels", "scenes", "tests", "docs", "pyproject.toml", "README.md"),
         *("LICENSE", "CHANGELOG.md", "CITATION.cff", ".ci", ".clang-format", ".gitignore"),
