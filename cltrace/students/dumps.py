@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.errors import UsageError, printable
 from cltrace.formats.files import UnreadableError, check_regular
-from cltrace.picture.image import Image
+from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.renderers.all_devices import render
 from cltrace.run.devices import Device
@@ -29,6 +29,8 @@ from cltrace.students.places import inside
 Floats = NDArray[np.float64]
 Reading = tuple[str, Floats, Floats]  # in words; the own and the right values, (h, w, k), in the same terms
 
+# All of what needs no light, so that one kernel serves a student who looks at one after the other.
+_GEOMETRY: tuple[Output, ...] = ("id", "direction", "depth", "normal", "uv")
 FITS = 0.5  # of the pixels, at least, that a reading has to make right
 _BYTES, _FLOATS = 1.51 / 127.5, 1e-3  # by how much bytes of -1..1, and single precision, may be off
 _FITTED = 4  # rounds in which a line is fitted to the pixels that are nearest to it, so that wrong ones do not count
@@ -96,8 +98,7 @@ def compare_dump(
     own, is_bytes = _own(mine, scene.camera.resolution)
     size = own.shape[1], own.shape[0]
     scene = scene if size == scene.camera.resolution else scene.seen_by(replace(scene.camera, resolution=size))
-    need = {"lit": ()}.get(show, (show,))
-    image = render(scene, device, precision, tuple(dict.fromkeys((*need, "id", "direction"))))
+    image = render(scene, device, precision, ("color", "id", "direction") if show == "color" else _GEOMETRY)
     seen = image.id >= 0 if show not in ("direction", "color") else np.ones(image.id.shape, np.bool_)
     if show in ("id", "lit"):
         right = image.id if show == "id" else _sets(lighting(scene, device, precision).lit)

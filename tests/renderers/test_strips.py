@@ -22,7 +22,7 @@ FILES = ["-o", "a.png", "-o", "a.exr", "-o", "a.npy"]
 WAYS = {
     "plain": [],
     "16 bits with alpha": ["--bits", "16", "--transparent"],
-    "ids of a part": ["--show", "id", "--crop", "7,9,80,70", "--outputs", "id,depth,uv"],
+    "ids of a part": ["--show", "id", "--crop", "7,9,80,70", "--outputs", "id,depth,normal,primitive,uv"],
     "normals of the camera": ["--show", "normal", "--space", "camera"],
     "lines and fog": ["--outline", "black,3", "--fog", "white,5,9", "--antialias"],
 }

@@ -112,9 +112,9 @@ def test_clipped_scenes_are_made_anew_pickled_moved_and_changed() -> None:
     again = pickle.loads(pickle.dumps(scene))
     given = {name: getattr(scene, name) for name in ("spheres", "materials", "cuts")}
     made = Scene(scene.camera, scene.lights, **given)
-    image = cltrace.render(scene)
+    image = cltrace.render(scene, outputs=("rgb8", "id"))
     for other in (again, made):
-        assert np.array_equal(cltrace.render(other).rgb8, image.rgb8)
+        assert np.array_equal(cltrace.render(other, outputs=("rgb8", "id")).rgb8, image.rgb8)
     twice = scene.replicate([(0, 0, 0), (0, 0.5, 0)])
     assert twice.cuts["center"][4:].tolist() == (scene.cuts["center"] + (0, 0.5, 0)).tolist()
     assert twice.cuts["number"].tolist() == list(range(2, 10))
