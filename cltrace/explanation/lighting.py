@@ -15,7 +15,7 @@ from cltrace.reference.records import Illumination, Shading
 from cltrace.reference.ways import Meeting, behind, blockers
 from cltrace.scene import AMBIENT, SOFT, Scene
 
-FEW = 3  # surfaces that are listed between a point and a light
+LISTED = 3  # surfaces that are listed between a point and a light
 
 
 def ambient_terms(scene: Scene, names: Names, at: Intersection) -> tuple[AmbientTerm, ...]:
@@ -65,7 +65,7 @@ class _Lamp:
             n_l=of.n_l,
             cone=self._cone(light, l),
             strength=of.strength,
-            between=tuple(self._met(meeting, of.w) for meeting in between[:FEW]),
+            between=tuple(self._met(meeting, of.w) for meeting in between[:LISTED]),
             blockers=len(between),
             behind=self._met(beyond, of.w) if beyond else None,
             r=triple(self.space.turned(of.r)),

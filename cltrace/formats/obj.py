@@ -31,7 +31,7 @@ from cltrace.formats.xml_values import number, quoted, short
 from cltrace.scene import ANY, Geometry
 
 MAX_DOUBTS = 10_000  # triangles whose area is asked of exact arithmetic
-FEW = 16  # lines that are read one by one where they cannot be together
+ONE_BY_ONE = 16  # lines that are read one by one where they cannot be together
 
 _V, _VT, _VN, _F = range(len(KINDS))
 _LABELS = ("vertex", "texture coordinate", "normal", "face")
@@ -266,7 +266,7 @@ def _parts(
         result = together(block, part)
         if result is not None:
             yield result
-        elif len(part) > FEW:
+        elif len(part) > ONE_BY_ONE:
             rest += [part[len(part) // 2 :], part[: len(part) // 2]]
         else:
             yield from filter(lambda one: one is not None, (alone(block, i) for i in part.tolist()))

@@ -30,7 +30,7 @@ Bits = NDArray[np.bool_]
 USUAL = 300, 200  # wrong and sound pixels of a sample
 LARGE = 1500, 1500  # of the one by which a cause is named
 WIDE = 2500, 5000  # of the one that parts what fits equally well
-FEW = 40, 30  # of the first look at mistakes
+FIRST = 40, 30  # of the first look at mistakes
 RAYS, FEWER = 20, 0.25  # a pixel, beyond which samples are smaller, and to which share of their size at least
 HALF = 0.5  # at least that of the first look is left, whatever the others are
 LEAST_OF = 24, 16  # of the look at two together
@@ -255,7 +255,7 @@ class Search:
         sample = self._sample(USUAL)
         self.share = min(max(RAYS * len(sample.mine) / max(self.tracer.rays, 1), FEWER), 1.0)
         self.fit = self._fit(sample.few(self._counts(USUAL)) if self.share < 1 else sample)
-        self.few = self._fit(self.fit.sample.few(self._counts(FEW, HALF)))
+        self.few = self._fit(self.fit.sample.few(self._counts(FIRST, HALF)))
         self.whole = self._tuned(found.made)
 
     def _fit(self, sample: Sample) -> Fit:

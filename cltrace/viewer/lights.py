@@ -7,7 +7,7 @@ from cltrace.explanation.words import light
 from cltrace.scene import Scene
 
 # A window lists no more lights.
-FEW = 8
+LISTED = 8
 
 
 class Lights:
@@ -19,7 +19,7 @@ class Lights:
 
     def dim(self, number: int, strength: float) -> bool:
         """Whether there is such a strength, which the light then has."""
-        there = 0 <= number < FEW and 0 <= strength <= 1
+        there = 0 <= number < LISTED and 0 <= strength <= 1
         if there:
             self._strengths = self._strengths | {number: strength}
         return there
@@ -40,7 +40,7 @@ class Lights:
 
     def listed(self, scene: Scene) -> tuple[tuple[str, float], ...]:
         """The name and the strength of each light; none where there are many."""
-        if len(scene.lights) > FEW:
+        if len(scene.lights) > LISTED:
             return ()
         names = Names(scene)
         return tuple((light(names.light(k)), self._strengths.get(k, 1.0)) for k in range(len(scene.lights)))

@@ -251,7 +251,7 @@ def test_lists_of_cameras_are_side_by_side(
     """
     if kind != device.kind:
         monkeypatch.setattr(Device, "kind", kind)
-    monkeypatch.setattr(list_buffers, "FEW", few)
+    monkeypatch.setattr(list_buffers, "LEAST", few)
     world = World.of(crowded(lights=LIGHTS[2:]), Request())
     packer = SpherePacker.of(world, Request(), device)
     assert packer is not None

@@ -10,7 +10,7 @@ import numpy as np
 from cltrace.run.pack.toolbox import Toolbox
 
 # What is taken for one grid that holds nothing yet: neither many surfaces nor many cells are known of it.
-FEW = 2**17
+LEAST = 2**17
 # On a CPU there is room for so many grids beside those of lights: the tiles of some cameras.
 CAMERAS = 3
 
@@ -53,7 +53,7 @@ class ListBuffers:
         """
         if tools.kind != "cpu":
             return cls(tools, 1, 1)
-        ample = (CAMERAS + lights) * max(surfaces, FEW)
+        ample = (CAMERAS + lights) * max(surfaces, LEAST)
         return cls(tools, min(ample, tools.most(np.int32)), min(6 * ample, tools.most(np.uint64)))
 
     def fits(self, cells: int, entries: int) -> bool:
