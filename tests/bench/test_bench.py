@@ -277,6 +277,7 @@ def test_the_textbook_fails_what_it_is_known_to_fail(any_device: Device) -> None
     assert stress.beyond(found, case.limits)
 
 
+@pytest.mark.slow
 def test_a_failed_case_is_the_exit_status(
     any_device: Device, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

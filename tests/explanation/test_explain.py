@@ -357,6 +357,7 @@ def test_what_is_exactly_as_near_is_said(tmp_path: Path) -> None:
     assert "because of its lower number" in str(found)
 
 
+@pytest.mark.slow
 def test_a_cut_ball_and_its_cap() -> None:
     camera = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=20, resolution=(33, 33))
     scene = cltrace.Scene.from_spheres(camera, "studio", [(0, 0, -0.8)], 1, "lime").clipped((0,) * 3, (0, 0, 1), "red")

@@ -41,7 +41,7 @@ def test_answers_of_the_reference(path: Path) -> None:
 # Each scene and precision is a program of its own, a second to compile, and several with meshes. An ordinary run draws
 # some; test_consistency.py has others in single precision, by one program.
 FIRST = {
-    "accurate": ("bounces", "first", "globe", "minimal", "step3-shadows"),
+    "accurate": ("first", "globe", "minimal", "step3-shadows"),
     "double": ("first",),
     "single": (),
 }

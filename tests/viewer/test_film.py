@@ -36,6 +36,7 @@ def session_of(frames: Any, spec: str, count: int | None = None, output: str | N
     return Session(Stage(SCENE, choose(spec), film=film_of(frames, count, output, 10, write)))
 
 
+@pytest.mark.slow
 def test_frames_are_those_of_animate(spec: str) -> None:
     """Cameras, scenes and changes, each of what was there before it, in any order; a moved camera stays."""
     center = SCENE.spheres["center"]

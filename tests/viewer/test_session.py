@@ -79,7 +79,11 @@ def test_pictures_at_rest_are_the_commands(session: Session, spec: str, tmp_path
     assert (exact.width, exact.height) == cltrace.load(FILE).camera.resolution
 
 
-@pytest.mark.parametrize("view", VIEWS[1:-1])
+# Each is a kernel to compile.
+OTHERS = [pytest.param(view, marks=pytest.mark.slow) if view in ("primitive", "uv", "lit") else view for view in VIEWS]
+
+
+@pytest.mark.parametrize("view", OTHERS[1:-1])
 def test_other_outputs_are_the_commands(session: Session, view: str, spec: str, tmp_path: Path) -> None:
     drawn(session)
     session.handle(Event("show", name=view))
@@ -466,6 +470,7 @@ def test_lights(session: Session, stage: Stage, spec: str, tmp_path: Path, monke
     assert [share for _, share in drawn(session)[-1].state.lights] == [1, 1]
 
 
+@pytest.mark.slow
 def test_error(session: Session, spec: str) -> None:
     """White is 16 levels, of the smooth picture's error."""
     session.handle(Event("show", name="error"))
