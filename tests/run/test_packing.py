@@ -177,7 +177,7 @@ def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     for make in (crowded, touching, mirrors, few_in_light, in_a_tunnel):
         for precision in ("accurate", "single"):
             both(make(), device, Request(precision))
-    test_lists_of_coarse_pictures(device, monkeypatch, "row")
+    coarse_pictures_show_all(device, monkeypatch, "row")
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -356,8 +356,12 @@ COARSE: dict[str, Callable[[cltrace.Camera], cltrace.Scene]] = {
 }
 
 
-@pytest.mark.parametrize("name", COARSE)
+@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k == "mirrors" else k for k in COARSE])
 def test_lists_of_coarse_pictures(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    coarse_pictures_show_all(device, monkeypatch, name)
+
+
+def coarse_pictures_show_all(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Lists lack spheres that no pixel shows; no picture tells, and a list has none that it had not before."""
     monkeypatch.setattr(discs, "FEWEST", 0)
     monkeypatch.setattr(spheres, "WIDE", 64)
