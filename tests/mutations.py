@@ -51,11 +51,9 @@ RAYS = "tests/rays/test_rays.py -k"
 # Of rays and triangles, each in the hostile regimes: what pixels show, their light, their mirrors and glass.
 MESHES = "-m slow tests/kernels/test_mesh_rays.py -k"
 SHOWN, LIT, ONWARD = f"{MESHES} pixels_show", f"{MESHES} lights_reach", f"{MESHES} what_their_mirrors"
+PLANES = f"{MESHES} light_on"
 BETWEEN = f"{MESHES} glass_show_of_spheres"
 REFERENCE = "-m slow tests/oracle/test_mesh_oracle.py -k reference"
-# What only a hundred thousand rays meet: minutes.
-MANY = "-m stress tests/kernels/test_mesh_rays.py -k"
-PIXELS, LIGHTS, MIRRORS = f"{MANY} million_pixels", f"{MANY} thousand_lights", f"{MANY} thousand_mirrors"
 SMOOTH = "-m slow tests/kernels/test_attributes.py"
 
 RESULTS = "tests/bench/test_results.py"
@@ -555,7 +553,12 @@ MUTATIONS = [
         SHOWN,
     ),
     Mutation("const MASK lower = level &", "const MASK lower = level & 0 &", "the first of one plane", SHOWN),
-    Mutation("return wanted & (sign * D > 0);", "return wanted & (sign * D < 0);", "all but in one plane", LIGHTS),
+    Mutation(
+        "return wanted & (sign * D > 0);",
+        "return wanted & (sign * D < 0);",
+        "all but in one plane",
+        f"{MESHES} fans_all_but",
+    ),
     Mutation(
         "corners = np.take_along_axis(corners[among], by_mark, axis=1)",
         "corners = corners[among]",
@@ -568,10 +571,6 @@ MUTATIONS = [
         "(primitives_of(scene, A) > primitives_of(scene, B))",
         "equal triangles of a mesh",
         SHOWN,
-    ),
-    Mutation("fine.hit = wanted & (fine.side != 0);", "fine.hit = wanted;", "rays in a triangle's plane", PIXELS),
-    Mutation(
-        "TO_REAL_MASK(index != ray.own)", "TO_REAL_MASK(index == index)", "the triangle that a ray leaves", MIRRORS
     ),
     Mutation(
         "const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));",
@@ -586,7 +585,10 @@ MUTATIONS = [
         ONWARD,
     ),
     Mutation(
-        "return weight > INWARD ? (weight", "return weight > 0 ? (weight", "points of edges are moved inwards", MIRRORS
+        "weight : (REAL)0.5f) : (REAL)INWARD;",
+        "weight : (REAL)0.5f) : (REAL)0;",
+        "points of edges are moved inwards",
+        f"{MESHES} edges_of_a_room",
     ),
     Mutation(
         "at.q.z = first ? (REAL)0 : second ? (REAL)1 : (REAL)2;",
@@ -594,7 +596,12 @@ MUTATIONS = [
         "the corner that a point is counted from",
         ONWARD,
     ),
-    Mutation("place.reach = size_of(x) + size_of(y);", "place.reach = 0;", "how far a start may be off", MIRRORS),
+    Mutation(
+        "place.reach = size_of(x) + size_of(y);",
+        "place.reach = 0;",
+        "how far a start may be off",
+        f"{MESHES} before_a_fan",
+    ),
     Mutation(
         "is.side = at_point ? DOT(T.N, beyond) : is.v.D;",
         "is.side = at_point ? -DOT(T.N, beyond) : is.v.D;",
@@ -605,13 +612,13 @@ MUTATIONS = [
         "const REAL_MASK ends = ends_there & ((front & (side < -side_error))",
         "const REAL_MASK ends = ends_there & ((front & (side < 0x1p30 * side_error))",
         "points all but in a triangle's plane",
-        LIGHTS,
+        PLANES,
     ),
     Mutation(
         "TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(",
         "TO_REAL_MASK(unsure) ? TO_REAL(whole_signs(",
         "points in a triangle's plane",
-        LIGHTS,
+        PLANES,
     ),
     Mutation(
         "sides.open = least >= -bound;",

@@ -26,8 +26,9 @@ from hostile.mesh_regimes import CLOSED, REGIMES, scene_of
 from hostile.mixed_pictures import REGIMES as MIXED
 from hostile.mixed_pictures import judge as judge_mixed
 from hostile.mixed_pictures import scene_of as mixed_scene
+from solids import box
 
-from cltrace import Image, Material, Mesh, Renderer, Scene, ambient_light, parallel_light, point_light
+from cltrace import Camera, Image, Material, Mesh, Renderer, Scene, ambient_light, parallel_light, point_light
 from cltrace.bench.regimes import rays as camera_rays
 from cltrace.rays import trace_rays
 from cltrace.run.devices import Device
@@ -137,12 +138,71 @@ def test_which_lights_reach_them(device: Device, name: str) -> None:
     assert judged(lights(name, device, 16), 5 if name in SPARSE else 200) > 0
 
 
-def test_a_shadow_of_what_is_2_to_the_minus_101_away(device: Device) -> None:
+def test_light_on_what_is_2_to_the_minus_101_away(device: Device) -> None:
     """Two triangles have an edge in common; a point of one, 2^-64 of it beside that edge, is in the other's shadow:
     only whole numbers tell on which side of the other's plane it is."""
     verdict = lights("eye in a plane", device, 64)(33)
     assert verdict.rays > 1000
     assert (verdict.leaks, verdict.phantoms) == (0, 0)
+
+
+def test_light_on_fans_all_but_in_planes(device: Device) -> None:
+    """Of a fourth of the points, doubles do not tell on which side of a triangle's plane they are."""
+    verdict = lights("fans all but in planes", device, 64)(4)
+    assert verdict.rays > 3000
+    assert (verdict.leaks, verdict.phantoms) == (0, 0)
+
+
+def test_light_on_a_triangle_before_a_fan(device: Device) -> None:
+    """All have one corner, and the fan is 2^-52 behind the triangle: less than what the ways from there are off by."""
+    rng = np.random.default_rng(0)
+    u, v = np.array([2, -1, 0]) / 5**0.5, np.array([1, 2, -3]) / 14**0.5
+    n = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
+    corner, a, b = -u - 1.3 * v, *rng.uniform(1, 3, (2, 20, 1))
+    ends = [a * (u + rng.uniform(0, 1, (20, 1)) * v), b * (v + rng.uniform(-0.3, 1, (20, 1)) * u)]
+    fan = [corner + end - n * 2.0**-52 * rng.uniform(0.5, 2, (20, 1)) for end in ends]
+    behind = np.stack([np.tile(corner, (20, 1)), *fan], axis=1).reshape(-1, 3)
+    meshes = [
+        Mesh([corner, 1.1 * u - 0.9 * v, 0.2 * u + 1.7 * v], [(0, 1, 2)]),
+        Mesh(behind, np.arange(60).reshape(-1, 3)),
+    ]
+    camera = Camera(tuple(3 * n + 0.3 * u), (0, 0, 0), tuple(v), 40, (48, 48))
+    scene = in_light(Scene.from_meshes(camera, [], meshes), point_light(tuple(5 * n + v)))
+    image = draw(scene, device, ("id", "primitive", "color"))
+    verdict = judge_light(scene, seen(image), image.color)
+    assert (image.id == 0).sum() > 200
+    assert (verdict.leaks, verdict.phantoms) == (0, 0)
+
+
+@pytest.mark.parametrize("lamp", [1, -1])
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("off", "wide", "low"), [(2.0**-45, 4, 0), (2.0**-105, 2.0**-35, -5)], ids=["pairs", "whole"])
+def test_light_on_what_is_beside_a_wall(
+    device: Device, off: float, wide: float, low: float, side: int, lamp: int
+) -> None:
+    """The points of one column are `off` beside the wall's plane, or 2^-99, since none is an edge's: too near to it for
+    doubles, or for pairs of them. A lamp is on the same side of the wall, or on the other one."""
+    floor = Mesh([(0, 0, 0), (0, 0, 4), (-side * wide, 0, 2)], [(0, 1, 2)])
+    wall = Mesh([(0, low, -5), (0, low, 5), (0, 20, 0)], [(0, 1, 2)])
+    camera = Camera((-side * off, 8, 2), (-side * off, 0, 2), (0, 0, -1), 20, (33, 33))
+    scene = in_light(Scene.from_meshes(camera, [], [floor, wall]), point_light((lamp, 4, 2.3)))
+    image = draw(scene, device, ("id", "primitive", "color"))
+    verdict = judge_light(scene, seen(image), image.color)
+    on_floor = image.id[:, 16] == 0
+    assert on_floor.sum() > 20
+    assert (image.color[:, 16][on_floor].any(axis=1) == (side != lamp)).all()
+    assert (verdict.leaks, verdict.phantoms) == (0, 0)
+
+
+@pytest.mark.parametrize("look", [(1, 0, -1), (1, 1, 0), (1, 1, 1), (0, 1, -1)])
+def test_mirrors_lose_nothing_at_the_edges_of_a_room(device: Device, look: tuple[int, ...]) -> None:
+    """Pixels in the middle see an edge, all along or at one point: their rays would leave the black room for a white
+    background from a point of the edge itself, which is in the planes of both walls."""
+    room = box()
+    walls = Mesh(room.vertices, room.faces, material=Material((0, 0, 0), ka=0, kd=0, ks=0, reflectance=0.9))
+    camera = Camera((0, 0, 0), look, (0, 1, 0) if look[1] == 0 else (0, 1, 0.1), 60, (33, 33), max_bounces=4)
+    scene = Scene.from_meshes(camera, [ambient_light()], walls, background=(1, 1, 1))
+    assert not draw(scene, device, ("color",)).color.any()
 
 
 @pytest.mark.parametrize("name", NAMES)

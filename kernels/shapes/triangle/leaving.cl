@@ -51,6 +51,7 @@ static __attribute__((noinline)) void triangle_place(const Spheres spheres, Star
 static void triangle_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->spheres, index));
     const INT number = TRIANGLE_OR_NONE(scene->spheres, index);
+    /* A ray that leaves a triangle is in its plane there, and so does not meet it: not asking saves exact stages. */
     const REAL_MASK other = here & TO_REAL_MASK(index != ray.own);
     Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene->spheres, number), other, 0);
     decide_encounter(scene->spheres, ray, index, &crossing);
