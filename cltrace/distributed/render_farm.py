@@ -17,7 +17,7 @@ from uuid import uuid4
 
 from distributed import Client
 
-from cltrace.base.errors import DeviceError
+from cltrace.base.errors import CltraceError, DeviceError
 from cltrace.base.waiting import Announcement
 from cltrace.distributed.workers import RESOURCE, OneDevice, Part, WorkerError, devices_here, draw
 from cltrace.plan.abi import Precision
@@ -108,7 +108,8 @@ class Farm:
     def take(self, task: Task) -> Callable[[], Any]:
         """Has a task done. What it returns waits for what is wanted of it.
 
-        Raises FarmError, as that does for a task that fails or whose workers die.
+        Raises FarmError, as that does for a task that fails or whose workers die. It raises at once what would end the
+        task on any worker: TooManyRaysError and TooSlowError.
         """
         with self._gone():
             return partial(self._result, task, self._handed_out(task))
@@ -150,7 +151,7 @@ class Farm:
 
         for _ in range(1 + RETRIES):
             try:
-                return self._waited_for(future)
+                result = self._waited_for(future)
             except (KilledWorker, _NobodyError):
                 break
             except WorkerError as error:
@@ -159,6 +160,10 @@ class Farm:
                 self._base = None
                 with self._gone():
                     future = self._handed_out(task)
+            else:
+                if isinstance(result, CltraceError):
+                    raise result
+                return result
         words = self._last_words()
         last = f"; the last words there: {words}" if words else ""
         raise FarmError(f"{task.label}: workers have died over it again and again{last}")

@@ -13,7 +13,7 @@ import numpy as np
 from distributed import Worker, WorkerPlugin
 
 from cltrace.base.arrays import processors
-from cltrace.base.errors import CltraceError
+from cltrace.base.errors import CltraceError, TooManyRaysError, TooSlowError
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
 from cltrace.renderers.renderer import Renderer
@@ -84,7 +84,8 @@ def devices_here() -> tuple[str, str, bool]:
 def draw(key: str, base: Scene, camera: Camera, options: Mapping[str, Any], part: Part) -> Any:
     """What is wanted of the Image of a part of a scene, as the worker's device draws it.
 
-    key: of the base, which names what may be kept; camera: that looks at it.
+    key: of the base, which names what may be kept; camera: that looks at it. What no worker can draw is returned as its
+    error, since what is raised is tried again.
     """
     scene, crop = base.seen_by(camera), part.crop
     name = f"{key} {sorted(options.items())!r}"
@@ -99,6 +100,8 @@ def draw(key: str, base: Scene, camera: Camera, options: Mapping[str, Any], part
                 renderer = renderer.following(renderer.scene.seen_by(scene.camera))
         image = (renderer.rows(*part.rows) if part.rows else renderer).render()
         found = part.wanted(image) if part.wanted else _whole(image)
+    except (TooManyRaysError, TooSlowError) as error:
+        return error
     except Exception as error:
         # What a driver raises may not be what another machine can read, and the machine's name helps.
         raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None

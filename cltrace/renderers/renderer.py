@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.errors import DeviceError
 from cltrace.base.limits import MAX_PIXELS, MAX_SIDE
 from cltrace.base.progress import bar
+from cltrace.base.waiting import Stopwatch
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.image import Image, Output
@@ -173,10 +174,11 @@ class Renderer:
         now = self._now()
         return now._derived(now.scene, replace(self.request, crop=crop), self.device, start)
 
-    def rows(self, first: int, end: int) -> Renderer:
+    def rows(self, first: int, end: int, watch: Stopwatch | None = None) -> Renderer:
         """Rows of the picture that this one draws, before `end`, as another Renderer that makes nothing anew.
 
-        Unlike cropped(), which makes lists for less, it costs nothing. Raises ValueError for rows that are not there.
+        Unlike cropped(), which makes lists for less, it costs nothing. watch: where all rows of the picture together
+        have one limit of seconds. Raises ValueError for rows that are not there.
         """
         x, y, width, height = self.region
         if not y <= first < end <= y + height:
@@ -184,7 +186,7 @@ class Renderer:
         other = self._now()
         # Its view stays the one of this request, by which _derived() knows that it is of more than these rows.
         other.request = replace(self.request, crop=(x, first, x + width, end))
-        other._executor = other._executor.of((x, first, width, end - first))
+        other._executor = other._executor.of((x, first, width, end - first), watch)
         return other
 
     def on(self, device: Device) -> Renderer:

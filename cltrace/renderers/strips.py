@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from cltrace.base.errors import OutOfMemoryError
 from cltrace.base.progress import bar
+from cltrace.base.waiting import Stopwatch
 from cltrace.picture.image import Image
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.rows import STEP
@@ -18,14 +19,16 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
     """The picture of a renderer, as Images of some rows, each after their number: a multiple of STEP but for the last.
 
     A small picture is one Image. Where the memory of the device or of this process is too small, strips become smaller.
-    progress: as of Renderer.render(), which says what is raised, too.
+    They have one limit of seconds, to which what is done with them does not count. progress: as of Renderer.render(),
+    which says what is raised, too.
     """
     _, first, width, height = renderer.region
     end, rows = first + height, max(STEP, ROOM // (width * renderer.bytes_a_pixel) // STEP * STEP)
+    watch = Stopwatch(own=renderer.device.kind == "cpu")
     with bar(height, "row", progress) as shown:
         while first < end:
             last = min(first + rows, end)
-            part = renderer if last - first == height else renderer.rows(first, last)
+            part = renderer if last - first == height else renderer.rows(first, last, watch)
             try:
                 image = part.draw(shown.update)
             except (OutOfMemoryError, MemoryError):
@@ -33,5 +36,6 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
                     raise
                 rows = max(STEP, (last - first) // (2 * STEP) * STEP)
             else:
-                yield last - first, image
+                with watch.stopped():
+                    yield last - first, image
                 first = last

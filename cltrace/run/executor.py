@@ -172,11 +172,16 @@ class Executor:
         if self._unstoppable and before._unstoppable:
             self._unstoppable = Unstoppable(self.plan, self.device, before._unstoppable)
 
-    def of(self, region: Region) -> Executor:
-        """Draws a part of the same region, with the same buffers. Not while another thread draws with this one."""
+    def of(self, region: Region, watch: Stopwatch | None = None) -> Executor:
+        """Draws a part of the same region, with the same buffers. Not while another thread draws with this one.
+
+        watch: of all parts of a picture, which together may take the seconds that this region may.
+        """
         other = copy(self)
         other.room = object()
         other._move_to(region)
+        if watch:
+            other._watch, other._limited = watch, self._limited
         return other
 
     def frame(self) -> Frame:
@@ -216,7 +221,8 @@ class Executor:
         devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
         TooSlowError soon after the limit of seconds.
         """
-        self._watch.begin()
+        if self._limited == self.region:
+            self._watch.begin()
         strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
         for number, part in enumerate(self._passes()):
             told = drawn if number == len(self._further) else lambda rows: drawn(0)
@@ -330,7 +336,7 @@ class Executor:
 
     def _move_to(self, region: Region) -> None:
         """Renders this part of the picture from now on: x, y, width, height in pixels."""
-        self.region = region
+        self.region = self._limited = region
         # A frame has it, too, as no packet may be in two tiles.
         self._margin = margin_of(region)
 
@@ -420,8 +426,8 @@ class Executor:
 
     @property
     def _most_seconds(self) -> float:
-        """How long drawing may take."""
-        samples = self.region[2] * self.region[3] * (self.plan.request.samples or 1)
+        """How long drawing may take, with other parts where they have one limit."""
+        samples = self._limited[2] * self._limited[3] * (self.plan.request.samples or 1)
         return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
 
     def _is_late(self) -> bool:

@@ -27,6 +27,8 @@ cloudpickle = pytest.importorskip("cloudpickle")
 dask = pytest.importorskip("dask")
 
 from cltrace.distributed import FarmError, animate, render, render_farm  # noqa: E402
+from cltrace.distributed.workers import draw  # noqa: E402
+from cltrace.run import executor  # noqa: E402
 
 # Processes are started, which takes seconds. Of what dask leaves open, nothing is ours.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -157,6 +159,13 @@ def die(*_: object) -> None:
     os._exit(7)
 
 
+def noted(*what: Any) -> Any:
+    """As draw(), and a file grows with each try."""
+    with Path(os.environ["TRIES"]).open("a") as file:
+        file.write(".")
+    return draw(*what)
+
+
 def fail(*_: object) -> None:
     raise render_farm.WorkerError("no room (on host, process 5)")
 
@@ -170,6 +179,24 @@ def test_what_fails_again_and_again_is_named(client: Any, tmp_path: Path, monkey
     monkeypatch.undo()
     assert not list(tmp_path.iterdir())
     assert np.array_equal(render(small(), client).rgb8, cltrace.render(small()).rgb8)
+
+
+def limited(seconds: float, tries: str = "") -> None:
+    """In a worker: its limit of seconds, and the file of noted()."""
+    executor.MAX_SECONDS, os.environ["TRIES"] = seconds, tries
+
+
+def test_what_is_too_slow_is_not_tried_again(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it would be so on each worker; and it is the error of one process."""
+    monkeypatch.setattr(render_farm, "draw", noted)
+    client.run(limited, 0, str(tmp_path / "tries"))
+    try:
+        with pytest.raises(cltrace.TooSlowError, match=r"^drawing takes longer than 0 s; lower the resolution"):
+            render(small(), client, tmp_path / "x.png", tiles=1)
+    finally:
+        client.run(limited, 1000)
+    assert (tmp_path / "tries").read_text() == "."
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_what_kills_its_workers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import pyopencl as cl
 import pytest
 from random_scenes import usual_scene
 
-from cltrace import Renderer, cli
+from cltrace import Renderer, TooSlowError, cli
 from cltrace.renderers import strips
+from cltrace.run import executor
 from cltrace.run.devices import Device
 from cltrace.run.executor import Executor, Frame
 
@@ -72,6 +74,33 @@ def test_strips_become_smaller_where_memory_does_not_suffice(
     assert {rows for rows, _ in parts[:-1]} == {16}
     assert np.array_equal(np.concatenate([image.rgb8 for _, image in parts]), want)
     assert cli.main([str(SCENE), *SIZE, "-o", "a.png"]) == 0
+
+
+def busy(seconds: float) -> None:
+    """Takes so long of a processor."""
+    start = time.process_time()
+    while time.process_time() < start + seconds:
+        pass
+
+
+def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each took less than the limit; and what is done with them between does not count."""
+    monkeypatch.setattr(strips, "ROOM", 2**12)
+    renderer, render = Renderer(usual_scene()), Executor._render
+    want = renderer.render().rgb8
+    monkeypatch.setattr(executor, "MAX_SECONDS", 1.5)
+    parts = []
+    for _, image in strips.strips(renderer):
+        parts.append(image.rgb8)
+        busy(0.6)
+    assert len(parts) > 2
+    assert np.array_equal(np.concatenate(parts), want)
+    monkeypatch.setattr(Executor, "_render", lambda self, *where: busy(0.6) or render(self, *where))
+    drawn = strips.strips(renderer)
+    next(drawn)  # in time
+    with pytest.raises(TooSlowError):
+        list(drawn)
+    assert np.array_equal(renderer.render().rgb8, want)  # which has a limit of its own
 
 
 def test_too_little_memory_is_said(
