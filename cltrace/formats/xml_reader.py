@@ -75,7 +75,10 @@ class _Reader(Checks):
         with_texture = finishes[:, -1] >= 0
         finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]
         materials, material_of = packed_materials(finishes)
-        view, ends = self._view(), np.cumsum([len(part) for part in parts])[:-1]
+        view = self._view()
+        for shape in shapes:
+            shape.doubt_reach(view)
+        ends = np.cumsum([len(part) for part in parts])[:-1]
         surfaces: dict[str, Any] = {}
         for shape, of in zip(shapes, np.split(material_of, ends), strict=True):
             surfaces |= shape.fields(of)

@@ -99,9 +99,12 @@ class Crossing:
         ab, ca = -e1.dot(R), e2.dot(R)
         s, gh, w1 = size_of(to_a) + way.reach, triangle.g * triangle.h, way.w1
         bound, den_error = 2.0**-44 * s * w1 * (triangle.g + triangle.h), 2.0**-46 * w1 * gh
+        self.w1 = w1
         self.D, self.den = Rough(to_a.dot(N), 2.0**-45 * s * gh), Rough(den, den_error)
         self.ab, self.ca = Rough(ab, bound), Rough(ca, bound)
         self.bc = Rough((den - ca) - ab, bound + den_error)
+        # |den| times how far the point of weights() is off: each weight, which is at most 1, by its part of |den|.
+        self.off = (bound + den_error) * triangle.size
 
     @cached_property
     def side(self) -> int | None:
@@ -125,6 +128,14 @@ class Crossing:
         if D.error <= 2.0**-26 * abs(D.value) and den.error <= 2.0**-26 * abs(den.value):
             return D.value / den.value
         return None
+
+    @property
+    def has_point(self) -> bool:
+        """Of a ray that surely meets the triangle: whether the point of weights() is off by 2^-24 of the way at most.
+
+        Where edges are millions of times as long as a triangle is wide, N has lost its digits.
+        """
+        return self.t is not None and self.off <= 2.0**-24 * abs(self.D.value) * self.w1
 
     def weights(self) -> tuple[float, float]:
         """Of the corners B and C, where the ray is in the plane; not below 0."""

@@ -348,7 +348,6 @@ def scaled(x: float, y: float, z: float) -> str:
         (ball(RED, scaled(1e22, 1e22, 1e22)), "2e+22"),
         (ball(RED, scaled(1e22, 1, 1)), "1e+22"),
         (ball(RED, scaled(1, 1e-22, 1)), "1e-22"),
-        (mesh("a.obj", RED, scaled(1e22, 1e22, 1e22)), "1e+22"),
         (mesh("a.obj", RED, scaled(1e-22, 1e-22, 1e-22)), "1e-22"),
         (mesh("a.obj", RED, scaled(1e-18, 1e-18, 1e-18)), ""),
     ],
@@ -361,6 +360,20 @@ def test_sizes_that_are_none_for_colours(surface: str, size: str) -> None:
         f"scene.xml:{FIRST}: {kind}: a radius or scale of {size} may spoil colours, which hold within 1.1e-19..9.2e+18"
     )
     assert warnings == ([words] if size else [])
+
+
+NEEDLES = "v -1.5 {} 0\nv 1.5 -1 0.4\nv 1.5 1 0\nv -1.5 1 -0.75\nf 1 2 3\nf 1 2 4\n"
+
+
+@pytest.mark.parametrize("reach", ["1e22", "-9007199254740993", "2147483648", "6e6", "4e6"])
+def test_narrow_triangles_that_reach_far_are_none_for_colours(reach: str) -> None:
+    """Found with 1e22. The camera looks at what is 5 away."""
+    Path("a.obj").write_text(NEEDLES.format(reach))
+    Path("scene.xml").write_text(HEAD + ball() + mesh("a.obj") + "</surfaces></scene>")
+    _, warnings = read("scene.xml")
+    words = f"mesh: reaches to {abs(float(reach)):.2g}, which may spoil colours, which hold within 5e+06"
+    line = f"scene.xml:{FIRST + 1}: {words}: 1e+06 times as far as the camera looks"
+    assert warnings == ([line] if reach != "4e6" else [])
 
 
 TRANSFORMS = {

@@ -293,6 +293,22 @@ def test_the_corner_of_the_largest_weight_is_the_anchor(turn: int) -> None:
     assert (start.corner, start.u, start.v) == (-turn % 3, 0.25, pytest.approx(2 / 7))
 
 
+@pytest.mark.parametrize("reach", [1e7, 1e10])
+def test_points_of_narrow_triangles_are_on_their_rays(reach: float) -> None:
+    """Found with a corner at 1e22: in doubles the weights were off by more than the picture is wide."""
+    mesh = Mesh([(-1.5, reach, 0), (1.5, -1, 0.4), (-1.5, 1, -0.75)], [(0, 1, 2)])
+    camera = Camera((0.4, 0.5, 6), (0, 1, 0), horizontal_fov=20, resolution=(24, 16))
+    world, met = world_of(scene_of(mesh, camera=camera)), 0
+    for u, v in itertools.product(range(24), range(16)):
+        at = closest_hit(world, primary_ray(camera, u, v))
+        if at is not None:
+            assert isinstance(at.start, OnTriangle)
+            off = at.start.point - at.point
+            assert off.dot(off) < (1e-6 * at.t) ** 2
+            met += 1
+    assert met > 10
+
+
 def test_outside_is_where_the_normals_point_to() -> None:
     away, towards = (0, 0, -3), (0.5, 0, 4)
     for faces, normals, inside in (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cltrace.formats.xml_bulk import FINISHED
 from cltrace.formats.xml_checks import Checks, Numbers
-from cltrace.scene import MeshFile
+from cltrace.scene import Camera, MeshFile
 
 
 class Shape(ABC):
@@ -41,6 +41,9 @@ class Shape(ABC):
 
     def complete(self) -> None:  # noqa: B027 (most name none)
         """Reads the files that the elements name, after all of these."""
+
+    def doubt_reach(self, view: Camera) -> None:  # noqa: B027 (only meshes have narrow triangles)
+        """Warns of what reaches so far, for where the camera looks, that its colours may not hold."""
 
     def files(self) -> dict[int, MeshFile]:
         """The file of each surface that has one, by its number."""
