@@ -28,6 +28,8 @@ except ImportError:  # Windows
 log = logging.getLogger("cltrace")
 # The folders that PoCL, pyopencl and its tools make in the cache folder.
 CACHES = ("pocl", "pyopencl", "pytools")
+# What ends the process, or its import of pyopencl, where it is set and empty, as a shell's `NAME= command` has it.
+NOT_EMPTY = ("POCL_CACHE_DIR", "PYOPENCL_NO_CACHE", "PYOPENCL_COMPILER_OUTPUT")
 # Bytes that must be free there: the files of the largest kernel take 2.3 MB while it is compiled.
 ROOM = 2**22
 # A folder in memory, which Linux has.
@@ -43,8 +45,12 @@ _looked: dict[Path, int] = {}
 def ensure() -> None:
     """Points XDG_CACHE_HOME to a temporary folder of this user if the usual cache folder cannot be used.
 
-    Where there is no such folder either, pyopencl is told to do without a cache. Raises nothing.
+    Where there is no such folder either, pyopencl is told to do without a cache. What is empty is taken for not set.
+    Raises nothing.
     """
+    for name in NOT_EMPTY:
+        if os.environ.get(name) == "":
+            del os.environ[name]
     chosen = os.environ.get("XDG_CACHE_HOME")
     if _usable(Path(chosen)) if chosen else _usual():
         return

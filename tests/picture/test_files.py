@@ -374,6 +374,14 @@ def test_damaged_caches_are_mended_once(tmp_path: Path) -> None:
     assert (status, f"           {programs[0]} was damaged, and is made again\n" in report) == (0, True)
 
 
+def test_empty_variables_are_none() -> None:
+    """Found by `POCL_CACHE_DIR= cltrace ...`: PoCL ended the process with SIGABRT, and pyopencl with a traceback."""
+    environment = os.environ | dict.fromkeys(caches.NOT_EMPTY, "")
+    line = [sys.executable, "-m", "cltrace", "--list-devices"]
+    done = subprocess.run(line, env=environment, capture_output=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 @pytest.mark.slow
 def test_commands_share_an_empty_cache() -> None:
     """Ten at once compile the same kernel, and write it to the same place."""
