@@ -251,6 +251,8 @@ class FromSurface(Equation):
     def normal(self, side: int, t: float) -> Direction:
         """From the centre to the point is t w - f; a sphere's is turned to camera space last."""
         g = self.w * t - self.f
+        if not g.dot(g) > 0:  # it is so small, for its distance, that doubles have both in one place
+            g = -self.w
         n = g * (1 / math.sqrt(g.dot(g)))
         return self.sphere.frame.B @ n if self.sphere.ball.to_object is None else n
 

@@ -26,9 +26,10 @@ from glowing import (
 )
 from stress_cases import channel, picture
 
-from cltrace import Camera, Scene, point_light
+from cltrace import Camera, Renderer, Scene, point_light
 from cltrace.bench.cases import directions, looking, unit
 from cltrace.run.devices import Device
+from cltrace.students.check import check
 
 
 def seen_stretched(scale: Row, camera: Camera) -> Camera:
@@ -177,3 +178,20 @@ def test_ellipsoids_close_their_rooms(device: Device) -> None:
         glass = glowing(camera, [((0, 0, 0), 1)], RED, BLUE, transmittance=0.5, index=1.0, transform=L)
         image = picture(glass, device)
         assert (image.color[image.id == 0] == (0.75, 0, 0.25)).all(), name
+
+
+def test_flat_ellipsoids_that_doubles_have_in_one_place_with_the_point(any_device: Device) -> None:
+    """Found by a scale of 1e-26: in its own axes the point was the centre, whose normal was NaN, and which ended the
+    reference's check with a ZeroDivisionError."""
+    for flat in (1e-16, 1e-26):
+        scene = Scene.from_spheres(
+            Camera((0, 0, 6), (0, 0, 0), resolution=(1, 1), max_bounces=1),
+            [point_light((3, 4, 5))],
+            np.zeros((1, 3)),
+            1.0,
+            reflectance=0.5,
+            transform=np.diag([1, 1, flat]),
+        )
+        image = Renderer(scene, any_device, outputs=("rgb8", "color", "normal", "id")).render()
+        assert check(scene, image, "accurate").ok
+        assert image.normal[0, 0].tolist() == [0, 0, 1]

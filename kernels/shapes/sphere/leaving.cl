@@ -368,7 +368,13 @@ typedef struct {
 
 static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray, const Ball ball, const REAL t) {
     const Approach way = approach_of(spheres, ray, ball);
-    const Real3 g = {t * way.w.x - way.f.x, t * way.w.y - way.f.y, t * way.w.z - way.f.z};
+    Real3 g = {t * way.w.x - way.f.x, t * way.w.y - way.f.y, t * way.w.z - way.f.z};
+    if (HAS(WITH_ELLIPSOIDS)) {
+        /* A flat one is so small in its own axes, for its distance there, that doubles have both in one place. */
+        const REAL_MASK lost = !(DOT(g, g) > 0);
+        const Real3 back = {-way.w.x, -way.w.y, -way.w.z};
+        PUT3(PUT_WHERE, lost, g, back);
+    }
     const REAL over = 1 / sqrt(DOT(g, g));
     const Real3 q = {g.x * over, g.y * over, g.z * over};
     Spot spot;
