@@ -95,7 +95,8 @@ class _Work:
         output = self.movie.output
         for path in [scene.path for scene in self.movie.scenes] if output is not None else ():
             try:
-                name = pattern_of(output or "", Path(path).stem, self.movie.orbit is not None).text
+                pattern = pattern_of(output or "", Path(path).stem, self.movie.orbit is not None)
+                name = pattern.text if self.movie.orbit is not None else pattern.of(0)
             except ValueError as error:
                 raise UsageError(f"-o: {error}") from None
             if name in taken:

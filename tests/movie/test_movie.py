@@ -616,6 +616,7 @@ def test_several_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     ("arguments", "message"),
     [
         (["{a}", "{b}", "-o", "x.png"], "-o: a.xml and b.xml would both be x.png; have {} in it, which is the name"),
+        (["{a}", "{b}", "-o", "x%d.png"], "-o: a.xml and b.xml would both be x%d.png; have {} in it"),
         (["{a}", "{b}", "--orbit", "2", "-o", "f%d.png"], "-o: a.xml and b.xml would both be f%d.png; have {} in it"),
         (["{a}", "{b}", "--check"], "--check is for one picture, of one scene"),
         (["{a}", "--orbit", "2", "--stats"], "--stats is for one picture, of one scene"),
