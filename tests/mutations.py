@@ -159,6 +159,20 @@ MUTATIONS = [
         "lights within cylinders",
         ROD_FILTER,
     ),
+    Mutation(
+        "real(2**0.5 * (1 + SLACK)) * r + size",
+        "real(0.2) * r + size",
+        "cylinders that reach into a side of a light's cube",
+        "-m slow tests/kernels/test_cylinders.py -k shadows_are",
+    ),
+    Mutation(
+        "np.copysign(edge.dtype.type(most[k // 2]), edge)",
+        "np.copysign(edge.dtype.type(0.1), edge)",
+        "cylinders that are all around the eye",
+        RODS,
+    ),
+    Mutation("np.where(below, A[1], right)", "np.where(below, left, right)", "hexagons around cylinders", RODS),
+    Mutation("low -= loose", "low += loose", "what the edges of cylinders are off by", RODS),
     Mutation("c.w == 0) rod.span = 0", "c.w < 0) rod.span = 0", "caps that are discs", CUTS),
     Mutation(
         "number < scene->spheres.first_cut;", "1;", "light where balls are cut", f"-m slow {CUTS} -k changes_a_pic"

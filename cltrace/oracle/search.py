@@ -19,7 +19,7 @@ from cltrace.numbers.fine import Fine
 from cltrace.numbers.pairs import Floats
 from cltrace.numbers.surds import Interval, Surds, root_between, signs_with_root, signs_with_roots
 from cltrace.numbers.whole import Signs, Whole, rounded
-from cltrace.oracle.rays import ExactRays, Ids, Rays, SurdVector
+from cltrace.oracle.rays import ExactRays, Ids, Points, Rays, SurdVector
 from cltrace.scene import Scene
 
 Bools = NDArray[np.bool_]
@@ -302,3 +302,19 @@ class Found:
         if len(rows):
             t[rows] = self.kinds.roots(self.rays, rows, self.item[rows]).rounded()
         return t
+
+
+def on_hits(rays: Rays, of: Kind, own: Ids) -> Points:
+    """The points where rays with rational numbers meet surfaces of a kind: o + (b + side sqrt(D)) d / a.
+
+    own: (n,), the row of each one, which its ray meets.
+    """
+
+    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
+        some = rays.exact(rows, grid)
+        roots = of.roots(some, own[rows], 0.0, np.inf)
+        a, b, D = roots.a.p, roots.b.p, roots.D.p
+        x, y, z = (Surds(a * o.p + b * d.p, roots.side * d.p, D) for o, d in zip(some.start, some.way, strict=True))
+        return some.scale * a, (x, y, z)
+
+    return Points(None, max(rays.grid, of.grid), exact, own, type(of))

@@ -59,7 +59,7 @@ from cltrace.oracle.rays import (
     to_light,
     turned,
 )
-from cltrace.oracle.search import Bools, Hits, Kind, Kinds, Roots
+from cltrace.oracle.search import Bools, Hits, Kind, Kinds, Roots, on_hits
 from cltrace.scene import Scene
 from cltrace.scene.rules import is_whole, numbers
 
@@ -484,7 +484,7 @@ def lit(
     if own.dtype.kind != "i" or not ((own >= 0) & (own < m)).all():
         raise ValueError(f"hit_index: must be the index of one of the {m} spheres, got {hit_index!r}")
     side = _hit(rays, spheres, own)[1].side
-    shadow = to_light(_on_hits(rays, spheres, own), where, kind == "parallel")
+    shadow = to_light(on_hits(rays, spheres, own), where, kind == "parallel")
     exact = shadow.exact(np.arange(len(own)), max(shadow.grid, spheres.grid))
     f, w, _ = spheres.from_start(exact, own)
     # From a light at a point they lead to P, so (C - P).(L - P) is w.w - f.w.
@@ -500,19 +500,6 @@ def _hit(rays: Rays, spheres: Spheres, own: Ids) -> tuple[ExactRays, Roots]:
     if not roots.exists.all():
         raise ValueError("the ray does not hit the sphere")
     return exact, roots
-
-
-def _on_hits(rays: Rays, spheres: Spheres, own: Ids) -> Points:
-    """The points where rays with rational numbers meet these spheres: o + (b + side sqrt(D)) d / a."""
-
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        some = rays.exact(rows, grid)
-        roots = spheres.roots(some, own[rows], 0.0, np.inf)
-        a, b, D = roots.a.p, roots.b.p, roots.D.p
-        x, y, z = (Surds(a * o.p + b * d.p, roots.side * d.p, D) for o, d in zip(some.start, some.way, strict=True))
-        return some.scale * a, (x, y, z)
-
-    return Points(None, max(rays.grid, spheres.grid), exact, own, Spheres)
 
 
 def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float, bits: int = 160) -> Fraction:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from cltrace.bench.regimes import rays as camera_rays
 from cltrace.oracle.cuts import Cuts
 from cltrace.oracle.cylinders import Cylinders
-from cltrace.oracle.rays import along, at_point
-from cltrace.oracle.search import Kinds
+from cltrace.oracle.rays import along, at_point, to_light
+from cltrace.oracle.search import Kinds, on_hits
 from cltrace.oracle.spheres import Spheres
 from cltrace.oracle.triangles import Triangles
-from cltrace.scene import Camera, Scene, parallel_light, point_light
+from cltrace.picture.image import Image
+from cltrace.scene import PARALLEL, Camera, Scene, parallel_light, point_light
 
 Floats = NDArray[np.float64]
 
@@ -243,3 +244,28 @@ def wrong_pixels(scene: Scene, ids: NDArray[np.int32], depth: Floats) -> int:
     wrong, met = ids.ravel() != number, number >= 0
     wrong[met] |= np.abs(depth.ravel()[met] / far[met] - 1) > 1e-7
     return int(wrong.sum())
+
+
+def wrong_shadows(scene: Scene, image: Image) -> tuple[int, int]:
+    """Of a picture of balls and cylinders in one light, with color, id and normal: how many pixels show one of these,
+    and how many of them are dark where the oracle says that nothing is between, or lit where something is.
+
+    Where light comes along the surface, to 1e-6, whether it faces the light is not asked.
+    """
+    kinds, light = Kinds([Spheres.of(scene), Cylinders.of(scene)]), scene.lamps[0]
+    basis, parallel = np.array(scene.camera.basis()), bool(light["kind"] == PARALLEL)
+    place = light["direction" if parallel else "position"]
+    d, lit = camera_rays(scene.camera), np.asarray(image.color.reshape(-1, 3).any(axis=1))
+    rays = along(at_point(scene.camera.position, len(d)), d, basis)
+    found = kinds.closest(rays)
+    far = np.where(found.item >= 0, found.rounded(), 0)
+    towards = np.broadcast_to(-place, d.shape) if parallel else place - scene.camera.position - far[:, None] * d @ basis
+    faces = (image.normal.reshape(-1, 3) * towards).sum(axis=1) / np.linalg.norm(towards, axis=1)
+    asked = wrong = 0
+    for kind, first in zip(kinds.kinds, kinds.first, strict=False):
+        its = (found.item >= first) & (found.item < first + len(kind.surface))
+        rows = np.flatnonzero(its & (np.abs(faces) > 1e-6))
+        shadow = to_light(on_hits(rays.at(rows), kind, found.item[rows] - first), place, parallel)
+        wrong += int((lit[rows] != ((faces[rows] > 0) & ~kinds.blocked(shadow))).sum())
+        asked += len(rows)
+    return asked, wrong

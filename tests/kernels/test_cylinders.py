@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hostile.rod_pictures import REGIMES, lit_of, scene_of, wrong_pixels
+from hostile.rod_pictures import REGIMES, lit_of, scene_of, wrong_pixels, wrong_shadows
 from judged_pictures import agrees, changed_by_filter, is_the_mean_of_finer_pixels, single_agrees
 
 import cltrace
 from cltrace import Camera, Orthographic, Scene, ambient_light, parallel_light, point_light
+from cltrace.picture.image import Output
 from cltrace.run.devices import Device
 
 LIGHTS = (ambient_light((0.2, 0.2, 0.2)), point_light((5, 8, 9)), parallel_light((-1, -1, -0.3), (0.3, 0.3, 0.3)))
@@ -52,6 +53,36 @@ def test_hostile_pictures(device: Device, name: str) -> None:
 @pytest.mark.parametrize("name", REGIMES)
 def test_a_million_rays(device: Device, name: str) -> None:
     assert seen_wrong(name, device, 110, (111, 87)) == 0
+
+
+def shadows_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) -> tuple[int, int]:
+    """How many shadow rays were asked for, in each of four lights, and how many the oracle has otherwise."""
+    counts = []
+    for seed in range(seeds):
+        scene = lit_of(name, seed, size)
+        for light in scene.lights.reshape(-1, 1):
+            outputs: tuple[Output, ...] = ("color", "normal")
+            one = scene.lit_by([light])
+            image = cltrace.Renderer(one, device, "accurate", outputs, keep=("features",)).render()
+            counts.append(wrong_shadows(one, image))
+    asked, wrong = np.sum(counts, axis=0).tolist()
+    return asked, wrong
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in ("needles", "grazing") else pytest.mark.slow) for name in REGIMES]
+)
+def test_shadows_are_those_of_the_oracle(device: Device, name: str) -> None:
+    asked, wrong = shadows_wrong(name, device, 2, (12, 9))
+    assert asked > 100
+    assert wrong == 0
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("name", REGIMES)
+def test_a_million_shadow_rays(device: Device, name: str) -> None:
+    """Of all regimes together."""
+    assert shadows_wrong(name, device, 80, (31, 23))[1] == 0
 
 
 @pytest.mark.slow

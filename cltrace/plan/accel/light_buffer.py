@@ -318,7 +318,7 @@ def _on_window(axes: Array, parts: Sequence[Part], nest: Nest, slack: float, per
         if part.corner is None:
             return None
         at = sprawling(covers)
-        corner = (part.corner.take(which.take(at), axis=2) - low[:, None, None]) * scale[:, None, None]
+        corner = (part.corner(which.take(at)) - low[:, None, None]) * scale[:, None, None]
         loose = part.loose[which[at]] if part.loose.ndim else part.loose
         return outlines_of(at, corner, off_by(loose))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import NamedTuple, Protocol
 
@@ -107,7 +108,7 @@ class Polygons(Silhouettes):
             off = (loose + part.loose).astype(part.edges[0].dtype)
             pixels = [(part.edges[k] - off, part.edges[k + 1] + off) for k in (0, 2)]
             member, every = rest.primitives(part.triangle), np.ones(len(part.triangle), bool)
-            return use(Pictured(member, every, pixels, part.near.take, part.corner, off))
+            return use(Pictured(member, every, pixels, part.near.take, partial(part.corner.take, axis=2), off))
 
         return projections(Turned((x, y, z), (1, -1, -1)), rest.face, rest.of(among), pane, real, enter), held
 
@@ -132,7 +133,7 @@ class Polygons(Silhouettes):
             near = rounded_down(-most - SLACK * np.abs(most) - LOOSE)
             member = self.primitives(np.arange(block.start, block.stop, dtype=np.int32))
             ahead = asked[block] & (depth.min(axis=0) < LOOSE)
-            return use(Pictured(member, ahead, pixels, near.take, corner, np.asarray(off)))
+            return use(Pictured(member, ahead, pixels, near.take, partial(corner.take, axis=2), np.asarray(off)))
 
         return blockwise(len(self.face), see)
 
@@ -163,7 +164,7 @@ class Polygons(Silhouettes):
             member = self.primitives(part.triangle)
             loose = part.loose + off_by(cube.pane)
             edges = [edge - loose if k % 2 == 0 else edge + loose for k, edge in enumerate(part.edges)]
-            return Cast.of(member, edges, (part.near, part.far), who, part.corner, loose)
+            return Cast.of(member, edges, (part.near, part.far), who, partial(part.corner.take, axis=2), loose)
 
         return projections(turned, self.face, self.of(who.occluder), cube.pane, cube.real, place)
 
@@ -183,7 +184,7 @@ class Polygons(Silhouettes):
             least, most = corner[2].min(axis=0), corner[2].max(axis=0)
             depths = rounded_down(-most - real(pane.along)), real(2.0**-10) - least
             ends = [(values.min(axis=0) - loose, values.max(axis=0) + loose) for values in corner[:2]]
-            return Cast.of(member, [*ends[0], *ends[1]], depths, who, corner[:2], loose)
+            return Cast.of(member, [*ends[0], *ends[1]], depths, who, partial(corner[:2].take, axis=2), loose)
 
         return blockwise(len(self.face), look, AT_ONCE)
 

@@ -25,6 +25,8 @@ T = TypeVar("T")
 # float32 or double, and its type.
 Reals = NDArray[Any]
 Real = type[np.floating[Any]]
+# The corners of some silhouettes, by which of them these are.
+Corners = Callable[[NDArray[np.intp]], Reals]
 # (n,) each: lower bounds of the depth of nearest points, and upper bounds of that of furthest points.
 Depths = tuple[NDArray[np.float32], Reals]
 # The same as SLACK, for arithmetic in double.
@@ -96,14 +98,14 @@ class Pictured(NamedTuple):
 
     member: (n,), which surfaces they are; wanted: (n,), which of them rays may meet; pixels: of both axes the places of
     the first and of the last pixel, (n,) each, before these are rounded to whole ones; near: the depths of the nearest
-    points of some, lower bounds; corner: (2, c, n), of polygons, in pixels; loose: (n,) or (), what those are off by.
+    points of some, lower bounds; corner: (2, c, j), of some polygons, in pixels; loose: (n,) or (), what it is off by.
     """
 
     member: Ints
     wanted: Mask
     pixels: Iterable[tuple[Reals, Reals]]
     near: Callable[[NDArray[np.intp]], NDArray[np.float32]]
-    corner: Reals | None = None
+    corner: Corners | None = None
     loose: Array = NOTHING
 
 
@@ -165,24 +167,30 @@ class Cast:
     """n silhouettes in the plane of a light's grid.
 
     member: (n,), which surfaces they are; edges: four of (n,), their left, right, low and high coordinates; near: (n,),
-    a lower bound of the depth of their nearest points; corner: (2, c, n), of polygons; loose: (n,) or (), how far off
-    those are, besides a few roundings. It is in the edges already.
+    a lower bound of the depth of their nearest points; corner: (2, c, j), of some polygons; loose: (n,) or (),
+    how far off those are, besides a few roundings. It is in the edges already.
     """
 
     member: Ints
     edges: list[Reals]
     near: NDArray[np.float32]
     extent: Extent
-    corner: Reals | None = None
+    corner: Corners | None = None
     loose: Array = field(default_factory=lambda: NOTHING)
 
     @staticmethod
-    def of(member: Ints, edges: list[Reals], depths: Depths, who: Shadows, *polygons: Reals) -> Cast:
-        """polygons: their corner and loose, if they are polygons."""
+    def of(
+        member: Ints,
+        edges: list[Reals],
+        depths: Depths,
+        who: Shadows,
+        corner: Corners | None = None,
+        loose: Array = NOTHING,
+    ) -> Cast:
         (near, far), ends = depths, np.flatnonzero(who.receiver[member])
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
         nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
-        return Cast(member, edges, near, Extent(spans, nearest, furthest), *polygons)
+        return Cast(member, edges, near, Extent(spans, nearest, furthest), corner, loose)
 
     @property
     def members(self) -> int:
@@ -202,7 +210,7 @@ class Cast:
         if self.corner is None:
             return sizes_of(self.edges_of(sample))
         which = np.flatnonzero(self.member % sample == 0)
-        return np.asarray(np.sqrt(2 * areas(self.corner.take(which, axis=2))))
+        return np.asarray(np.sqrt(2 * areas(self.corner(which))))
 
 
 def sizes_of(edges: Reals) -> Reals:

@@ -52,7 +52,7 @@ def _entered(window: Window, part: Pictured) -> tuple[tuple[NDArray[Any], ...], 
     if part.corner is not None:
         at = sprawling(covers)
         loose = part.loose[which[at]] if part.loose.ndim else part.loose
-        outline = outlines_of(at, part.corner.take(which.take(at), axis=2), loose)
+        outline = outlines_of(at, part.corner(which.take(at)), loose)
     return (part.member[which], covers, part.near(which)), outline
 
 

@@ -57,7 +57,7 @@ class Cylinders(Shape):
             return order_of(places) if by_place else np.arange(len(places), dtype=np.int32)
 
         row, row_of_cuts = order(of["start"] / 2 + of["end"] / 2), order(cuts["center"])
-        of, cuts = of[row], cuts[row_of_cuts]
+        of, cuts = of.take(row), cuts.take(row_of_cuts)
         n, row = len(of), np.concatenate([row, row_of_cuts + np.int32(len(of))])
         names = ("start", "end", "radius", "number", "material")
         parts = {name: np.concatenate([of[name], cuts[name]]) for name in names}
