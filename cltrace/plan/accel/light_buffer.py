@@ -60,7 +60,7 @@ SIDE = Pane((0, 0), (1 + 2.0**-16, 1 + 2.0**-16))
 
 def point_buffer(shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
     """The grids of a light at a point. shapes: surfaces as seen from the light, in the order of SHAPES."""
-    axes = cube_of([silhouettes.points[sampled(len(silhouettes.points))] for silhouettes in shapes])
+    axes = cube_of([points[sampled(len(points))] for points in (silhouettes.points for silhouettes in shapes)])
 
     def cast(real: Real, sides: list[tuple[int, float]], pane: Pane = SIDE) -> list[list[Part]]:
         found = [silhouettes.on_sides(Cube(axes, sides, pane, real), who) for silhouettes in shapes]

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arrays import blockwise
 from cltrace.numbers.vectors import cross
 from cltrace.plan.accel.capsules import Capsules
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
@@ -106,17 +107,17 @@ class Cylinders(Shape):
 
     def sides(self, point: Array) -> NDArray[np.int8]:
         """(n,): whether a point of the world is outside of each cylinder, 1, on it, 0, or inside, -1; exactly."""
-        n = self.uncut
-        x, u, r = point - self.start, self.end - self.start, self.radius
-        along, uu = (x * u).sum(axis=1), (u * u).sum(axis=1)
+        n, r = self.uncut, self.radius
+        x, u = (np.ascontiguousarray(v.T) for v in (point - self.start, self.end - self.start))
+        along, uu = (x * u).sum(axis=0), (u * u).sum(axis=0)
         # What is compared with the radius: of cut balls, the way from the centre.
-        across, y = np.cross(x, u), point - self.center
-        across[n:] = y
-        square, rim = (across * across).sum(axis=1), r * r * np.where(np.arange(len(r)) < n, uu, 1)
+        across, y = np.stack(cross(x, u)), (point - self.center).T
+        across[:, n:] = y
+        square, rim = (across * across).sum(axis=0), r * r * np.where(np.arange(len(r)) < n, uu, 1)
         # Coordinates of x and u are off by 2^-53 of themselves, products by more; 2^-48 of all sizes is beyond that.
-        x1, u1 = np.abs(x).sum(axis=1), np.abs(u).sum(axis=1)
+        x1, u1 = np.abs(x).sum(axis=0), np.abs(u).sum(axis=0)
         size = x1 * u1
-        size[n:] = np.abs(y).sum(axis=1)
+        size[n:] = np.abs(y).sum(axis=0)
         error = 2.0**-48 * x1 * u1
         beyond = np.maximum(-along, along - uu)
         beyond[n:][self.flat] = np.abs(along[n:][self.flat])
@@ -179,7 +180,8 @@ class CylindersInView(InView):
         seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
         arrays: Arrays = {"rod_side": sides.reshape(-1), "rod_seen": self._seen(k)}
-        return Sights(arrays, eye, [*seen], None, eye.nearest(slice(None)) == 0)
+        inside = blockwise(len(eye), lambda block: eye.nearest(block) == 0)
+        return Sights(arrays, eye, [*seen], None, np.concatenate(inside))
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""
