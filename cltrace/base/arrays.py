@@ -16,6 +16,8 @@ T = TypeVar("T")
 
 # Rows at a time: of doubles, their temporary arrays stay in a processor's cache.
 BLOCK = 2**15
+# Numbers at a time, whatever a row has.
+NUMBERS = 2**16
 # Rows of a picture at a time.
 ROWS = 64
 # The most bytes of an array that glibc takes as a hint, see keep_freed_memory().
@@ -90,6 +92,40 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     room = np.empty(count + PAGE, np.uint8)
     start = -room.ctypes.data % PAGE
     return room[start : start + count].view(kind).reshape(shape)
+
+
+def copied(array: NDArray[Any], dtype: DTypeLike, more: int = 0) -> NDArray[Any]:
+    """A copy of this dtype, in C order, which begins on a page if it is large.
+
+    more: of rows, a view of some that have so many more numbers, all 0: see widened().
+    """
+    room = empty((*array.shape[:-1], array.shape[-1] + more), dtype)
+    out = room[..., : array.shape[-1]] if more else room
+
+    def copy(rows: slice) -> None:
+        with np.errstate(over="ignore"):
+            out[rows] = array[rows]
+        if more:
+            room[rows, -more:] = 0
+
+    blockwise(len(array), copy, rows_in(array))
+    return out
+
+
+def widened(rows: NDArray[Any], width: int) -> NDArray[Any]:
+    """Rows of numbers as rows of so many, of which the last ones are any: without a copy if copied() has made room."""
+    more, step = width - rows.shape[1], width * rows.itemsize
+    if not more:
+        return rows
+    room = rows.base if rows.strides == (step, rows.itemsize) else None
+    if not isinstance(room, np.ndarray) or rows.ctypes.data + len(rows) * step > room.ctypes.data + room.nbytes:
+        rows = copied(rows, rows.dtype, more)
+    return np.lib.stride_tricks.as_strided(rows, (len(rows), width), (step, rows.itemsize))
+
+
+def rows_in(array: NDArray[Any]) -> int:
+    """How many rows of an array are a block that stays in a processor's cache while it is copied or checked."""
+    return max(1, NUMBERS // max(1, array[:1].size))
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import blockwise, empty, joined
+from cltrace.base.arrays import blockwise, copied, empty, joined, widened
 from cltrace.plan.abi import Precision, dtype_of, real_dtype
 from cltrace.plan.shapes.triangle import Triangles
 from cltrace.scene import PlacedMesh
@@ -18,10 +18,10 @@ from cltrace.scene import PlacedMesh
 class Attributes:
     """The normals and texture coordinates of k meshes with t triangles. What several meshes share is there once.
 
-    mesh: (k,) records of abi's `Mesh`; corner_normal: (n, 4) of real_dtype(), in the objects' spaces, each object's
-    divided by a power of two so that no number exceeds 1; normal_face: (t, 4) int32, which three normals the corners of
-    a triangle have, and its mesh, -1 where they have none; corner_uv: (j, 2) of real_dtype(); uv_face: (t, 4) int32,
-    which three of these, and -1 where there are none.
+    mesh: (k,) records of abi's `Mesh`; corner_normal: (n, 4) of real_dtype(), in the objects' spaces, in float32 each
+    object's divided by a power of two so that no number exceeds 1; normal_face: (t, 4) int32, which three normals the
+    corners of a triangle have, and its mesh, -1 where they have none; corner_uv: (j, 2) of real_dtype(); uv_face: (t,
+    4) int32, which three of these, and -1 where there are none.
     """
 
     mesh: NDArray[np.void]
@@ -37,12 +37,13 @@ class Attributes:
         """The attributes of a scene's meshes. with_uv: whether texture coordinates are needed."""
         real = real_dtype(precision)
         mesh = np.zeros(len(meshes), dtype_of("Mesh", precision))
-        normals, uvs = _Table(4, real), _Table(2, real)
+        normals, uvs, narrow = _Table(4, real), _Table(2, real), real == np.float32
         for record, placed in zip(mesh, meshes, strict=True):
             shape = placed.geometry
             for name, row in zip(("normal_x", "normal_y", "normal_z"), placed.normal_to_world, strict=True):
                 record[name][:3] = row
-            normals.add(id(shape), shape.normals, shape.normal_of, _size(shape.normals))
+            # A double has room for the squares of what a scene may hold.
+            normals.add(id(shape), shape.normals, shape.normal_of, _size(shape.normals) if narrow else 0)
             if with_uv:
                 uvs.add(id(shape), shape.uv, shape.uv_of)
         (normal, normal_face), (corner_uv, uv_face) = normals.arrays(triangles), uvs.arrays(triangles)
@@ -69,14 +70,9 @@ class _Table:
         """
         if key not in self._begin:
             self._begin[key] = self._count
-            wide = empty((len(rows), self._rows[0].shape[1]), self._rows[0].dtype)
-
-            def fill(some: slice) -> None:
-                wide[some, : rows.shape[1]] = np.ldexp(rows[some], -size) if size else rows[some]
-                wide[some, rows.shape[1] :] = 0
-
-            blockwise(len(rows), fill)
-            self._rows.append(wide)
+            width, real = self._rows[0].shape[1], self._rows[0].dtype
+            some = np.ldexp(rows, -size) if size else rows
+            self._rows.append(widened(some if some.dtype == real else copied(some, real, width - some.shape[1]), width))
             self._count += len(rows)
         begin = np.int32(self._begin[key])
         self._faces.append(np.where(faces >= 0, faces + begin, -1).astype(np.int32) if begin else faces)

@@ -22,7 +22,7 @@ from cltrace.scene.maps import affine
 from cltrace.scene.materials import Frozen, Material
 from cltrace.scene.mesh_colors import MeshColors
 from cltrace.scene.mesh_sources import Found
-from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, numbers
+from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, large_or_numbers, numbers
 from cltrace.scene.surfaces import inverse_faults
 
 _IDENTITY = np.eye(3, 4)
@@ -73,6 +73,19 @@ class Geometry(Frozen):
             "uv_of": _of_corners("mesh.uv_of", uv_of, faces=len(corners), count=len(places), what="uv"),
         }
         self.__setstate__(state)
+
+    def with_corners(
+        self,
+        normals: NDArray[np.float64],
+        normal_of: NDArray[np.int32],
+        uv: NDArray[np.float64],
+        uv_of: NDArray[np.int32],
+    ) -> Geometry:
+        """The same triangles with these at their corners, which are right and become read-only."""
+        other = object.__new__(Geometry)
+        corners = {"normals": normals, "normal_of": normal_of, "uv": uv, "uv_of": uv_of}
+        other.__setstate__(self.__dict__ | corners)
+        return other
 
     def __repr__(self) -> str:
         return f"<cltrace geometry: {len(self.faces)} triangles, {len(self.vertices)} vertices>"
@@ -213,17 +226,16 @@ class Mesh(Frozen):
         clim: ArrayLike | None = None,
         norm: Any = None,
     ) -> None:
-        points = _rows("mesh.vertices", vertices, 3)
-        corners = _indices("mesh.faces", faces, len(points), "a vertex")
-        directions, normal_of = _given("mesh.normals", normals, corners, vertices=len(points), width=3)
-        places, uv_of = _given("mesh.uv", uv, corners, vertices=len(points), width=2)
+        bare = Geometry(vertices, faces)
+        directions, normal_of = _given("mesh.normals", normals, bare, width=3) or (bare.normals, bare.normal_of)
+        places, uv_of = _given("mesh.uv", uv, bare, width=2) or (bare.uv, bare.uv_of)
         shown = {"colors": colors, "values": values, "cmap": cmap, "clim": clim, "norm": norm}
-        found = MeshColors.of(corners, len(points), **shown)
+        found = MeshColors.of(bare.faces, len(bare.vertices), **shown)
         if found:
             if uv is not None:
                 raise ValueError("mesh.uv: must not be given together with colors or values")
             places, uv_of = found.uv, found.uv_of
-        geometry = Geometry(points, corners, normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of)
+        geometry = bare.with_corners(directions, normal_of, places, uv_of)
         self._fill(geometry, material, transform, found)
 
     def _fill(
@@ -370,22 +382,21 @@ def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
 
 
 def _given(
-    name: str, value: ArrayLike | None, faces: NDArray[np.int32], vertices: int, width: int
-) -> tuple[ArrayLike, NDArray[np.int32] | None]:
+    name: str, value: ArrayLike | None, shape: Geometry, width: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]] | None:
     """What is given for each vertex or for each corner as rows, and the index of each corner's row; None for none."""
     if value is None:
-        return (), None
-    array = numbers(name, value)
-    if array.shape == (vertices, width):
-        return array, faces
-    if array.shape == (len(faces), 3, width):
-        return array.reshape(-1, width), np.arange(3 * len(faces), dtype=np.int32).reshape(-1, 3)
-    wanted = f"({vertices}, {width}) or ({len(faces)}, 3, {width})"
-    raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
+        return None
+    array, wanted = large_or_numbers(name, value), ((len(shape.vertices), width), (len(shape.faces), 3, width))
+    if array.shape not in wanted:
+        raise ValueError(f"{name}: must have shape {wanted[0]} or {wanted[1]}, got {array.shape}")
+    rows = _rows(name, array.reshape(-1, width), width)
+    return rows, shape.faces if array.ndim == 2 else np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
 
 
 def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
-    return checked(name, ANY, value, (-1, width))
+    # The kernel's rows of normals have four numbers.
+    return checked(name, ANY, value, (-1, width), int(name == "mesh.normals"))
 
 
 def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
@@ -409,7 +420,7 @@ def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0)
 def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what: str) -> NDArray[np.int32]:
     """(faces, 3) indices, -1 for none. Raises ValueError also where a triangle has one for some corners only."""
     if value is None:
-        return np.full((faces, 3), -1, np.int32)
+        return np.broadcast_to(np.int32(-1), (faces, 3))
     array = _indices(name, value, count, what, least=-1)
     if len(array) != faces:
         raise ValueError(f"{name}: must have shape ({faces}, 3), got {array.shape}")
@@ -422,7 +433,7 @@ def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what
 
 def _columns(rows: NDArray[np.float64], which: NDArray[np.int32]) -> NDArray[np.float64]:
     """(3, n): the coordinates of some rows (k, 3)."""
-    return np.ascontiguousarray(rows.take(which, axis=0).T)
+    return np.ascontiguousarray(rows[which].T)  # take() would copy all of a view first
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.arrays import blockwise, empty
+from cltrace.base.arrays import LARGE, blockwise, copied, rows_in
 
 Vector = tuple[float, float, float]
 
@@ -26,8 +26,6 @@ SMALLEST, LARGEST = 2.0**-149, (2.0 - 2.0**-23) * 2.0**127
 # Colours of surfaces above this are taken for bytes. No surface returns so many times the light that falls on it, and
 # among bytes only a nearly black picture has none above.
 BYTES = 16
-# So many numbers at a time are copied or checked: they stay in a processor's cache.
-NUMBERS = 2**16
 
 
 @dataclass(frozen=True)
@@ -100,18 +98,27 @@ def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name}: must be an array, got rows of different lengths") from None
 
 
-def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """`value` as a new array of doubles of this shape, where -1 stands for any length.
+def large_or_numbers(name: str, value: ArrayLike) -> NDArray[Any]:
+    """`value` itself if it is a large array of float32 or float64, which is to be copied once it is checked; else a new
+    array, as of numbers(). In float32 there is half as much to check, and no number is too small.
+    """
+    if type(value) is np.ndarray and value.nbytes >= LARGE and value.dtype in (np.float32, np.float64):
+        return value
+    return numbers(name, value)
+
+
+def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...], more: int = 0) -> NDArray[np.float64]:
+    """`value` as a new array of doubles of this shape, where -1 stands for any length. more: of copied().
 
     Raises ValueError, which names the argument and the index of the first number that the rule does not allow.
     """
-    array = numbers(name, value)
+    array = large_or_numbers(name, value)
     if array.shape == (0,) and shape[:1] == (-1,):  # an empty list
         array = array.reshape(0, *shape[1:])
     if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
         raise ValueError(f"{name}: must have shape {_shape_text(shape)}, got {array.shape}")
     check_rule(name, rule, array)
-    return array
+    return copied(array, np.float64, more) if array is value or more else array
 
 
 def real_numbers(name: str, value: ArrayLike) -> NDArray[Any]:
@@ -122,14 +129,7 @@ def real_numbers(name: str, value: ArrayLike) -> NDArray[Any]:
         return numbers(name, value)
     _refuse_strangers(name, value)
     array = np.asarray(value)
-    out = empty(array.shape, np.float32 if np.can_cast(array.dtype, np.float32) else np.float64)
-
-    def copy(rows: slice) -> None:
-        with np.errstate(over="ignore"):
-            out[rows] = array[rows]
-
-    blockwise(len(array), copy, _rows(array))
-    return out
+    return copied(array, np.float32 if np.can_cast(array.dtype, np.float32) else np.float64)
 
 
 def check_rule(name: str, rule: Rule, array: NDArray[Any]) -> None:
@@ -137,16 +137,11 @@ def check_rule(name: str, rule: Rule, array: NDArray[Any]) -> None:
     if not array.ndim:
         good = bool(rule.admits(array))
     else:
-        good = all(blockwise(len(array), lambda rows: rule.admits_all(array[rows]), _rows(array)))
+        good = all(blockwise(len(array), lambda rows: rule.admits_all(array[rows]), rows_in(array)))
     if not good:
         where = np.argwhere(~rule.admits(array))[0]
         index = "".join(f"[{i}]" for i in where)
         raise ValueError(f"{name}{index}: {rule.fault(float(array[tuple(where)]))}")
-
-
-def _rows(array: NDArray[Any]) -> int:
-    """How many rows of an array are a block."""
-    return max(1, NUMBERS // max(1, array[:1].size))
 
 
 def records_of(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
