@@ -270,7 +270,7 @@ class Executor:
                     least = max(16, self._lines)
                     self._rows = max(least, self._rows // (2 * least) * least)
                 elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
-                    self._rows *= 2
+                    self._rows *= 4 if seconds < PATIENCE / 16 else 2
         return done
 
     def stop(self) -> None:
