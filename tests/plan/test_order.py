@@ -38,11 +38,15 @@ def test_an_order_is_the_same_on_any_number_of_processors(
 
 
 @pytest.mark.parametrize("processors", [1, 2, 7])
-def test_rows_are_in_the_order_of_a_curve(processors: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of places in cells of 2^-10 of a cube, the bits of the coordinates in turn rise; those in one cell stay."""
+@pytest.mark.parametrize("together", [1, 2])
+def test_rows_are_in_the_order_of_a_curve(together: int, processors: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of places in cells of 2^-10 of a cube, the bits of the coordinates in turn rise; those in one cell stay.
+
+    together: how many of those that follow each other are in one cell, or more.
+    """
     rng = np.random.default_rng(3)
     place = np.concatenate([[[0, 0, 0], [1023, 1023, 1023]], rng.integers(0, 1024, (500, 3))])
-    which = rng.integers(0, len(place), 3 * order.BLOCK).astype(np.int32)
+    which = rng.integers(0, len(place), 3 * order.BLOCK // together).astype(np.int32).repeat(together)
     bits = place[:, :, None] >> np.arange(10) & 1
     code = (bits << 3 * np.arange(10) + np.arange(3)[:, None]).sum(axis=(1, 2))
     monkeypatch.setattr(order, "processors", lambda: processors)
