@@ -112,15 +112,16 @@ def copied(array: NDArray[Any], dtype: DTypeLike, more: int = 0) -> NDArray[Any]
     return out
 
 
-def widened(rows: NDArray[Any], width: int) -> NDArray[Any]:
-    """Rows of numbers as rows of so many, of which the last ones are any: without a copy if copied() has made room."""
+def widened(rows: NDArray[Any], width: int, dtype: DTypeLike) -> NDArray[Any]:
+    """Rows of numbers as rows of so many of this dtype, of which the last ones are any.
+
+    It is the same memory if the dtype is that of the rows and copied() has made room.
+    """
     more, step = width - rows.shape[1], width * rows.itemsize
-    if not more:
-        return rows
-    room = rows.base if rows.strides == (step, rows.itemsize) else None
+    room = rows.base if rows.strides == (step, rows.itemsize) and rows.dtype == dtype else None
     if not isinstance(room, np.ndarray) or rows.ctypes.data + len(rows) * step > room.ctypes.data + room.nbytes:
-        rows = copied(rows, rows.dtype, more)
-    return np.lib.stride_tricks.as_strided(rows, (len(rows), width), (step, rows.itemsize))
+        rows = copied(rows, dtype, more)
+    return np.lib.stride_tricks.as_strided(rows, (len(rows), width), (width * rows.itemsize, rows.itemsize))
 
 
 def rows_in(array: NDArray[Any]) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import blockwise, copied, empty, joined, widened
+from cltrace.base.arrays import blockwise, empty, joined, widened
 from cltrace.plan.abi import Precision, dtype_of, real_dtype
 from cltrace.plan.shapes.triangle import Triangles
 from cltrace.scene import PlacedMesh
@@ -70,9 +70,8 @@ class _Table:
         """
         if key not in self._begin:
             self._begin[key] = self._count
-            width, real = self._rows[0].shape[1], self._rows[0].dtype
-            some = np.ldexp(rows, -size) if size else rows
-            self._rows.append(widened(some if some.dtype == real else copied(some, real, width - some.shape[1]), width))
+            none = self._rows[0]
+            self._rows.append(widened(np.ldexp(rows, -size) if size else rows, none.shape[1], none.dtype))
             self._count += len(rows)
         begin = np.int32(self._begin[key])
         self._faces.append(np.where(faces >= 0, faces + begin, -1).astype(np.int32) if begin else faces)

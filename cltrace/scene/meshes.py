@@ -395,8 +395,8 @@ def _given(
 
 
 def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
-    # The kernel's rows of normals have four numbers.
-    return checked(name, ANY, value, (-1, width), int(name == "mesh.normals"))
+    # The kernel's rows of three numbers have a fourth one.
+    return checked(name, ANY, value, (-1, width), int(width == 3))
 
 
 def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:

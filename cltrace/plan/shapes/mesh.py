@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cltrace.base.arrays import blockwise, empty
+from cltrace.base.arrays import widened
 from cltrace.plan.accel.polygons import Polygons, Sight
 from cltrace.plan.attributes import Attributes
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
@@ -63,13 +63,8 @@ class Meshes(Shape):
         vertex = self.triangles.vertex
         if exponent is not None and paths:
             vertex = np.ldexp(vertex - paths.middle, exponent)
-        wide = empty((len(vertex), 4), real)
-
-        def fill(some: slice) -> None:
-            wide[some, :3], wide[some, 3] = vertex[some], 0
-
-        blockwise(len(vertex), fill)
-        arrays = {"vertex": wide, "face": self.triangles.face, "number_of": self.triangles.number}
+        face, number = self.triangles.face, self.triangles.number
+        arrays = {"vertex": widened(vertex, 4, real), "face": face, "number_of": number}
         return arrays | self.attributes.arrays()
 
     def in_view(self, camera: AnyCamera, first: int) -> MeshesInView:
