@@ -42,12 +42,15 @@ def test_more_lights_than_usual(tmp_path: Path) -> None:
 
 
 def test_limits_reach_other_processes(tmp_path: Path) -> None:
-    """Such as those that draw the frames of a movie: what rays a pixel may take is a number of their kernels."""
+    """Such as those that draw the frames of a movie: what rays a pixel may take is a number of their kernels.
+
+    What they say of it is what one process says.
+    """
     pytest.importorskip("dask")
     few = ("--limit", "rays=3", "--size", "8x8", "--cluster", "local:1", "--orbit", "2", "-o", "f_%d.png")
     status, words = call(tmp_path, *few, scene=ROOT / "scenes/step7-glass.xml")
-    assert status == 3
-    assert "takes more than 3 rays; --limit rays=N or CLTRACE_LIMITS allows more (on " in words
+    assert status == 2
+    assert words.endswith("takes more than 3 rays; --limit rays=N or CLTRACE_LIMITS allows more")
 
 
 @pytest.mark.slow
