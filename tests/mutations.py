@@ -833,7 +833,9 @@ MUTATIONS = [
     ),
     Mutation("self._shown.clear()", "pass", "viewer: pictures that wait", f"{VIEWER} -k wait_for_the_one_before"),
     Mutation("presses != self.presses", "False", "viewer: rest", "tests/viewer/test_session.py -k at_rest_ends"),
-    Mutation("if message.data:  #", "if True:  #", "viewer: errors that wait", f"{VIEWER} -k error_is_no_picture"),
+    Mutation(
+        "if message.data:  #", "if True:  #", "viewer: errors that wait", f"-m slow {VIEWER} -k error_is_no_picture"
+    ),
     Mutation("shutdown_timeout=0.1", "shutdown_timeout=0", "viewer: Ctrl-C beside a page", f"{VIEWER} -k program"),
     Mutation(
         "camera = scene.camera if self.camera == before else self.camera",

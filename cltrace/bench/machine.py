@@ -58,21 +58,21 @@ def _seconds() -> tuple[float, float, float, float] | None:
     with contextlib.suppress(OSError, ValueError, IndexError):
         user, nice, system, idle, wait, hard, soft, steal = map(int, Path("/proc/stat").read_text().split()[1:9])
         busy = user + nice + system + hard + soft
-        return TICK * busy, TICK * steal, TICK * (busy + steal + idle + wait), _used("self")
+        return TICK * busy, TICK * steal, TICK * (busy + steal + idle + wait), TICK * _used("self")
     return None
 
 
-def _used(pid: str) -> float:
-    """Seconds of a process, of its children that have ended and, as peers run on, of those that have not."""
+def _used(pid: str) -> int:
+    """Ticks of a process, of its children that have ended and, as peers run on, of those that have not."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:  # it has just ended
-        return 0.0
-    seconds = TICK * sum(map(int, fields[11:15]))
+        return 0
+    ticks = sum(map(int, fields[11:15]))
     for children in Path(f"/proc/{pid}/task").glob("*/children"):  # none in kernels that do not tell
         with contextlib.suppress(OSError):  # the thread has just ended
-            seconds += sum(_used(child) for child in children.read_text().split())
-    return seconds
+            ticks += sum(_used(child) for child in children.read_text().split())
+    return ticks
 
 
 def about(devices: Sequence[str]) -> dict[str, Any]:

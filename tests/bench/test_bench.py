@@ -85,6 +85,7 @@ def test_the_oracle_and_the_reference_agree_on_an_ordinary_scene(monkeypatch: py
     assert not exact.lit.all(axis=0).any()
 
 
+@pytest.mark.slow
 def test_means_of_some_rows(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are those of all rows, and what is not known is not held against a picture."""
     monkeypatch.setattr(truth, "RAYS", 4)

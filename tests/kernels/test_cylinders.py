@@ -69,9 +69,8 @@ def shadows_wrong(name: str, device: Device, seeds: int, size: tuple[int, int]) 
     return asked, wrong
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in ("needles", "grazing") else pytest.mark.slow) for name in REGIMES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REGIMES)
 def test_shadows_are_those_of_the_oracle(device: Device, name: str) -> None:
     asked, wrong = shadows_wrong(name, device, 2, (12, 9))
     assert asked > 100

@@ -340,7 +340,8 @@ def test_packets_of_one_pixel(device: Device) -> None:
         assert np.array_equal(getattr(whole, name), getattr(one, name)), name
 
 
-@pytest.mark.parametrize("n", [60, pytest.param(2**15 + 1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [60, 2**15 + 1])
 def test_look_and_update(device: Device, n: int) -> None:
     """From one kind of camera to the other and back, and with other spheres: always the picture of a new Renderer."""
     size = (64, 48)

@@ -199,6 +199,7 @@ def test_pictures_wait_for_the_one_before(running: Running) -> None:
     assert run(running, body) == 101
 
 
+@pytest.mark.slow
 def test_an_error_is_no_picture(spec: str, tmp_path: Path) -> None:
     """No page says that it is on the screen, and pictures come after it all the same."""
     light = '<parallel_light><color r="0" g="0" b="0"/><direction x="0" y="0" z="-1"/></parallel_light>'

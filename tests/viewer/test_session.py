@@ -229,6 +229,7 @@ def test_copies(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert message.kind == "error"
 
 
+@pytest.mark.slow
 def test_another_scene(stage: Stage, session: Session, spec: str) -> None:
     """A camera that was not moved is the new one's; one that was moved stays, with the new size."""
     told = []
