@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 from random_scenes import usual_scene
 
 from cltrace import Renderer, TooSlowError, cli
+from cltrace.base.waiting import Stopwatch
 from cltrace.renderers import strips
 from cltrace.run import executor
 from cltrace.run.devices import Device
@@ -76,15 +76,17 @@ def test_strips_become_smaller_where_memory_does_not_suffice(
     assert cli.main([str(SCENE), *SIZE, "-o", "a.png"]) == 0
 
 
-def busy(seconds: float) -> None:
-    """Takes so long of a processor."""
-    start = time.process_time()
-    while time.process_time() < start + seconds:
-        pass
-
-
 def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each took less than the limit; and what is done with them between does not count."""
+    watch, now = Stopwatch(own=False), 0.0
+
+    def pass_by() -> None:
+        nonlocal now
+        now += 1
+
+    monkeypatch.setattr(watch, "_clocks", (lambda: now,))
+    watch.begin()
+    monkeypatch.setattr(strips, "Stopwatch", lambda own: watch)
     monkeypatch.setattr(strips, "ROOM", 2**12)
     renderer, render = Renderer(usual_scene()), Executor._render
     want = renderer.render().rgb8
@@ -92,11 +94,12 @@ def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> No
     parts = []
     for _, image in strips.strips(renderer):
         parts.append(image.rgb8)
-        busy(0.6)
+        pass_by()
     assert len(parts) > 2
     assert np.array_equal(np.concatenate(parts), want)
-    monkeypatch.setattr(Executor, "_render", lambda self, *where: busy(0.6) or render(self, *where))
+    monkeypatch.setattr(Executor, "_render", lambda self, *where: pass_by() or render(self, *where))
     drawn = strips.strips(renderer)
+    watch.begin()
     next(drawn)  # in time
     with pytest.raises(TooSlowError):
         list(drawn)
