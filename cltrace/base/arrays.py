@@ -97,7 +97,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
 def copied(array: NDArray[Any], dtype: DTypeLike, more: int = 0) -> NDArray[Any]:
     """A copy of this dtype, in C order, which begins on a page if it is large.
 
-    more: of rows, a view of some that have so many more numbers, all 0: see widened().
+    more: so many zeros are kept behind each row, which the result, a view, does not show: see widened().
     """
     room = empty((*array.shape[:-1], array.shape[-1] + more), dtype)
     out = room[..., : array.shape[-1]] if more else room
@@ -113,9 +113,9 @@ def copied(array: NDArray[Any], dtype: DTypeLike, more: int = 0) -> NDArray[Any]
 
 
 def widened(rows: NDArray[Any], width: int, dtype: DTypeLike) -> NDArray[Any]:
-    """Rows of numbers as rows of so many of this dtype, of which the last ones are any.
+    """Rows of numbers as rows of so many of this dtype, whose last numbers are undefined.
 
-    It is the same memory if the dtype is that of the rows and copied() has made room.
+    It is the same memory if the dtype is that of the rows and copied() has kept so many behind them.
     """
     more, step = width - rows.shape[1], width * rows.itemsize
     room = rows.base if rows.strides == (step, rows.itemsize) and rows.dtype == dtype else None

@@ -163,14 +163,21 @@ class Stopwatch:
     def seconds(self) -> float:
         return min(clock() - since for clock, since in zip(self._clocks, self._since, strict=True))
 
+    def halt(self) -> None:
+        """Leaves out what is done before go_on()."""
+        self._halted = [clock() for clock in self._clocks]
+
+    def go_on(self) -> None:
+        self._since = [s + clock() - h for s, clock, h in zip(self._since, self._clocks, self._halted, strict=True)]
+
     @contextmanager
     def stopped(self) -> Iterator[None]:
         """Leaves out what is done while it lasts."""
-        before = [clock() for clock in self._clocks]
+        self.halt()
         try:
             yield
         finally:
-            self._since = [s + clock() - b for s, clock, b in zip(self._since, self._clocks, before, strict=True)]
+            self.go_on()
 
 
 class Announcement:

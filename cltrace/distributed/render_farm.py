@@ -108,8 +108,8 @@ class Farm:
     def take(self, task: Task) -> Callable[[], Any]:
         """Has a task done. What it returns waits for what is wanted of it.
 
-        Raises FarmError, as that does for a task that fails or whose workers die. It raises at once what would end the
-        task on any worker: TooManyRaysError and TooSlowError.
+        Raises FarmError, as that does for a task that fails or whose workers die. What it returns raises
+        TooManyRaysError and TooSlowError without another try.
         """
         with self._gone():
             return partial(self._result, task, self._handed_out(task))

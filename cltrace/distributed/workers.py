@@ -84,8 +84,8 @@ def devices_here() -> tuple[str, str, bool]:
 def draw(key: str, base: Scene, camera: Camera, options: Mapping[str, Any], part: Part) -> Any:
     """What is wanted of the Image of a part of a scene, as the worker's device draws it.
 
-    key: of the base, which names what may be kept; camera: that looks at it. What no worker can draw is returned as its
-    error, since what is raised is tried again.
+    key: of the base, which names what may be kept; camera: that looks at it. TooManyRaysError and TooSlowError are
+    returned, since what is raised is tried again.
     """
     scene, crop = base.seen_by(camera), part.crop
     name = f"{key} {sorted(options.items())!r}"

@@ -421,7 +421,7 @@ ARGUMENTS = (
         ("light_facet", "float4", "for each light in turn, the same for all triangles as the light sees them"),
         ("number_of", "int", "a triangle's number within its mesh"),
         ("mesh", "Mesh", "what the triangles of a mesh have in common"),
-        ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most"),
+        ("corner_normal", "real4", "xyz: normals of corners, in the objects' spaces, 1 in size at most in single"),
         ("normal_face", "int4", "xyz: which normals a triangle's corners have; w: its mesh, -1: they have none"),
         ("corner_uv", "real2", "texture coordinates of corners"),
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),

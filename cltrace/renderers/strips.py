@@ -19,12 +19,13 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
     """The picture of a renderer, as Images of some rows, each after their number: a multiple of STEP but for the last.
 
     A small picture is one Image. Where the memory of the device or of this process is too small, strips become smaller.
-    They have one limit of seconds, to which what is done with them does not count. progress: as of Renderer.render(),
-    which says what is raised, too.
+    They have one limit of seconds, to which drawing alone counts. progress: as of Renderer.render(), which says what is
+    raised, too.
     """
     _, first, width, height = renderer.region
     end, rows = first + height, max(STEP, ROOM // (width * renderer.bytes_a_pixel) // STEP * STEP)
     watch = Stopwatch(own=renderer.device.kind == "cpu")
+    watch.halt()
     with bar(height, "row", progress) as shown:
         while first < end:
             last = min(first + rows, end)
@@ -36,6 +37,5 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
                     raise
                 rows = max(STEP, (last - first) // (2 * STEP) * STEP)
             else:
-                with watch.stopped():
-                    yield last - first, image
+                yield last - first, image
                 first = last

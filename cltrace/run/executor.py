@@ -175,13 +175,13 @@ class Executor:
     def of(self, region: Region, watch: Stopwatch | None = None) -> Executor:
         """Draws a part of the same region, with the same buffers. Not while another thread draws with this one.
 
-        watch: of all parts of a picture, which together may take the seconds that this region may.
+        watch: of all parts of a picture, which together may take the seconds that this region may; halted.
         """
         other = copy(self)
         other.room = object()
         other._move_to(region)
         if watch:
-            other._watch, other._limited = watch, self._limited
+            other._watch, other._of_limit = watch, self._of_limit
         return other
 
     def frame(self) -> Frame:
@@ -221,15 +221,20 @@ class Executor:
         devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
         TooSlowError soon after the limit of seconds.
         """
-        if self._limited == self.region:
+        if self._of_limit == self.region:
             self._watch.begin()
+        else:
+            self._watch.go_on()
         strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
-        for number, part in enumerate(self._passes()):
-            told = drawn if number == len(self._further) else lambda rows: drawn(0)
-            strips = part._draw(frame, strips, told)
-            del part  # The next one has room in its place.
-            if not strips:
-                return
+        try:
+            for number, part in enumerate(self._passes()):
+                told = drawn if number == len(self._further) else lambda rows: drawn(0)
+                strips = part._draw(frame, strips, told)
+                del part  # The next one has room in its place.
+                if not strips:
+                    return
+        finally:
+            self._watch.halt()
 
     def _passes(self) -> Iterator[Executor]:
         """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
@@ -336,7 +341,7 @@ class Executor:
 
     def _move_to(self, region: Region) -> None:
         """Renders this part of the picture from now on: x, y, width, height in pixels."""
-        self.region = self._limited = region
+        self.region = self._of_limit = region
         # A frame has it, too, as no packet may be in two tiles.
         self._margin = margin_of(region)
 
@@ -427,7 +432,7 @@ class Executor:
     @property
     def _most_seconds(self) -> float:
         """How long drawing may take, with other parts where they have one limit."""
-        samples = self._limited[2] * self._limited[3] * (self.plan.request.samples or 1)
+        samples = self._of_limit[2] * self._of_limit[3] * (self.plan.request.samples or 1)
         return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
 
     def _is_late(self) -> bool:

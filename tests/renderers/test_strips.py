@@ -85,8 +85,7 @@ def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> No
         now += 1
 
     monkeypatch.setattr(watch, "_clocks", (lambda: now,))
-    watch.begin()
-    monkeypatch.setattr(strips, "Stopwatch", lambda own: watch)
+    monkeypatch.setattr(strips, "Stopwatch", lambda own: watch.begin() or watch)
     monkeypatch.setattr(strips, "ROOM", 2**12)
     renderer, render = Renderer(usual_scene()), Executor._render
     want = renderer.render().rgb8
@@ -99,7 +98,6 @@ def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> No
     assert np.array_equal(np.concatenate(parts), want)
     monkeypatch.setattr(Executor, "_render", lambda self, *where: pass_by() or render(self, *where))
     drawn = strips.strips(renderer)
-    watch.begin()
     next(drawn)  # in time
     with pytest.raises(TooSlowError):
         list(drawn)

@@ -106,10 +106,12 @@ class Meshes(Shape):
     def doubt_reach(self, view: Camera) -> None:
         most = MAX_REACH * math.dist(view.position, view.lookat)
         for mesh, placed in zip(self._meshes, self._placed, strict=True):
-            reach = max(placed.vertices.max(initial=0), -placed.vertices.min(initial=0))
+            reach = float(np.abs(placed.vertices - view.position).max(initial=0))
             if reach > most:
-                message = f"mesh: reaches to {reach:.2g}, which may spoil colours, which hold within {most:.2g}"
-                self.checks.warnings.add(mesh.line, f"{message}: {MAX_REACH:g} times as far as the camera looks")
+                message = (
+                    f"mesh: reaches {reach:.2g} from the eye; beyond {most:.2g}, {MAX_REACH:g} times as far as the"
+                )
+                self.checks.warnings.add(mesh.line, f"{message} camera looks, narrow triangles may have wrong colours")
 
     def files(self) -> dict[int, MeshFile]:
         contents = self._contents

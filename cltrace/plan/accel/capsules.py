@@ -78,13 +78,15 @@ class Capsules(Silhouettes):
         u = b - a
         uu = (u * u).sum(axis=0)
         k = np.clip(-(a * u).sum(axis=0) / np.where(uu > 0, uu, 1), 0, 1)
-        return np.asarray(np.maximum(length(*(a + k * u)) * (1 - 2.0**-40) - self.radius[block], 0))
+        # a + k u takes four roundings of each coordinate, and k seven and a division, which move the point along u.
+        off = 2.0**-48 * (np.abs(a) + np.abs(b)).sum(axis=0)
+        return np.asarray(np.maximum(length(*(a + k * u)) * (1 - 2.0**-40) - off - self.radius[block], 0))
 
     def in_picture(self, among: Mask, window: Window, real: Real, use: Callable[[Pictured], T]) -> tuple[list[T], None]:
         slack, off = real(SLACK if real is np.float32 else FINE_SLACK), np.asarray(1 / 64 + window.spread)
         look = self._along_view if window.parallel else self._from_eye
 
-        def widened(edges: list[Reals]) -> list[Reals]:
+        def loosened(edges: list[Reals]) -> list[Reals]:
             for low, high in (edges[:2], edges[2:]):
                 loose = (np.abs(low) + np.abs(high)) * slack + real(LOOSE if window.parallel else 0)
                 low -= loose
@@ -95,13 +97,13 @@ class Capsules(Silhouettes):
             rims, ahead, near = look(block, window, real)
 
             def corner(which: NDArray[np.intp]) -> Reals:
-                found = _hexagons([widened([edge.take(which) for edge in rim]) for rim in rims])
+                found = _hexagons([loosened([edge.take(which) for edge in rim]) for rim in rims])
                 for c, axis, size in zip(found, window.axes, window.size, strict=True):
                     c *= axis.scale
                     c += (size - 1) / 2
                 return found
 
-            edges = widened(_around(rims))
+            edges = loosened(_around(rims))
             pixels = [
                 (edges[2 * k] * axis.scale + axis.begin, edges[2 * k + 1] * axis.scale + axis.end)
                 for k, axis in enumerate(window.axes)
@@ -208,7 +210,7 @@ def _cast(member: Ints, rims: Rims, depths: tuple[NDArray[np.float32], Reals], w
 
 
 def _ended(rim: list[Reals], most: Sequence[float]) -> list[Reals]:
-    """A disc's edges, those at infinity beyond all windows instead. most: where, across and up."""
+    """A disc's edges; infinite ones are put just outside of the window. most: where, across and up."""
     return [np.where(np.isinf(edge), np.copysign(edge.dtype.type(most[k // 2]), edge), edge)
             for k, edge in enumerate(rim)]  # fmt: skip
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 from cltrace.plan.abi import Precision
 from cltrace.plan.order import spatial_order
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import Meshes
 from cltrace.plan.shapes.shape import OrderOf
 from cltrace.plan.view import View
 from cltrace.plan.world import World
@@ -22,11 +21,8 @@ if TYPE_CHECKING:
 # From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
 # 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080). A quarter is enough
 # where cameras come one after the other, as that is soon made up for: 8,000 spheres take 8 ms instead of 16 and 16,000
-# triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270). So it is for scenes of meshes
-# from the second one on: of 30,000 triangles, first pictures take 70 to 85 ms instead of 90 (1920x1080).
+# triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270).
 MANY, PART_AGAIN = 2**15, 4
-# Devices and precisions that have had a scene of so many surfaces with meshes.
-_had_meshes = set[tuple[Device, Precision]]()
 
 
 class Packer(Protocol):
@@ -102,11 +98,7 @@ def packer_of(
     before: of another world on this device, whose spare memory is used again; again: whether there was a View of this
     world. Raises BuildError and DeviceError as Executor does.
     """
-    key, few = (device, request.precision), len(world.id) <= MANY // PART_AGAIN
-    if len(world.of_shape(Meshes).number) and not few:
-        again |= key in _had_meshes
-        _had_meshes.add(key)
-    if few or not (again or len(world.id) > MANY):
+    if len(world.id) <= (MANY // PART_AGAIN if again else MANY):
         return NumpyPacker(request)
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker
