@@ -341,7 +341,7 @@ class Executor:
 
     def _move_to(self, region: Region) -> None:
         """Renders this part of the picture from now on: x, y, width, height in pixels."""
-        self.region = self._of_limit = region
+        self.region = self._of_limit = region  # one limit of seconds is for all of this, see of()
         # A frame has it, too, as no packet may be in two tiles.
         self._margin = margin_of(region)
 

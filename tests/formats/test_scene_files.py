@@ -371,7 +371,7 @@ def test_narrow_triangles_that_reach_far_are_none_for_colours(reach: str) -> Non
     Path("a.obj").write_text(NEEDLES.format(reach))
     Path("scene.xml").write_text(HEAD + ball() + mesh("a.obj") + "</surfaces></scene>")
     _, warnings = read("scene.xml")
-    words = f"mesh: reaches to {abs(float(reach)):.2g}, which may spoil colours, which hold within 5e+06"
+    words = f"mesh: reaches {abs(float(reach)):.2g} from the eye, which may spoil colours, which hold within 5e+06"
     line = f"scene.xml:{FIRST + 1}: {words}: 1e+06 times as far as the camera looks"
     assert warnings == ([line] if reach != "4e6" else [])
 

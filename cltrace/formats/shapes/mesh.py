@@ -108,10 +108,8 @@ class Meshes(Shape):
         for mesh, placed in zip(self._meshes, self._placed, strict=True):
             reach = float(np.abs(placed.vertices - view.position).max(initial=0))
             if reach > most:
-                message = (
-                    f"mesh: reaches {reach:.2g} from the eye; beyond {most:.2g}, {MAX_REACH:g} times as far as the"
-                )
-                self.checks.warnings.add(mesh.line, f"{message} camera looks, narrow triangles may have wrong colours")
+                words = f"mesh: reaches {reach:.2g} from the eye, which may spoil colours, which hold within {most:.2g}"
+                self.checks.warnings.add(mesh.line, f"{words}: {MAX_REACH:g} times as far as the camera looks")
 
     def files(self) -> dict[int, MeshFile]:
         contents = self._contents
