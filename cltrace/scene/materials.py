@@ -48,7 +48,9 @@ class Frozen:
     """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
 
     def __getstate__(self) -> dict[str, Any]:
-        return {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
+        state = {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
+        # Of an array in C order, a pickle may have the memory beside it, which dask then does not copy.
+        return {k: np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for k, v in state.items()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():

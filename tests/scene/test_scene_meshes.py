@@ -151,6 +151,15 @@ def test_the_numbers_of_spheres_are_those_that_meshes_leave() -> None:
         assert [m.number for m in fewer.meshes] == numbers
 
 
+def test_a_pickle_has_large_arrays_beside_it() -> None:
+    """dask sends these without a copy."""
+    v = np.random.default_rng(1).random((9000, 3))
+    mesh = Mesh(v, np.arange(9000).reshape(-1, 3), normals=v)
+    beside: list[pickle.PickleBuffer] = []
+    assert len(pickle.dumps(mesh, protocol=5, buffer_callback=beside.append)) < 2000
+    assert np.array_equal(pickle.loads(pickle.dumps(mesh, protocol=5), buffers=beside).vertices, v)
+
+
 def test_scenes_with_meshes_are_immutable_and_may_be_pickled() -> None:
     material = Material(texture=TEXTURE)
     mesh = Mesh(V, F, V, V[:, :2], material, np.diag([1, 2, 3.0]))
