@@ -99,7 +99,7 @@ class Crossing:
         ab, ca = -e1.dot(R), e2.dot(R)
         s, gh, w1 = size_of(to_a) + way.reach, triangle.g * triangle.h, way.w1
         bound, den_error = 2.0**-44 * s * w1 * (triangle.g + triangle.h), 2.0**-46 * w1 * gh
-        self.w1 = w1
+        self.w1, self.reach = w1, way.reach
         self.D, self.den = Rough(to_a.dot(N), 2.0**-45 * s * gh), Rough(den, den_error)
         self.ab, self.ca = Rough(ab, bound), Rough(ca, bound)
         self.bc = Rough((den - ca) - ab, bound + den_error)
@@ -131,11 +131,13 @@ class Crossing:
 
     @property
     def has_point(self) -> bool:
-        """Of a ray that surely meets the triangle: whether the point of weights() is off by 2^-24 of the way at most.
+        """Of a ray that meets the triangle: whether the point of weights() is off by 2^-24 at most of the way, from the
+        corner that a start is counted from.
 
-        Where edges are millions of times as long as a triangle is wide, N has lost its digits.
+        Where edges are millions of times as long as a triangle is wide, N has lost its digits. Else these weights are
+        the kernel's, also on an edge.
         """
-        return self.t is not None and self.off <= 2.0**-24 * abs(self.D.value) * self.w1
+        return self.off <= 2.0**-24 * (abs(self.D.value) * self.w1 + abs(self.den.value) * self.reach)
 
     def weights(self) -> tuple[float, float]:
         """Of the corners B and C, where the ray is in the plane; not below 0."""
