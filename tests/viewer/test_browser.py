@@ -53,9 +53,15 @@ def page(browser: Any) -> Iterator[Any]:
 
 
 def rested(page: Any) -> None:
-    """Waits for the last picture: where something has moved, a small one comes soon, and the smooth one at the end."""
-    page.wait_for_timeout(250)
-    page.wait_for_selector("#picture[data-kind=smooth]")
+    """Waits for the last picture: where something has moved, a small one comes soon, and the smooth one at the end.
+
+    A browser may be late to tell of a movement, so that a smooth picture is the last one only if none follows.
+    """
+    before = None
+    while (now := shown(page).tobytes()) != before:
+        before = now
+        page.wait_for_timeout(400)
+        page.wait_for_selector("#picture[data-kind=smooth]")
 
 
 def shown(page: Any) -> np.ndarray:
