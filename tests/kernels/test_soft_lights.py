@@ -226,6 +226,7 @@ def few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(passes, "PAIRS", 61 * 7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_no_bit_depends_on_how_many_lights_are_added_at_once(
     precision: Any, few_at_a_time: None, monkeypatch: pytest.MonkeyPatch

@@ -517,10 +517,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.mark.parametrize(
-    "number",
-    [signal.SIGKILL, *(pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGINT, signal.SIGTERM))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_killed_and_continued(number: signal.Signals, tmp_path: Path, whole: dict[str, bytes]) -> None:
     """At frame 37 of 100: what is there then is whole, and at the end it is what one run leaves."""
     with subprocess.Popen(LINE, cwd=tmp_path, stderr=subprocess.PIPE) as process:

@@ -106,20 +106,3 @@ def test_pictures(device: Device) -> None:
             expected = cltrace.Renderer(found.scene, device)
             assert "facet" in expected.plan.arrays
             assert np.array_equal(found.render().rgb8, expected.render().rgb8)
-
-
-def test_fewer_are_packed_from_the_second_scene_on(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a quarter of the surfaces on, where there are meshes."""
-    monkeypatch.setattr(packers, "_had_meshes", set())
-    shown, balls = scene(*soup()), ellipsoids(301)
-
-    def on_host(many: int, of: cltrace.Scene = shown) -> bool:
-        monkeypatch.setattr(packers, "MANY", many)
-        return "entry" in cltrace.Renderer(of, device).plan.arrays
-
-    assert [on_host(many) for many in (4 * 301, 4 * 301, 4 * 301 - 1, 4 * 301 - 1, 4 * 301)] == [True] * 3 + [
-        False,
-        True,
-    ]
-    assert on_host(301, balls)
-    assert on_host(301, balls)

@@ -151,6 +151,7 @@ def test_two_windows(stage: Stage) -> None:
     assert (pixels(drawn(one)[-1]) != pixels(drawn(other)[-1])).any()
 
 
+@pytest.mark.slow
 def test_keys(session: Session) -> None:
     home = session.camera
     drawn(session)
