@@ -87,6 +87,7 @@ def test_a_bar_without_its_package(monkeypatch: pytest.MonkeyPatch, any_device: 
     assert renderer.render().rgb8.any()
 
 
+@pytest.mark.slow
 def test_frames_of_other_backgrounds_and_curves(any_device: Device) -> None:
     """A Renderer that follows has the new scene's alpha and curve, also where the kernel has to write more for it."""
     scene = usual_scene()

@@ -214,6 +214,7 @@ def test_one_run_writes_many_files(tmp_path: Path) -> None:
     assert (image.primitive > 0).any()
 
 
+@pytest.mark.slow
 def test_options_of_files(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
     deep, some = tmp_path / "deep.png", tmp_path / "some.npz"
     outputs = "id,depth,normal,rgb8"

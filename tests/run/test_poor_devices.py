@@ -169,6 +169,7 @@ def test_programs_need_no_images_and_few_constants() -> None:
             assert set(re.findall(r"__constant (\w+)", arguments)) <= {"Pane", "Place", "Levels"}, path
 
 
+@pytest.mark.slow
 def test_what_is_larger_than_a_buffer(any_device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A picture that no buffer holds is refused with advice, and drawn in strips by the command."""
     scene = scene_of("first")
