@@ -131,11 +131,12 @@ class Crossing:
 
     @property
     def has_point(self) -> bool:
-        """Of a ray that meets the triangle: whether the point of weights() is off by 2^-24 at most of the way, from the
-        corner that a start is counted from.
+        """Of a ray that meets the triangle: whether the point of weights() is off by at most 2^-24 of the way to it.
 
-        Where edges are millions of times as long as a triangle is wide, N has lost its digits. Else these weights are
-        the kernel's, also on an edge.
+        That way begins at the corner from which the ray's start is counted, or at the eye.
+
+        Where edges are millions of times as long as a triangle is wide, N has lost its digits, and it is not so.
+        Elsewhere these weights are the kernel's, also on an edge.
         """
         return self.off <= 2.0**-24 * (abs(self.D.value) * self.w1 + abs(self.den.value) * self.reach)
 

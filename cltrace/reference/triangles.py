@@ -198,8 +198,13 @@ class Triangle(RoughFace, Surface):
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         crossing = self._crossing(ray)
-        sure: Crossing | Across = crossing if crossing and crossing.side else self._met_by(ray)
-        point = crossing if crossing and crossing.has_point else self._met_by(ray)
+        sure: Crossing | Across
+        point: Crossing | Across
+        if crossing and crossing.side and crossing.has_point:
+            sure = point = crossing
+        else:
+            sure = self._met_by(ray)
+            point = crossing if crossing and crossing.has_point else sure
         start = OnTriangle.near(self, _three(*point.weights()))
         normal, inside = self.normal(start.weights), sure.side == self.front
         turned = normal.dot(ray.direction) > 0

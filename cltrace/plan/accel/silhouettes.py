@@ -98,7 +98,8 @@ class Pictured(NamedTuple):
 
     member: (n,), which surfaces they are; wanted: (n,), which of them rays may meet; pixels: of both axes the places of
     the first and of the last pixel, (n,) each, before these are rounded to whole ones; near: the depths of the nearest
-    points of some, lower bounds; corner: (2, c, j), of some polygons, in pixels; loose: (n,) or (), what it is off by.
+    points of some, lower bounds; corner(which): (2, c, j), of these polygons, in pixels; loose: (n,) or (), how far
+    those are off.
     """
 
     member: Ints
@@ -167,8 +168,8 @@ class Cast:
     """n silhouettes in the plane of a light's grid.
 
     member: (n,), which surfaces they are; edges: four of (n,), their left, right, low and high coordinates; near: (n,),
-    a lower bound of the depth of their nearest points; corner: (2, c, j), of some polygons; loose: (n,) or (),
-    how far off those are, besides a few roundings. It is in the edges already.
+    a lower bound of the depth of their nearest points; corner(which): (2, c, j), the corners of these polygons; loose:
+    (n,) or (), how far off the corners are, besides a few roundings. It is in the edges already.
     """
 
     member: Ints
