@@ -128,6 +128,7 @@ static int2 place_of_item(const int row) {
 /* The loops are in the kernel itself, as compilers work on all that is in a function once more in each one that calls
  * it, which took a twentieth of the time that a first picture takes. */
 #ifdef WITH_SAMPLES
+APART
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
@@ -148,6 +149,7 @@ __kernel void render(RENDER_PARAMETERS) {
     }
 }
 #else
+APART
 __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
