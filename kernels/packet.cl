@@ -247,11 +247,9 @@ static FLOAT dot_float(const Float3 w, const float4 s) {
 /* Before a kernel whose work-items no driver may join to vectors, as a packet is one. Intel's compiler for CPUs does so
  * otherwise: first.xml takes it 11.6 s then instead of 1, room.xml 98 s instead of 5, and frames are no faster. With
  * W = 1 it also passes wrong numbers to functions out of line: spheres were lost. */
-#ifdef cl_intel_vec_len_hint
-#define APART __attribute__((intel_vec_len_hint(1)))
-#else
-#define APART
-#endif
+#define APART PASTE(APART_, cl_intel_vec_len_hint)
+#define APART_1 __attribute__((intel_vec_len_hint(1)))
+#define APART_cl_intel_vec_len_hint
 
 /* |x|, by operators alone. */
 static FLOAT magnitude(const FLOAT x) {
