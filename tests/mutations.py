@@ -66,6 +66,7 @@ VIEWER = "tests/viewer/test_server.py"
 ROD_FILTER = "-m slow tests/kernels/test_cylinders.py -k changes_a_picture"
 CUTS = "tests/kernels/test_cuts.py"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
+GRAIN = "-m slow tests/kernels/test_samples.py::test_error_is_mostly_enough"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 SLOWLY = f"-m slow {PARALLEL}"
 
@@ -99,7 +100,7 @@ MUTATIONS = [
     Mutation(
         "own - size * h - 0x1p-19f", "own - 0x1p-19f", "spheres that cover a pixel's middle cover it all", SAMPLES
     ),
-    Mutation("GRAIN_SCATTER 0.98f", "GRAIN_SCATTER 0.2f", "estimates of fine textures", ESTIMATES),
+    Mutation("GRAIN_SCATTER 0.98f", "GRAIN_SCATTER 0.2f", "estimates of fine textures", GRAIN),
     Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
     Mutation(
         "mixed = mixed | may_show_another(",
@@ -802,7 +803,7 @@ MUTATIONS = [
         "replace(self.request, outputs=written)",
         "self.request",
         "frames of another background's alpha",
-        "tests/base/test_progress.py",
+        "-m slow tests/base/test_progress.py",
     ),
     Mutation(
         "if arguments.keys() != self.parameters.keys():",

@@ -164,7 +164,7 @@ def test_error_is_mostly_enough(any_device: Device) -> None:
 
     32 rays are nearer to the truth than what their spread says by more than 16 rays are.
     """
-    for name in ("crossing", "large and small", "large texels"):
+    for name in ("crossing", "large and small", "large texels", "tiny texels"):
         scene = (HOSTILE | ESTIMATED)[name]()
         right = truth(scene, any_device)
         for n, most in ((16, 5), (32, 7)):

@@ -138,13 +138,15 @@ def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> N
 @pytest.mark.slow
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Few spheres are treated as a million: fetched ahead, on other levels, with bounds made in blocks."""
-    # In the last one, each level of each list has as many rows as a power of two.
-    sizes = np.random.default_rng(6).choice(2.0 ** -np.arange(7), 60)
-    centers = np.random.default_rng(7).uniform(-3, 3, (60, 3))
+    # The last ones have several levels: one in the picture, the other in what both lights see.
     camera = Camera((0, 2, 12), (0, 0, 0), horizontal_fov=25, resolution=(64, 64))
-    layers = Scene.from_spheres(camera, [LAMP, SUN], centers, sizes)
-    for seed in range(7):
-        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed) if seed < 6 else layers
+    layers = []
+    for n, sizes in ((120, (0, 1, 6)), (480, range(7))):
+        radii = np.random.default_rng(6).choice(2.0 ** -np.array(sizes), n)
+        centers = np.random.default_rng(7).uniform(-3, 3, (n, 3))
+        layers.append(Scene.from_spheres(camera, [LAMP, SUN], centers, radii))
+    for seed in range(8):
+        scene = crowded((random_scene if seed % 2 else fuzzed_scene)(seed), seed) if seed < 6 else layers[seed - 6]
         for precision in ("accurate", "single"):
             want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
@@ -158,6 +160,8 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                     patch.setattr(module, "AT_ONCE", 8)
                 drawn = renderer(scene, device, precision)
                 assert "WITH_PREFETCH" in drawn.plan.features
+                many = (drawn.plan.arrays["grid"]["cells"][:, 3] > 1).tolist()
+                assert seed < 6 or many == ([True, False, False] if seed == 6 else [False, True, True])
                 image = drawn.render()
             for output in OUTPUTS:
                 assert np.array_equal(getattr(image, output), getattr(want, output)), (seed, precision, output)
