@@ -60,6 +60,7 @@ RESULTS = "tests/bench/test_results.py"
 FREE, PACKED = "tests/run/test_unstoppable.py", "tests/run/test_packing.py -k tunnel"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
+PASSES = "-m slow tests/kernels/test_soft_lights.py -k no_bit_depends"
 MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 VIEWER = "tests/viewer/test_server.py"
@@ -78,7 +79,7 @@ MUTATIONS = [
     Mutation("D > off ? far", "1 ? far", "what may miss hides nothing in coarse pictures", COARSE),
     Mutation("if (!(a * c > 0x1p-20 * size))", "if (0)", "coarse pictures from the surface of a sphere", COARSE),
     Mutation(
-        "scene->started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", SOFT
+        "scene->started) at.ambient = pixels.color", "0) at.ambient = pixels.color", "lights of earlier passes", PASSES
     ),
     Mutation(
         "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
@@ -842,7 +843,7 @@ MUTATIONS = [
         "camera = scene.camera if self.camera == before else self.camera",
         "camera = scene.camera",
         "viewer: frames keep a moved camera",
-        "tests/viewer/test_film.py -k animate",
+        "-m slow tests/viewer/test_film.py -k animate",
     ),
     Mutation(
         "lights[name][number] *= share", "pass", "viewer: dimmed lights", "tests/viewer/test_session.py -k lights"
