@@ -42,7 +42,7 @@ class Shape(ABC):
     def complete(self) -> None:  # noqa: B027 (most name none)
         """Reads the files that the elements name, after all of these."""
 
-    def doubt_reach(self, view: Camera) -> None:  # noqa: B027 (only meshes have narrow triangles)
+    def doubt_reach(self, view: Camera) -> None:  # noqa: B027 (most hold at any distance)
         """Warns of what reaches so far, for where the camera looks, that its colours may not hold."""
 
     def files(self) -> dict[int, MeshFile]:
