@@ -201,7 +201,7 @@ def _change(rng: random.Random, root: etree._Element) -> None:
     if kind == 0 and parent is not None:
         parent.remove(one)
     elif kind == 1:
-        copy = etree.tostring(one)
+        copy = etree.tostring(one, with_tail=False)
         for _ in range(rng.choice([1, 1, 2, 30]) if len(elements) < 200 and len(copy) < 1000 else 1):
             other.insert(rng.randrange(len(other) + 1), etree.fromstring(copy))
     elif kind == 2 and parent is not None and one not in list(other.iterancestors()) and one is not other:
