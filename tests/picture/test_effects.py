@@ -149,6 +149,7 @@ def test_lines_over_nothing_have_alpha(antialias: bool, device: Device) -> None:
     assert np.abs(image.rgba8[..., 3] - 255 * image.alpha).max() <= 0.5
 
 
+@pytest.mark.slow
 def test_movies_updates_and_other_outputs(device: Device) -> None:
     how = {"outline": ("black", 2), "fog": ("white", 7, 11)}
     cameras = cltrace.orbit(scene(), 3)

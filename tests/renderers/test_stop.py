@@ -124,6 +124,7 @@ def test_a_picture_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPat
     assert 0 not in told
 
 
+@pytest.mark.slow
 def test_larger_pictures_may_take_longer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(executor, "MAX_SECONDS", 0)
     monkeypatch.setattr(executor, "SAMPLES_A_PICTURE", 100)

@@ -40,6 +40,7 @@ def dying(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
     return spec
 
 
+@pytest.mark.slow
 def test_what_works_is_told(device: Device) -> None:
     status, lines = report(device.spec)
     assert status == 0

@@ -305,6 +305,7 @@ def test_pictures_that_are_means_are_named_antialiased(pictures: Pictures, facto
     assert cause.explains > 0.9
 
 
+@pytest.mark.slow
 def test_what_may_be_compared(pictures: Pictures, tmp_path: Path) -> None:
     """An Image, an array of bytes with or without alpha, the path of a file."""
     scene = pictures.loaded["bright"]

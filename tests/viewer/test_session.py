@@ -403,6 +403,7 @@ def kinds_of(lines: list[Line]) -> list[str]:
     return [line.kind for line in lines]
 
 
+@pytest.mark.slow
 def test_field_of_view(session: Session, stage: Stage, spec: str) -> None:
     """It is undone and copied as the camera is; an orthographic camera keeps it for later; reset has the scene's."""
     drawn(session)
