@@ -30,7 +30,8 @@ log = logging.getLogger("cltrace")
 CACHES = ("pocl", "pyopencl", "pytools")
 # What ends the process, or its import of pyopencl, where it is set and empty, as a shell's `NAME= command` has it.
 NOT_EMPTY = ("POCL_CACHE_DIR", "PYOPENCL_NO_CACHE", "PYOPENCL_COMPILER_OUTPUT")
-# Of these, pyopencl takes no words but those that follow, in any case: at another one, its import ends in a traceback.
+# Which of these pyopencl reads as yes or no, and the words that it knows for that, also in capitals. Any other word ends
+# its import in a traceback.
 YES_OR_NO = NOT_EMPTY[1:]
 WORDS = {"y", "yes", "t", "true", "on", "1", "n", "no", "f", "false", "off", "0"}
 # Bytes that must be free there: the files of the largest kernel take 2.3 MB while it is compiled.
@@ -48,8 +49,8 @@ _looked: dict[Path, int] = {}
 def ensure() -> None:
     """Points XDG_CACHE_HOME to a temporary folder of this user if the usual cache folder cannot be used.
 
-    Where there is no such folder either, pyopencl is told to do without a cache. What is empty is taken for not set,
-    and what is neither yes nor no for yes. Raises nothing.
+    Where there is no such folder either, pyopencl is told to do without a cache. A variable of NOT_EMPTY that is empty
+    is taken for not set, and a word that pyopencl does not know for yes. Raises nothing.
     """
     for name in NOT_EMPTY:
         if os.environ.get(name) == "":
