@@ -30,8 +30,8 @@ log = logging.getLogger("cltrace")
 CACHES = ("pocl", "pyopencl", "pytools")
 # What ends the process, or its import of pyopencl, where it is set and empty, as a shell's `NAME= command` has it.
 NOT_EMPTY = ("POCL_CACHE_DIR", "PYOPENCL_NO_CACHE", "PYOPENCL_COMPILER_OUTPUT")
-# Which of these pyopencl reads as yes or no, and the words that it knows for that, also in capitals. Any other word ends
-# its import in a traceback.
+# Which of these pyopencl reads as yes or no, and the words that it knows for that, also in capitals. At any other word
+# its import ends in a traceback.
 YES_OR_NO = NOT_EMPTY[1:]
 WORDS = {"y", "yes", "t", "true", "on", "1", "n", "no", "f", "false", "off", "0"}
 # Bytes that must be free there: the files of the largest kernel take 2.3 MB while it is compiled.
