@@ -78,18 +78,20 @@ class TooManyRaysError(CltraceError):
 
 
 class TooSlowError(CltraceError):
-    """A picture takes longer than the limit of seconds, and is given up.
+    """A picture, or what is made before it, takes longer than the limit of seconds, and is given up.
 
-    `seconds`: that limit, for so large a picture; `advice`: which numbers could be lower.
+    `seconds`: that limit, for so large a picture or such files; `advice`: which numbers could be lower; `work`: what
+    takes so long.
     """
 
-    def __init__(self, seconds: float, advice: str) -> None:
-        super().__init__(seconds, advice)
+    def __init__(self, seconds: float, advice: str, work: str = "drawing") -> None:
+        super().__init__(seconds, advice, work)
         self.seconds = seconds
         self.advice = advice
+        self.work = work
 
     def __str__(self) -> str:
-        return f"drawing takes longer than {self.seconds:.0f} s; lower {self.advice}{hint('seconds')}"
+        return f"{self.work} takes longer than {self.seconds:.0f} s; lower {self.advice}{hint('seconds')}"
 
 
 class SceneWarning(UserWarning):

@@ -18,23 +18,27 @@ MAX_RAYS = 2**20  # of a pixel, which takes more than a second then
 # Of drawing a picture of SAMPLES_A_PICTURE samples or fewer, and of more in proportion. A small file can ask for hours.
 MAX_SECONDS = 10
 SAMPLES_A_PICTURE = 640 * 360 * 32
+# The part of these seconds that lists of surfaces for the second light and those after it may take, where a scene is
+# read from files of PAIRS_BYTES or less, and of larger files in proportion. A light among large triangles takes a
+# hundred times as long as one far away, so that no number of surfaces tells which scene is slow.
+LISTS_SHARE = 0.5
 
 # A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each
 # member of a soft light counts.
 MAX_LIGHTS = 1024
 # Pairs of a light and a surface in a scene that is read from files, as each light has lists of all surfaces: these take
 # up to 9 seconds of a processor and 1.5 GB. Files of more than PAIRS_BYTES in all may have more in proportion: what is
-# large may take long. FEW lights shine on as many surfaces as files hold, and FEW_AGAIN where a mesh is placed again,
-# of which a few bytes ask.
-MAX_PAIRS, PAIRS_BYTES, FEW_AGAIN, FEW = 1_500_000, 2**20, 3, 64
+# large may take long. FEW lights shine on as many surfaces as files hold, if no mesh is placed again: a few bytes ask
+# for that.
+MAX_PAIRS, PAIRS_BYTES, FEW = 1_500_000, 2**20, 64
 MAX_SPHERES = 2**26
 MAX_CYLINDERS = 2**24
 # In all meshes of a scene. A mesh that is placed twice counts twice.
 MAX_TRIANGLES = MAX_VERTICES = 2**26
 MAX_MESHES = 2**16
 # Triangles of files that a scene names again, where nobody allows more by --instances: a few bytes ask for them, and to
-# draw one takes about 600 bytes at the peak.
-INSTANCES = 2**21
+# draw one takes about 600 bytes at the peak, and up to 11 microseconds for the lists of each light.
+INSTANCES = 2**18
 MAX_TEXELS = 2**27  # in all textures of a scene
 MAX_IMAGES = 10_000  # of a periodic box, among which the nearest is looked for
 

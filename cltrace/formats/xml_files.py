@@ -82,7 +82,7 @@ class Files:
     def size(self) -> int:
         """Bytes of the scene's own file and of the meshes that it names, each once, by whatever names."""
         paths = {path.resolve() for path in (self._scene, *(self._folder / name for name in self.meshes.lines))}
-        return sum(path.stat().st_size for path in paths)
+        return sum(path.stat().st_size for path in paths if path.exists())
 
     def read_meshes(self, faults: Messages) -> Contents[Obj]:
         """The meshes; `faults` are told of files that cannot be read."""

@@ -22,7 +22,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, located
-from cltrace.base.limits import FEW, FEW_AGAIN, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, PAIRS_BYTES, hint
+from cltrace.base.limits import FEW, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, PAIRS_BYTES, hint
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
 from cltrace.formats.xml_bulk import packed_materials
@@ -97,8 +97,8 @@ class _Reader(Checks):
     def _check_pairs(self) -> None:
         """Complains about more pairs of a light and a surface than allowed, where nothing else is wrong."""
         surfaces, held = map(sum, zip(*(shape.counts() for shape in self._shapes.values()), strict=True))
-        few = FEW if surfaces == held else FEW_AGAIN
-        if self.faults.count or self.files.faults or self._members <= few:
+        few = surfaces == held and self._members <= FEW
+        if few or self.faults.count or self.files.faults:
             return
         most = MAX_PAIRS * max(self.files.size(), PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
@@ -119,6 +119,7 @@ class _Reader(Checks):
             textures=tuple(textures.names),
             transforms=self.transforms,
             files=self.files.named(),
+            bytes=self.files.size(),
         )
 
     def _view(self) -> Camera:

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from cltrace.base.errors import TooSlowError
+from cltrace.base.waiting import Stopwatch
 from cltrace.plan.accel.cells import SLACK, CellGrid, entries_of_boxes, whole_grid
 from cltrace.plan.accel.discs import Discs, behind, is_deep
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Silhouettes, Window
@@ -23,6 +25,9 @@ ONE_LIST = 16
 
 class Grids:
     """The grids of a view, each of which is made when it is asked for, and not kept.
+
+    Raises TooSlowError where those of the second light and others after it take longer than the world's patience: the
+    first light has what they take compiled, whose time does not count.
 
     light_buffer: (m, 4), abi's; skipped: what of the world is in no grid, in words, and how often. Both are whole when
     all grids have been taken.
@@ -79,7 +84,13 @@ class Grids:
     def _of_lights(self) -> Iterator[CellGrid]:
         """The grids of the lights in turn."""
         total, made, idle = self._total, 1, 0
+        watch = Stopwatch(own=True)
         for k, light in enumerate(self._lights):
+            if k == 1:
+                watch.begin()
+            elif k and watch.seconds() > self._world.patience:
+                lower = f"the number of lights, which is {len(self._lights)}, or of surfaces, which is {total}"
+                raise TooSlowError(self._world.patience, lower, "making lists of what stops light")
             seen = [sight.lights[k] for sight in self._sights]
             among = self._among(seen)
             who = Shadows(among, self._receiver, self._slack)

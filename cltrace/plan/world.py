@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
+from cltrace.base.limits import LISTS_SHARE, MAX_SECONDS, PAIRS_BYTES
 from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
@@ -38,7 +40,8 @@ class World:
     surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
     whether any light is soft, and so stands for many; bounces: what surfaces do with rays; paths: what rays need that
     leave surfaces, None where no ray does; background: linear (r, g, b); peak: (3,), brightest() where a ray may become
-    two, else 0; skipped: what the scene does not need, in words, and how often; seconds: what took how long: "tree".
+    two, else 0; patience: seconds that lists may take, see Grids; skipped: what the scene does not need, in words, and
+    how often; seconds: what took how long: "tree".
     """
 
     shapes: tuple[Shape, ...]
@@ -52,6 +55,7 @@ class World:
     paths: Paths | None
     background: Vector
     peak: Array
+    patience: float
     skipped: dict[str, int]
     seconds: dict[str, float]
 
@@ -114,6 +118,7 @@ class World:
             paths=paths,
             background=scene.background,
             peak=peak,
+            patience=patience_for(scene),
             skipped=skipped | ({"lights that add nothing": useless} if useless else {}),
             seconds=seconds,
         )
@@ -157,6 +162,13 @@ def _materials(
     if scene.columns.materials_count > len(of) // 2 and not scene.meshes:
         return Materials.of(scene, request, of), np.arange(len(of), dtype=np.int32)
     return Materials.of(scene, request, None), of
+
+
+def patience_for(scene: Scene) -> float:
+    """Seconds that lists of a scene's lights may take: without end where it is not read from files."""
+    if scene.source is None:
+        return math.inf
+    return MAX_SECONDS * LISTS_SHARE * max(1.0, scene.source.bytes / PAIRS_BYTES)
 
 
 @contextmanager

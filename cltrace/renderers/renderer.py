@@ -83,7 +83,8 @@ class Renderer:
 
     Raises TypeError if scene is not a Scene or device is of another type, ValueError for any other argument that is not
     allowed, DeviceError if there is no such device, if it lacks double precision that is asked for, if its driver fails
-    or has not enough memory, or in a forked process, and BuildError if the kernel does not build.
+    or has not enough memory, or in a forked process, BuildError if the kernel does not build, and TooSlowError if lists
+    of a small file's lights take longer than half of the limit of seconds.
     """
 
     scene: Scene

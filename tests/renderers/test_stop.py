@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cltrace
 from cltrace.base import waiting
+from cltrace.plan import world
 from cltrace.run import executor
 
 
@@ -122,6 +125,29 @@ def test_a_picture_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPat
             )
     np.testing.assert_array_equal(renderer.draw(told.append).color, expected)
     assert 0 not in told
+
+
+def test_lists_that_take_too_long_are_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of a file's third light and later ones: the first has compilers, and what Python makes may take long."""
+    path, text = tmp_path / "s.xml", (Path(__file__).parents[2] / "scenes" / "minimal.xml").read_text("utf-8")
+    lamp = '<point_light><color r="1" g="1" b="1"/><position x="0" y="0" z="9"/></point_light>'
+    monkeypatch.setattr(world, "MAX_SECONDS", 0)
+    path.write_text(text.replace("</lights>", f"{lamp}</lights>"))
+    cltrace.Renderer(cltrace.load(path))
+    path.write_text(text.replace("</lights>", f"{lamp * 2}</lights>"))
+    scene = cltrace.load(path)
+    with pytest.raises(cltrace.TooSlowError) as error:
+        cltrace.Renderer(scene)
+    assert str(pickle.loads(pickle.dumps(error.value))) == (
+        "making lists of what stops light takes longer than 0 s; lower the number of lights, which is 3, or of "
+        "surfaces, which is 1; --limit seconds=N or CLTRACE_LIMITS allows more"
+    )
+    cltrace.Renderer(scene.lit_by(scene.lights))
+    # What larger files hold may take longer.
+    monkeypatch.setattr(world, "MAX_SECONDS", 60)
+    assert world.patience_for(scene) == 30
+    monkeypatch.setattr(world, "PAIRS_BYTES", path.stat().st_size / 4)
+    assert world.patience_for(scene) == 120
 
 
 @pytest.mark.slow
