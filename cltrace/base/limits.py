@@ -18,9 +18,9 @@ MAX_RAYS = 2**20  # of a pixel, which takes more than a second then
 # Of drawing a picture of SAMPLES_A_PICTURE samples or fewer, and of more in proportion. A small file can ask for hours.
 MAX_SECONDS = 10
 SAMPLES_A_PICTURE = 640 * 360 * 32
-# The part of these seconds that lists of surfaces for the second light and those after it may take, where a scene is
-# read from files of PAIRS_BYTES or less, and of larger files in proportion. A light among large triangles takes a
-# hundred times as long as one far away, so that no number of surfaces tells which scene is slow.
+# The share of these seconds that may go to lists of surfaces for the second light and later ones, where a scene is read
+# from files of PAIRS_BYTES or less; of larger files in proportion. A light among large triangles takes ten times as
+# long as one far away, so that no number of surfaces tells which scene is slow.
 LISTS_SHARE = 0.5
 
 # A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each

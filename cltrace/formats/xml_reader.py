@@ -119,7 +119,7 @@ class _Reader(Checks):
             textures=tuple(textures.names),
             transforms=self.transforms,
             files=self.files.named(),
-            bytes=self.files.size(),
+            size=self.files.size(),
         )
 
     def _view(self) -> Camera:

@@ -26,8 +26,8 @@ ONE_LIST = 16
 class Grids:
     """The grids of a view, each of which is made when it is asked for, and not kept.
 
-    Raises TooSlowError where those of the second light and others after it take longer than the world's patience: the
-    first light has what they take compiled, whose time does not count.
+    Raises TooSlowError where those of the second light and later ones take longer than the world's patience. Those of
+    the first light do not count, as what makes lists is compiled then.
 
     light_buffer: (m, 4), abi's; skipped: what of the world is in no grid, in words, and how often. Both are whole when
     all grids have been taken.

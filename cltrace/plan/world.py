@@ -165,10 +165,10 @@ def _materials(
 
 
 def patience_for(scene: Scene) -> float:
-    """Seconds that lists of a scene's lights may take: without end where it is not read from files."""
+    """Seconds that lists of a scene's lights may take: any number where it is not read from files."""
     if scene.source is None:
         return math.inf
-    return MAX_SECONDS * LISTS_SHARE * max(1.0, scene.source.bytes / PAIRS_BYTES)
+    return MAX_SECONDS * LISTS_SHARE * max(1.0, scene.source.size / PAIRS_BYTES)
 
 
 @contextmanager

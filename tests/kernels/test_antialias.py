@@ -343,6 +343,7 @@ def test_scenes(device: Device, name: str) -> None:
     assert_within(scene, device, proved(scene, device).render())
 
 
+@pytest.mark.slow
 def test_share_of_a_tiny_sphere(device: Device) -> None:
     """A white sphere a fiftieth of a pixel wide, anywhere in the picture, brightens its pixel by its share of it."""
     random = np.random.default_rng(5)

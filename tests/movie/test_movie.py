@@ -147,7 +147,7 @@ def test_frames_that_are_none(items: list[Any], error: type[Exception], message:
         list(cltrace.animate(items))
 
 
-@pytest.mark.parametrize("many", [packers.MANY, 0])
+@pytest.mark.parametrize("many", [packers.MANY, pytest.param(0, marks=pytest.mark.slow)])
 def test_images_are_those_of_new_renderers(many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of cameras, moved and coloured spheres, another number of them, and scenes that have nothing in common."""
     monkeypatch.setattr(packers, "MANY", many)

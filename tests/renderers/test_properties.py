@@ -216,6 +216,7 @@ def test_reference_ids_are_those_of_the_oracle() -> None:
                 assert at.t == pytest.approx(t[i], rel=1e-8, abs=0)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit() -> None:
     """PoCL takes its number of threads from the environment, once for a process."""
     script = (
