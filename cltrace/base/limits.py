@@ -27,10 +27,10 @@ LISTS_SHARE = 0.5
 # member of a soft light counts.
 MAX_LIGHTS = 1024
 # Pairs of a light and a surface in a scene that is read from files, as each light has lists of all surfaces: these take
-# up to 9 seconds of a processor and 1.5 GB. Files of more than PAIRS_BYTES in all may have more in proportion: what is
+# up to 9 seconds of a processor and 1.8 GB. Files of more than PAIRS_BYTES in all may have more in proportion: what is
 # large may take long. FEW lights shine on as many surfaces as files hold, if no mesh is placed again: a few bytes ask
 # for that.
-MAX_PAIRS, PAIRS_BYTES, FEW = 1_500_000, 2**20, 64
+MAX_PAIRS, PAIRS_BYTES, FEW = 750_000, 2**20, 64
 MAX_SPHERES = 2**26
 MAX_CYLINDERS = 2**24
 # In all meshes of a scene. A mesh that is placed twice counts twice.

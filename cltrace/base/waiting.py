@@ -113,14 +113,18 @@ class _Listener:
             if self._before >= 0 and numbers:  # whoever listened before hears them, too
                 with suppress(OSError):
                     os.write(self._before, numbers)
-            if (stop := self._stop) and ENDING.intersection(numbers):
-                stop()
-            for wait in self.waits.copy():
-                if wait.over():
-                    wait.stop()
-                if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
-                    self._told.add(words)
-                    log.warning(words)
+            self._look(bool(ENDING.intersection(numbers)))
+
+    def _look(self, ending: bool) -> None:
+        """Stops what is to be stopped, and tells what is slow. Afterwards this thread holds no work, nor its memory."""
+        if ending and (stop := self._stop):
+            stop()
+        for wait in self.waits.copy():
+            if wait.over():
+                wait.stop()
+            if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
+                self._told.add(words)
+                log.warning(words)
 
 
 @cache

@@ -51,7 +51,7 @@ class View:
         ValueError if its crop is not within the picture.
         """
         methods = methods or Methods(
-            lambda shape, *how: shape.in_view(*how), lambda grids: build(list(grids), request.precision).arrays()
+            lambda shape, *how: shape.in_view(*how), lambda grids: build(grids, request.precision).arrays()
         )
         shapes = [methods.in_view(shape, camera, first) for first, shape in world.placed]
         lengths = [part for shape in shapes for part in shape.lengths()]

@@ -16,7 +16,7 @@ docs/speed.md.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import blockwise, concurrently
+from cltrace.base.arrays import blockwise, concurrently, empty, processors
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
 from cltrace.plan.rounding import Array, Ints, Mask, rounded_up
 
@@ -139,22 +139,37 @@ class CellGrid:
         return found
 
 
-def build(grids: list[CellGrid], precision: Precision) -> Lists:
+def build(grids: Iterable[CellGrid], precision: Precision) -> Lists:
     """The lists of all cells of all grids: every member is entered in each cell that it covers."""
-    records = np.zeros(len(grids), dtype_of("Grid", precision))
-    starts, entries = [], []
+    records, starts, entries = list[NDArray[np.void]](), list[Ints](), list[Ints]()
     cells = filled = 0
-    jobs = [partial(entered_in, grid) for grid in grids]
-    # Threads take a millisecond to start.
-    entered = concurrently(jobs) if sum(len(grid.member) for grid in grids) > AT_ONCE else [job() for job in jobs]
-    for g, grid, (start, entry, mask) in zip(records, grids, entered, strict=True):
-        fill_record(g, grid, cells, mask)
-        starts.append(start + np.int32(filled))
-        entries.append(entry)
-        cells += len(start)
-        filled += len(entry)
+    for some in _batches(grids):
+        jobs = [partial(entered_in, grid) for grid in some]
+        # Threads take a millisecond to start.
+        entered = concurrently(jobs) if sum(len(grid.member) for grid in some) > AT_ONCE else [job() for job in jobs]
+        for grid, (start, entry, mask) in zip(some, entered, strict=True):
+            records.append(np.zeros(1, dtype_of("Grid", precision)))
+            fill_record(records[-1][0], grid, cells, mask)
+            starts.append(start + np.int32(filled))
+            entries.append(entry)
+            cells += len(start)
+            filled += len(entry)
     entries.append(np.zeros((CONSTANTS["AHEAD"], 2), np.int32))
-    return Lists(records, np.concatenate([*starts, np.array([filled], np.int32)]), np.concatenate(entries))
+    starts.append(np.array([filled], np.int32))
+    entry = np.concatenate(entries, out=empty((filled + CONSTANTS["AHEAD"], 2), np.int32))
+    return Lists(np.concatenate(records), np.concatenate(starts), entry)
+
+
+def _batches(grids: Iterable[CellGrid]) -> Iterator[list[CellGrid]]:
+    """A few grids at a time, as hundreds of lights have more of them than there should be in memory at once."""
+    some, members = list[CellGrid](), 0
+    for grid in grids:
+        some.append(grid)
+        members += len(grid.member)
+        if members > AT_ONCE and len(some) >= processors():
+            yield some
+            some, members = [], 0
+    yield some
 
 
 def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
