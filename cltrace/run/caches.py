@@ -16,7 +16,7 @@ import stat
 import struct
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -49,8 +49,9 @@ _looked: dict[Path, int] = {}
 def ensure() -> None:
     """Points XDG_CACHE_HOME to a temporary folder of this user if the usual cache folder cannot be used.
 
-    Where there is no such folder either, pyopencl is told to do without a cache. A variable of NOT_EMPTY that is empty
-    is taken for not set, and a word that pyopencl does not know for yes. Raises nothing.
+    Where there is no such folder either, pyopencl is told to do without a cache. A POCL_CACHE_DIR that cannot be used
+    and a variable of NOT_EMPTY that is empty are taken for not set, and a word that pyopencl does not know for yes.
+    Raises nothing.
     """
     for name in NOT_EMPTY:
         if os.environ.get(name) == "":
@@ -58,6 +59,8 @@ def ensure() -> None:
     for name in YES_OR_NO:
         if os.environ.get(name, "1").lower() not in WORDS:
             os.environ[name] = "1"
+    if "POCL_CACHE_DIR" in os.environ and not _usable(Path(os.environ["POCL_CACHE_DIR"]), ("",)):
+        del os.environ["POCL_CACHE_DIR"]
     chosen = os.environ.get("XDG_CACHE_HOME")
     if _usable(Path(chosen)) if chosen else _usual():
         return
@@ -105,11 +108,11 @@ def is_own(found: os.stat_result) -> bool:
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH)
 
 
-def _usable(folder: Path) -> bool:
-    """Whether files can be made in the caches of a folder. It is made if it is not there."""
+def _usable(folder: Path, caches: Sequence[str] = CACHES) -> bool:
+    """Whether files can be made in the caches of a folder, of which the first is PoCL's. They are made if need be."""
     try:
-        for cache in CACHES:
-            check_room(folder / cache, ROOM if cache == CACHES[0] else 1)
+        for cache in caches:
+            check_room(folder / cache, ROOM if cache == caches[0] else 1)
     except OSError as error:
         notes.append(f"{folder} cannot be used: {error.strerror}")
         return False

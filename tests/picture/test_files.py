@@ -339,6 +339,17 @@ def test_a_full_disk(monkeypatch: pytest.MonkeyPatch, full: set[str]) -> None:
         caches.check_room(folder)
 
 
+def test_a_cache_of_pocl_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Found by one on a full disk: no kernel was built, and --doctor found no device."""
+    Path("file").touch()
+    for folder, left in (("file/kernels", None), ("kernels", "kernels")):
+        monkeypatch.setenv("POCL_CACHE_DIR", folder)
+        monkeypatch.setattr(caches, "notes", [])
+        assert cache_home(monkeypatch, "home") is None
+        assert os.environ.get("POCL_CACHE_DIR") == left
+        assert caches.notes == ([] if left else ["file/kernels cannot be used: Not a directory"])
+
+
 def cut(path: Path) -> None:
     os.truncate(path, path.stat().st_size // 3)
 
