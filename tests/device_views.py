@@ -1,4 +1,5 @@
-"""What tests of packing on a device share: lights of each kind, precisions, and whether a device's view is numpy's."""
+"""What tests of packing on a device share: lights of each kind, precisions, a CPU as a GPU, whether a device's view is
+numpy's."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 import cltrace
 from cltrace.plan.accel.cells import ONE_CELL_LEVEL
 from cltrace.plan.view import View
+from cltrace.run.devices import Device
 from cltrace.run.pack.toolbox import Toolbox
 
 # Programs in single are others, and take as long to compile again.
@@ -23,6 +25,12 @@ LIGHTS = [
     cltrace.point_light((3, 4, 5)),
     cltrace.spot_light((0.1, 2.0, -0.3), (0, -1, 0), 20, 30),
 ]
+
+
+class Gpu(Device):
+    """A device that is taken for a GPU. It is equal to no other, so that programs that are kept are its own."""
+
+    kind = property(lambda _: "gpu")  # type: ignore[assignment]
 
 
 def check_same_view(view: View, made: dict[str, cl.Buffer], tools: Toolbox, expected: View) -> None:

@@ -37,6 +37,14 @@ def check_regular(path: str) -> None:
         raise UnreadableError("is a directory" if stat.S_ISDIR(mode) else "is not a regular file")
 
 
+def size_of(path: Path) -> int:
+    """How many bytes a file has, 0 where it cannot be read: what then reads it says why."""
+    try:
+        return path.stat().st_size
+    except (OSError, ValueError):
+        return 0
+
+
 def within(folder: str, name: str) -> str:
     """The real path of a file in a folder; raises UnreadableError where a symbolic link leads out of the folder."""
     with _words_for_errors():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from cltrace.base.errors import Fault, SceneError
 from cltrace.base.limits import MAX_TEXELS, MAX_UNREADABLE
 from cltrace.formats.faults import Messages, closest
-from cltrace.formats.files import UnreadableError, within
+from cltrace.formats.files import UnreadableError, size_of, within
 from cltrace.formats.xml_values import quoted
 from cltrace.scene import Texture
 
@@ -63,12 +63,17 @@ class Contents(Generic[T]):
 
 
 class Files:
-    """The files of a scene in a folder."""
+    """The files of a scene in a folder.
+
+    faults: of the contents of other files than the scene's own; size: bytes of its own file, and of each mesh that has
+    been read.
+    """
 
     def __init__(self, scene: str) -> None:
         self._scene, self._folder = Path(scene), Path(scene).parent
         self.meshes, self.textures = Names("mesh: name"), Names("material_textured texture: name")
-        self.faults: list[Fault] = []  # of the contents of other files than the scene's own
+        self.faults: list[Fault] = []
+        self.size = size_of(self._scene)
 
     def shown(self, name: str) -> str:
         """The path of a file as a message shows it."""
@@ -79,11 +84,6 @@ class Files:
         names = dict.fromkeys((*self.meshes.lines, *self.textures.lines))
         return (self._scene, *(self._folder / name for name in names))
 
-    def size(self) -> int:
-        """Bytes of the scene's own file and of the meshes that it names, each once, by whatever names."""
-        paths = {path.resolve() for path in (self._scene, *(self._folder / name for name in self.meshes.lines))}
-        return sum(path.stat().st_size for path in paths if path.exists())
-
     def read_meshes(self, faults: Messages) -> Contents[Obj]:
         """The meshes; `faults` are told of files that cannot be read."""
 
@@ -91,6 +91,7 @@ class Files:
             try:
                 from cltrace.formats.obj import read_obj  # most scenes have none
 
+                self.size += size_of(Path(path))
                 return read_obj(path)
             except SceneError as error:
                 self.faults += [replace(fault, path=self.shown(name)) for fault in error.faults]

@@ -100,7 +100,7 @@ class _Reader(Checks):
         few = surfaces == held and self._members <= FEW
         if few or self.faults.count or self.files.faults:
             return
-        most = MAX_PAIRS * max(self.files.size(), PAIRS_BYTES) // PAIRS_BYTES
+        most = MAX_PAIRS * max(self.files.size, PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
             self.faults.add(
                 self._light_lines[-1],
@@ -119,7 +119,7 @@ class _Reader(Checks):
             textures=tuple(textures.names),
             transforms=self.transforms,
             files=self.files.named(),
-            size=self.files.size(),
+            size=self.files.size,
         )
 
     def _view(self) -> Camera:

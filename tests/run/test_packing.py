@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from device_views import LIGHTS, PRECISIONS, check_same_view, lists_of, read
+from device_views import LIGHTS, PRECISIONS, Gpu, check_same_view, lists_of, read
 from numpy.typing import NDArray
 from random_scenes import tunnel
 
@@ -173,11 +173,11 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
 @pytest.mark.slow
 def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A GPU takes one sphere at a time, and has memory of its own. Here a CPU does that."""
-    monkeypatch.setattr(Device, "kind", "gpu")
+    gpu = Gpu(device.spec, device.cl)
     for make in (crowded, touching, mirrors, few_in_light, in_a_tunnel):
         for precision in ("accurate", "single"):
-            both(make(), device, Request(precision))
-    coarse_pictures_show_all(device, monkeypatch, "row")
+            both(make(), gpu, Request(precision))
+    coarse_pictures_show_all(gpu, monkeypatch, "row")
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -240,20 +240,18 @@ def test_bits_along_the_view_of_what_is_wanted(device: Device) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "few"), [("cpu", 2**17), ("cpu", 3000), pytest.param("gpu", 0, marks=pytest.mark.slow)]
+    ("kind", "few"), [(Device, 2**17), (Device, 3000), pytest.param(Gpu, 0, marks=pytest.mark.slow)]
 )
 def test_lists_of_cameras_are_side_by_side(
-    device: Device, monkeypatch: pytest.MonkeyPatch, kind: str, few: int
+    device: Device, monkeypatch: pytest.MonkeyPatch, kind: type[Device], few: int
 ) -> None:
     """What lights see is there once, views of any age keep their lists, and what nobody keeps has others in its place.
 
     What has no room is in other buffers. A GPU has none to spare.
     """
-    if kind != device.kind:
-        monkeypatch.setattr(Device, "kind", kind)
     monkeypatch.setattr(list_buffers, "LEAST", few)
     world = World.of(crowded(lights=LIGHTS[2:]), Request())
-    packer = SpherePacker.of(world, Request(), device)
+    packer = SpherePacker.of(world, Request(), kind(device.spec, device.cl))
     assert packer is not None
     cameras = [camera(position=(0.1 * k, 0.2, 3 + 0.1 * k)) for k in range(9)]
     views = [(by, *packer.view(world, by)) for by in cameras]
