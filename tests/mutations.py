@@ -85,6 +85,9 @@ MUTATIONS = [
         "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
     ),
     Mutation(
+        "is not None and part.members)]", "is not None)]", "a side without cylinders", f"-m slow {CELLS} -k no_cylinder"
+    ),
+    Mutation(
         "window.is_tiny(", "0 and window.is_tiny(", "small triangles in parallel light", f"-m slow {CELLS} -k small"
     ),
     Mutation(

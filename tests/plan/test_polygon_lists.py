@@ -16,6 +16,7 @@ from test_lists import cell_of, dot_float, walk
 
 from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel import cells
+from cltrace.plan.accel.capsules import Capsules
 from cltrace.plan.accel.cells import SLACK, CellGrid, build
 from cltrace.plan.accel.discs import Discs
 from cltrace.plan.accel.light_buffer import parallel_buffer, point_buffer
@@ -381,3 +382,14 @@ def test_little_else_is_offered_to_shadow_rays(make: Make, lamp: float, sun: flo
     triangles = make(np.random.default_rng(9))
     assert check_light(triangles, np.array([0.1, 0.05, -0.6]), None) <= lamp
     assert check_light(triangles, None, axes_towards(np.array([-0.3, 1, 0.7]))) <= sun
+
+
+def test_where_no_cylinder_is_triangles_have_outlines() -> None:
+    """A side of the cube around a light that shows none, in a scene with one: corners were off by infinitely much."""
+    triangles = soup(np.random.default_rng(10))
+    behind = Capsules(np.array([[-0.1, 0.0, 0.8]]), np.array([[0.1, 0.0, 0.8]]), np.array([0.05]), len(triangles))
+    every = np.ones(len(triangles) + 1, bool)
+    sides = point_buffer([NO_SPHERES, polygons_of(triangles), behind], Shadows(every, every, FINE_SLACK))
+    shown = [outlines for side in sides if len(triangles) not in side.member for outlines in side.outlines]
+    assert sum(len(outlines.at) for outlines in shown) > len(triangles) / 2
+    assert all((outlines.loose < 0.25).all() for outlines in shown)

@@ -285,7 +285,7 @@ def _on_window(axes: Array, parts: Sequence[Part], nest: Nest, slack: float, per
     """The grid of a window. perspective: of CellGrid."""
     here = [part for part in parts if isinstance(part, Cast)]
     shown = [part for part in parts if not isinstance(part, Cast)]
-    flat: list[Part] = [*shown, *(part for part in here if part.corner is not None)]
+    flat: list[Part] = [*shown, *(part for part in here if part.corner is not None and part.members)]
     window = nest.window
     cells = window.cells(nest.sizes, nest.members, bool(flat), nest.deep)
     low, sides = window.middle - window.half, 2 * window.half
