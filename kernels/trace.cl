@@ -81,7 +81,7 @@ static void illuminate(const Scene *scene, const int number, const Intersection 
     lit = cast_shadow_ray(scene, ray, at.start, lit, &lighting->rays, work);
     if (!ANY(lit)) return;
     MARK(mark, lit, own, ~number);
-    const Shade3 l = unit_to(ray, lit, scene->unit);
+    const Shade3 l = unit_to(ray, lit);
     phong(light, strength_of(light, kind, l), l, at, lit, lighting, work);
 }
 

@@ -35,6 +35,7 @@ class Mutation(NamedTuple):
 
 LISTS = "tests/plan/test_lists.py"
 STRESS = "tests/kernels/test_stress.py"
+ROUGH = "tests/kernels/test_precision.py"
 ENDS = "tests/kernels/test_hostile.py"
 CULLING = "tests/plan/test_culling.py"
 AGREE = "tests/kernels/test_consistency.py"
@@ -302,11 +303,16 @@ MUTATIONS = [
     ),
     Mutation("-DOT(w, light.axis) >= light.axis.w * sqrt", "-DOT(w, light.axis) >= sqrt", "the cone", AGREE),
     Mutation("MASK tiny = ray.a < 0x1p-80f;", "MASK tiny = a < 0;", "lights at the point", ENDS),
+    Mutation("const Real3 w = {ray.w.x * (real)0x1p80f", "const Real3 w = {ray.w32.x * (real)0x1p80f", "tiny", ROUGH),
+    Mutation("on = TO_SHADE_MASK(lit);", "on = TO_SHADE_MASK(lit) & (dot > 0);", "grazing light", ROUGH),
+    Mutation("goes_on).growth(scene.camera.max_bounces)", "goes_on).growth(0)", "colours that bounces brighten", ROUGH),
+    Mutation("(flat or sharp) and ks", "sharp and ks", "flat highlights in float", ROUGH),
+    Mutation("colored = request.precision == self.precision", "colored = True", "floats for doubles", ROUGH),
     Mutation(
-        "cosine_nl = dot < 1 ? dot : (SHADE)1",
+        "cosine_nl = max(dot, (SHADE)0)",
         "cosine_nl = dot",
-        "n.l above 1",
-        "-m slow tests/kernels/test_hostile.py",
+        "n.l below 0",
+        ROUGH,
     ),
     Mutation(
         "g = g * w + 0.14285714312987743",

@@ -22,6 +22,7 @@ from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.passes import passes_of
 from cltrace.plan.plan import Plan
+from cltrace.plan.precision import precision_for
 from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
@@ -118,9 +119,10 @@ class Renderer:
         self.device = device if isinstance(device, Device) else choose(device)
         self._asked, self._effects = outputs, (outline, fog)
         self._composition = self._composition_of(scene, truncate)
-        means, chosen = means_of(antialias, samples), precision or default_precision(self.device)
-        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep, **means}
-        self.request = Request(chosen, self._composition.written, **how)
+        self._chosen = precision or default_precision(self.device)
+        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep, **means_of(antialias, samples)}
+        request = Request(self._chosen, self._composition.written, **how)
+        self.request = replace(request, precision=precision_for(scene, self._chosen))
         if self.precision != "single" and not self.device.has_double:
             raise DeviceError(
                 f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
@@ -260,17 +262,20 @@ class Renderer:
         same objects, and what is known of triangles of the same world: on the same device. start: time.perf_counter()
         when the work began.
         """
+        request = replace(request, precision=precision_for(scene, self._chosen))
         other = copy(self)
         other.scene, other.request = scene, request
         other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
             other.device, other.width = device, self._asked_width or device.width
             check_driver(device, other.width)
-        if not share_all_but_camera(self.scene, scene):
+        colored = request.precision == self.precision
+        if not colored or not share_all_but_camera(self.scene, scene):
             old, n = self.scene, len(scene.columns)
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
-            before = Before(old, self._world) if alike and request.outputs == self.request.outputs else None
-            other._world = World.of(scene, request, before, order_on(device, n, self.precision))
+            alike = alike and colored and request.outputs == self.request.outputs
+            before = Before(old, self._world) if alike else None
+            other._world = World.of(scene, request, before, order_on(device, n, request.precision))
         other._see(start, self)
         return other
 

@@ -22,23 +22,24 @@ typedef struct {
     INT rays;     /* how many shadow rays each lane has sent */
 } Lighting;
 
-/* The unit vector from the point to the light. unit: of Scene. */
+/* The unit vector from the point to the light. */
 #if SHADE_BYTES == 8
-static Shade3 unit_to(const ShadowRay ray, const MASK lit, const real unit) {
+static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     const SHADE over = 1 / sqrt(DOT(ray.w, ray.w));
     const Shade3 l = {ray.w.x * over, ray.w.y * over, ray.w.z * over};
     return l;
 }
 #else
-static Shade3 unit_to(const ShadowRay ray, const MASK lit, const real unit) {
+static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     Shade3 l = ray.w32;
-    if (ANY(lit & (ray.a < 0x1p-80f))) {
-        /* The light all but touches the surface: without a factor, |w|^2 would vanish in float. */
-        const MASK tiny = ray.a < 0x1p-80f;
-        const real more = (ray.at_point ? unit : (real)1) * (real)0x1p80f;
-        l.x = tiny ? TO_FLOAT(ray.w.x * more) : l.x;
-        l.y = tiny ? TO_FLOAT(ray.w.y * more) : l.y;
-        l.z = tiny ? TO_FLOAT(ray.w.z * more) : l.z;
+    const MASK tiny = ray.a < 0x1p-80f;
+    if (ANY(lit & tiny)) {
+        /* The light all but touches the surface: in float, |w|^2 would vanish. */
+        const Real3 w = {ray.w.x * (real)0x1p80f, ray.w.y * (real)0x1p80f, ray.w.z * (real)0x1p80f};
+        const REAL over = 1 / sqrt(DOT(w, w));
+        l.x = tiny ? TO_FLOAT(w.x * over) : l.x;
+        l.y = tiny ? TO_FLOAT(w.y * over) : l.y;
+        l.z = tiny ? TO_FLOAT(w.z * over) : l.z;
     }
     const SHADE over = 1 / sqrt(DOT(l, l));
     l.x *= over;
@@ -55,8 +56,9 @@ static void phong(const Light light, const SHADE strength, const Shade3 l, const
     const Shade3 N = {TO_SHADE(at.start.side * at.normal.x), TO_SHADE(at.start.side * at.normal.y),
                       TO_SHADE(at.start.side * at.normal.z)};
     const SHADE dot = DOT(N, l);
-    const SHADE_MASK on = TO_SHADE_MASK(lit) & (dot > 0);
-    const SHADE cosine_nl = dot < 1 ? dot : (SHADE)1;
+    const SHADE_MASK on = TO_SHADE_MASK(lit);
+    /* Where it is lit, n.l > 0 is known; so a highlight does not end where the rounded cosine does. */
+    const SHADE cosine_nl = max(dot, (SHADE)0);
     SHADE highlight = 0;
     if (HAS(WITH_SPECULAR)) {
         /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
