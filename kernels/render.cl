@@ -130,6 +130,7 @@ static int2 place_of_item(const int row) {
 #ifdef WITH_SAMPLES
 APART
 __kernel void render(RENDER_PARAMETERS) {
+    const Frame frame = FRAME_OF_PARAMETERS;
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
@@ -151,6 +152,7 @@ __kernel void render(RENDER_PARAMETERS) {
 #else
 APART
 __kernel void render(RENDER_PARAMETERS) {
+    const Frame frame = FRAME_OF_PARAMETERS;
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;

@@ -35,18 +35,6 @@ class Field(NamedTuple):
 
 # Only whole vectors of 4, so that there is nothing to pad.
 STRUCTS = {
-    "Frame": (
-        Field(
-            "pixel",
-            "real4",
-            "x, y: half of a pixel's width and height on the image plane z = -1; of parallel rays, as lengths",
-        ),
-        Field("right", "real4", "xyz: the camera's x axis in the world"),
-        Field("up", "real4", "xyz: its y axis"),
-        Field("back", "real4", "xyz: its z axis, against the view"),
-        Field("background", "float4", "rgb, linear"),
-        Field("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
-    ),
     "Light": (
         Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards the light"),
         Field("axis", "real4", "spot, lambert: unit vector along which it points, w: cos(alpha2); parallel: u axis"),
@@ -235,9 +223,22 @@ SHAPES = (
 )
 
 ARGUMENTS = (
+    # Not one struct: where functions hand that on, NVIDIA's compiler reads it from memory that is not there.
+    *_values(
+        "Frame",
+        (
+            "pixel",
+            "real4",
+            "x, y: half of a pixel's width and height on the image plane z = -1; of parallel rays, as lengths",
+        ),
+        ("right", "real4", "xyz: the camera's x axis in the world"),
+        ("up", "real4", "xyz: its y axis"),
+        ("back", "real4", "xyz: its z axis, against the view"),
+        ("background", "float4", "rgb, linear"),
+        ("quantize", "float4", "x: what is added to 255 c before it is cut to a whole number: 0.5 or 0"),
+    ),
     *_values(
         "",
-        ("frame", "Frame", "the camera and the picture"),
         ("size", "int2", "pixels of the whole picture"),
         ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
         ("row", "int", "row of the region at which this launch starts"),
@@ -620,7 +621,7 @@ def header() -> str:
     del groups[""]
     parts = ("Spheres", "Lists", "Tree")
     needs = {part: _common_need(groups[part]) for part in parts}
-    for name in (*parts, "Scene", "Outputs"):
+    for name in (*parts, "Frame", "Scene", "Outputs"):
         members = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
         lines += _struct(name, [(f"{part} {part.lower()}", "") for part in parts if name == "Scene"] + members)
     lines += _list_macro("RENDER_PARAMETERS", [(a.parameter, a.needs) for a in ARGUMENTS])

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan import abi
-from cltrace.plan.abi import dtype_of
 from cltrace.plan.dropping import limits
 from cltrace.plan.features import features
 from cltrace.plan.request import LATTICES, Region, Request
@@ -67,7 +66,7 @@ class Plan:
             features=flags,
             branches=world.bounces.branches(camera.max_bounces),
             arrays=view.arrays,
-            values=values | {"frame": _frame(world, view, request), "size": camera.resolution},
+            values=values | _frame(world, view, request) | {"size": camera.resolution},
             skipped=view.skipped,
             seconds=view.seconds,
         )
@@ -92,21 +91,18 @@ class Plan:
         return abi.options(self.request.precision, self.features, self.branches)
 
 
-def _frame(world: World, view: View, request: Request) -> NDArray[np.void]:
-    """abi's `Frame`."""
-    frame = np.zeros((), dtype_of("Frame", request.precision))
-    x, y = view.camera.image_plane()
-    width, height = view.camera.resolution
-    frame["pixel"][:2] = x / width, y / height
-    if view.camera.parallel:
-        frame["pixel"] = np.ldexp(frame["pixel"], -view.exponent)
-    for name, axis in zip(("right", "up", "back"), view.camera.basis(), strict=True):
-        frame[name][:3] = axis
+def _frame(world: World, view: View, request: Request) -> dict[str, Any]:
+    """The fields of abi's `Frame`."""
+    (x, y), (width, height) = view.camera.image_plane(), view.camera.resolution
+    pixel = np.array([x / width, y / height, 0])
     rounding = 0.0 if request.truncate else 0.5
     shade = abi.shade_dtype(request.precision)
-    frame["background"][:3] = [_same_byte(c, rounding, shade) for c in world.background]
-    frame["quantize"][0] = rounding
-    return frame
+    return {
+        "pixel": np.ldexp(pixel, -view.exponent) if view.camera.parallel else pixel,
+        **dict(zip(("right", "up", "back"), view.camera.basis(), strict=True)),
+        "background": [_same_byte(c, rounding, shade) for c in world.background],
+        "quantize": (rounding, 0, 0),
+    }
 
 
 def _means(request: Request) -> dict[str, Any]:

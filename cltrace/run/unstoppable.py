@@ -121,7 +121,7 @@ class Unstoppable:
             of_tiles = {"cells": grids[1]["cells"][2], "spheres": first, "asked": asked, "wanted": wanted}
             lists = {name: buffers[name] for name in ("start", "entry")}
             kernels["find_listed"].start(queue, ITEMS, 1, of_tiles | lists)
-        common = {name: values["frame"][name][:3] for name in ("right", "up", "back")}
+        common = {name: values[name] for name in ("right", "up", "back")}
         common |= {"eye": (*values["eye"][:3], not everywhere and "WITH_PARALLEL_RAYS" not in flags)}
         common |= {"unit": values["unit"], "spheres": first, "wanted": wanted, "facet": buffers["light_facet"]}
         common |= {name: buffers[name] for name in ("start", "entry", "vertex", "face")}
