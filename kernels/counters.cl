@@ -3,6 +3,7 @@
 typedef struct {
     INT count[HAS(OUT_WORK) ? COUNTERS : 1];
     LANES(uint) mark, texels;
+    MASK uneven; /* which have met uneven squares of texels, see shade/texture.cl */
 } Work;
 
 /* Nothing counted so far. */
@@ -39,7 +40,7 @@ static int mark_undecided(const Spheres spheres) {
 
 /* A sum of such numbers says what all rays of a sample have met, in whatever order: surfaces at each depth, and lights
  * that reach these; and, as another sum, between which texels. Equal numbers of two different sums are a matter of
- * chance, one in 2^32. */
+ * chance, one in 2^31. */
 static LANES(uint) mark_of(const INT surface, const int what) {
     LANES(uint) h = AS(uint, surface) * 0x9e3779b1u + (uint)what * 0x85ebca6bu;
     h = (h ^ (h >> 15)) * 0x2c1b3c6du;

@@ -68,6 +68,7 @@ VIEWER = "tests/viewer/test_server.py"
 ROD_FILTER = "-m slow tests/kernels/test_cylinders.py -k changes_a_picture"
 CUTS = "tests/kernels/test_cuts.py"
 ESTIMATES = "-m slow tests/kernels/test_samples.py -k step6"
+RARE = "tests/kernels/test_samples.py -k rare"
 GRAIN = "-m slow tests/kernels/test_samples.py::test_error_is_mostly_enough"
 FIT, PARALLEL = "tests/scene/test_cameras.py", "tests/kernels/test_orthographic.py -k"
 SLOWLY = f"-m slow {PARALLEL}"
@@ -106,6 +107,8 @@ MUTATIONS = [
         "own - size * h - 0x1p-19f", "own - 0x1p-19f", "spheres that cover a pixel's middle cover it all", SAMPLES
     ),
     Mutation("GRAIN_SCATTER 0.98f", "GRAIN_SCATTER 0.2f", "estimates of fine textures", GRAIN),
+    Mutation("#define MOST_KINDS 5", "#define MOST_KINDS 8", "what eight rays may miss of a texture", RARE),
+    Mutation("UNEVEN = 100", "UNEVEN = 255", "textures in which texels differ by much", RARE),
     Mutation("rough = rough | (found[MET]", "rough = rough & (found[MET]", "what corners have met", ESTIMATES),
     Mutation(
         "mixed = mixed | may_show_another(",
@@ -307,7 +310,7 @@ MUTATIONS = [
     Mutation("on = TO_SHADE_MASK(lit);", "on = TO_SHADE_MASK(lit) & (dot > 0);", "grazing light", ROUGH),
     Mutation("goes_on).growth(scene.camera.max_bounces)", "goes_on).growth(0)", "colours that bounces brighten", ROUGH),
     Mutation("(flat or sharp) and ks", "sharp and ks", "flat highlights in float", ROUGH),
-    Mutation("colored = request.precision == self.precision", "colored = True", "floats for doubles", ROUGH),
+    Mutation("same_precision = request.precision == self.precision", "same_precision = True", "floats for doubles", ROUGH),
     Mutation(
         "cosine_nl = max(dot, (SHADE)0)",
         "cosine_nl = dot",

@@ -500,6 +500,7 @@ CONSTANTS = {
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
     "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
     "SAMPLED_ROWS": 8,  # the same WITH_SAMPLES, where two rows share the rays through their corners
+    "SQUARE": 8,  # texels in the side of a square of which it is known whether it is uneven
     "MOST_RAYS": MAX_RAYS,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
     "SIGNED_FULL": SIGNED_FULL,  # a full colour in textures that may go below 0, where each number is larger by as much

@@ -95,7 +95,7 @@ class World:
         bounces, textures, peak = NO_BOUNCES, NO_TEXTURES, np.zeros(3)
         if request.needs_colors:
             bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
-            textures = Textures.of(scene.textures, materials.texture, of)
+            textures = Textures.of(scene.textures, materials.texture, of, squares=request.means)
         if bounces.splits:
             peak = brightest(materials, of, lights, scene.background)
         paths, seconds = None, dict[str, float]()

@@ -66,18 +66,19 @@ class Renderer:
 
     scene: what to draw, as load() or Scene makes it; device: a Device, or what --device takes on the command line, such
     as "cpu" or "0:1", None for the fastest CPU driver; precision: "accurate", "single" or "double", None for
-    default_precision(); outputs: one or more of rgb8, color, normal, direction, depth, id, primitive, uv, error,
-    coverage, shadow_rays, work, rgba8 and alpha, which Image describes, and rgb8 brings rgba8 where the background has
-    alpha; crop: (x0, y0, x1, y1), exactly those pixels of the whole picture, x1 and y1 excluded, None for all of it;
-    truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; width: pixels in a
-    packet, 1, 4, 8 or 16, None for what is best on the device; antialias: whether colours are means over pixels:
-    True for those of some rays, "proved" or levels of 255 for means that are off by 1 level or by as many, but for a
-    few pixels, with a proof, see Image; samples: with antialias=True, how many rays a pixel has at most, 1, 4, 16, 32,
-    64, 256 or 1024, None for 16; keep: what not to skip, for measuring, see Request; outline: (color, width), lines of
-    so many pixels where a surface ends before another one or before the background; fog: (color, near, far), the colour
-    to which surfaces fade between these distances from the eye, in scene units: depth cueing. Both are made of exact
-    ids and distances, of 16 rays a pixel with antialias, and where a crop ends they are as in the whole picture. Their
-    colours are given as the background's is; without antialias, lines have an odd number of pixels.
+    default_precision(), "double" in place of "accurate" where floats do not suffice for colours; outputs: one or more
+    of rgb8, color, normal, direction, depth, id, primitive, uv, error, coverage, shadow_rays, work, rgba8 and alpha,
+    which Image describes, and rgb8 brings rgba8 where the background has alpha; crop: (x0, y0, x1, y1), exactly those
+    pixels of the whole picture, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a
+    whole number, instead of rounded to the nearest; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on
+    the device; antialias: whether colours are means over pixels: True for those of some rays, "proved" or levels of 255
+    for means that are off by 1 level or by as many, but for a few pixels, with a proof, see Image; samples: with
+    antialias=True, how many rays a pixel has at most, 1, 4, 16, 32, 64, 256 or 1024, None for 32; keep: what not to
+    skip, for measuring, see Request; outline: (color, width), lines of so many pixels where a surface ends before
+    another one or before the background; fog: (color, near, far), the colour to which surfaces fade between these
+    distances from the eye, in scene units: depth cueing. Both are made of exact ids and distances, of 16 rays a pixel
+    with antialias, and where a crop ends they are as in the whole picture. Their colours are given as the background's
+    is; without antialias, lines have an odd number of pixels.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
@@ -262,18 +263,20 @@ class Renderer:
         same objects, and what is known of triangles of the same world: on the same device. start: time.perf_counter()
         when the work began.
         """
-        request = replace(request, precision=precision_for(scene, self._chosen))
+        shared = share_all_but_camera(self.scene, scene)
+        if not shared or scene.camera.max_bounces != self.scene.camera.max_bounces:
+            request = replace(request, precision=precision_for(scene, self._chosen))
         other = copy(self)
         other.scene, other.request = scene, request
         other._composition = self._composition_of(scene, request.truncate)
         if device is not self.device:
             other.device, other.width = device, self._asked_width or device.width
             check_driver(device, other.width)
-        colored = request.precision == self.precision
-        if not colored or not share_all_but_camera(self.scene, scene):
+        same_precision = request.precision == self.precision
+        if not same_precision or not shared:
             old, n = self.scene, len(scene.columns)
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
-            alike = alike and colored and request.outputs == self.request.outputs
+            alike = alike and same_precision and request.outputs == self.request.outputs
             before = Before(old, self._world) if alike else None
             other._world = World.of(scene, request, before, order_on(device, n, request.precision))
         other._see(start, self)

@@ -29,6 +29,11 @@
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
 #define LOG_FIRST_FEW 4
 #define MOST_CONTRAST (64 * ONE / 255)
+/* Eight rays between more texels than MOST_KINDS, some of which are in uneven squares, may have missed letters of a
+ * page: then a pixel has all rays of the lattice. What is as rare as three of these rays would be missed by all of them
+ * in one pixel of twenty, and may be black or white. */
+#define MOST_KINDS 5
+#define MISSED 3
 
 static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
@@ -37,8 +42,8 @@ static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet pa
 }
 
 /* What is known of rays: red, green and blue in parts of ONE; of the surface that they meet a number, see touches.cl,
- * -1 for none; what they have met on their way; the bits of t, rounded up, in the float buffers' unit; whether one took
- * too many rays. */
+ * -1 for none; what they have met on their way, and in the last bit whether uneven texels; the bits of t, rounded up,
+ * in the float buffers' unit; whether one took too many rays. */
 enum { RED, GREEN, BLUE, OBJECT, MET, FAR, LATE, FINDINGS };
 typedef struct {
     INT of[FINDINGS];
@@ -87,12 +92,16 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;
+    work->uneven = 0;
     const Hit hit = closest_among(scene, ray, tile, few, work);
     MASK inside = 0;
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
         show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
-        if (HAS(WITH_TEXTURES) & !HAS(WITH_BOUNCES)) MARK(texels, at.texel >= 0, at.texel, 0);
+        if (HAS(WITH_TEXTURES) & !HAS(WITH_BOUNCES)) {
+            MARK(texels, at.texel >= 0, at.texel, 0);
+            work->uneven = at.hit & at.uneven;
+        }
         if (HAS(WITH_INSIDE)) inside = at.hit & TO_MASK(at.start.side < 0);
     }
     const FLOAT far = TO_FLOAT(hit.t * scene->unit) * (1 + 0x1p-20f);
@@ -100,7 +109,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     found->of[GREEN] = parts_of(pixels.color.y);
     found->of[BLUE] = parts_of(pixels.color.z);
     found->of[OBJECT] = HAS(WITH_TRIANGLES) ? ids_of(scene, hit.id) : hit.id;
-    found->of[MET] = AS(int, work->mark + work->texels);
+    found->of[MET] = AS(int, (work->mark + work->texels) << 1) | (work->uneven ? (INT)1 : (INT)0);
     found->of[FAR] = AS(int, inside ? (FLOAT)INFINITY : far);
     found->of[LATE] = pixels.overgrown;
 }
@@ -124,11 +133,13 @@ static const Found *corners_of_row(const Frame frame, const Scene *scene, const 
 }
 
 /* Sums over rays through a packet's pixels: red, green, blue and how many met a surface; the smallest and largest of
- * each. count: how many rays; late: whether one took too many. */
+ * each. count: how many rays; late: whether one took too many; uneven: whether one met uneven texels; met: what the
+ * first eight have met. */
+#define FIRST_MET (HAS(WITH_TEXTURES) ? 8 : 1)
 typedef struct {
-    INT sum[4], low[3], high[3], count, late;
+    INT sum[4], low[3], high[3], count, late, uneven, met[FIRST_MET];
 } Totals;
-#define NO_TOTALS {{0, 0, 0, 0}, {ONE, ONE, ONE}, {0, 0, 0}, 0, 0}
+#define NO_TOTALS {{0, 0, 0, 0}, {ONE, ONE, ONE}, {0, 0, 0}, 0, 0, 0, {0}}
 
 /* Takes a corner into account. */
 static void add_corner(const INT *found, Totals *totals) {
@@ -171,6 +182,7 @@ static MASK add_corners(const Frame frame, const Scene *scene, const Packet pack
         near = t < near ? t : near;
         mixed = mixed | (found[OBJECT] != corner[0].of[OBJECT]);
         rough = rough | (found[MET] != corner[0].of[MET]);
+        if (HAS(WITH_TEXTURES)) totals->met[k % FIRST_MET] = found[MET];
         add_corner(found, totals);
     }
     rough = rough | (contrast_of(totals) > MOST_SLOPE);
@@ -195,6 +207,7 @@ static void add_rays(const Found *found, const MASK in, Totals *totals) {
     }
     totals->sum[3] += (in & (found->of[OBJECT] >= 0)) ? (INT)1 : (INT)0;
     totals->late |= found->of[LATE];
+    if (HAS(WITH_TEXTURES)) totals->uneven |= in ? found->of[MET] & 1 : (INT)0;
 }
 
 /* Puts what the lanes of `own` add up to into one lane of the totals. */
@@ -206,6 +219,7 @@ static void put_totals(const Totals *own, const int lane, Totals *totals) {
         totals->high[c] = here ? (INT)LARGEST(own->high[c]) : totals->high[c];
     }
     totals->late = here ? (INT)ANY(own->late) : totals->late;
+    totals->uneven = here ? (INT)ANY(own->uneven != 0) : totals->uneven;
     totals->count = here ? own->count : totals->count;
 }
 
@@ -231,8 +245,8 @@ static int largest_contrast(const Totals *own) {
     return contrast;
 }
 
-/* The sums over the rays through places of one pixel of a packet: those that come first, if these differ by little,
- * else all. few: as in find(). */
+/* The sums over the rays through places of one pixel of a packet: those that come first, if these differ by little and
+ * meet no uneven texels, else all. few: as in find(). */
 static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
                          Totals *totals, Work *work) {
     const int n = 1 << scene->lattice.x;
@@ -243,7 +257,7 @@ static void sample_pixel(const Frame *finer, const Scene *scene, const Packet pa
         Found found;
         find(finer, scene, &places, packet.tile, few, &found, work);
         add_rays(&found, first + LANE_NUMBER < n, &own);
-        if (first + W >= end && largest_contrast(&own) > MOST_CONTRAST) end = n;
+        if (first + W >= end && (ANY(own.uneven != 0) || largest_contrast(&own) > MOST_CONTRAST)) end = n;
     }
     own.count = end;
     put_totals(&own, lane, totals);
@@ -261,11 +275,26 @@ static void add_ray(const Found *found, const int lane, const int pixel, Totals 
     }
     sum[3 * W] += parts[OBJECT * W] >= 0;
     ((int *)&totals->late)[pixel] |= parts[LATE * W];
-    ((int *)&totals->count)[pixel]++;
+    const int number = ((int *)&totals->count)[pixel]++;
+    if (HAS(WITH_TEXTURES)) ((int *)totals->met)[number % FIRST_MET * W + pixel] = parts[MET * W];
+}
+
+/* In which pixels a texture may hide something from eight rays. */
+static MASK may_hide(const Totals *totals) {
+    if (!HAS(WITH_TEXTURES)) return 0;
+    INT kinds = 0, uneven = 0;
+    for (int i = 0; i < FIRST_MET; i++) {
+        MASK known = 0;
+        for (int j = 0; j < i; j++) known = known | (totals->met[j] == totals->met[i]);
+        kinds += known ? (INT)0 : (INT)1;
+        uneven |= totals->met[i] & 1;
+    }
+    return (kinds > MOST_KINDS) & (uneven != 0);
 }
 
 /* Adds 4 rays of the lattice, which are one themselves, to the sums over corners of those pixels that are `doubtful`.
- * Returns those of them in which colours differ by much still. Rays of different pixels are lanes of one packet. */
+ * Returns those of them in which colours differ by much still, or might. Rays of different pixels are lanes of one
+ * packet. */
 static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet, const MASK doubtful, Totals *totals,
                     Work *work) {
     const int n = 1 << scene->lattice.x;
@@ -294,7 +323,8 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         const INT more = totals->sum[c] - 2 * corners.sum[c];
         bent = max(bent, max(more, -more));
     }
-    return doubtful & (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
+    const MASK differ = (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
+    return doubtful & (differ | may_hide(totals));
 }
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
@@ -322,14 +352,16 @@ static MASK add_samples(const Frame frame, const Scene *scene, const Packet pack
 
 /* What means are off by, mostly, in levels: so many for each one by which the rays of a pixel differ. Something that no
  * ray of a lattice meets may be black or white; mostly it covers no more than an eighth of the area that one ray stands
- * for. Where colours alone told that corners are not enough, rays may be like random ones of two colours, whose
- * standard deviation is half of the difference. mixed: the pixels that have a lattice. */
+ * for, or in uneven textures MISSED times that area. Where colours alone told that corners are not enough, rays may be
+ * like random ones of two colours, whose standard deviation is half of the difference. mixed: the pixels that have a
+ * lattice. */
 static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *totals, const MASK mixed) {
     const INT count = totals->count, lattice = 1 << scene->lattice.x;
     const FLOAT rays = TO_FLOAT(count), root = sqrt(TO_FLOAT(lattice) / rays), grain = GRAIN_SCATTER / sqrt(rays),
                 edge = scene->scatter * (root * sqrt(root));
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
-                error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge), unseen = (ONE / 8) / rays;
+                error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge);
+    const FLOAT unseen = ((totals->uneven != 0) ? (FLOAT)(MISSED * ONE) : (FLOAT)(ONE / 8)) / rays;
     const FLOAT few = (contrast < MOST_SLOPE ? contrast : (FLOAT)MOST_SLOPE) * FEW_SCATTER;
     return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }

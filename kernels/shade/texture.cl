@@ -41,6 +41,14 @@ static SHADE blended(const Texel four[4], const Texel shift, const Texel bits, c
     return top + down * (bottom - top);
 }
 
+/* Whether squares of texels are uneven. place: where in memory that is told of them. */
+static MASK are_uneven(const Scene *scene, const INT place) {
+    int each[W];
+    STORE_LANES(place, each);
+    for (int lane = 0; lane < W; lane++) each[lane] = scene->texel[each[lane]];
+    return LOAD_LANES(each) != 0;
+}
+
 /* Multiplies the colours of points with those of their textures there, if they have one. id: what was hit. */
 static void paint(const Scene *scene, const INT id, Intersection *at) {
     int each[W], width[W], height[W], begin[W], full[W];
@@ -54,9 +62,10 @@ static void paint(const Scene *scene, const INT id, Intersection *at) {
         full[lane] = texture.w;
     }
     const INT columns = LOAD_LANES(width), first = LOAD_LANES(begin), most = LOAD_LANES(full);
-    if (HAS(WITH_MARKS)) at->texel = -1;
+    if (HAS(WITH_MARKS)) at->texel = -1, at->uneven = 0;
     if (!ANY(most > 0)) return;
-    const Between u = between(at->u, columns), v = between(at->v, LOAD_LANES(height));
+    const INT rows = LOAD_LANES(height);
+    const Between u = between(at->u, columns), v = between(at->v, rows);
     const INT size = most > 255 ? (INT)6 : (INT)3, top = v.first * columns, bottom = v.second * columns;
     const Texel four[4] = {
         texels_at(scene, first + size * (top + u.first)), texels_at(scene, first + size * (top + u.second)),
@@ -67,7 +76,11 @@ static void paint(const Scene *scene, const INT id, Intersection *at) {
                           blended(four, green, bits, u.share, v.share) / white - none,
                           blended(four, 2 * green, bits, u.share, v.share) / white - none};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
-    if (HAS(WITH_MARKS)) at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
+    if (HAS(WITH_MARKS)) {
+        at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
+        const INT square = v.first / SQUARE * ((columns + SQUARE - 1) / SQUARE) + u.first / SQUARE;
+        at->uneven = (most > 0) & are_uneven(scene, first + size * columns * rows + square);
+    }
     PUT_WHERE(here, at->ambient.x, at->ambient.x * color.x);
     PUT_WHERE(here, at->ambient.y, at->ambient.y * color.y);
     PUT_WHERE(here, at->ambient.z, at->ambient.z * color.z);

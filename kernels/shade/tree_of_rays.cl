@@ -176,7 +176,10 @@ static MASK drop(const Scene *scene, const MASK branches, const REAL weight, con
 static MASK mark_met(const Branch rays, const Intersection at, Work *work) {
     const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
     MARK(mark, marked, rays.own, rays.depth);
-    if (HAS(WITH_TEXTURES)) MARK(texels, marked & (at.texel >= 0), at.texel, rays.depth);
+    if (HAS(WITH_TEXTURES)) {
+        MARK(texels, marked & (at.texel >= 0), at.texel, rays.depth);
+        work->uneven = work->uneven | (marked & at.uneven);
+    }
     return marked;
 }
 
@@ -187,6 +190,7 @@ static void forget_marks(const MASK marked, const REAL weight, const LANES(uint)
 static void clear_marks(const MASK where, Work *work) {
     PUT_WHERE(where, work->mark, (LANES(uint))0);
     PUT_WHERE(where, work->texels, (LANES(uint))0);
+    PUT_WHERE(where, work->uneven, (MASK)0);
 }
 #define MARKS_OF(work) (work)->mark
 #else

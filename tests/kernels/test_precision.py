@@ -47,7 +47,7 @@ def test_a_highlight_within_the_smallest_of_balls(device: Device) -> None:
     assert np.allclose(image.color, 0.025 + 0.125 + 0.25)
 
 
-def test_a_highlight_ends_where_light_does(device: Device) -> None:
+def test_a_highlight_under_grazing_light(device: Device) -> None:
     """The light grazes the ball where the eye is on it: n.l is 1e-13, and was below 0 in floats."""
     scene = mild(91)
     assert differing(scene, device) == 0

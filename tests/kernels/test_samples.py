@@ -206,6 +206,23 @@ def test_error_is_mostly_enough_where_edges_are(device: Device, name: str) -> No
     assert (off <= image.error + 0.01).mean() >= 0.95
 
 
+@pytest.mark.parametrize(("share", "texels"), [(0.02, 2), (0.02, 9), (0.08, 9)])
+def test_rare_details_of_textures(any_device: Device, share: float, texels: int) -> None:
+    """Of a black page with white texels, so many of which are in a pixel along each side, none is lost unknown."""
+    n = 64 * texels
+    page = np.where(np.random.default_rng(0).random((n, n, 1)) < share, np.uint8(255), np.uint8(0)).repeat(3, 2)
+    white = cltrace.Material((1, 1, 1), ka=1, kd=0, ks=0, texture=page)
+    corners = [(-1, -1, -3), (1, -1, -3), (1, 1, -3), (-1, 1, -3)]
+    paper = cltrace.Mesh(corners, [(0, 1, 2), (0, 2, 3)], uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=white)
+    camera = cltrace.Camera(horizontal_fov=36, resolution=(64, 48))
+    scene = cltrace.Scene.from_meshes(camera, [cltrace.ambient_light((1, 1, 1))], [paper])
+    image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    right = truth(scene, any_device)
+    off = 255 * np.abs(image.color - right).max(axis=2)
+    assert (off <= image.error + 0.01).mean() >= 0.99
+    assert abs(image.color.mean() / right.mean() - 1) <= 0.05  # as much white as there is
+
+
 # What a mean over 16 rays of the lattice is off by where a straight edge goes through the pixel, of its contrast, root
 # mean square.
 SIGMA = 0.0385
