@@ -310,7 +310,9 @@ MUTATIONS = [
     Mutation("on = TO_SHADE_MASK(lit);", "on = TO_SHADE_MASK(lit) & (dot > 0);", "grazing light", ROUGH),
     Mutation("goes_on).growth(scene.camera.max_bounces)", "goes_on).growth(0)", "colours that bounces brighten", ROUGH),
     Mutation("(flat or sharp) and ks", "sharp and ks", "flat highlights in float", ROUGH),
-    Mutation("same_precision = request.precision == self.precision", "same_precision = True", "floats for doubles", ROUGH),
+    Mutation(
+        "same_precision = request.precision == self.precision", "same_precision = True", "floats for doubles", ROUGH
+    ),
     Mutation(
         "cosine_nl = max(dot, (SHADE)0)",
         "cosine_nl = dot",

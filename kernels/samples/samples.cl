@@ -17,12 +17,9 @@
 #define MOST_SLOPE (24 * ONE / 255)
 #define FEW_SCATTER 0.28f
 /* From so many rays of a lattice on, four come first where only colours tell that corners are not enough. Together with
- * the corners these are enough where they differ by no more than MOST_SLOPE. Each counts as much as WEIGHT corners: of
- * a colour that bends, the mean of corners is off by 2/3 of what they differ by from the middle, and that of the four
- * by 1/50. 95 of 100 means over n random rays are within 1.96 standard deviations of one ray, over sqrt(n).
- */
+ * the corners these are enough where they differ by no more than MOST_SLOPE. 95 of 100 means over n random rays are
+ * within 1.96 standard deviations of one ray, over sqrt(n). */
 #define TRIED 16
-#define WEIGHT 3
 #define GRAIN_SCATTER 0.98f
 /* They are enough, too, where they differ by no more than MOST_BEND, as on a small ball, but the mean of these four is
  * that of the corners but for MOST_BENT. What the mean of all is off by does not grow then. */
@@ -32,11 +29,12 @@
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
 #define LOG_FIRST_FEW 4
 #define MOST_CONTRAST (64 * ONE / 255)
-/* Eight rays between more texels than MOST_KINDS, some of which are in uneven squares, may have missed letters of a
- * page: then a pixel has all rays of the lattice. What is as rare as three of these rays would be missed by all of them
- * in one pixel of twenty, and may be black or white. */
+/* Eight rays between more texels than MOST_KINDS, some of which are in uneven squares, or four corners that have met
+ * three different things, may have missed letters of a page: then a pixel has all rays of the lattice. What covers
+ * MISSED times the area that one ray stands for, and may be black or white, would be missed by all of them in one of
+ * such pixels of four or five. */
 #define MOST_KINDS 5
-#define MISSED 3
+#define MISSED 1.5f
 
 static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet packet) {
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
@@ -136,8 +134,8 @@ static const Found *corners_of_row(const Frame frame, const Scene *scene, const 
 }
 
 /* Sums over rays through a packet's pixels: red, green, blue and how many met a surface; the smallest and largest of
- * each. count: how many rays; late: whether one took too many; uneven: whether one met uneven texels; met: what the
- * first eight have met. */
+ * each. count: how many rays; late: whether one took too many; uneven: whether a texture may hide something from the
+ * first ones; met: what these have met. */
 #define FIRST_MET (HAS(WITH_TEXTURES) ? 8 : 1)
 typedef struct {
     INT sum[4], low[3], high[3], count, late, uneven, met[FIRST_MET];
@@ -159,6 +157,18 @@ static INT contrast_of(const Totals *totals) {
     INT contrast = 0;
     for (int c = 0; c < 3; c++) contrast = max(contrast, totals->high[c] - totals->low[c]);
     return contrast;
+}
+
+/* In which pixels a texture may hide something from the first rays, if these have met more than so many kinds. */
+static INT may_hide(const Totals *totals, const int rays, const int most) {
+    INT kinds = 0, uneven = 0;
+    for (int i = 0; HAS(WITH_TEXTURES) && i < rays; i++) {
+        MASK known = 0;
+        for (int j = 0; j < i; j++) known = known | (totals->met[j] == totals->met[i]);
+        kinds += known ? (INT)0 : (INT)1;
+        uneven |= totals->met[i] & 1;
+    }
+    return kinds > most ? uneven : (INT)0;
 }
 
 /* The sums over corners. Returns the pixels in which these are not the mean. */
@@ -191,6 +201,7 @@ static MASK add_corners(const Frame frame, const Scene *scene, const Packet pack
     rough = rough | (contrast_of(totals) > MOST_SLOPE);
     totals->count = 4;
     totals->sum[3] = corner[0].of[OBJECT] >= 0 ? (INT)4 : (INT)0;
+    totals->uneven = may_hide(totals, 4, 2);
     view->object = corner[0].of[OBJECT];
     view->near = near;
     view->far = far;
@@ -210,7 +221,6 @@ static void add_rays(const Found *found, const MASK in, Totals *totals) {
     }
     totals->sum[3] += (in & (found->of[OBJECT] >= 0)) ? (INT)1 : (INT)0;
     totals->late |= found->of[LATE];
-    if (HAS(WITH_TEXTURES)) totals->uneven |= in ? found->of[MET] & 1 : (INT)0;
 }
 
 /* Puts what the lanes of `own` add up to into one lane of the totals. */
@@ -222,7 +232,6 @@ static void put_totals(const Totals *own, const int lane, Totals *totals) {
         totals->high[c] = here ? (INT)LARGEST(own->high[c]) : totals->high[c];
     }
     totals->late = here ? (INT)ANY(own->late) : totals->late;
-    totals->uneven = here ? (INT)ANY(own->uneven != 0) : totals->uneven;
     totals->count = here ? own->count : totals->count;
 }
 
@@ -249,18 +258,18 @@ static int largest_contrast(const Totals *own) {
 }
 
 /* The sums over the rays through places of one pixel of a packet: those that come first, if these differ by little and
- * meet no uneven texels, else all. few: as in find(). */
+ * no texture may hide something, else all. few: as in find(). */
 static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
                          Totals *totals, Work *work) {
     const int n = 1 << scene->lattice.x;
     Totals own = NO_TOTALS;
-    int end = 1 << log_first_few(scene);
+    int end = ((const int *)&totals->uneven)[lane] ? n : 1 << log_first_few(scene);
     for (int first = 0; first < end && !is_over(scene); first += W) {
         const Places places = lattice_places(scene, packet, lane, first);
         Found found;
         find(finer, scene, &places, packet.tile, few, &found, work);
         add_rays(&found, first + LANE_NUMBER < n, &own);
-        if (first + W >= end && (ANY(own.uneven != 0) || largest_contrast(&own) > MOST_CONTRAST)) end = n;
+        if (first + W >= end && largest_contrast(&own) > MOST_CONTRAST) end = n;
     }
     own.count = end;
     put_totals(&own, lane, totals);
@@ -272,27 +281,14 @@ static void add_ray(const Found *found, const int lane, const int pixel, const i
     int *sum = (int *)totals->sum + pixel, *low = (int *)totals->low + pixel, *high = (int *)totals->high + pixel;
     for (int c = 0; c < 3; c++) {
         const int part = parts[c * W];
-        sum[c * W] += WEIGHT * part;
+        sum[c * W] += part;
         low[c * W] = min(low[c * W], part);
         high[c * W] = max(high[c * W], part);
     }
-    sum[3 * W] += WEIGHT * (parts[OBJECT * W] >= 0);
+    sum[3 * W] += parts[OBJECT * W] >= 0;
     ((int *)&totals->late)[pixel] |= parts[LATE * W];
-    ((int *)&totals->count)[pixel] += WEIGHT;
+    ((int *)&totals->count)[pixel]++;
     if (HAS(WITH_TEXTURES)) ((int *)totals->met)[(4 + k) % FIRST_MET * W + pixel] = parts[MET * W];
-}
-
-/* In which pixels a texture may hide something from eight rays. */
-static MASK may_hide(const Totals *totals) {
-    if (!HAS(WITH_TEXTURES)) return 0;
-    INT kinds = 0, uneven = 0;
-    for (int i = 0; i < FIRST_MET; i++) {
-        MASK known = 0;
-        for (int j = 0; j < i; j++) known = known | (totals->met[j] == totals->met[i]);
-        kinds += known ? (INT)0 : (INT)1;
-        uneven |= totals->met[i] & 1;
-    }
-    return (kinds > MOST_KINDS) & (uneven != 0);
 }
 
 /* Adds 4 rays of the lattice, which are one themselves, to the sums over corners of those pixels that are `doubtful`.
@@ -323,11 +319,12 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
     const INT contrast = contrast_of(totals);
     INT bent = 0;
     for (int c = 0; c < 3; c++) {
-        const INT more = totals->sum[c] - (1 + WEIGHT) * corners.sum[c];
+        const INT more = totals->sum[c] - 2 * corners.sum[c];
         bent = max(bent, max(more, -more));
     }
-    const MASK differ = (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * WEIGHT * MOST_BENT));
-    return doubtful & (differ | may_hide(totals));
+    const MASK differ = (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
+    totals->uneven = doubtful ? may_hide(totals, FIRST_MET, MOST_KINDS) : totals->uneven;
+    return doubtful & (differ | (totals->uneven != 0));
 }
 
 /* Puts the sums over all places into the totals of those pixels that are `mixed` and need them, which it returns. Of
@@ -364,7 +361,7 @@ static FLOAT error_of(const Scene *scene, const Outlook view, const Totals *tota
                 edge = scene->scatter * (root * sqrt(root));
     const FLOAT contrast = TO_FLOAT(contrast_of(totals)),
                 error = contrast * ((view.doubtful & (grain > edge)) ? grain : edge);
-    const FLOAT unseen = ((totals->uneven != 0) ? (FLOAT)(MISSED * ONE) : (FLOAT)(ONE / 8)) / rays;
+    const FLOAT unseen = ((totals->uneven != 0) ? MISSED * (ONE - contrast) : (FLOAT)(ONE / 8)) / rays;
     const FLOAT few = (contrast < MOST_SLOPE ? contrast : (FLOAT)MOST_SLOPE) * FEW_SCATTER;
     return (mixed ? (error > unseen ? error : unseen) : few) * (255.0f / ONE);
 }
