@@ -227,7 +227,8 @@ def test_a_report_has_limits_checks_and_times(device: Device, tmp_path: Path) ->
     assert status == 0
     assert lines[: len(told) - 1] == told[:-1]
     rows = {line[:30].strip(): line[31:] for line in lines[len(told) :]}
-    assert rows["max_mem_alloc_size"] == str(device.cl.max_mem_alloc_size)
+    assert rows["max_work_group_size"] == str(device.cl.max_work_group_size)
+    assert int(rows["max_mem_alloc_size"]) > 0  # PoCL has what is free when a process begins
     assert rows["width"] == str(device.width)
     for name in ("spheres", "mirrors and glass", "a mesh"):
         for precision in PRECISIONS if device.has_double else ("single",):
