@@ -60,10 +60,9 @@ class Textures:
             places.append((width, height, begin, full))
             # The kernel reads numbers without a sign, so those that have one are so much larger.
             stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
-            texels.append(stored.reshape(-1).view(np.uint8))
-            if squares:
-                texels.append(uneven_squares(images[i]))
-            begin = sum(len(array) for array in texels)
+            uneven = uneven_squares(images[i]) if squares else np.zeros(0, np.uint8)
+            texels += [stored.reshape(-1).view(np.uint8), uneven]
+            begin += images[i].nbytes + len(uneven)
         texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # which a CPU's driver need not copy once more
         return cls(texel, np.array(places, np.int32).reshape(-1, 4), new[of_material])
 

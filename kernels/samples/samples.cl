@@ -29,10 +29,10 @@
  * than MOST_CONTRAST: an edge puts the mean of 16 off by 4 % of that. */
 #define LOG_FIRST_FEW 4
 #define MOST_CONTRAST (64 * ONE / 255)
-/* Eight rays between more texels than MOST_KINDS, some of which are in uneven squares, or four corners that have met
- * three different things, may have missed letters of a page: then a pixel has all rays of the lattice. What covers
- * MISSED times the area that one ray stands for, and may be black or white, would be missed by all of them in one of
- * such pixels of four or five. */
+/* Eight rays between more texels than MOST_KINDS, some of which are in uneven squares, may have missed letters of a
+ * page; so may four corners that have met three different things. Then a pixel has all rays of the lattice. What covers
+ * MISSED times the area that one ray stands for is missed by all of them in about a fifth of the pixels that have it.
+ * It may be black or white. */
 #define MOST_KINDS 5
 #define MISSED 1.5f
 
@@ -275,8 +275,8 @@ static void sample_pixel(const Frame *finer, const Scene *scene, const Packet pa
     put_totals(&own, lane, totals);
 }
 
-/* Adds what one lane's ray, the number k of four, has found to the sums of a pixel, in which its corners are. */
-static void add_ray(const Found *found, const int lane, const int pixel, const int k, Totals *totals) {
+/* Adds what one lane's ray has found to the sums of a pixel. */
+static void add_ray(const Found *found, const int lane, const int pixel, Totals *totals) {
     const int *parts = (const int *)found->of + lane;
     int *sum = (int *)totals->sum + pixel, *low = (int *)totals->low + pixel, *high = (int *)totals->high + pixel;
     for (int c = 0; c < 3; c++) {
@@ -287,8 +287,8 @@ static void add_ray(const Found *found, const int lane, const int pixel, const i
     }
     sum[3 * W] += parts[OBJECT * W] >= 0;
     ((int *)&totals->late)[pixel] |= parts[LATE * W];
-    ((int *)&totals->count)[pixel]++;
-    if (HAS(WITH_TEXTURES)) ((int *)totals->met)[(4 + k) % FIRST_MET * W + pixel] = parts[MET * W];
+    const int number = ((int *)&totals->count)[pixel]++;
+    if (HAS(WITH_TEXTURES)) ((int *)totals->met)[number % FIRST_MET * W + pixel] = parts[MET * W];
 }
 
 /* Adds 4 rays of the lattice, which are one themselves, to the sums over corners of those pixels that are `doubtful`.
@@ -314,7 +314,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         Found found;
         find(finer, scene, &places, packet.tile, 0, &found, work);
         for (int lane = 0; lane < W && first + lane < 4 * count; lane++)
-            add_ray(&found, lane, pixel[(first + lane) / 4], (first + lane) % 4, totals);
+            add_ray(&found, lane, pixel[(first + lane) / 4], totals);
     }
     const INT contrast = contrast_of(totals);
     INT bent = 0;
