@@ -230,6 +230,25 @@ def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], 
         assert one.run(case.scene, 1).rgb8.tobytes() == picture, one.name
 
 
+@pytest.mark.slow
+def test_more_members_are_nearer_to_the_truth(tmp_path: Path) -> None:
+    """Of all that draw soft lights, whose pictures are the same to a level, but for edges."""
+    scene = scenes.cloud(60, (80, 45)).lit_by(scenes.soft_lights(512))
+    case = scenes.Case("60 balls", scenes.MEMBERS, scene, "members")
+    device = cltrace.devices()[0]
+    right = cltrace.render(scene).rgb8
+    drawn: dict[str, dict[float, np.ndarray]] = {}
+    for one in [*tracers.configurations(device, ["accurate"], False), *installed(tmp_path)[0]]:
+        if one.draws(case) and not one.refuses(case.scene):
+            drawn.setdefault(one.name, {})[one.level or 0] = one.run(case.scene, 1).rgb8
+    ours = drawn["accurate"]
+    assert list(ours) == list(tracers.MEMBERS)
+    for name, curve in drawn.items():
+        assert apart(curve[256], right)["rms"] < 0.2 * apart(curve[4], right)["rms"], name
+        for level, picture in curve.items():
+            assert (np.abs(picture.astype(int) - ours[level]).max(axis=2) > 1).mean() < 0.02, (name, level)
+
+
 def test_importing_the_peers_imports_no_package() -> None:
     importlib.import_module("cltrace.bench.peers")
     assert not {"mitsuba", "open3d", "vtk"} & set(sys.modules)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
-from cltrace.bench.tracers import FEW_ACROSS, Run, Tracer, strange
+from cltrace.bench.scenes import Task, soft_lights
+from cltrace.bench.tracers import FEW_ACROSS, MEMBERS, Run, Tracer, strange
 from cltrace.scene import LAMBERT, SPOT, Scene
 
 from .peer import (
@@ -34,14 +35,16 @@ MOST_SPHERES = 20_000
 
 
 class Mitsuba(Tracer):
-    """level x level rays a pixel. kernel: of a picture; whole: with making its scene."""
+    """kernel: of a picture; whole: with making its scene.
+
+    task: with "samples", level x level rays a pixel; with "members", so many of each soft light.
+    """
 
     name = "Mitsuba 3"
 
-    def __init__(self, company: Company, version: str, level: int | None = None) -> None:
-        self._company, self.version = company, version
-        if level:
-            self.task, self.level, self.variant = "samples", level, "samples"
+    def __init__(self, company: Company, version: str, task: Task = "frame", level: int | None = None) -> None:
+        self._company, self.version, self.task, self.level = company, version, task, level
+        self.variant = "samples" if task == "samples" else ""
 
     def refuses(self, scene: Scene) -> tuple[str, ...]:
         if len(scene.spheres) > MOST_SPHERES:
@@ -51,7 +54,10 @@ class Mitsuba(Tracer):
         return strange(scene, "cylinders", "ellipsoids", "glass")
 
     def run(self, scene: Scene, frames: int) -> Run:
-        return self._company.run(scene, frames, int(self.level or 1))
+        level = int(self.level or 1)
+        if self.task == "members":
+            return self._company.run(scene.lit_by(soft_lights(level)), frames, 1)
+        return self._company.run(scene, frames, level)
 
 
 def draw(scene: Scene, frames: int, across: int) -> Run:
@@ -206,4 +212,5 @@ class Picture:
 def tracers(folder: Path) -> Iterable[Tracer]:
     """Mitsuba 3, if it is installed."""
     version, company = version_of("mitsuba"), Company(draw)
-    return [Mitsuba(company, version), *(Mitsuba(company, version, level) for level in FEW_ACROSS)]
+    curves: tuple[tuple[Task, tuple[int, ...]], ...] = (("samples", FEW_ACROSS), ("members", MEMBERS))
+    return [Mitsuba(company, version), *(Mitsuba(company, version, task, level) for task, of in curves for level in of)]
