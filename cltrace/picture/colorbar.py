@@ -39,7 +39,7 @@ def colorbar(
     Scene.from_spheres does.
     """
     width, height = check_resolution(size)
-    scale = Scale.of(np.zeros(0), cmap, clim, norm)
+    scale = Scale.of(np.array([0.0, 1.0]), cmap, clim, norm)
     ink = vector("color", color_numbers("color", color), NOT_NEGATIVE)
     upright = height >= width
     length, across = (height, width) if upright else (width, height)
@@ -48,10 +48,15 @@ def colorbar(
     if layout.bar < 1:
         raise ValueError(f"size: must have room for the numbers, {layout.margin} pixels, got {width}x{height}")
     shares = (np.arange(layout.end - layout.begin) + 0.5) / (layout.end - layout.begin)
-    colors = np.rint(mapped(map_of(cmap), shares) * 255).astype(np.uint8)
+    span = scale.high - scale.low
+    shown = mapped(map_of(cmap), shares) if scale.steps is None else scale.colors(scale.low + shares * span)
+    colors = np.rint(shown * 255).astype(np.uint8)
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[..., :3] = np.rint(np.minimum(ink, 1) * 255)
-    places = scale.shares(np.array(marks)).tolist() if scale.high > scale.low else [0.5] * len(marks)
+    places = [0.5] * len(marks)
+    if span > 0:
+        places = scale.shares(np.array(marks)).tolist()
+        places = places if scale.steps is None else [(mark - scale.low) / span for mark in marks]
     pixels[..., 3] = layout.drawn(places)
     if upright:
         rows = slice(height - layout.end, height - layout.begin)
@@ -103,11 +108,14 @@ class _Layout:
 def _ticks(scale: Scale, most: int) -> list[float]:
     """Round numbers within a scale, at most so many: whole multiples of 1, 2 or 5 times a power of ten.
 
-    Where there is a norm, and the upper end is at least 100 times the lower one, they are powers of ten.
+    Where a norm has steps, they are those. Where there is another one, and the upper end is at least 100 times the
+    lower one, they are powers of ten.
     """
     low, high = scale.low, scale.high
     if not high > low:
         return [low]
+    if scale.steps is not None:
+        return [float(step) for step in scale.steps[:: math.ceil(len(scale.steps) / most)]]
     if scale.norm is not None and low > 0 and high >= 100 * low:
         first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
         every = math.ceil((last - first + 1) / most)

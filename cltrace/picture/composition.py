@@ -35,8 +35,13 @@ class Composition:
 
     @classmethod
     def of(cls, outputs: Any, scene: Scene, truncate: bool, effects: Effects | None = None) -> Composition:
-        """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too."""
+        """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too.
+
+        Raises ValueError where an error is wanted of colours with effects.
+        """
         listed = isinstance(outputs, Sequence) and not isinstance(outputs, str)  # else a Request will complain
+        if effects and listed and "error" in outputs:
+            raise ValueError("outputs: error goes with neither outline nor fog, which it knows nothing of")
         shown = listed and "rgb8" in outputs and scene.background_alpha < 1
         return cls(
             (*outputs, "rgba8") if shown else outputs,

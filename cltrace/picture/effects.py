@@ -56,7 +56,7 @@ class Effects:
     def _radius(self, samples: int) -> float:
         """How far a line goes to either side of the rays at a surface's end, of which it is one wide itself.
 
-        With one ray a pixel, its width is odd: 1, 3, 5 and so on.
+        With one ray a pixel, its width is odd: 1, 3, 5 and so on. With more it is between two of these, see shares().
         """
         return max(0.0, (self.width * samples - 1) / 2)
 
@@ -67,7 +67,11 @@ class Effects:
         if self.fog is not None:
             faded[seen] = np.clip((depth[seen] - self.near) / (self.far - self.near), 0, 1)
         line = np.where(_ends(id, depth), 1 - faded, np.float32(0)) if self.outline is not None else 0 * faded
-        line = _widened(line, self._radius(samples)) if self.outline is not None else line
+        if self.outline is not None:
+            radius = self._radius(samples)
+            rest = radius % 1 if samples > 1 else 0.0
+            fine = _widened(line, radius - rest)
+            line = fine + np.float32(rest) * (_widened(line, radius - rest + 1) - fine) if rest else fine
         hits = _means(seen.astype(np.float32), samples)
         fog = np.divide(_means(faded, samples), hits, out=np.zeros_like(hits), where=hits > 0)
         return Shares(_means(line, samples), fog)

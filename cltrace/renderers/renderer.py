@@ -321,7 +321,7 @@ class Renderer:
             end = min(first + rows, y + height)
             begin = max(top // k, first - more)
             image = probe.rows(k * begin, k * min(last, end + more)).render(progress=False)
-            part = effects.shares(image.id, image.depth, k)
+            part = effects.shares(probe.scene.wholes[image.id], image.depth, k)
             here = (slice(first - begin, end - begin), slice(x - left // k, x - left // k + width))
             found.append([share[here] for share in part])
         line, fog = (np.concatenate(parts) for parts in zip(*found, strict=True))

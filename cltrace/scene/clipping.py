@@ -59,11 +59,26 @@ class Half:
         end = start - away * along
         return cls(start, checked("point, moved against the normal", ANY, end, (3,)), size)
 
+    @classmethod
+    def between(cls, points: Floats) -> Half:
+        """Of start and end, (2, 3)."""
+        return cls(points[0], points[1], 0.0)
+
     @property
     def up(self) -> Floats:
         """u / |u|, rounded."""
         u = self.end - self.start
         return np.asarray(u / math.sqrt(float(u @ u)))
+
+    def heights(self, points: Floats) -> Floats:
+        """(n,): (x - start).u. Points at one place have one height, which `@` does not promise."""
+        return np.asarray(((points - self.start) * (self.end - self.start)).sum(axis=1))
+
+    def left_of(self, mesh: PlacedMesh) -> PlacedMesh | None:
+        """What stays of a mesh, itself where that is all, None where nothing does."""
+        height = self.heights(mesh.vertices)
+        used = height[mesh.geometry.faces] >= 0
+        return mesh if used.all() else Section.of(mesh, height).kept if used.any() else None
 
     def sides(self, points: Floats, radius: Any) -> tuple[Mask, Mask]:
         """(n,) each: what is surely all in it, and what is surely all out of it. radius: how far up or down from the
@@ -177,23 +192,31 @@ def _meshes(
     """
     left, caps, more = [], list[PlacedMesh](), list[NDArray[np.void]]()
     for mesh in meshes:
-        # Vertices at one place have one height, which `@` does not promise.
-        height = ((mesh.vertices - half.start) * (half.end - half.start)).sum(axis=1)
-        used = height[mesh.geometry.faces]
-        if (used >= 0).all():
+        kept = half.left_of(mesh)
+        if kept is mesh:
             left.append(mesh)
-        elif (used >= 0).any():
-            section = Section.of(mesh, height)
-            left.append(section.kept)
-            cap = section.cap(half.start - half.end) if section.closed else None
+        elif kept is not None:
+            whole = mesh.cut_from or mesh
+            left.append(kept.cut_by(np.concatenate([mesh.planes, [[half.start, half.end]]]), whole))
+            cap = _closing(half, whole, mesh.planes)
             if cap is not None:
                 kind = material
                 if kind is None:
                     kind = columns.materials_count + len(more)
                     more.append(packed(columns.materials_count, columns.every_shade())[mesh.material])
-                caps.append(PlacedMesh(cap, material=kind))
+                caps.append(cap.of(kind, 0))
     if more:
         shown = np.array(more)
         shown["texture"] = -1
         columns = columns.with_more(shown)
     return left + caps, columns
+
+
+def _closing(half: Half, whole: PlacedMesh, planes: Floats) -> PlacedMesh | None:
+    """What closes a mesh where the plane cuts it, None if it is open or that has no area. planes: those before."""
+    section = Section.of(whole, half.heights(whole.vertices))
+    made = section.cap(half.start - half.end) if section.closed else None
+    cap = None if made is None else PlacedMesh(made)
+    for before in planes:
+        cap = cap and Half.between(before).left_of(cap)
+    return cap

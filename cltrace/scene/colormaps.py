@@ -70,18 +70,31 @@ class Scale:
         """Where (n,) values are on the map, 0..1; all 0 where its two ends are one value. Raises ValueError."""
         with np.errstate(all="ignore"):  # what becomes of a logarithm of 0 is said below
             if hasattr(self.norm, "autoscale_None"):
-                found = np.ma.filled(np.ma.asarray(self.norm(values), np.float64), np.nan)
+                made = np.ma.asarray(self.norm(values))
+                found = np.ma.filled(made.astype(np.float64), np.nan)
+                if made.dtype.kind in "iu":  # as of BoundaryNorm, which colour of the map it is
+                    found = (found + 0.5) / count_of(self.cmap)
+                found = np.clip(found, 0.0, 1.0)  # TwoSlopeNorm makes infinite numbers of what is beyond its limits
             else:
                 ends, found = np.array([self.low, self.high]), values
                 if self.norm is not None:
                     ends, found = (np.asarray(self.norm(x), np.float64) for x in (ends, values))
+                if not np.isfinite(ends).all():
+                    limits = f"{self.low:g}, {self.high:g}"
+                    raise ValueError(f"clim: must be values of which norm makes finite numbers, got {limits}")
                 found = (found - ends[0]) / (ends[1] - ends[0]) if ends[1] != ends[0] else 0 * found
         if found.shape != values.shape:
             raise ValueError(f"norm: must make {values.shape} of {values.shape} values, made {found.shape}")
         if not np.isfinite(found).all():
             i = int(np.argmin(np.isfinite(found)))
-            raise ValueError(f"norm: must make a finite number of values[{i}], {values[i]:g}, within clim")
+            raise ValueError(f"values[{i}]: must be one of which norm makes a finite number, got {values[i]:g}")
         return np.clip(found, 0.0, 1.0)
+
+    @property
+    def steps(self) -> NDArray[np.float64] | None:
+        """The values at which the next colour begins, of a norm that has them, as BoundaryNorm."""
+        found = getattr(self.norm, "boundaries", None)
+        return None if found is None else np.asarray(found, np.float64)
 
     def colors(self, values: NDArray[np.float64]) -> NDArray[np.float32]:
         """(n, 3) float32, the map's colours of (n,) values, 1 being full. Raises ValueError."""
@@ -137,9 +150,12 @@ def _scaled(
         if limits is not None:
             own.vmin, own.vmax = limits
         own.autoscale_None(values)
-        own(values[:1])
+        if values.size:
+            own(values[:1])
     except ValueError as error:
         raise ValueError(f"norm: {error}") from None
+    if own.vmin is None or own.vmax is None:  # there are no values
+        return own, (0.0, 1.0)
     low, high = float(own.vmin), float(own.vmax)
     if not high > low and values.size and values.max() > values.min():  # as a logarithm of negative values only
         raise ValueError(f"norm: must have two limits for values that differ, and has {low:g}, {high:g}: say clim")

@@ -14,29 +14,49 @@ from cltrace.scene.rules import described
 
 @dataclass(frozen=True)
 class Found:
-    """vertices: (v, 3); faces: (f, 3); colors: of each of either, or None; named: numbers of each vertex, by names."""
+    """vertices: (v, 3); faces: (f, 3); colors: of each of either, or None; named: numbers of each vertex, by names, and
+    of_cells: those of each cell.
+    """
 
     vertices: Any
     faces: Any
     colors: Any = None
     named: Mapping[str, Any] = field(default_factory=dict)
+    of_cells: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, thing: Any) -> Found:
         """Raises TypeError if this is none of what `Mesh.of` knows, and ValueError if there is no triangle in it."""
+        found = cls._of(thing)
+        if not len(found.faces):
+            raise ValueError("mesh: must have triangles, and has none; for points there is Scene.from_spheres")
+        return found
+
+    @classmethod
+    def _of(cls, thing: Any) -> Found:
         if hasattr(thing, "geometry") and hasattr(thing, "to_mesh"):  # a Scene of trimesh: all of it as one
+            parts = [cls._of(part) for part in thing.dump()] if hasattr(thing, "dump") else []
+            if any(part.colors_of_faces for part in parts) and not all(part.colors_of_faces for part in parts):
+                return cls._joined([part.apart() for part in parts])
             thing = thing.to_mesh()
         if hasattr(thing, "vertices") and hasattr(thing, "faces"):
             return cls(thing.vertices, thing.faces, _colors_of_trimesh(getattr(thing, "visual", None)))
         if hasattr(thing, "extract_surface") and not hasattr(thing, "faces"):  # a grid of pyvista: what is seen of it
             thing = _surface(thing)
-        named = getattr(thing, "point_data", {})
+        named, of_cells = (getattr(thing, name, {}) for name in ("point_data", "cell_data"))
         if hasattr(thing, "points") and hasattr(thing, "faces"):
             if getattr(thing, "n_strips", 0):
                 raise ValueError("mesh.strips: must be none; triangulate() of the PolyData makes triangles of them")
-            return cls(thing.points, _fans(_polygons(np.asarray(thing.faces))), _colors_of_points(named), named)
+            corners = _fans(_polygons(np.asarray(thing.faces)))
+            return cls(thing.points, corners, colors=_colors_of_points(named), named=named, of_cells=of_cells)
         if hasattr(thing, "points") and hasattr(thing, "cells"):
-            return cls(thing.points, _fans(_cells(thing.cells)), _colors_of_points(named), named)
+            return cls(
+                thing.points,
+                _fans(_cells(thing.cells)),
+                colors=_colors_of_points(named),
+                named=named,
+                of_cells=of_cells,
+            )
         raise TypeError(f"mesh: must have vertices and faces, or points and faces or cells, got {described(thing)}")
 
     def values(self, values: Any) -> Any:
@@ -44,9 +64,28 @@ class Found:
         if not isinstance(values, str):
             return values
         if values not in self.named:
-            names = ", ".join(self.named) or "none"
-            raise ValueError(f"mesh.values: must be numbers or a name of point_data, {names}, got {values!r}")
+            names = ", ".join(name for name in self.named if not name.startswith("vtk")) or "none"
+            hint = "; cell_data_to_point_data() makes point_data of cell_data" if values in self.of_cells else ""
+            raise ValueError(f"mesh.values: must be numbers or a name of point_data, {names}, got {values!r}{hint}")
         return np.asarray(self.named[values])
+
+    @property
+    def colors_of_faces(self) -> bool:
+        return self.colors is not None and len(self.colors) == len(self.faces) != len(self.vertices)
+
+    def apart(self) -> Found:
+        """With corners that no two triangles share, each with its colour, white where there is none."""
+        corners = np.asarray(self.faces).reshape(-1)
+        colors = np.ones((len(self.vertices), 3)) if self.colors is None else self.colors[:, :3]
+        own = np.repeat(colors, 3, axis=0) if self.colors_of_faces else colors[corners]
+        return Found(np.asarray(self.vertices)[corners], np.arange(len(corners)).reshape(-1, 3), own)
+
+    @classmethod
+    def _joined(cls, parts: list[Found]) -> Found:
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = np.concatenate([part.faces + start for part, start in zip(parts, first, strict=False)])
+        vertices, colors = (np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "colors"))
+        return cls(vertices, faces, colors)
 
 
 def _surface(grid: Any) -> Any:

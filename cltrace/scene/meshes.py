@@ -97,7 +97,8 @@ class PlacedMesh(Frozen):
 
     geometry: a Geometry, which several may share; to_world: (3, 4) doubles, the affine map from its space to the world,
     of which the last column is the translation in scene units; material: the index of a material of the scene; number:
-    the surface's, in the order of the file, in which spheres count, too.
+    the surface's, in the order of the file, in which spheres count, too; cut_from: the mesh that planes have cut this
+    one from, None where none has, and planes: (k, 2, 3), two points of each, see clipping.Half.
 
     Raises ValueError where the map is singular, or takes vertices to where the rules allow none.
     """
@@ -106,6 +107,8 @@ class PlacedMesh(Frozen):
     to_world: NDArray[np.float64]
     material: int
     number: int
+    cut_from: PlacedMesh | None
+    planes: NDArray[np.float64]
 
     def __init__(self, geometry: Geometry, to_world: ArrayLike = _IDENTITY, material: int = 0, number: int = 0) -> None:
         if not isinstance(geometry, Geometry):
@@ -117,6 +120,7 @@ class PlacedMesh(Frozen):
         for fault in place_faults(place):
             raise ValueError(f"mesh.to_world: {fault}")
         self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
+        self.__setstate__({"cut_from": None, "planes": np.zeros((0, 2, 3))})
         if self.vertices is not geometry.vertices:  # which are checked
             check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
 
@@ -178,7 +182,16 @@ class PlacedMesh(Frozen):
             return self.of(self.material, number)
         place = self.to_world.copy()
         place[:, 3] += offset
-        return PlacedMesh(self.geometry, place, self.material, number)
+        found = PlacedMesh(self.geometry, place, self.material, number)
+        if self.cut_from is not None:
+            found.__setstate__({"cut_from": self.cut_from.moved(offset, number), "planes": self.planes + offset})
+        return found
+
+    def cut_by(self, planes: NDArray[np.float64], whole: PlacedMesh) -> PlacedMesh:
+        """The same as what planes have left of another mesh."""
+        other = self.of(self.material, self.number)
+        other.__setstate__({"cut_from": whole, "planes": planes})
+        return other
 
     def __repr__(self) -> str:
         return f"<cltrace mesh {self.number}: {len(self.geometry.faces)} triangles, material {self.material}>"

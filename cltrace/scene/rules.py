@@ -172,9 +172,10 @@ def check_not_bytes(name: str, color: ArrayLike, reflected: bool = False) -> Non
         return
     whole = (array == np.rint(array)).all()
     if whole or array.max() > BYTES:
+        hint = "" if reflected or array.max() > BYTES else f", or write {array.max():.1f}"
         raise ValueError(
             f"{name}: must be linear with 1 as full, but {'whole ' if whole else ''}numbers up to {array.max():g} look "
-            "like bytes of 0 to 255; divide by 255"
+            f"like bytes of 0 to 255; divide by 255{hint}"
         )
 
 

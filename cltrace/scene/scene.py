@@ -227,6 +227,14 @@ class Scene:
         numbers.flags.writeable = False
         return numbers
 
+    @property
+    def wholes(self) -> NDArray[np.int32]:
+        """(n + 1,): of all surfaces, the number of the one whose other half each is, or its own; at the end -1."""
+        taken = np.concatenate([shape.numbers for shape in self.others])
+        found = np.arange(1 + max(len(self.columns) + len(taken), int(taken.max(initial=-1)) + 1), dtype=np.int32)
+        found[taken], found[-1] = np.concatenate([shape.wholes for shape in self.others]), -1
+        return found
+
     def following(self) -> Scene:
         """The same scene where what follows the spheres is where these are now."""
         first = sum(map(len, self.shapes[:-1]))

@@ -146,6 +146,23 @@ def test_bits_depend_on_nothing_else(any_device: Device) -> None:
         np.testing.assert_array_equal(getattr(other, name), getattr(whole, name))
 
 
+def test_what_is_beside_a_crop_counts_in_it(any_device: Device) -> None:
+    """What lists name beside a pixel decides how many rays it has, also at a crop's border; of bonds, lists alone."""
+    rng = np.random.default_rng(0)
+    centers, radii = rng.uniform(-2, 2, (120, 3)), rng.uniform(0.1, 0.4, 120)
+    camera = cltrace.Camera((0, 0, 8), (0, 0, 0), horizontal_fov=18, resolution=(48, 36))
+    lights = [cltrace.ambient_light(), cltrace.point_light((5, 8, 9))]
+    scene = cltrace.Scene.from_spheres(
+        camera, lights, centers, radii, "gold", bonds=np.arange(40).reshape(20, 2), bond_radius=0.03, background="white"
+    )
+    whole = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)
+    for _ in range(12):
+        (x0, x1), (y0, y1) = (np.sort(rng.choice(n + 1, 2, replace=False)) for n in (48, 36))
+        part = cltrace.render(scene, any_device, outputs=OUTPUTS, crop=(x0, y0, x1, y1), antialias=True)
+        for name in OUTPUTS:
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[y0:y1, x0:x1])
+
+
 @pytest.mark.slow
 def test_bits_do_not_depend_on_width(any_device: Device) -> None:
     scene = HOSTILE["crossing"]()

@@ -149,6 +149,34 @@ def test_lines_over_nothing_have_alpha(antialias: bool, device: Device) -> None:
     assert np.abs(image.rgba8[..., 3] - 255 * image.alpha).max() <= 0.5
 
 
+def test_no_line_is_in_the_middle_of_a_bond(device: Device) -> None:
+    """Its halves are one, in whichever colours they are; two bonds that touch are two."""
+    centers, colors = [(-1, 0, 0), (1, 0, 0), (1, 0.5, 0), (-1, 0.5, 0)], ["red", "blue", "red", "lime"]
+    given: dict[str, Any] = {"radii": 0.2, "colors": colors, "bond_radius": 0.17}
+    of = cltrace.Scene.from_spheres(CAMERA, LIGHTS, centers, bonds=[(0, 1), (2, 3)], **given, **FLAT)
+    assert len(of.cylinders) == 4
+    assert of.wholes.tolist() == [0, 1, 2, 3, 4, 4, 6, 6, -1]
+    image, plain = (draw(of, device, **how) for how in ({"outline": ("white", 1)}, {}))
+    line = (image.rgb8 == 255).all(axis=2)
+    middle = slice(SIZE[0] // 2 - 2, SIZE[0] // 2 + 2)
+    for first in (4, 6):
+        bond = (plain.id[:, middle] >= first) & (plain.id[:, middle] < first + 2)
+        assert (bond.sum(axis=0) >= 4).all()
+        assert ((line[:, middle] & bond).sum(axis=0) <= 2).all()  # at its two sides
+        assert len(np.unique(plain.id[:, middle][bond])) == 2
+
+
+@pytest.mark.parametrize("thick", [0.5, 1, 2])
+def test_smooth_lines_are_as_wide_as_they_should_be(thick: float, device: Device) -> None:
+    """To a ray, of which a pixel has 4 along its side, they are odd; half of the next ones count for those between."""
+    camera = cltrace.Orthographic((0, 0, 5), (0, 0, 0), height=4, resolution=(32, 32))
+    white = cltrace.Material((1, 1, 1), ka=1, kd=0, ks=0)
+    edge = cltrace.Mesh([(-9, -9, 0), (9, -9, 0), (9, 0.01, 0), (-9, 0.01, 0)], [(0, 1, 2), (0, 2, 3)], material=white)
+    of = cltrace.Scene.from_meshes(camera, LIGHTS, [edge], background="white")
+    image = cltrace.render(of, device, outputs=SMOOTH, outline=("black", thick), antialias=True)
+    assert (1 - image.color[:, 16, 0]).sum() == pytest.approx(thick)
+
+
 @pytest.mark.slow
 def test_movies_updates_and_other_outputs(device: Device) -> None:
     how = {"outline": ("black", 2), "fog": ("white", 7, 11)}
@@ -168,6 +196,10 @@ def test_movies_updates_and_other_outputs(device: Device) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
+        (
+            {"fog": ("white", 1, 2), "outputs": ("error",), "antialias": True},
+            "outputs: error goes with neither outline",
+        ),
         ({"outline": "black"}, r"outline: must be \(color, width\), such as \('black', 2\), got 'black'"),
         ({"outline": ("black",)}, r"outline: must be \(color, width\)"),
         ({"outline": ("black", 0)}, r"outline: width: must be within \(0, 64\] pixels, got 0"),

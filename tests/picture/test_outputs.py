@@ -97,6 +97,7 @@ def test_tiff_jpeg_and_sizes_in_print(image: Image, tmp_path: Path) -> None:
     for target, dpi, words in (
         ("a.npy", 300, r"^dpi: goes with .png, .tif, .tiff, .jpg, .jpeg, got .npy$"),
         ("b.png", 0, r"^dpi: must be a number within 0.1..1000000, got 0$"),
+        ("c.jpg", 1e6, r"^dpi: must be within 1..65535 in a JPEG, got 1e\+06$"),
         ("b.png", "300", r"^dpi: must be a number within 0.1..1000000, got '300'$"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -291,6 +291,13 @@ def test_bad_arguments_change_nothing(device: Device, changed: Any, error: type[
     same(renderer, scene, ("id",))
 
 
+def test_what_was_shown_by_values_asks_for_values() -> None:
+    given = {name: array for name, array in spheres(4).items() if name in ("centers", "radii")}
+    scene = Scene.from_spheres(CAMERA, LIGHTS, **given, values=[1, 2, 3, 4])
+    with pytest.raises(ValueError, match=r"^values: must be given, too, where there are 3 centers instead of 4$"):
+        Renderer(scene, outputs=("id",)).update(centers=[(0, 0, 0)] * 3, radii=[1, 2, 3])
+
+
 @pytest.mark.slow
 def test_ellipsoids_and_meshes_between_spheres_keep_their_number(device: Device) -> None:
     bent = Scene.from_spheres(CAMERA, LIGHTS, **spheres(4), transform=np.diag([1, 2, 1]))

@@ -117,6 +117,8 @@ WRONG = [
     ({"bonds": [(0, 3)], "bond_radius": 1}, r"bonds\[0\]\[1\]: must be the index of one of 3 centers, got 3"),
     ({"bonds": [(0, 0.5)], "bond_radius": 1}, r"bonds\[0\]\[1\]"),
     ({"bonds": [(1, 1)], "bond_radius": 1}, r"bonds\[0\]: must be two different centers"),
+    ({"bonds": [(0, 1), (1, 2), (1, 0)]}, r"bonds\[2\]: must be once, but 1 and 0 are joined by bonds\[0\], too$"),
+    ({"bonds": [(0, 1), (0, 1)], "box": (9, 9, 9)}, r"bonds\[1\]: must be once, .*, too, of which one can lead to the"),
     ({"bonds": [0, 1], "bond_radius": 1}, r"bonds: must have shape \(k, 2\)"),
     ({"bonds": [(0, 1)], "bond_radius": 0}, "bond_radius: must be > 0"),
     ({"bonds": [(0, 1)], "bond_radius": [1, 2]}, "bond_radius: must have shape"),

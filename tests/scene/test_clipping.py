@@ -16,6 +16,9 @@ CAMERA = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), 30, (64, 48))
 # In front of z = 0, cut by it, touching it from behind, and behind it.
 PLACES = [(0, 0, 3), (1, 0, 0.1), (0, 1, -0.4), (0, 2, -3)]
 
+CUBE = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)]
+CUBE += [(1, 5, 7), (1, 7, 3)]
+
 
 def balls(**how: object) -> Scene:
     return Scene.from_spheres(CAMERA, ambient_light(), PLACES, 0.4, **how)  # type: ignore[arg-type]
@@ -105,6 +108,23 @@ def test_several_planes() -> None:
     assert scene.cuts["center"].tolist() == [[0, 1, -0.4]] * 2
     with pytest.raises(ValueError, match=r"^cut balls\[0\]: the plane cuts a ball that is cut already; a ball"):
         balls().clipped((0, 0, 0), (0, 0, 1)).clipped((1, 0, 0), (1, 0, 0))
+
+
+def test_several_planes_close_a_mesh() -> None:
+    """Each with a cap of its own, which the others cut, also where what they have left was moved in between."""
+    cube = Mesh([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], CUBE)
+    scene = Scene.from_meshes(CAMERA, ambient_light(), cube).clipped((0.3, 0, 0), (1, 0, 0), "gold")
+    assert sum(map(volume_of, scene.meshes)) == pytest.approx(1.3 * 2 * 2)
+    both = scene.clipped((0, 0.5, 0), (0, 1, 0), "red")
+    assert [mesh.material for mesh in both.meshes] == [0, 1, 2]
+    assert sum(map(volume_of, both.meshes)) == pytest.approx(1.3 * 1.5 * 2)
+    corner = both.clipped((0.2, 0.4, 0), (1, 1, 0), "blue")
+    assert sum(map(volume_of, corner.meshes)) == pytest.approx((1.3 * 1.5 - 0.2**2 / 2) * 2)
+    moved = both.replicate([(5, 0, 0)]).clipped((5.2, 0.4, 0), (1, 1, 0), "blue")
+    assert sum(map(volume_of, moved.meshes)) == pytest.approx((1.3 * 1.5 - 0.2**2 / 2) * 2)
+    assert len(pickle.loads(pickle.dumps(both)).clipped((0, 0, 0), (0, 0, 1), "blue").meshes) == 4
+    # What is not cut is not closed again, and a plane beside the cut mesh cuts no more of the whole one.
+    assert len(scene.clipped((0.5, 0, 0), (1, 0, 0), "red").meshes) == 2
 
 
 def test_clipped_scenes_are_made_anew_pickled_moved_and_changed() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib import colormaps
-from matplotlib.colors import LogNorm
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, TwoSlopeNorm
 
 import cltrace
 from cltrace.run.devices import Device
@@ -107,15 +107,46 @@ def test_norms(device: Device) -> None:
     for wrong, words in (
         (
             {"values": [0, 1, 2, 3], "norm": np.log},
-            r"mesh.norm: must make a finite number of values\[0\], 0, within clim",
+            "mesh.clim: must be values of which norm makes finite numbers, got 0",
         ),
-        ({"values": [-1, 1, 2, 3], "norm": LogNorm(1, 3)}, r"mesh.norm: must make a finite number of values\[0\], -1"),
+        (
+            {"values": [0, 1, 2, 3], "norm": np.log, "clim": (1, 3)},
+            r"mesh.values\[0\]: must be one of which norm makes a finite number, got 0",
+        ),
+        (
+            {"values": [-1, 1, 2, 3], "norm": LogNorm(1, 3)},
+            r"mesh.values\[0\]: must be one of which norm makes .* got -1",
+        ),
         ({"values": [-1, -1, -2, -3], "norm": LogNorm()}, "mesh.norm: must have two limits for values that differ"),
         ({"values": [0, 1, 2, 3], "norm": "log"}, r"mesh.norm: must be a function, .* got 'log'"),
         ({"values": [0, 1, 2, 3], "norm": lambda v: np.append(v, 1)}, r"mesh.norm: must make"),
     ):
         with pytest.raises(ValueError, match=words):
             square(**wrong)
+
+
+def test_steps_and_ends_of_norms() -> None:
+    """A norm of steps tells colours of the map by number; beyond the limits of TwoSlopeNorm are the ends' colours."""
+    for norm, few, values in (
+        (BoundaryNorm([0, 1, 2, 3, 4, 5], 256), "viridis", np.arange(5) + 0.5),
+        (BoundaryNorm([0, 1, 5], 4, extend="both"), ListedColormap(["red", "lime", "blue", "gold"]), [-9, 0.5, 2, 9]),
+        (TwoSlopeNorm(0, -1, 1), "viridis", [-2, -0.5, 0.5, 9]),
+    ):
+        shown = colormaps[few] if isinstance(few, str) else few
+        wanted = shown(norm(np.array(values)), bytes=True)[:, :3]
+        given: dict[str, Any] = {"values": values, "cmap": few, "norm": norm}
+        found = cltrace.Scene.from_spheres(cltrace.Camera(), [], np.eye(5, 3)[: len(values)], 1, **given)
+        assert np.rint(found.columns.shade["color"] * 255).astype(int).tolist() == wanted.tolist()
+    bar = cltrace.colorbar(norm=BoundaryNorm([0, 1, 4], 256), size=(20, 40), ticks=False)[:, 0, :3].tolist()
+    top, bottom = (np.array(colormaps["viridis"](index, bytes=True)[:3]).tolist() for index in (255, 0))
+    assert bar == [top] * 30 + [bottom] * 10
+    marked = cltrace.colorbar(norm=BoundaryNorm([0, 1, 4], 256), size=(40, 80))
+    assert len(np.unique(marked[:, 0, :3], axis=0)) == 3  # two colours and what is beyond the bar
+    with pytest.raises(ValueError, match=r"norm: must have two limits .* say clim"):
+        cltrace.colorbar(norm=LogNorm())
+    with pytest.raises(ValueError, match=r"clim: must be values of which norm makes finite numbers, got 0, 1"):
+        cltrace.colorbar(norm=np.log)
+    assert cltrace.colorbar(norm=Normalize()).tolist() == cltrace.colorbar().tolist()
 
 
 def test_material_and_placement(device: Device) -> None:
@@ -196,6 +227,12 @@ def test_colors_of_other_libraries_arrive() -> None:
     assert corners_of(mesh) == [[[255, 0, 0]] * 3, [[0, 255, 0]] * 3]
     whole = SimpleNamespace(geometry={}, to_mesh=lambda: trimesh)  # trimesh's Scene
     assert corners_of(cltrace.Mesh.of(whole)) == WANTED
+    # Of parts with colours of either kind, each keeps its own: no two triangles share a vertex then.
+    painted, bare = (SimpleNamespace(vertices=points, faces=faces, visual=of) for of in (by_face, plain))
+    mixed = SimpleNamespace(geometry={}, to_mesh=None, dump=lambda: [painted, trimesh, bare])
+    of_faces = [[[255, 0, 0]] * 3, [[0, 255, 0]] * 3]
+    assert corners_of(cltrace.Mesh.of(mixed)) == [*of_faces, *WANTED, *[[[255, 255, 255]] * 3] * 2]
+    assert cltrace.Mesh.of(mixed).faces.max() == 17
     cells = [("triangle", faces)]
     parts = dict(zip(("red", "green", "blue", "alpha"), BYTES.T.view(np.int8), strict=True))
     assert corners_of(cltrace.Mesh.of(SimpleNamespace(points=points, cells=cells, point_data=parts))) == WANTED
@@ -223,6 +260,13 @@ def test_pyvista() -> None:
         ValueError, match=r"mesh.values: must be numbers or a name of point_data, RGBA, height, got 'p'"
     ):
         cltrace.Mesh.of(grid, values="p")
+    cells = {"p": np.arange(3.0)}
+    of_cells = SimpleNamespace(points=points, faces=mixed, point_data={"vtkIds": points}, cell_data=cells, n_strips=0)
+    with pytest.raises(ValueError, match=r"point_data, none, got 'p'; cell_data_to_point_data\(\) makes"):
+        cltrace.Mesh.of(of_cells, values="p")
+    for empty in (np.zeros(0, int), np.array([2, 0, 1])):  # points alone, and a line
+        with pytest.raises(ValueError, match=r"mesh: must have triangles, and has none; .* Scene\.from_spheres"):
+            cltrace.Mesh.of(SimpleNamespace(points=points, faces=empty, n_strips=0))
     with pytest.raises(ValueError, match="triangulate"):
         cltrace.Mesh.of(SimpleNamespace(points=points, faces=mixed, n_strips=1))
     for bad in ([3, 0, 1], [0, 3, 0, 1, 2], [-1, 0, 0]):

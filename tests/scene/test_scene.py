@@ -103,7 +103,7 @@ def build(**changed: object) -> Scene:
         ({"colors": (255, 128, 0)}, f"colors: {BYTES.format(255)}"),
         ({"colors": np.full((2, 3), 7, np.uint8)}, f"colors: {BYTES.format(7)}"),
         ({"colors": (255.0, 128.0, 0.0)}, f"colors: {BYTES.format(255)}"),
-        ({"background": (0, 2, 0)}, f"background: {BYTES.format(2)}"),
+        ({"background": (0, 2, 0)}, f"background: {BYTES.format(2)}, or write 2.0"),
         # Arguments in each other's place.
         (
             {"centers": [0.5, 0.5], "radii": [(0, 0, -3), (1, 0, -3)]},
@@ -219,6 +219,7 @@ def test_what_is_something_else_altogether(call: Callable[[], object], message: 
             "light.position: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
         ),
         (lambda: cltrace.ambient_light((255, 255, 255)), f"light.color: {BYTES.format(255)}"),
+        (lambda: cltrace.ambient_light((3, 3, 3)), f"light.color: {BYTES.format(3)}, or write 3.0"),
     ],
 )
 def test_bad_lights(call: Callable[[], object], message: str) -> None:

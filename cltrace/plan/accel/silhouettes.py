@@ -57,14 +57,14 @@ class Window:
     def of(cls, camera: AnyCamera, request: Request, k: int = 0) -> Window:
         """The window of what a request wants of a camera's picture. k: see View.without_lists().
 
-        Where an error is to be proved, it is all of the picture, whatever the crop: the more is listed beside a pixel,
-        the less is known of it, and that is to be the same in all crops.
+        Of means over pixels it is all of the picture, whatever the crop: the more is listed beside a pixel, the less is
+        known of it, and the more rays it has. That is to be the same in all crops.
         """
         (x, y), (width, height) = camera.image_plane(), camera.resolution
         unit = 2.0**k if camera.parallel else 1.0
-        wanted, spread = request.region_of(camera.resolution), 0.5 if request.means else 0.0
-        if request.antialias is not None:
-            wanted = (0, 0, width, height)
+        wanted, spread = request.region_of(camera.resolution), 0.0
+        if request.means:
+            wanted, spread = (0, 0, width, height), 0.5
         return cls((x * unit / width, y * unit / height), camera.resolution, wanted, camera.parallel, spread)
 
     @property

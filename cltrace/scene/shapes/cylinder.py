@@ -76,6 +76,14 @@ class Bonds(Frozen):
         alone = np.flatnonzero(given[:, 0] == given[:, 1])
         if len(alone):
             raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]:g} twice")
+        ordered = np.sort(given, axis=1)
+        order = np.lexsort((ordered[:, 1], ordered[:, 0]))
+        again = np.flatnonzero((ordered[order[1:]] == ordered[order[:-1]]).all(axis=1))
+        if len(again):
+            i, j = order[again[0]], order[again[0] + 1]
+            pair = f"{given[j, 0]:g} and {given[j, 1]:g}"
+            images = ", of which one can lead to the nearest image alone" if box is not None else ""
+            raise ValueError(f"bonds[{j}]: must be once, but {pair} are joined by bonds[{i}], too{images}")
         if radius is None:
             raise ValueError("bond_radius: must be given with bonds")
         sizes = numbers("bond_radius", radius)
@@ -153,6 +161,15 @@ class Cylinders(Other):
     @property
     def numbers(self) -> Ids:
         return self.cylinders["number"].astype(np.int64)
+
+    @property
+    def wholes(self) -> Ids:
+        of, found = self.cylinders, self.numbers
+        middle = of["start"][:-1] / 2 + of["end"][1:] / 2
+        halves = (of["end"][:-1] == middle).all(axis=1) & (of["start"][1:] == middle).all(axis=1)
+        second = 1 + np.flatnonzero(halves & (of["radius"][1:] == of["radius"][:-1]))
+        found[second] = found[second - 1]
+        return found
 
     @property
     def materials(self) -> Ids:

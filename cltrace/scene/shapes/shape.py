@@ -73,6 +73,11 @@ class Other(Shape):
         """(n,): theirs among all surfaces."""
 
     @property
+    def wholes(self) -> Ids:
+        """(n,): of each one its number, or that of the one whose other half it is."""
+        return self.numbers
+
+    @property
     @abstractmethod
     def materials(self) -> Ids:
         """(m,): the indices of those materials that they do not share with spheres."""
