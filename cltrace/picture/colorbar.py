@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,15 +49,14 @@ def colorbar(
     if layout.bar < 1:
         raise ValueError(f"size: must have room for the numbers, {layout.margin} pixels, got {width}x{height}")
     shares = (np.arange(layout.end - layout.begin) + 0.5) / (layout.end - layout.begin)
+    # A bar of steps is even in values, any other one in colours.
+    even = scale if scale.steps is None else replace(scale, norm=None)
     span = scale.high - scale.low
-    shown = mapped(map_of(cmap), shares) if scale.steps is None else scale.colors(scale.low + shares * span)
+    shown = mapped(map_of(cmap), shares) if even is scale else scale.colors(scale.low + shares * span)
     colors = np.rint(shown * 255).astype(np.uint8)
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[..., :3] = np.rint(np.minimum(ink, 1) * 255)
-    places = [0.5] * len(marks)
-    if span > 0:
-        places = scale.shares(np.array(marks)).tolist()
-        places = places if scale.steps is None else [(mark - scale.low) / span for mark in marks]
+    places = even.shares(np.array(marks)).tolist() if span > 0 else [0.5] * len(marks)
     pixels[..., 3] = layout.drawn(places)
     if upright:
         rows = slice(height - layout.end, height - layout.begin)

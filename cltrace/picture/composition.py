@@ -41,7 +41,7 @@ class Composition:
         """
         listed = isinstance(outputs, Sequence) and not isinstance(outputs, str)  # else a Request will complain
         if effects and listed and "error" in outputs:
-            raise ValueError("outputs: error goes with neither outline nor fog, which it knows nothing of")
+            raise ValueError("outputs: error goes with neither outline nor fog, of which it knows nothing")
         shown = listed and "rgb8" in outputs and scene.background_alpha < 1
         return cls(
             (*outputs, "rgba8") if shown else outputs,

@@ -66,12 +66,13 @@ class Effects:
         faded = np.zeros(id.shape, np.float32)
         if self.fog is not None:
             faded[seen] = np.clip((depth[seen] - self.near) / (self.far - self.near), 0, 1)
-        line = np.where(_ends(id, depth), 1 - faded, np.float32(0)) if self.outline is not None else 0 * faded
+        line = np.zeros_like(faded)
         if self.outline is not None:
-            radius = self._radius(samples)
+            ends, radius = np.where(_ends(id, depth), 1 - faded, np.float32(0)), self._radius(samples)
             rest = radius % 1 if samples > 1 else 0.0
-            fine = _widened(line, radius - rest)
-            line = fine + np.float32(rest) * (_widened(line, radius - rest + 1) - fine) if rest else fine
+            line = _widened(ends, radius - rest)
+            if rest:
+                line += np.float32(rest) * (_widened(ends, radius - rest + 1) - line)
         hits = _means(seen.astype(np.float32), samples)
         fog = np.divide(_means(faded, samples), hits, out=np.zeros_like(hits), where=hits > 0)
         return Shares(_means(line, samples), fog)

@@ -286,7 +286,7 @@ class Image:
             raise ValueError(f"dpi: must be a number within 0.1..1000000, got {dpi!r}")
         if dpi is not None and suffix not in SIZED:
             raise ValueError(f"dpi: goes with {', '.join(SIZED)}, got {suffix}")
-        if dpi is not None and suffix in (".jpg", ".jpeg") and not 1 <= dpi < 2**16:
+        if dpi is not None and FORMATS.get(suffix) == "JPEG" and not 1 <= dpi < 2**16:
             raise ValueError(f"dpi: must be within 1..65535 in a JPEG, got {dpi:g}")
         rows = Rows(file, suffix, self._size[0], dpi, show=show, axes=axes, bits=bits, outputs=outputs)
         rows.add(self)

@@ -315,13 +315,13 @@ class Renderer:
         (x, y, width, height), (left, top, _, _) = self.region, probe.region
         k = probe.scene.camera.resolution[0] // self.scene.camera.resolution[0]
         more, last = effects.reach(k), (top + probe.region[3]) // k
-        found = []
+        found, wholes = [], probe.scene.wholes
         rows = max(1, BAND // (k * k * width))
         for first in range(y, y + height, rows):
             end = min(first + rows, y + height)
             begin = max(top // k, first - more)
             image = probe.rows(k * begin, k * min(last, end + more)).render(progress=False)
-            part = effects.shares(probe.scene.wholes[image.id], image.depth, k)
+            part = effects.shares(wholes[image.id], image.depth, k)
             here = (slice(first - begin, end - begin), slice(x - left // k, x - left // k + width))
             found.append([share[here] for share in part])
         line, fog = (np.concatenate(parts) for parts in zip(*found, strict=True))

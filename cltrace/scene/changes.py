@@ -71,7 +71,7 @@ def _with_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> tuple[
     for name, argument in ARGUMENTS.items():
         follows = name == "ka" and "kd" in given and columns.follows
         lengths[argument] = columns.shade[name].ndim > (name == "color") and not shared and not follows
-    if scene.scale:
+    if scene.scale:  # colours that were made of values
         lengths["values"] = lengths.pop("colors") and "colors" not in given
     for argument, per_sphere in lengths.items():
         if per_sphere and argument not in given:

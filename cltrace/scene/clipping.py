@@ -74,11 +74,13 @@ class Half:
         """(n,): (x - start).u. Points at one place have one height, which `@` does not promise."""
         return np.asarray(((points - self.start) * (self.end - self.start)).sum(axis=1))
 
-    def left_of(self, mesh: PlacedMesh) -> PlacedMesh | None:
-        """What stays of a mesh, itself where that is all, None where nothing does."""
+    def section_of(self, mesh: PlacedMesh) -> Section | None:
+        """Where it cuts a mesh, of which it keeps what is above; None where nothing is, and the mesh itself if all."""
         height = self.heights(mesh.vertices)
         used = height[mesh.geometry.faces] >= 0
-        return mesh if used.all() else Section.of(mesh, height).kept if used.any() else None
+        if used.all():
+            return Section(mesh, np.zeros((0, 2, 3)), False)
+        return Section.of(mesh, height) if used.any() else None
 
     def sides(self, points: Floats, radius: Any) -> tuple[Mask, Mask]:
         """(n,) each: what is surely all in it, and what is surely all out of it. radius: how far up or down from the
@@ -192,14 +194,14 @@ def _meshes(
     """
     left, caps, more = [], list[PlacedMesh](), list[NDArray[np.void]]()
     for mesh in meshes:
-        kept = half.left_of(mesh)
-        if kept is mesh:
+        section = half.section_of(mesh)
+        if section and section.kept is mesh:
             left.append(mesh)
-        elif kept is not None:
-            whole = mesh.cut_from or mesh
-            left.append(kept.cut_by(np.concatenate([mesh.planes, [[half.start, half.end]]]), whole))
-            cap = _closing(half, whole, mesh.planes)
-            if cap is not None:
+        elif section:
+            planes = np.concatenate([mesh.planes, [[half.start, half.end]]])
+            left.append(section.kept.cut_by(planes, mesh.cut_from or mesh))
+            cap = _closing(half, half.section_of(mesh.cut_from) if mesh.cut_from else section, mesh.planes)
+            if cap:
                 kind = material
                 if kind is None:
                     kind = columns.materials_count + len(more)
@@ -212,11 +214,14 @@ def _meshes(
     return left + caps, columns
 
 
-def _closing(half: Half, whole: PlacedMesh, planes: Floats) -> PlacedMesh | None:
-    """What closes a mesh where the plane cuts it, None if it is open or that has no area. planes: those before."""
-    section = Section.of(whole, half.heights(whole.vertices))
-    made = section.cap(half.start - half.end) if section.closed else None
-    cap = None if made is None else PlacedMesh(made)
+def _closing(half: Half, section: Section | None, planes: Floats) -> PlacedMesh | None:
+    """What closes a mesh where the plane cuts it, None if it is open or that has no area.
+
+    section: of the whole mesh; planes: those that have cut it before.
+    """
+    made = section.cap(half.start - half.end) if section and section.closed else None
+    cap = PlacedMesh(made) if made else None
     for before in planes:
-        cap = cap and Half.between(before).left_of(cap)
+        left = cap and Half.between(before).section_of(cap)
+        cap = left.kept if left else None
     return cap

@@ -35,9 +35,10 @@ class Found:
     @classmethod
     def _of(cls, thing: Any) -> Found:
         if hasattr(thing, "geometry") and hasattr(thing, "to_mesh"):  # a Scene of trimesh: all of it as one
-            parts = [cls._of(part) for part in thing.dump()] if hasattr(thing, "dump") else []
-            if any(part.colors_of_faces for part in parts) and not all(part.colors_of_faces for part in parts):
-                return cls._joined([part.apart() for part in parts])
+            parts = thing.dump() if hasattr(thing, "dump") else []
+            kinds = {_kind_of(part) for part in parts}
+            if "face" in kinds and len(kinds) > 1:
+                return _of_parts(parts)
             thing = thing.to_mesh()
         if hasattr(thing, "vertices") and hasattr(thing, "faces"):
             return cls(thing.vertices, thing.faces, _colors_of_trimesh(getattr(thing, "visual", None)))
@@ -47,17 +48,12 @@ class Found:
         if hasattr(thing, "points") and hasattr(thing, "faces"):
             if getattr(thing, "n_strips", 0):
                 raise ValueError("mesh.strips: must be none; triangulate() of the PolyData makes triangles of them")
-            corners = _fans(_polygons(np.asarray(thing.faces)))
-            return cls(thing.points, corners, colors=_colors_of_points(named), named=named, of_cells=of_cells)
-        if hasattr(thing, "points") and hasattr(thing, "cells"):
-            return cls(
-                thing.points,
-                _fans(_cells(thing.cells)),
-                colors=_colors_of_points(named),
-                named=named,
-                of_cells=of_cells,
-            )
-        raise TypeError(f"mesh: must have vertices and faces, or points and faces or cells, got {described(thing)}")
+            polygons = _polygons(np.asarray(thing.faces))
+        elif hasattr(thing, "points") and hasattr(thing, "cells"):
+            polygons = _cells(thing.cells)
+        else:
+            raise TypeError(f"mesh: must have vertices and faces, or points and faces or cells, got {described(thing)}")
+        return cls(thing.points, _fans(polygons), colors=_colors_of_points(named), named=named, of_cells=of_cells)
 
     def values(self, values: Any) -> Any:
         """Those of this name, or as they are. Raises ValueError if there is no such name."""
@@ -69,23 +65,28 @@ class Found:
             raise ValueError(f"mesh.values: must be numbers or a name of point_data, {names}, got {values!r}{hint}")
         return np.asarray(self.named[values])
 
-    @property
-    def colors_of_faces(self) -> bool:
-        return self.colors is not None and len(self.colors) == len(self.faces) != len(self.vertices)
 
-    def apart(self) -> Found:
-        """With corners that no two triangles share, each with its colour, white where there is none."""
-        corners = np.asarray(self.faces).reshape(-1)
-        colors = np.ones((len(self.vertices), 3)) if self.colors is None else self.colors[:, :3]
-        own = np.repeat(colors, 3, axis=0) if self.colors_of_faces else colors[corners]
-        return Found(np.asarray(self.vertices)[corners], np.arange(len(corners)).reshape(-1, 3), own)
+def _of_parts(parts: list[Any]) -> Found:
+    """Meshes of trimesh as one, whose triangles share no corners. Each corner has its part's colour there, or white."""
+    places, colors = [], []
+    for part in parts:
+        corners = np.asarray(part.faces).reshape(-1)
+        places.append(np.asarray(part.vertices)[corners])
+        own = _colors_of_trimesh(part.visual)
+        if own is None:
+            own = np.ones((len(corners), 4))
+        elif _kind_of(part) == "face":
+            own = np.repeat(own, 3, axis=0)
+        else:
+            own = own[corners]
+        colors.append(own)
+    vertices = np.concatenate(places)
+    return Found(vertices, np.arange(len(vertices)).reshape(-1, 3), np.concatenate(colors))
 
-    @classmethod
-    def _joined(cls, parts: list[Found]) -> Found:
-        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        faces = np.concatenate([part.faces + start for part, start in zip(parts, first, strict=False)])
-        vertices, colors = (np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "colors"))
-        return cls(vertices, faces, colors)
+
+def _kind_of(part: Any) -> Any:
+    """What a mesh of trimesh has colours of: "vertex" or "face"; else None, or what is none."""
+    return getattr(getattr(part, "visual", None), "kind", None)
 
 
 def _surface(grid: Any) -> Any:

@@ -56,7 +56,7 @@ class Mitsuba(Tracer):
     def run(self, scene: Scene, frames: int) -> Run:
         level = int(self.level or 1)
         if self.task == "members":
-            return self._company.run(scene.lit_by(soft_lights(level)), frames, 1)
+            scene, level = scene.lit_by(soft_lights(level)), 1
         return self._company.run(scene, frames, level)
 
 

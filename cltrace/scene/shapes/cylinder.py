@@ -76,14 +76,14 @@ class Bonds(Frozen):
         alone = np.flatnonzero(given[:, 0] == given[:, 1])
         if len(alone):
             raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]:g} twice")
-        ordered = np.sort(given, axis=1)
-        order = np.lexsort((ordered[:, 1], ordered[:, 0]))
-        again = np.flatnonzero((ordered[order[1:]] == ordered[order[:-1]]).all(axis=1))
+        low, high = np.sort(given.astype(np.int64), axis=1).T
+        _, first, pair = np.unique(low * spheres + high, return_index=True, return_inverse=True)
+        again = np.flatnonzero(first[pair] != np.arange(len(given)))
         if len(again):
-            i, j = order[again[0]], order[again[0] + 1]
-            pair = f"{given[j, 0]:g} and {given[j, 1]:g}"
+            i = again[0]
             images = ", of which one can lead to the nearest image alone" if box is not None else ""
-            raise ValueError(f"bonds[{j}]: must be once, but {pair} are joined by bonds[{i}], too{images}")
+            joined = f"{given[i, 0]:g} and {given[i, 1]:g} are joined by bonds[{first[pair[i]]}], too{images}"
+            raise ValueError(f"bonds[{i}]: must be once, but {joined}")
         if radius is None:
             raise ValueError("bond_radius: must be given with bonds")
         sizes = numbers("bond_radius", radius)
