@@ -9,42 +9,75 @@ static __attribute__((noinline)) void cylinder_settle_t(const Scene *scene, cons
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
-/* Which lanes may meet a cylinder, as far as float32 knows. */
-static __attribute__((always_inline)) MASK rod_may_be_seen(const Scene *scene, const EyeLine line, const int index) {
+/* What float32 knows of a cylinder: the lanes that may meet it, those that surely enter it by its side, and bounds of
+ * 1/t, or of parallel rays -t: the lower one is that of these lanes. */
+typedef struct {
+    MASK may, sure;
+    Bounds near;
+} RodSight;
+
+/* t a is b - sqrt(D). a is off by 14 u A, A = |w|^2, see filter.cl, and a quotient by 3 u. */
+static __attribute__((always_inline)) RodSight rod_sight(const Scene *scene, const EyeLine eye, const int number) {
     const int along = HAS(WITH_PARALLEL_RAYS);
-    const Float3 start = {along ? line.x : (FLOAT)0, along ? line.y : (FLOAT)0, 0};
-    const Float3 w = {along ? (FLOAT)0 : line.x, along ? (FLOAT)0 : line.y, -1};
-    return rod_line(scene->rod_seen + 2 * (index - FIRST_CYLINDER(scene->spheres)), start, w, line.a).may;
+    const Float3 start = {along ? eye.x : (FLOAT)0, along ? eye.y : (FLOAT)0, 0};
+    const Float3 w = {along ? (FLOAT)0 : eye.x, along ? (FLOAT)0 : eye.y, -1};
+    const RodLine line = rod_line(scene->rod_seen + 2 * number, start, w, eye.a);
+    RodSight is;
+    is.may = line.may;
+    if (!ANY(is.may)) return is;
+    const FLOAT b_off = line.error * ((magnitude(w.x) + magnitude(w.y)) + 1), a_off = 0x1p-20f * eye.a;
+    const FLOAT first = line.b - line.most - b_off, last = line.b - line.least + b_off;
+    const FLOAT soon = first / (line.a + a_off) * (1 - 0x1p-20f), late = last / (line.a - a_off) * (1 + 0x1p-20f);
+    /* Of a cut ball, the filter knows what it is within, and nothing that is within it. */
+    const int whole = !HAS(WITH_CUTS) || number < scene->spheres.first_cut;
+    is.sure = is.may & (first > 0) & (line.a > a_off) & (whole ? is_between_discs(line, -1) : (MASK)0);
+    is.near.low = along ? -late : (1 - 0x1p-20f) / late;
+    is.near.high = !(first > 0) ? (FLOAT)INFINITY : along ? -soon : (1 + 0x1p-20f) / soon;
+    return is;
 }
 
 /* Takes a cylinder into account, and tells whether any lane hits it. */
 static __attribute__((always_inline)) int cylinder_take(const Scene *scene, const Ray ray, EyeLine *line,
                                                         const int index, Hit *hit, Work *work) {
-    if (HAS(WITH_FILTER) && !ANY(rod_may_be_seen(scene, *line, index))) {
-        COUNT(FILTERED, ALL_LANES);
-        return 0;
+    MASK open = ALL_LANES, first = 0;
+    if (HAS(WITH_FILTER)) {
+        const RodSight sight = rod_sight(scene, *line, index - FIRST_CYLINDER(scene->spheres));
+        if (!ANY(sight.may)) {
+            COUNT(FILTERED, ALL_LANES);
+            return 0;
+        }
+        first = sight.sure & (sight.near.low > hit->near.high);
+        open = sight.may & !first & !(sight.near.high < hit->near.low);
+        PUT_WHERE(first, hit->near.low, sight.near.low);
+        PUT_WHERE(first, hit->near.high, sight.near.high);
+        PUT_WHERE(first, hit->id, (INT)index);
+        COUNT(FILTERED, !open);
+        if (!ANY(open)) return ANY(first);
     }
-    COUNT(DECIDED, ALL_LANES);
+    COUNT(DECIDED, open);
     const EyeRay own = eye_ray(ray);
-    const REAL t = rod_encounter(scene->spheres, from_eye(scene->spheres, own), (INT)index, TO_REAL_MASK(ALL_LANES)).t;
-    const MASK met = TO_MASK(t < INFINITY);
-    if (!ANY(met)) return 0;
+    const REAL t = rod_encounter(scene->spheres, from_eye(scene->spheres, own), (INT)index, TO_REAL_MASK(open)).t;
+    const MASK met = open & TO_MASK(t < INFINITY);
+    if (!ANY(met)) return ANY(first);
     const Bounds near = near_of(t, scene->unit);
     MASK nearer = met & (near.low > hit->near.high);
-    const MASK open = met & !nearer & !(near.high < hit->near.low);
-    if (RARELY(ANY(open))) {
+    const MASK close = met & !nearer & !(near.high < hit->near.low);
+    if (RARELY(ANY(close))) {
         const Scene all = *scene; /* copied here, lest compilers keep it in memory all the time */
         const Rival rival = {hit->t, hit->id, hit->sure};
-        nearer = nearer | (open & TO_MASK(comes_before(&all, &own, t, (INT)index, &rival)));
+        nearer = nearer | (close & TO_MASK(comes_before(&all, &own, t, (INT)index, &rival)));
     }
     PUT_WHERE(nearer, hit->near.low, near.low);
     PUT_WHERE(nearer, hit->near.high, near.high);
     PUT_WHERE(nearer, hit->id, (INT)index);
-    return ANY(nearer);
+    return ANY(first | nearer);
 }
 
-/* Puts into a hit where the rays meet cylinders. */
+/* Puts into a hit where the rays meet cylinders. Float may lose what its filter is sure of. */
 static __attribute__((always_inline)) void cylinder_settle(const Scene *scene, const Ray ray, Hit *hit) {
     const Rival rival = {hit->t, hit->id, hit->sure};
     cylinder_settle_t(scene, eye_ray(ray), rival, &hit->t);
+    if (REAL_BYTES == 8) return;
+    const MASK lost = IS_CYLINDER(scene->spheres, hit->id) & TO_MASK(!(hit->t < INFINITY));
+    PUT_WHERE(TO_REAL_MASK(lost), hit->t, TO_REAL(far_of(hit->near.low)));
 }

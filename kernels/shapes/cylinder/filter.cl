@@ -19,33 +19,46 @@
  * + r). What float loses below its range is less than 2^-100, and A at least 2^-40.
  */
 
-/* What float says of lines and a cylinder, in the float buffers' unit: lanes whose lines may meet it, those of which
- * surely the part that is nearest to the axis is within, and that t times a. */
+/* What float says of lines and a cylinder, in the float buffers' unit: lanes whose lines may meet it; of what is above,
+ * a, b, Y and w.e; what b is off by, times 1 / |w|; bounds of sqrt(D); and how large Y and what is added to it may be
+ * where that is surely between the discs, negative where the line may pass beside. */
 typedef struct {
-    MASK may, within;
-    FLOAT a, b;
-    FLOAT error; /* what b is off by, times 1 / |w| */
+    MASK may;
+    FLOAT a, b, Y, we, error, least, most, room;
 } RodLine;
 
-/* seen: two of Scene's rod_seen. */
-static RodLine rod_line(__global const float4 *seen, const Float3 O, const Float3 w, const FLOAT A) {
+/* seen: two of Scene's rod_seen. Where no lane may meet the cylinder, the rest is not made. */
+static __attribute__((always_inline)) RodLine rod_line(__global const float4 *seen, const Float3 O, const Float3 w,
+                                                       const FLOAT A) {
     const float4 middle = seen[0], axis = seen[1];
     const float h = middle.w, r = axis.w, m = (fabs(middle.x) + fabs(middle.y)) + fabs(middle.z);
     const Float3 f = {middle.x - O.x, middle.y - O.y, middle.z - O.z};
     const Float3 G = {FMA(w.y, (FLOAT)axis.z, -(w.z * axis.y)), FMA(w.z, (FLOAT)axis.x, -(w.x * axis.z)),
                       FMA(w.x, (FLOAT)axis.y, -(w.y * axis.x))};
     const FLOAT V = FMA(f.x, G.x, FMA(f.y, G.y, f.z * G.z)), a = FMA(G.x, G.x, FMA(G.y, G.y, G.z * G.z));
-    const FLOAT we = dot_float(w, axis), fe = dot_float(f, axis), fw = FMA(f.x, w.x, FMA(f.y, w.y, f.z * w.z));
     const FLOAT s = m + ((magnitude(O.x) + magnitude(O.y)) + magnitude(O.z));
     const FLOAT E = 0x1p-20f * (r + s), D_error = FMA(E * (2 * r + E), A, (FLOAT)0x1p-100f);
-    const FLOAT D = FMA((FLOAT)(r * r), a, -(V * V)), most = D + D_error;
-    const FLOAT Y = magnitude(FMA(we, fw, -(A * fe))), Y_error = FMA(0x1p-18f * (s + (h + r)), A, (FLOAT)0x1p-100f);
-    const FLOAT side = magnitude(we) * sqrt(most > 0 ? most : (FLOAT)0);
+    const FLOAT D = FMA((FLOAT)(r * r), a, -(V * V)), most = D + D_error, least = D - D_error;
     RodLine is;
-    is.may = (most >= 0) & (Y <= FMA((FLOAT)h, a, side) + Y_error);
-    is.within = (D > D_error) & (Y + Y_error < h * a);
+    is.may = most >= 0;
+    if (!ANY(is.may)) return is;
+    const FLOAT we = dot_float(w, axis), fe = dot_float(f, axis), fw = FMA(f.x, w.x, FMA(f.y, w.y, f.z * w.z));
+    const FLOAT Y_error = FMA(0x1p-18f * (s + (h + r)), A, (FLOAT)0x1p-100f);
     is.a = a;
     is.b = fw - fe * we;
+    is.Y = FMA(we, fw, -(A * fe));
+    is.we = we;
     is.error = 0x1p-19f * s;
+    is.least = sqrt(least > 0 ? least : (FLOAT)0);
+    is.most = sqrt(most > 0 ? most : (FLOAT)0);
+    is.room = least > 0 ? h * a - Y_error : (FLOAT)-1;
+    is.may = is.may & (magnitude(is.Y) <= FMA((FLOAT)h, a, magnitude(we) * is.most) + Y_error);
     return is;
+}
+
+/* The lanes whose lines are surely between the discs where they enter the endless cylinder (end = -1), are closest to
+ * its axis (0) or leave it (1). */
+static MASK is_between_discs(const RodLine line, const float end) {
+    const FLOAT one = FMA(end * line.we, line.least, line.Y), other = FMA(end * line.we, line.most, line.Y);
+    return (magnitude(one) < line.room) & (magnitude(other) < line.room);
 }

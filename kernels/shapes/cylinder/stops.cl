@@ -60,8 +60,10 @@ typedef struct {
     MASK open, stopped;
 } RodGuess;
 
-/* The line through a light at a point leads from there, at t = 0, to P at t = -1. If a point between the two is within
- * the cylinder and the light is not, the way from one to the other leaves it. */
+/* The line through a light at a point leads from there, at t = 0, to P at t = -1; through a parallel one it begins at
+ * P. If a point between the two is within the cylinder and the light is not, the way from one to the other leaves it: a
+ * point where the line enters it, leaves it or is closest to its axis. Nothing of it is between the two if it begins
+ * beyond the one or ends before the other. */
 static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int number, const MASK asked) {
     RodGuess is = {asked, 0};
     if (!HAS(WITH_FILTER) || (ray.at_point && ray.touches)) return is;
@@ -69,12 +71,20 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     const Float3 light = {TO_FLOAT((REAL)L.x), TO_FLOAT((REAL)L.y), TO_FLOAT((REAL)L.z)};
     const Float3 P = {TO_FLOAT(ray.from.x), TO_FLOAT(ray.from.y), TO_FLOAT(ray.from.z)};
     const RodLine line = rod_line(scene->rod_seen + 2 * number, ray.at_point ? light : P, ray.w32, ray.a);
+    is.open = asked & line.may;
+    if (!ANY(is.open)) return is;
     const FLOAT size = (magnitude(ray.w32.x) + magnitude(ray.w32.y)) + magnitude(ray.w32.z), off = line.error * size;
-    const MASK between = ray.at_point ? (line.b < -off) & (line.b + line.a > off + 0x1p-20f * ray.a) : line.b > off;
+    const FLOAT a = ray.at_point ? line.a : (FLOAT)0, most_off = ray.at_point ? off + 0x1p-20f * ray.a : off;
     /* Of a cut ball, the filter knows what it is within, and nothing that is within it. */
     const int whole = !HAS(WITH_CUTS) || number < scene->spheres.first_cut;
-    if (whole && is_outside_of(scene, ray, number)) is.stopped = asked & line.within & between;
-    is.open = asked & line.may & !is.stopped;
+    for (int end = -1; whole && end <= 1 && is_outside_of(scene, ray, number); end++) {
+        const FLOAT one = line.b + end * line.least, other = line.b + end * line.most;
+        const FLOAT low = end < 0 ? other : one, high = end < 0 ? one : other;
+        const MASK before = ray.at_point ? high < -off : ALL_LANES;
+        is.stopped = is.stopped | (asked & before & (low + a > most_off) & is_between_discs(line, end));
+    }
+    const MASK beyond = ray.at_point ? line.b - line.most > off : (MASK)0;
+    is.open = is.open & !is.stopped & !beyond & !(line.b + line.most + a < -most_off);
     return is;
 }
 
