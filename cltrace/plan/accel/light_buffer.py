@@ -36,7 +36,7 @@ from cltrace.plan.rounding import Array, Mask
 # Where float32 tells cells apart, they are at least so wide, 32 times SLACK: see _on_window(). A window of 2^-4 has
 # room for the most that there may be, and a window in one, NARROWEST at least, for 128 of them across.
 NARROW, NARROWEST, LEAST = 2.0**-4, 2.0**-8, 2.0**-15
-# The cells of a light's grid are made for so many entries, besides 1.6 for each triangle.
+# The cells of a light's grid are made for so many entries, besides those for each polygon.
 FINER = 2**14
 # Cells of a window of parallel light that are narrower than this are too narrow for float32.
 TINY = 2.0**-16
@@ -155,23 +155,22 @@ class Rectangle(NamedTuple):
         (x, y), (wide, high) = self.middle.tolist(), (self.half + 4 * slack).tolist()
         return Pane((x, y), (wide, high))
 
-    def cells(self, sizes: Reals, members: int, polygons: bool, deep: float) -> tuple[int, int]:
+    def cells(self, sizes: Reals, members: int, entries: float, deep: float) -> tuple[int, int]:
         """Columns and rows, of cells that are about square.
 
-        sizes: of some discs and polygons; members: how many there are; polygons: whether there are any of these; deep:
-        in more layers than this, cells are finer.
+        sizes: of some discs and polygons; members: how many there are; entries: of Cast, the most of any; deep: discs
+        in more layers than this have finer cells.
         """
         # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each
         # one has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as discs, at most; but two a
         # side at least, as the kernel looks up no window of one cell. Where discs lie in many layers, lists are long,
         # and cells as wide as one disc are faster: a million spheres in 7,000 layers take 0.5 of the time, and 0.34
-        # with half of that width, but 9 entries for each. Triangles take longer to enter than to try, and few of them
-        # may have many entries: for five meshes of 1,000 to 100,000, twice as many or half as many change little.
+        # with half of that width, but 9 entries for each.
         sides, size = 2 * self.half, float(np.median(sizes))
         layers = members * size**2 / (sides[0] * sides[1])
-        entries = 1.6 + min(FINER / max(1, members), 64) if polygons else 4 if layers > deep else 2.25
-        most = max(members, FINER if polygons else 2)
-        cell = max(size / (np.sqrt(entries) - 1), np.sqrt(sides[0] * sides[1] / most))
+        wanted = entries + min(FINER / max(1, members), 64) if entries else 4 if layers > deep else 2.25
+        most = max(members, FINER if entries else 2)
+        cell = max(size / (np.sqrt(wanted) - 1), np.sqrt(sides[0] * sides[1] / most))
         limits = [min(2048, int(s / LEAST)) if self.coarse else 2048 for s in sides]
         columns, rows = (int(np.clip(np.ceil(s / cell), 2, limit)) for s, limit in zip(sides, limits, strict=True))
         return columns, rows
@@ -285,9 +284,9 @@ def _on_window(axes: Array, parts: Sequence[Part], nest: Nest, slack: float, per
     """The grid of a window. perspective: of CellGrid."""
     here = [part for part in parts if isinstance(part, Cast)]
     shown = [part for part in parts if not isinstance(part, Cast)]
-    flat: list[Part] = [*shown, *(part for part in here if part.corner is not None and part.members)]
+    flat: list[Part] = [part for part in parts if part.entries and part.members]
     window = nest.window
-    cells = window.cells(nest.sizes, nest.members, bool(flat), nest.deep)
+    cells = window.cells(nest.sizes, nest.members, max((part.entries for part in flat), default=0), nest.deep)
     low, sides = window.middle - window.half, 2 * window.half
     scale = np.array(cells) / sides
     # The largest coordinate of a corner; corners in cells are off by this, beside `loose`.

@@ -169,7 +169,8 @@ class Cast:
 
     member: (n,), which surfaces they are; edges: four of (n,), their left, right, low and high coordinates; near: (n,),
     a lower bound of the depth of their nearest points; corner(which): (2, c, j), the corners of these polygons; loose:
-    (n,) or (), how far off the corners are, besides a few roundings. It is in the edges already.
+    (n,) or (), how far off the corners are, besides a few roundings. It is in the edges already. entries: how many
+    entries in lists pay for a polygon, 0 for discs.
     """
 
     member: Ints
@@ -178,6 +179,7 @@ class Cast:
     extent: Extent
     corner: Corners | None = None
     loose: Array = field(default_factory=lambda: NOTHING)
+    entries: float = 0
 
     @staticmethod
     def of(
@@ -187,11 +189,12 @@ class Cast:
         who: Shadows,
         corner: Corners | None = None,
         loose: Array = NOTHING,
+        entries: float = 0,
     ) -> Cast:
         (near, far), ends = depths, np.flatnonzero(who.receiver[member])
         spans = [[_extreme(k, edge[which]) for k, edge in enumerate(edges)] for which in (slice(None), ends)]
         nearest, furthest = float(near[ends].min(initial=np.inf)), float(far[ends].max(initial=-np.inf))
-        return Cast(member, edges, near, Extent(spans, nearest, furthest), corner, loose)
+        return Cast(member, edges, near, Extent(spans, nearest, furthest), corner, loose, entries)
 
     @property
     def members(self) -> int:
@@ -227,13 +230,15 @@ def _extreme(k: int, edge: Reals) -> float:
 class Elsewhere(Protocol):
     """Polygons that are kept elsewhere: most of those that a window may show.
 
-    members: how many; rest: the other ones, which are seen here; extent, loose: of Cast, with squared distances.
+    members: how many; rest: the other ones, which are seen here; extent, loose, entries: of Cast, with squared
+    distances.
     """
 
     members: int
     rest: Ints
     extent: Extent
     loose: float
+    entries: float
 
     def sizes(self, sample: int) -> Reals:
         """See Cast."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.accel.cells import SLACK, CellGrid, Place, Sizes, most_levels, price_of
-from cltrace.plan.accel.polygons import off_by
+from cltrace.plan.accel.polygons import ENTRIES, off_by
 from cltrace.plan.accel.silhouettes import Elsewhere, Extent, Pane
 from cltrace.plan.rounding import Array, Mask
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
@@ -80,6 +80,7 @@ class ShownSide:
     loose: float
     sight: PolygonSight
     seen: Arguments
+    entries = ENTRIES
 
     def sizes(self, sample: int) -> NDArray[np.float32]:
         """See Elsewhere."""
