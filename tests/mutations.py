@@ -87,7 +87,7 @@ MUTATIONS = [
         "p.near = least - pane->along;", "p.near = most - pane->along;", "triangles' depths in parallel light", MIXED
     ),
     Mutation(
-        "is not None and part.members)]", "is not None)]", "a side without cylinders", f"-m slow {CELLS} -k no_cylinder"
+        "part.entries and part.members]", "part.entries]", "a side without cylinders", f"-m slow {CELLS} -k no_cylinder"
     ),
     Mutation(
         "window.is_tiny(", "0 and window.is_tiny(", "small triangles in parallel light", f"-m slow {CELLS} -k small"
@@ -160,14 +160,25 @@ MUTATIONS = [
     ),
     Mutation("sign_from(e.D, by.D)", "sign_from(e.D, 0)", "when doubles are sure that a ray passes a cylinder", RODS),
     Mutation("E = 0x1p-20f * (r + s)", "E = 0x1p-30f * (r + s)", "what floats know of a cylinder's side", ROD_FILTER),
-    Mutation("FMA((FLOAT)h, a, side) + Y_error", "(FLOAT)h * a", "what floats know of a cylinder's ends", ROD_FILTER),
-    Mutation("(Y + Y_error < h * a)", "(Y + Y_error < 2 * h * a)", "cylinders that surely stop", ROD_FILTER),
     Mutation(
-        "if (whole && is_outside_of(scene, ray, number)) is.stopped",
-        "is.stopped",
-        "lights within cylinders",
+        "FMA((FLOAT)h, a, magnitude(we) * is.most) + Y_error",
+        "(FLOAT)h * a",
+        "what floats know of a cylinder's ends",
         ROD_FILTER,
     ),
+    Mutation("h * a - Y_error : (FLOAT)-1", "2 * h * a : (FLOAT)-1", "cylinders that surely stop", ROD_FILTER),
+    Mutation("h * a - Y_error : (FLOAT)-1", "0.99f * h * a : (FLOAT)2", "lines beside cylinders", ROD_FILTER),
+    Mutation("&& is_outside_of(scene, ray, number); end++", "; end++", "lights within cylinders", ROD_FILTER),
+    Mutation("(low + a > most_off)", "(high + a > 0)", "cylinders that end before a point in their shadow", ROD_FILTER),
+    Mutation(
+        "before = ray.at_point ? high < -off", "before = ray.at_point ? low < 0", "cylinders at a light", ROD_FILTER
+    ),
+    Mutation("(line.b + line.most + a < -most_off)", "(line.b + a < 0)", "where cylinders end", ROD_FILTER),
+    Mutation("line.b - line.most > off :", "line.b > off :", "where cylinders begin behind a light", ROD_FILTER),
+    Mutation("(whole ? is_between_discs(line, -1) : (MASK)0)", "ALL_LANES", "cylinders met at an end", ROD_FILTER),
+    Mutation("last = line.b - line.least + b_off", "last = first", "how far what is surely met is", RODS),
+    Mutation("first = line.b - line.most - b_off", "first = line.b - b_off", "how near a cylinder begins", ROD_FILTER),
+    Mutation("!(sight.near.high < hit->near.low)", "!(sight.near.low < hit->near.low)", "ends behind", ROD_FILTER),
     Mutation(
         "real(2**0.5 * (1 + SLACK)) * r + size",
         "real(0.2) * r + size",

@@ -102,6 +102,17 @@ def test_no_filter_changes_a_picture_of_a_lamp_within_a_cylinder(device: Device)
     assert changed_by_filter(scene, device) == 0
 
 
+@pytest.mark.slow
+def test_no_filter_changes_a_picture_of_a_lamp_at_a_cylinder(device: Device) -> None:
+    """It is nearer to the side than floats can tell, and what it shines at is before the cylinder, or behind it."""
+    lamp, balls = point_light((1 + 2.0**-22, 0.25, 0), (0.8, 0.8, 0.8)), [(3, 0, 0), (3, 0.9, 0), (0, 0, -3)]
+    seen = Camera((2, 2, 9), (1.5, 0, 0), (0, 1, 0), 40, (48, 36))
+    scene = Scene.from_spheres(seen, [ambient_light((0.2, 0.2, 0.2)), lamp], balls, 0.5)
+    scene = scene.with_cylinders([(0, -2, 0)], [(0, 2, 0)], 1)
+    agrees(scene, device)
+    assert changed_by_filter(scene, device) == 0
+
+
 @pytest.mark.stress
 @pytest.mark.parametrize("name", REGIMES)
 def test_no_filter_changes_a_million_pixels(device: Device, name: str) -> None:
