@@ -36,9 +36,11 @@ class Field(NamedTuple):
 # Only whole vectors of 4, so that there is nothing to pad.
 STRUCTS = {
     "Light": (
-        Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards the light"),
+        Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards it, w: see across"),
         Field("axis", "real4", "spot, lambert: unit vector along which it points, w: cos(alpha2); parallel: u axis"),
-        Field("across", "real4", "parallel: v axis across it"),
+        Field(
+            "across", "real4", "parallel: v axis; w: what these count from, 0 is the eye, see Move in plan/lights.py"
+        ),
         Field("color", "float4", "rgb, linear; w: its kind, a number of LIGHT_KINDS"),
         Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see phong()"),
     ),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from cltrace.plan.accel.silhouettes import Shadows, Silhouettes
 from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.materials import finite32
 from cltrace.plan.rounding import Array, Mask, rotated
-from cltrace.scene import AMBIENT, PARALLEL
+from cltrace.scene import AMBIENT, PARALLEL, AnyCamera
 
 T = TypeVar("T", covariant=True)
 
@@ -134,6 +134,37 @@ class Parallel(_Light):
 
 
 Lamp = AtPoint | Parallel
+
+
+class Move(NamedTuple):
+    """From the camera of which the lists of parallel lights were made to another one.
+
+    turn: (3, 3), leads from its axes to the other one's; shift: (3,), the way to the other one, along its axes, in the
+    float buffers' unit.
+    """
+
+    turn: Array
+    shift: Array
+
+    @classmethod
+    def of(cls, before: AnyCamera, camera: AnyCamera, unit: float) -> Move:
+        basis, way = np.array(before.basis()), np.array(camera.position) - np.array(before.position)
+        return cls(np.array(camera.basis()) @ basis.T, basis @ way * unit)
+
+    def lights(self, packed: NDArray[np.void], before: NDArray[np.void]) -> NDArray[np.void]:
+        """Records of pack_lights(), of which parallel ones count from where those of `before` do, the first ones."""
+        along, packed = np.flatnonzero(~are_at_points(before["color"][:, 3])), packed.copy()
+        for name in ("axis", "across"):
+            packed[name][along, :3] = before[name][along, :3] @ self.turn.T
+        for name in ("axis", "across", "position"):
+            packed[name][along, 3] = before[name][along, :3] @ self.shift
+        return packed
+
+    def grid(self, grid: CellGrid) -> CellGrid:
+        """The same grid of a parallel light."""
+        return replace(grid, axes=grid.axes @ self.turn.T, middle=grid.middle - grid.axes[:2] @ self.shift)
+
+
 # By the names of LIGHT_KINDS.
 LAMPS: dict[str, type[Lamp]] = {"parallel": Parallel, "point": AtPoint, "spot": Spot, "lambert": Lambert}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import dtype_of, real_dtype
 from cltrace.plan.accel.cells import CellGrid, build
 from cltrace.plan.accel.silhouettes import Window
-from cltrace.plan.lights import are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
+from cltrace.plan.lights import Move, are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
 from cltrace.plan.lists import Grids
 from cltrace.plan.paths import NO_PATHS
 from cltrace.plan.request import Region, Request
@@ -31,7 +31,8 @@ class View:
     region: (x, y, width, height), the part of the picture that is wanted, in pixels; exponent: the kernel's depths are
     in units of 2^exponent scene units; arrays: the kernel's buffers by name, with the dtypes of abi.ARGUMENTS, none of
     them empty; values: those of its other arguments that depend on no output; inside: whether the eye is inside of a
-    sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists".
+    sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists"; lit:
+    which of the arrays have rows for each light in turn.
     """
 
     camera: AnyCamera
@@ -42,6 +43,7 @@ class View:
     inside: bool
     skipped: dict[str, int]
     seconds: dict[str, float]
+    lit: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, world: World, camera: AnyCamera, request: Request, methods: Methods | None = None) -> View:
@@ -58,19 +60,27 @@ class View:
         k = exponent_of(world, camera, lengths)
         base = cls.without_lists(world, camera, request, k)
         lights = lamps_of(world.lights, base.arrays["light"], np.array(camera.basis()))
+        known = methods.known(k) or Known(camera, base.arrays["light"][:0])
+        unit = base.values["unit"]
+        lights = lights[len(known.light) :]
         sights = [shape.see(k, lights, request) for shape in shapes]
         arrays = {name: array for sight in sights for name, array in sight.arrays.items()}
+        lit = {name: array for sight in sights for name, array in sight.lit.items()}
+        arrays |= {name: np.concatenate([known.lit[name], a]) if name in known.lit else a for name, a in lit.items()}
+        arrays["light"] = known.moved(camera, unit).lights(base.arrays["light"], known.light)
         seconds: dict[str, float] = {}
         with timed(seconds, "lists"):
             grids = Grids(world, sights, lights, request)
             arrays |= methods.build(grids.made(Window.of(camera, request, k)))
-            arrays["light_buffer"] = grids.light_buffer
+            further = np.array([len(arrays["grid"]) - known.grids, 0, 0, 0], np.int32)
+            arrays["light_buffer"] = np.concatenate([known.light_buffer + further, grids.light_buffer])
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
             inside=any(bool(sight.inside.any()) for sight in sights),
             skipped=base.skipped | grids.skipped,
             seconds=seconds,
+            lit=frozenset(lit),
         )
 
     def recolored(self, world: World, request: Request) -> View:
@@ -153,12 +163,31 @@ def _not_empty(arrays: Arrays) -> Arrays:
     return {name: a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for name, a in arrays.items()}
 
 
+@dataclass(frozen=True)
+class Known:
+    """What the first lights of a world see, parallel ones, which cameras have in common.
+
+    camera, light: that of which it was made, and their records; lit: of Sights; grids: how many they have;
+    light_buffer: abi's, which counts these from 0.
+    """
+
+    camera: AnyCamera
+    light: NDArray[np.void]
+    lit: Arrays = field(default_factory=dict)
+    grids: int = 0
+    light_buffer: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+
+    def moved(self, camera: AnyCamera, unit: float) -> Move:
+        return Move.of(self.camera, camera, unit)
+
+
 class Methods(NamedTuple):
     """How View.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
 
-    in_view: what Shape.in_view() makes; build: makes the lists of grids, see Lists. Each grid is made when it is asked
-    for.
+    in_view: what Shape.in_view() makes; build: makes the lists of grids, see Lists, and adds those that are known. Each
+    grid is made when it is asked for. known: what is known where lengths in scene units are multiplied by 2^k.
     """
 
     in_view: Callable[[Shape, AnyCamera, int], InView]
     build: Callable[[Iterator[CellGrid]], Arrays]
+    known: Callable[[int], Known | None] = lambda k: None

@@ -340,7 +340,7 @@ class Renderer:
                 kept, again = (near._packer, near._world is self._world) if near else (None, False)
                 packer = packer_of(self._world, self.request, self.device, kept, again)
             self._packer = packer
-            self._view, self._made = packer.view(worlds[0], self.scene.camera)
+            self._view, self._made = packer.view(worlds[0], self.scene.camera, keep=len(worlds) == 1)
         self.plan = Plan.of(self._world, self._view, self.request)
         packed = time.perf_counter() - start
         further = [self._pass_of(world) for world in worlds[1:]]
@@ -358,7 +358,7 @@ class Renderer:
 
         def make() -> Made:
             assert packer is not None
-            view, made = packer.view(some, camera)
+            view, made = packer.view(some, camera, keep=False)
             return Plan.of(world, view, request), made
 
         return make

@@ -281,8 +281,8 @@ static Shaft shaft_of(const Scene *scene, const int number, const Area *patch, c
     if (shaft.at_point) return shaft;
     const Real3 P = {patch->anchor.x + TO_REAL(patch->p.x.v), patch->anchor.y + TO_REAL(patch->p.y.v),
                      patch->anchor.z + TO_REAL(patch->p.z.v)};
-    shaft.x = TO_FLOAT(DOT(P, light.axis));
-    shaft.y = TO_FLOAT(DOT(P, light.across));
+    shaft.x = TO_FLOAT(DOT(P, light.axis) + light.axis.w);
+    shaft.y = TO_FLOAT(DOT(P, light.across) + light.across.w);
     return shaft;
 }
 

@@ -25,7 +25,7 @@ static void parallel_lists(const Scene *scene, const Light light, const Start st
     ray->from.x = P.x * scene->unit;
     ray->from.y = P.y * scene->unit;
     ray->from.z = P.z * scene->unit;
-    ray->u = TO_FLOAT(DOT(ray->from, light.axis));
-    ray->v = TO_FLOAT(DOT(ray->from, light.across));
-    ray->depth = -TO_FLOAT(DOT(ray->from, light.position));
+    ray->u = TO_FLOAT(DOT(ray->from, light.axis) + light.axis.w);
+    ray->v = TO_FLOAT(DOT(ray->from, light.across) + light.across.w);
+    ray->depth = -TO_FLOAT(DOT(ray->from, light.position) + light.position.w);
 }

@@ -24,7 +24,7 @@ from cltrace.run.devices import Device
 from cltrace.run.pack import list_buffers, packers, spheres
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.run.pack.toolbox import Toolbox
-from cltrace.scene import AnyCamera
+from cltrace.scene import PARALLEL, AnyCamera
 
 Floats = NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("even_few_are_packed")
@@ -33,15 +33,16 @@ pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCamera) -> int:
     """Asserts that the device's views of a scene are numpy's: by its own camera, and by others after it.
 
-    Returns how many the device has made.
+    Returns how many the device has made. What parallel lights see is made anew: test_other_cameras.py keeps it.
     """
     world = World.of(scene, request)
     packer = SpherePacker.of(world, request, device)
     assert packer is not None
     # On the device, shadow rays may end on all spheres.
     plain, count = replace(request, keep=(*request.keep, "receivers")), 0
+    keep = bool((scene.lights["kind"] != PARALLEL).all())
     for by in (scene.camera, *cameras):
-        view, made = packer.view(world, by)
+        view, made = packer.view(world, by, keep)
         check_same_view(view, made, packer.tools, View.of(world, by, plain if made else request))
         count += bool(made)
     return count

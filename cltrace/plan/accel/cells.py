@@ -17,7 +17,7 @@ docs/speed.md.)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple, Protocol
@@ -128,6 +128,10 @@ class CellGrid:
     polygons: bool = False
     held: Held | None = None
     behind: NDArray[np.float32] | None = None
+
+    def without_members(self) -> CellGrid:
+        """What fill_record() needs of it."""
+        return replace(self, **NOBODY._asdict(), held=None, behind=None)
 
     def entered(self, count: int) -> Mask:
         """(count,): which of so many surfaces, the last ones of which are triangles, are members, once listed."""
@@ -610,6 +614,9 @@ class Members(NamedTuple):
     covers: NDArray[np.int16]
     near: NDArray[np.float32]
     outlines: tuple[Outlines, ...] = ()
+
+
+NOBODY = Members(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
 
 
 def put_together(

@@ -179,9 +179,9 @@ class CylindersInView(InView):
         sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
         seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
-        arrays: Arrays = {"rod_side": sides.reshape(-1), "rod_seen": self._seen(k)}
+        lit: Arrays = {"rod_side": sides.reshape(-1)}
         inside = blockwise(len(eye), lambda block: eye.nearest(block) == 0)
-        return Sights(arrays, eye, [*seen], None, np.concatenate(inside))
+        return Sights({"rod_seen": self._seen(k)}, lit, eye, [*seen], None, np.concatenate(inside))
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""

@@ -75,13 +75,14 @@ class Meshes(Shape):
 class MeshesInView(InView):
     """Triangles as a camera sees them: InView.
 
-    first: the index of the first one as a surface; arrays: of Sights.
+    first: the index of the first one as a surface; arrays, lit: of Sights.
     """
 
     triangles: Triangles
     camera: AnyCamera
     first: int
     arrays: Arrays = field(default_factory=dict)
+    lit: Arrays = field(default_factory=dict)
 
     @cached_property
     def near(self) -> Array:
@@ -96,12 +97,12 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
-        return Sights(self.arrays, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
+        return Sights(self.arrays, self.lit, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
 
     def rows(self, lights: int) -> Iterable[Any]:
         """Where facets go that are seen from the eye, and from each light."""
         facets = np.empty((1 + lights, 3 * len(self.triangles.face), 4), np.float32)
-        self.arrays |= {"facet": facets[0], "light_facet": facets[1:].reshape(-1, 4)}
+        self.arrays["facet"], self.lit["light_facet"] = facets[0], facets[1:].reshape(-1, 4)
         return facets
 
     def from_eye(self, k: int, out: Floats) -> Polygons:

@@ -30,12 +30,13 @@ def share(old: Scene, new: Scene, *names: str) -> bool:
 class Sights(NamedTuple):
     """The surfaces of one shape as the eye and the lights see them, in the float buffers' unit.
 
-    arrays: the kernel's buffers by name; eye, lights: from there; visible: of a slack, see Shadows, and of a mask of
-    those that are opaque, which of them rays can meet, None for all; inside: (n,), which of
-    them have the eye inside or on them.
+    arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there;
+    visible: of a slack, see Shadows, and of a mask of those that are opaque, which of them rays can meet, None for all;
+    inside: (n,), which of them have the eye inside or on them.
     """
 
     arrays: Arrays
+    lit: Arrays
     eye: Silhouettes
     lights: list[Silhouettes]
     visible: Callable[[float, Mask], Mask] | None

@@ -135,7 +135,7 @@ class SpheresInView(InView):
             light.look(self, small, 2.0**k, *out) for light, *out in zip(lights, filters, sides, strict=True)
         ]
         arrays = self._from_eye(small, k, real_dtype(request.precision))
-        arrays |= {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
+        lit: Arrays = {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
 
         def visible(slack: float, opaque: Mask) -> Mask:
             outside = (eye.power > 0) & np.all(sides > 0, axis=0) & opaque
@@ -143,7 +143,7 @@ class SpheresInView(InView):
                 outside &= self.spheres.maps.of_sphere == 0
             return np.asarray(~(self.spheres.again | hidden(small.place, small.radius, outside, slack)))
 
-        return Sights(arrays, eye, seen, visible, eye.power <= 0)
+        return Sights(arrays, lit, eye, seen, visible, eye.power <= 0)
 
     def from_point(self, light: AtPoint, small: Space, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
         """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,)."""

@@ -267,15 +267,16 @@ class ListWriter:
         used = [0] if lift is None else sorted({max(bits - lift, 0) for bits in np.flatnonzero(tally()[16:]).tolist()})
         return _Layout(Keys.on(used, grid.cells, covers.last), entries, lift)
 
-    def done(self) -> tuple[dict[str, Any], NDArray[np.void]]:
+    def done(self, common: bool = True) -> tuple[dict[str, Any], NDArray[np.void]]:
         """The buffers `start` and `entry`, and the records: lists of the first grid stay while somebody keeps these.
 
-        Those of the others, if they were made here, are common to all that is put there from now on.
+        common: whether those of the others, if they were made here, are common to all that is put there from now on,
+        in place of what was. Else they stay as long as the first one's.
         """
         tools, lists, ahead, (cell, entry) = self._tools, self.lists, CONSTANTS["AHEAD"], self._next
         tools.copy(tools.upload(np.zeros(ahead, np.uint64)), lists.entry, 8 * entry, 8 * ahead)
         records, stop = np.concatenate(self.records), (cell + 1, entry + ahead)
-        if self._next != self._second:
+        if common and self._next != self._second:
             lists.common, stop = Part(*self._second, *stop), self._second
         lists.take(Part(*self._begin, *stop), records)
         tools.finish()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -20,17 +20,17 @@ from cltrace.base.waiting import Announcement
 from cltrace.plan.abi import Precision
 from cltrace.plan.accel.cells import CellGrid
 from cltrace.plan.accel.polygons import Polygons
-from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.lights import AtPoint, Lamp, Parallel, are_at_points, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
 from cltrace.plan.shapes.mesh import Meshes, MeshesInView
 from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights
 from cltrace.plan.shapes.triangle import exact_sides, exact_turns
-from cltrace.plan.view import Methods, View
+from cltrace.plan.view import Known, Methods, View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.list_buffers import ListBuffers
-from cltrace.run.pack.lists import ListWriter
+from cltrace.run.pack.lists import Listed, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
 from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact, kernel_of
 from cltrace.scene import AnyCamera
@@ -48,13 +48,16 @@ def load(device: Device, precision: Precision) -> None:
 class MeshPacker:
     """A world's triangles on a device, which helps with Views of any camera.
 
-    request: the one that the world was made for. Several threads may use it: one after the other.
+    request: the one that the world was made for; latest: `of` of the latest View, see _SeenMeshes. Several threads may
+    use it: one after the other.
     """
 
     def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
         self.triangles, self.request, self._device = world.of_shape(Meshes).triangles, request, device
         self.tools = Toolbox(device, request.precision, before)
         self.face, self._lock = self.tools.share(self.triangles.face), threading.Lock()
+        self.kept: _Kept | None = None
+        self.latest: tuple[Any, ...] = ()
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
@@ -70,40 +73,111 @@ class MeshPacker:
         """Whether a world has the same triangles."""
         return world.of_shape(Meshes).triangles is self.triangles
 
-    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
-        """See Packer."""
-        made: dict[str, Any] = {}
+    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
+        """See Packer. What parallel lights see is kept from the second camera on, for which all surfaces get light."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            lists = ListBuffers.of(self.tools, len(world.id), len(world.lights))
-            methods = Methods(partial(self._in_view, made), partial(self._build, made, lists))
-            view = View.of(world, camera, self.request, methods)
+            seen = _SeenMeshes(self, world, camera, keep)
+            view = View.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))
+            self.kept, self.latest = seen.to_keep(view), seen.of
             # What lists are made of takes half as much as all that is kept.
             self.tools.forget()
-            return view, made
+            return view, seen.made
 
-    def _in_view(self, made: dict[str, Any], shape: Shape, camera: AnyCamera, first: int) -> InView:
+
+@dataclass(frozen=True)
+class _Kept:
+    """What the parallel lights of a world see, which cameras have in common.
+
+    of: whose, see _SeenMeshes; unit: 2^k of Known; known: that; facets: a buffer of light_facet that begins with
+    theirs, None for none; grids: theirs, without members; listed, lists: where their lists are.
+    """
+
+    of: tuple[Any, ...]
+    unit: float
+    known: Known
+    facets: Any
+    grids: list[CellGrid]
+    listed: list[Listed]
+    lists: ListBuffers
+
+
+class _SeenMeshes:
+    """A world as one camera of a MeshPacker sees it.
+
+    of: what cameras have to have in common that share what lights see, compared by identity, but for the last ones;
+    request: that of the view; made: buffers by the names of abi.ARGUMENTS; kept: what is used of other cameras.
+    """
+
+    def __init__(self, packer: MeshPacker, world: World, camera: AnyCamera, keep: bool) -> None:
+        self.packer, self.world, self.camera, self.request = packer, world, camera, packer.request
+        self.made: dict[str, Any] = {}
+        self.grids: list[CellGrid] = []
+        self.kept: _Kept | None = None
+        self.of = (*world.shapes, world.lights.tobytes(), camera.parallel)
+        # In float, axes that are turned are not those of lists any longer.
+        self.keeps, along = keep and packer.request.precision != "single", ~are_at_points(kinds(world.lights))
+        self.count = int(along.sum()) if self.keeps and packer.latest == self.of else 0
+        if self.count and "receivers" not in self.request.keep:
+            self.request = replace(self.request, keep=(*self.request.keep, "receivers"))
+
+    def in_view(self, shape: Shape, camera: AnyCamera, first: int) -> InView:
         """What Shape.in_view() makes, but that buffers of triangles will be in `made`."""
         if isinstance(shape, Meshes) and len(shape.number) and not camera.parallel:
-            return _OnDevice(shape.triangles, camera, first, packer=self, made=made)
+            return _OnDevice(shape.triangles, camera, first, of=self)
         return shape.in_view(camera, first)
 
-    def _build(self, made: dict[str, Any], buffers: ListBuffers, grids: Iterator[CellGrid]) -> Arrays:
+    def known(self, k: int) -> Known | None:
+        """See Methods."""
+        kept = self.packer.kept
+        self.kept = kept if self.count and kept and (kept.of, kept.unit) == (self.of, 2.0**k) else None
+        return self.kept.known if self.kept else None
+
+    def build(self, grids: Iterator[CellGrid]) -> Arrays:
         """Makes the lists of grids, which are in `made` then, and returns the records."""
-        writer = ListWriter(self.tools, self.request.precision, buffers)
+        tools, world, kept = self.packer.tools, self.world, self.kept
+        buffers = kept.lists if kept else ListBuffers.of(tools, len(world.id), len(world.lights))
+        self.writer = writer = ListWriter(tools, self.request.precision, buffers)
         for grid in grids:
             writer.add_members(grid)
+            self.grids.append(grid.without_members())
             del grid  # The next one has room in its place.
-        lists, records = writer.done()
-        made |= lists
+        if kept:
+            move = kept.known.moved(self.camera, kept.unit)
+            for grid, listed in zip(kept.grids, kept.listed, strict=True):
+                writer.add_again(move.grid(grid), listed)
+        lists, records = writer.done(common=kept is None)
+        self.made |= lists
         return {"grid": records}
+
+    def to_keep(self, view: View) -> _Kept | None:
+        """What further cameras may use."""
+        if self.kept:
+            return replace(self.kept, lists=self.writer.lists)
+        arrays, m, count = view.arrays, len(self.world.lights), self.count
+        if not count:
+            return self.packer.kept if self.keeps else None
+        buffer = arrays["light_buffer"][:count] - np.array([1, 0, 0, 0], np.int32)
+        number = int(buffer[:, 1].sum())
+        lit = {name: arrays[name][: len(arrays[name]) // m * count] for name in view.lit}
+        known = Known(self.camera, arrays["light"][:count], lit, number, buffer)
+        own, listed = self.grids[1 : 1 + number], self.writer.listed[1 : 1 + number]
+        unit, facets = view.values["unit"], self.made.get("light_facet")
+        return _Kept(self.of, unit, known, facets, grids=own, listed=listed, lists=self.writer.lists)
 
 
 @dataclass
 class _OnDevice(MeshesInView):
-    """Triangles as a camera sees them, whose facets are buffers. made: gets these, by the names of abi.ARGUMENTS."""
+    """Triangles as a camera sees them, whose facets are buffers. of: gets these, in `made`."""
 
-    packer: MeshPacker = field(kw_only=True)
-    made: dict[str, Any] = field(kw_only=True)
+    of: _SeenMeshes = field(kw_only=True)
+
+    @property
+    def packer(self) -> MeshPacker:
+        return self.of.packer
+
+    @property
+    def made(self) -> dict[str, Any]:
+        return self.of.made
 
     def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
         sights = super().see(k, lights, request)
@@ -112,13 +186,17 @@ class _OnDevice(MeshesInView):
 
     def rows(self, lights: int) -> Iterable[int]:
         """The first triangle's index in a buffer, where each one has three rows."""
-        m, tools = len(self.triangles.face), self.packer.tools
-        self.made["facet"] = tools.room(12 * m, np.float32)
+        m, tools, kept = len(self.triangles.face), self.packer.tools, self.of.kept
+        self.made["facet"], first = tools.room(12 * m, np.float32), self.of.count if kept else 0
         if lights:
-            self.made["light_facet"] = tools.room(12 * m * lights, np.float32)
+            self.made["light_facet"] = tools.room(12 * m * (first + lights), np.float32, again=True)
+        elif kept:
+            self.made["light_facet"] = kept.facets
         else:
-            self.arrays["light_facet"] = np.zeros((0, 4), np.float32)
-        return [0, *range(0, m * lights, m)]
+            self.lit["light_facet"] = np.zeros((0, 4), np.float32)
+        if kept and lights:
+            tools.copy(kept.facets, self.made["light_facet"], 0, 48 * m * first)
+        return [0, *range(m * first, m * (first + lights), m)]
 
     def from_eye(self, k: int, out: Any) -> Polygons:
         rows: Arguments = {"pane": self.camera.image_plane(), "facet": self.made["facet"], "first": out}

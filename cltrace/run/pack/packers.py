@@ -35,10 +35,11 @@ class Packer(Protocol):
     def fits(self, world: World) -> bool:
         """Whether a world has the same surfaces in the same places; their materials may be others."""
 
-    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
         """The view of a camera, with the bits of View.of(), and buffers, by the names of abi.ARGUMENTS, that it lacks.
 
-        world: one that fits. Raises ValueError as View.of() does, and BuildError and DeviceError as Executor does.
+        world: one that fits; keep: whether what its lights see may be kept for other cameras. Raises ValueError as
+        View.of() does, and BuildError and DeviceError as Executor does.
         """
 
 
@@ -54,7 +55,7 @@ class NumpyPacker:
         """No: of a world nothing is kept, so that another packer, which may be a device's, costs nothing."""
         return False
 
-    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
         """See Packer."""
         return View.of(world, camera, self._request), {}
 

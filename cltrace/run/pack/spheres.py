@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
-from cltrace.plan.accel.cells import SLACK, CellGrid, Members
+from cltrace.plan.accel.cells import NOBODY, SLACK, CellGrid
 from cltrace.plan.accel.discs import LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
 from cltrace.plan.accel.light_buffer import (
     SAMPLE,
@@ -33,7 +33,7 @@ from cltrace.plan.accel.light_buffer import (
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SHIFT, Extent, Window, sizes_of
 from cltrace.plan.accel.tiles import FINE, TINY, picture_grid
 from cltrace.plan.culling import larger, shells
-from cltrace.plan.lights import AtPoint, Parallel, are_at_points, kinds, lamps_of
+from cltrace.plan.lights import AtPoint, Move, Parallel, are_at_points, kinds, lamps_of
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, rotated
@@ -50,20 +50,20 @@ from cltrace.scene import AnyCamera
 # What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so
 # that cameras have the lists of lights in common.
 OTHERS = {"lists", "hidden", "unstopped"}
-# Of a grid whose members only the device knows.
-NOBODY = Members(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
 
 
 @dataclass(frozen=True)
 class _Lamps:
-    """What lights at points see, which cameras that agree in `key` have in common.
+    """What lights see, which cameras that agree in `key` have in common.
 
-    filters, sides: light_filter of one of them, and light_side; light_buffer: (m, 4), its array; grids: of all lights
-    in turn, along the world's axes; listed, lists: where their lists are; idle: how many spheres are in none, per
-    light, summed.
+    camera, light: that of which it was made, and its records; filters, sides: light_filter of one of them, and
+    light_side; light_buffer: (m, 4), its array; grids: of all lights in turn, along the world's axes, of parallel ones
+    along those of `camera`; listed, lists: where their lists are; idle: how many spheres are in none, in all.
     """
 
     key: tuple[Any, ...]
+    camera: AnyCamera
+    light: NDArray[np.void]
     filters: Any
     sides: Any
     light_buffer: NDArray[np.int32]
@@ -76,7 +76,7 @@ class _Lamps:
 class SpherePacker:
     """A world's spheres on a device, for Views of any camera.
 
-    spheres: of a world; request: the one that it was made for; lamps: of the latest View of lights at points alone.
+    spheres: of a world; request: the one that it was made for; lamps: of the latest View, in double at any rate.
     Several threads may use it: one after the other.
     """
 
@@ -110,10 +110,10 @@ class SpherePacker:
         """Whether a world has the same spheres in the same places; their materials may be others."""
         return world.of_shape(Spheres) is self.spheres
 
-    def view(self, world: World, camera: AnyCamera) -> tuple[View, dict[str, Any]]:
+    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
         """See Packer."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            found = _SeenSpheres(self, world, camera).view()
+            found = _SeenSpheres(self, world, camera, keep).view()
         return found or (View.of(world, camera, self.request), {})
 
 
@@ -123,8 +123,8 @@ class _SeenSpheres:
     seen: four columns of `pitch` doubles, see kernels/pack/space.cl; any_along: whether any light is a parallel one.
     """
 
-    def __init__(self, packer: SpherePacker, world: World, camera: AnyCamera) -> None:
-        self.packer, self.world, self.camera = packer, world, camera
+    def __init__(self, packer: SpherePacker, world: World, camera: AnyCamera, keep: bool) -> None:
+        self.packer, self.world, self.camera, self.keep = packer, world, camera, keep
         self.tools, self.spheres = packer.tools, packer.spheres
         self.n = len(self.spheres.radius)
         self.pitch = -(-self.n // PACKET) * PACKET
@@ -151,12 +151,16 @@ class _SeenSpheres:
         self.lights = lamps_of(world.lights, view.arrays["light"], self.basis)
         skipped, start = dict(view.skipped), time.perf_counter()
         skipped["spheres inside others, or the same"] = self.n - there
+        self.light = view.arrays["light"]
         light_buffer, writer = self._lists(skipped)
         lists, grid = writer.done()
         if self.lamps:
             filters, listed = self.made["light_filter"], writer.listed[1:]
             packer.lamps = replace(self.lamps, filters=filters, listed=listed, lists=writer.lists)
-        arrays, made = view.arrays | {"grid": grid, "light_buffer": light_buffer}, self.made | lists
+        arrays, made = (
+            view.arrays | {"grid": grid, "light_buffer": light_buffer, "light": self.light},
+            self.made | lists,
+        )
         # What other shapes, or lights, would have.
         lacking = [a for a in abi.ARGUMENTS if a.kind == "buffer" and a.name not in arrays.keys() | made.keys()]
         arrays |= {a.name: np.zeros(1, abi.dtype_of(a.type, packer.request.precision)) for a in lacking}
@@ -276,7 +280,9 @@ class _SeenSpheres:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
         tools, lights, lamps = self.tools, self.world.lights, self.packer.lamps
         m, key = len(lights), (self.k, self.shells, lights.tobytes())
-        known = lamps if lamps and lamps.key == key else None
+        # In float, axes that are turned are not those of lists any longer.
+        keeps = self.keep and (self.real.itemsize == 8 or not self.any_along)
+        known = lamps if keeps and lamps and lamps.key == key else None
         lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
         writer = ListWriter(tools, self.packer.request.precision, lists)
         grid = picture_grid(self.window.size, NOBODY)
@@ -287,12 +293,12 @@ class _SeenSpheres:
         if not m:
             skipped[what] = 0
             return np.zeros((1, 4), np.int32), writer
-        self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
         if known:
             self.lamps = known
             self._see_again(known, writer)
             skipped[what] = known.idle
             return known.light_buffer, writer
+        self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
         self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
         if not self.any_along:
             self.seen = tools.room(4 * self.pitch, np.float64)
@@ -308,9 +314,11 @@ class _SeenSpheres:
             if light.at_point:
                 self._pack_light(number)
         skipped[what] = idle
-        if not self.any_along:
+        if keeps:
             made = {"filters": None, "sides": self.made["light_side"], "light_buffer": light_buffer}
-            self.lamps = _Lamps(key, **made, grids=self.grids, listed=[], lists=None, idle=idle)
+            self.lamps = _Lamps(
+                key, self.camera, self.light, **made, grids=self.grids, listed=[], lists=None, idle=idle
+            )
         return light_buffer, writer
 
     def _behind(self, grid: CellGrid) -> Any:
@@ -335,12 +343,21 @@ class _SeenSpheres:
     def _see_again(self, lamps: _Lamps, writer: ListWriter) -> None:
         """Adds what lights see, of which a camera changes directions alone."""
         del self.covers, self.flags
+        tools, n, move = self.tools, self.n, Move.of(lamps.camera, self.camera, self.unit)
         for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
-            writer.add_again(replace(grid, axes=rotated(self.basis, grid.axes)), listed)
-        for number, place in enumerate(self.world.lights["position"]):
-            spheres = {"n": self.n, "center": self.packer.center, "before": lamps.filters} | self._lamp(place)
-            self.tools.run("turn_light", **spheres, **self._axes, **self._rows_of(number, "light_filter"))
-        self.made["light_side"] = lamps.sides
+            turned = replace(grid, axes=rotated(self.basis, grid.axes)) if grid.perspective else move.grid(grid)
+            writer.add_again(turned, listed)
+        self.light = move.lights(self.light, lamps.light)
+        self.made |= {"light_filter": lamps.filters, "light_side": lamps.sides}
+        if not any(light.at_point for light in self.lights):
+            return
+        self.made["light_filter"] = filters = tools.room(4 * (len(self.lights) * n + PACKET), np.float32, again=True)
+        for number, light in enumerate(self.lights):
+            if isinstance(light, AtPoint):
+                spheres = {"n": n, "center": self.packer.center, "before": lamps.filters} | self._lamp(light.place)
+                tools.run("turn_light", **spheres, **self._axes, **self._rows_of(number, "light_filter"))
+            else:
+                tools.copy(lamps.filters, filters, 16 * number * n, 16 * n, first=16 * number * n)
 
     def _see_from_light(self, place: Array) -> None:
         """Makes `seen` what a light at a point of the world sees."""
