@@ -177,6 +177,9 @@ MUTATIONS = [
     Mutation("line.b - line.most > off :", "line.b > off :", "where cylinders begin behind a light", ROD_FILTER),
     Mutation("(whole ? is_between_discs(line, -1) : (MASK)0)", "ALL_LANES", "cylinders met at an end", ROD_FILTER),
     Mutation("last = line.b - line.least + b_off", "last = first", "how far what is surely met is", RODS),
+    Mutation(
+        "fabs(e.c) <= rough.c", "fabs(e.c) < 0", "where cylinders cross", "tests/kernels/test_cylinders.py -k cross"
+    ),
     Mutation("first = line.b - line.most - b_off", "first = line.b - b_off", "how near a cylinder begins", ROD_FILTER),
     Mutation("!(sight.near.high < hit->near.low)", "!(sight.near.low < hit->near.low)", "ends behind", ROD_FILTER),
     Mutation(

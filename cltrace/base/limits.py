@@ -41,6 +41,7 @@ MAX_MESHES = 2**16
 INSTANCES = 2**18
 MAX_TEXELS = 2**27  # in all textures of a scene
 MAX_IMAGES = 10_000  # of a periodic box, among which the nearest is looked for
+MAX_BOXES = 2**24  # side by side, of Scene.replicate()
 
 SCENE_BYTES = TEXTURE_BYTES = 2**30
 MESH_BYTES = 2**32

@@ -16,7 +16,7 @@ from cltrace.reference.crossing import Way
 from cltrace.reference.cylinder import Cylinder, OnCylinder, Part, Tube
 from cltrace.reference.doubt import size_of
 from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Vector, between, vector
-from cltrace.reference.rays import Ray
+from cltrace.reference.rays import Ray, Start
 from cltrace.reference.surfaces import Setting
 from cltrace.reference.vectors import Direction, Point
 
@@ -87,6 +87,10 @@ class Cut(Cylinder):
     """
 
     shape = kind = "cut ball"
+
+    def loose(self, start: Start) -> tuple[float, float]:
+        """See Cylinder: of a cut ball nothing counts as on it that is not."""
+        return 0, 0
 
     def solid(self, of: np.void) -> Segment:
         self.place = Point(*of["center"].tolist())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -48,8 +48,10 @@ class Tube:
     def uu(self) -> Fraction:
         return sum((x * x for x in self.axis), ZERO)
 
-    def way_through(self, line: Line) -> tuple[Met, Met] | None:
+    def way_through(self, line: Line, loose: tuple[float, float] = (0, 0)) -> tuple[Met, Met] | None:
         """The two ends of a line's way through the solid; None if it passes by. Touching is a way of length 0.
+
+        loose: below what its start counts as on the side, and as on an end's plane.
 
         With f = S - o, the line o + t w is within the endless cylinder where |t G - F|^2 <= r^2 u.u, with G = w x u and
         F = f x u, and between the planes of the ends where 0 <= t g - h <= u.u, with g = w.u and h = f.u. It is in the
@@ -58,7 +60,8 @@ class Tube:
         u = vector(self.axis)
         f, w = minus(vector(self.start), line.start), line.direction
         g, h = dot(w, u), dot(f, u)
-        side, beyond = self.side(line), h + Surd(self.depth)
+        side, beyond = self.side(line), _settled(h + Surd(self.depth), loose[1])
+        side, h = replace(side, c=_settled(side.c, loose[0])), _settled(h, loose[1])
         near: Met | None = None
         far: Met | None = None
         if side.a.sign():
@@ -89,9 +92,11 @@ class Tube:
         """How far the second plane is from the first one, times |u|."""
         return self.uu
 
-    def first(self, line: Line, t_min: float, t_max: float) -> tuple[Met, bool] | None:
+    def first(
+        self, line: Line, t_min: float, t_max: float, loose: tuple[float, float] = (0, 0)
+    ) -> tuple[Met, bool] | None:
         """Where a line meets the surface first, strictly between t_min and t_max, and whether from inside."""
-        ends = self.way_through(line)
+        ends = self.way_through(line, loose)
         for met, inside in zip(ends or (), (False, True), strict=False):
             if met.root.is_between(t_min, t_max):
                 return met, inside
@@ -108,6 +113,12 @@ class Tube:
         x, y, z = (a - b for a, b in zip(p, self.start, strict=True))
         across = cross((x, y, z), self.axis)
         return sum((a * a for a in across), ZERO) > self.radius * self.radius * self.uu
+
+
+def _settled(x: Surd[Fraction], loose: float) -> Surd[Fraction]:
+    """0 where it is no larger than that, else x."""
+    far = Surd(Fraction(loose))
+    return x if not loose or (x - far).sign() > 0 or (x + far).sign() < 0 else Surd(ZERO)
 
 
 def _flat(g: Surd[Fraction], h: Surd[Fraction], part: Part) -> Met:
@@ -240,7 +251,21 @@ class Cylinder(Surface):
             return ray.inside and (ray.light.parallel or self.tube.is_outside(ray.light.place))
         if self.passes_by(shadow_way(ray)):
             return False
-        return self.tube.first(ray.line, 0.0, ray.t_max) is not None
+        return self.tube.first(ray.line, 0.0, ray.t_max, self.loose(ray.start)) is not None
+
+    def loose(self, start: Start) -> tuple[float, float]:
+        """Below what the start of a shadow ray counts as on the side, and as on an end's plane: see Tube.
+
+        It is a point of another surface, and rounded: where it is on this one but for that, it counts as on it, and so
+        light leaves both where cylinders cross. The bounds are those of c, h and k in RodErrors of the kernel.
+        """
+        if not start.fits:
+            return 0, 0
+        f = (self.start - start.place) - start.step
+        s, u1, F1 = size_of(f) + start.reach, size_of(self.axis), size_of(f.cross(self.axis))
+        off = 2.0**-47 * s * u1
+        square = F1 * F1 + self.radius * self.radius * self.axis.dot(self.axis)
+        return 2 * F1 * off + 3 * off * off + 2.0**-50 * square, off
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         met, inside = self._found(ray)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.limits import MAX_IMAGES
+from cltrace.base.limits import MAX_BOXES, MAX_IMAGES
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, described, numbers, vector
 
 Floats = NDArray[np.float64]
@@ -59,6 +59,8 @@ def box_images(box: ArrayLike, counts: ArrayLike) -> Floats:
     edges, given = box_of(box), numbers("counts", counts)
     if given.shape != (3,) or not (given >= 1).all() or (given % 1).any():
         raise ValueError(f"counts: must be 3 whole numbers of at least 1, got {described(counts)}")
+    if given.prod() > MAX_BOXES:
+        raise ValueError(f"counts: must be at most {MAX_BOXES} boxes in all, got {given.prod():g}")
     return np.array(list(itertools.product(*(range(int(count)) for count in given)))) @ edges
 
 

@@ -133,6 +133,19 @@ def test_light_and_shadows(device: Device) -> None:
     agrees(molecule(), device)
 
 
+def test_light_leaves_both_of_two_that_cross(device: Device) -> None:
+    """A point of one of them that is on the other one, but for rounding, is on it: it was in its shadow."""
+    camera = Orthographic((1, 1, 6), (1, 1, 0), (0, 1, 0), 3, (48, 36))
+    lights = [ambient_light((0.2, 0.2, 0.2)), parallel_light((-0.3, -0.2, -1))]
+    bare = Scene.from_spheres(camera, lights, np.zeros((0, 3)), 1)
+    box = bare.with_cylinders(*cltrace.box_edges((2, 2, 2)), 0.2, "white")
+    agrees(box, device, every=1)
+    seam = np.array([12, 13])  # rays through these pixels of a diagonal meet two edges at once
+    assert (cltrace.render(box, device, outputs=("color",)).color[41 - seam, seam] > 0.3).all()
+    bars = bare.seen_by(CAMERA).lit_by(LIGHTS)
+    agrees(bars.with_cylinders([(-1, 0, 0), (0, 0, 0)], [(0, 0, 0), (0, 1, 0)], 0.3, "gold"), device)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [{"reflectance": 0.4}, {"transmittance": 0.6, "index": 1.5, "reflectance": 0.1}])
 def test_mirrors_and_glass(device: Device, how: dict[str, float]) -> None:

@@ -233,6 +233,16 @@ def test_normals_and_uv_of_triangles() -> None:
     np.testing.assert_allclose(hits.uv, [(1, 2), (0, 0), (0, 0)], atol=1e-15)
 
 
+def test_the_rim_of_a_cylinder_is_its_end() -> None:
+    scene = Scene.from_spheres(CAMERA, (), np.zeros((0, 3)), 1).with_cylinders([(0, 0, 0)], [(0, 0, 2)], 1)
+    origins, directions = (
+        [(2, 0, 3), (1, 0, 5), (2, 0, -1), (3, 0, 1)],
+        [(-1, 0, -1), (0, 0, -1), (-1, 0, 1), (-1, 0, 0)],
+    )
+    hits = trace_rays(scene, origins, directions)
+    assert hits.normal.tolist() == [[0, 0, 1], [0, 0, 1], [0, 0, -1], [1, 0, 0]]
+
+
 def test_a_closed_mesh_has_no_hole() -> None:
     """From within: through corners, points of edges, and an ulp beside them, all of them doubles."""
     vertices, faces = icosphere(3)

@@ -122,6 +122,8 @@ def test_wrong_offsets(offsets: object, fault: str) -> None:
 def test_too_many_images() -> None:
     with pytest.raises(ValueError, match="offsets: must make at most 16777216 cylinders, got 5000000 times 4"):
         crystal().replicate(np.zeros((5_000_000, 3)))
+    with pytest.raises(ValueError, match="counts: must be at most 16777216 boxes in all, got 1e\\+18"):
+        cltrace.box_images(BOX, (10**6, 10**6, 10**6))
     with pytest.raises(ValueError, match="box: is too flat for bonds that are"):
         crystal(box=[(1, 0, 0), (30, 1, 0), (0, 30, 1)])
 

@@ -120,7 +120,8 @@ class Cylinders(Shape):
 class CylinderPoints:
     """See Points.
 
-    A point is on a flat end if the plane of that is as near as the side: their distances are compared in doubles.
+    A point is on a flat end if the plane of that is as near as the side: their distances are compared in doubles. So
+    it is on the rim.
     """
 
     def __init__(self, cylinders: Cylinders, lines: Lines, i: Ids, t: Fine) -> None:
@@ -132,14 +133,14 @@ class CylinderPoints:
         self._along = (p * self._u).sum(axis=1, keepdims=True) / self._length
         self._out = p - self._along * self._u / self._length  # from the axis
         self._size = np.sqrt((self._out * self._out).sum(axis=1, keepdims=True))
-        gaps = np.abs(np.concatenate([self._size - r[:, None], self._along, self._length - self._along], axis=1))
-        self._part = gaps.argmin(axis=1)  # the side, the start, the end
+        gaps = np.abs(np.concatenate([self._along, self._length - self._along, self._size - r[:, None]], axis=1))
+        self._part = gaps.argmin(axis=1)  # the start, the end, the side
 
     @cached_property
     def normal(self) -> Floats:
         side = self._out / np.where(self._size > 0, self._size, 1)
-        flat = np.where(self._part == 1, -1, 1)[:, None] * self._u
-        return np.asarray(np.where(self._part[:, None] == 0, side, flat))
+        flat = np.where(self._part == 0, -1, 1)[:, None] * self._u
+        return np.asarray(np.where(self._part[:, None] == 2, side, flat))
 
     @cached_property
     def uv(self) -> Floats:
@@ -147,5 +148,5 @@ class CylinderPoints:
         e2 = np.cross(self._u, e1)
         x, y = ((self._out * e).sum(axis=1) / np.sqrt((e * e).sum(axis=1)) for e in (e1, e2))
         high = np.clip(self._along / self._length, 0, 1)[:, 0]
-        down = np.where(self._part == 1, 1.0, np.where(self._part == 2, 0.0, 1 - high))
+        down = np.where(self._part == 0, 1.0, np.where(self._part == 1, 0.0, 1 - high))
         return np.stack([0.5 + np.arctan2(y, x) / (2 * np.pi), down], axis=1)

@@ -454,12 +454,23 @@ static FineT rod_fine_t(const RodPairs p, const RodValues e, const RodErrors by,
     return at;
 }
 
-static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFineRay fine, const Rod rod) {
+/* to_light: whether the ray leads from a point of another surface to a light. That point is rounded. Where it is on the
+ * cylinder but for that, it counts as on it, unless that is cut: so where cylinders cross, light leaves both. */
+static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFineRay fine, const Rod rod,
+                                                  const int to_light) {
     RodValues e = rod_values(ray, rod);
+    const RodErrors rough = rod_errors_at(ray, e, 1);
     const RodPairs p = rod_pairs(ray, fine, rod, &e);
     const RodErrors by = rod_errors_at(ray, e, 0x1p-49);
+    RodSigns is = signs_within(e, by);
+    if (to_light) {
+        const REAL_MASK uncut = !IS_ROUND(rod) & (rod.span > 0);
+        PUT_WHERE(uncut & (fabs(e.c) <= rough.c), is.c, (REAL)0);
+        PUT_WHERE(uncut & (fabs(e.h) <= rough.h), is.h, (REAL)0);
+        PUT_WHERE(uncut & (fabs(e.k) <= rough.k), is.k, (REAL)0);
+    }
     FineRod found;
-    found.is = rod_verdict(ray, signs_within(e, by));
+    found.is = rod_verdict(ray, is);
     found.t = rod_fine_t(p, e, by, found.is);
     return found;
 }
@@ -509,7 +520,7 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
 #if REAL_BYTES == 8
     if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
     const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
-    const FineRod found = fine_rod(way, fine, rod);
+    const FineRod found = fine_rod(way, fine, rod, 0);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);
     at.t = at.unsure ? (hit ? found.t.t.hi : (REAL)INFINITY) : at.t;
     at.is.hit = at.unsure ? hit : at.is.hit;

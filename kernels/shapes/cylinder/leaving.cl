@@ -102,7 +102,7 @@ static void cylinder_fine_t(const Spheres spheres, const Leaving ray, const INT 
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, index));
     const RodFineRay way = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
-    const FineRod fine = fine_rod(rod_ray_of(spheres, ray, index, rod), way, rod);
+    const FineRod fine = fine_rod(rod_ray_of(spheres, ray, index, rod), way, rod, 0);
     t->t = choose_pair(here, fine.t.t, t->t);
     t->error = here ? fine.t.error : t->error;
 }

@@ -23,7 +23,7 @@ static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres sphere
                        minus(two_sum(to.z, -P->anchor.z), step.z)};
     RodFineRay fine = {step, whole};
     if (at_point) fine.w = way;
-    const FineRod found = fine_rod(rod_ray_to(spheres, lamp, at_point, *P, rod), fine, rod);
+    const FineRod found = fine_rod(rod_ray_to(spheres, lamp, at_point, *P, rod), fine, rod, 1);
     const REAL gap = (found.t.t.hi - 1) + found.t.t.lo;
     const REAL_MASK before = at_point ? gap < -found.t.error : TO_REAL_MASK(ALL_LANES);
     return found.is.hit & (found.t.t.hi > 0) & before;
