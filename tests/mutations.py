@@ -63,6 +63,7 @@ SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
 SOFT = "tests/kernels/test_soft_lights.py"
 PASSES = "-m slow tests/kernels/test_soft_lights.py -k no_bit_depends"
 MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
+OTHERS = "tests/run/test_other_cameras.py"
 RODS = "tests/kernels/test_cylinders.py -k hostile_pictures"
 VIEWER = "tests/viewer/test_server.py"
 ROD_FILTER = "-m slow tests/kernels/test_cylinders.py -k changes_a_picture"
@@ -151,6 +152,12 @@ MUTATIONS = [
         "fronts once rays go on",
         "tests/renderers/test_update.py -k fronts",
     ),
+    Mutation("middle=grid.middle - grid.axes[:2] @ self.shift", "middle=grid.middle", "lists of other cameras", OTHERS),
+    Mutation("before[name][along, :3] @ self.shift", "0", "where parallel lights count from", OTHERS),
+    Mutation(
+        "DOT(ray->from, light.position) + light.position.w", "DOT(ray->from, light.position)", "depths of", OTHERS
+    ),
+    Mutation("writer.done(common=kept is None)", "writer.done()", "lists that cameras have in common", OTHERS),
     Mutation("found.flat = found.out ? in_near : in_far;", "found.flat = in_near;", "cylinders from inside", RODS),
     Mutation(
         "by.first = rod_disc_error(e, e.h, e.v1, off);",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,20 +60,18 @@ class View:
         k = exponent_of(world, camera, lengths)
         base = cls.without_lists(world, camera, request, k)
         lights = lamps_of(world.lights, base.arrays["light"], np.array(camera.basis()))
-        known = methods.known(k) or Known(camera, base.arrays["light"][:0])
-        unit = base.values["unit"]
-        lights = lights[len(known.light) :]
+        known = methods.known(k)
+        lights = lights[len(known.light) :] if known else lights
         sights = [shape.see(k, lights, request) for shape in shapes]
         arrays = {name: array for sight in sights for name, array in sight.arrays.items()}
         lit = {name: array for sight in sights for name, array in sight.lit.items()}
-        arrays |= {name: np.concatenate([known.lit[name], a]) if name in known.lit else a for name, a in lit.items()}
-        arrays["light"] = known.moved(camera, unit).lights(base.arrays["light"], known.light)
         seconds: dict[str, float] = {}
         with timed(seconds, "lists"):
             grids = Grids(world, sights, lights, request)
-            arrays |= methods.build(grids.made(Window.of(camera, request, k)))
-            further = np.array([len(arrays["grid"]) - known.grids, 0, 0, 0], np.int32)
-            arrays["light_buffer"] = np.concatenate([known.light_buffer + further, grids.light_buffer])
+            arrays |= lit | methods.build(grids.made(Window.of(camera, request, k)))
+            arrays["light_buffer"] = grids.light_buffer
+        if known:
+            arrays |= known.before(arrays, base.arrays["light"], Move.of(known.camera, camera, base.values["unit"]))
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
@@ -173,12 +171,19 @@ class Known:
 
     camera: AnyCamera
     light: NDArray[np.void]
-    lit: Arrays = field(default_factory=dict)
-    grids: int = 0
-    light_buffer: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    lit: Arrays
+    grids: int
+    light_buffer: NDArray[np.int32]
 
-    def moved(self, camera: AnyCamera, unit: float) -> Move:
-        return Move.of(self.camera, camera, unit)
+    def before(self, arrays: Arrays, light: NDArray[np.void], move: Move) -> Arrays:
+        """A view's arrays with the rows of these lights, to which `arrays` has those of the others.
+
+        light: the records of all of the view's lights; move: to its camera.
+        """
+        rows = {name: np.concatenate([a, arrays[name]]) for name, a in self.lit.items() if name in arrays}
+        further = np.array([len(arrays["grid"]) - self.grids, 0, 0, 0], np.int32)
+        rows["light_buffer"] = np.concatenate([self.light_buffer + further, arrays["light_buffer"]])
+        return rows | {"light": move.lights(light, self.light)}
 
 
 class Methods(NamedTuple):

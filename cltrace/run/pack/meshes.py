@@ -20,7 +20,7 @@ from cltrace.base.waiting import Announcement
 from cltrace.plan.abi import Precision
 from cltrace.plan.accel.cells import CellGrid
 from cltrace.plan.accel.polygons import Polygons
-from cltrace.plan.lights import AtPoint, Lamp, Parallel, are_at_points, kinds
+from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
 from cltrace.plan.shapes.mesh import Meshes, MeshesInView
@@ -105,7 +105,8 @@ class _SeenMeshes:
     """A world as one camera of a MeshPacker sees it.
 
     of: what cameras have to have in common that share what lights see, compared by identity, but for the last ones;
-    request: that of the view; made: buffers by the names of abi.ARGUMENTS; kept: what is used of other cameras.
+    request: that of the view; made: buffers by the names of abi.ARGUMENTS; count: of how many lights, the first ones,
+    what they see is kept; kept: what other cameras have of it.
     """
 
     def __init__(self, packer: MeshPacker, world: World, camera: AnyCamera, keep: bool) -> None:
@@ -115,8 +116,8 @@ class _SeenMeshes:
         self.kept: _Kept | None = None
         self.of = (*world.shapes, world.lights.tobytes(), camera.parallel)
         # In float, axes that are turned are not those of lists any longer.
-        self.keeps, along = keep and packer.request.precision != "single", ~are_at_points(kinds(world.lights))
-        self.count = int(along.sum()) if self.keeps and packer.latest == self.of else 0
+        keep = keep and packer.request.precision != "single" and packer.latest == self.of
+        self.count = int((~are_at_points(kinds(world.lights))).sum()) if keep else 0
         if self.count and "receivers" not in self.request.keep:
             self.request = replace(self.request, keep=(*self.request.keep, "receivers"))
 
@@ -142,7 +143,7 @@ class _SeenMeshes:
             self.grids.append(grid.without_members())
             del grid  # The next one has room in its place.
         if kept:
-            move = kept.known.moved(self.camera, kept.unit)
+            move = Move.of(kept.known.camera, self.camera, kept.unit)
             for grid, listed in zip(kept.grids, kept.listed, strict=True):
                 writer.add_again(move.grid(grid), listed)
         lists, records = writer.done(common=kept is None)
@@ -155,7 +156,7 @@ class _SeenMeshes:
             return replace(self.kept, lists=self.writer.lists)
         arrays, m, count = view.arrays, len(self.world.lights), self.count
         if not count:
-            return self.packer.kept if self.keeps else None
+            return None
         buffer = arrays["light_buffer"][:count] - np.array([1, 0, 0, 0], np.int32)
         number = int(buffer[:, 1].sum())
         lit = {name: arrays[name][: len(arrays[name]) // m * count] for name in view.lit}
