@@ -182,7 +182,12 @@ MUTATIONS = [
     ),
     Mutation("(line.b + line.most + a < -most_off)", "(line.b + a < 0)", "where cylinders end", ROD_FILTER),
     Mutation("line.b - line.most > off :", "line.b > off :", "where cylinders begin behind a light", ROD_FILTER),
-    Mutation("(whole ? is_between_discs(line, -1) : (MASK)0)", "ALL_LANES", "cylinders met at an end", ROD_FILTER),
+    Mutation(
+        "(is_whole(scene, number) ? is_between_discs(line, -1) : (MASK)0)",
+        "ALL_LANES",
+        "cylinders met at an end",
+        ROD_FILTER,
+    ),
     Mutation("last = line.b - line.least + b_off", "last = first", "how far what is surely met is", RODS),
     Mutation(
         "fabs(e.c) <= rough.c", "fabs(e.c) < 0", "where cylinders cross", "tests/kernels/test_cylinders.py -k cross"

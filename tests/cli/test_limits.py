@@ -116,7 +116,16 @@ def test_instances_are_one_limit(tmp_path: Path) -> None:
 def test_each_limit_has_a_name() -> None:
     """But for what no scene has, or what is about messages."""
     named = {constant for constant, _ in limits.NAMES.values()}
-    others = {"MAX_IMAGES", "MAX_PREFIXES", "MAX_NAMESPACE", "MAX_FAULTS", "MAX_UNREADABLE", "MAX_ROWS", "ADDRESSES"}
+    others = {
+        "MAX_IMAGES",
+        "MAX_BOXES",
+        "MAX_PREFIXES",
+        "MAX_NAMESPACE",
+        "MAX_FAULTS",
+        "MAX_UNREADABLE",
+        "MAX_ROWS",
+        "ADDRESSES",
+    }
     others |= {"FEW", "LISTS_SHARE", "PAIRS_BYTES", "SAMPLES_A_PICTURE"}
     assert {name for name in vars(limits) if name.isupper()} - {"NAMES", "CHANGED"} == named | others
     text = (ROOT / "docs/format.md").read_text("utf-8")

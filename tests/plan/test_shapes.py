@@ -68,7 +68,8 @@ class BallsInView(InView):
     def see(self, k: int, lights: Any, request: Request) -> Sights:
         small = self.space.times_two_to(k)
         eye = small.seen_along_view() if self.camera.parallel else small.seen_from_eye()
-        return Sights({}, {}, eye, [light.look(self, small, 2.0**k) for light in lights], None, eye.power <= 0)
+        seen = [light.look(self, small, 2.0**k) for light in lights]
+        return Sights({}, eye=eye, lights=seen, visible=None, inside=eye.power <= 0, lit={})
 
     def from_point(self, light: Any, small: Space, unit: float) -> Any:
         return small.seen_from(light.place * unit)[0]

@@ -181,7 +181,8 @@ class CylindersInView(InView):
         eye = self.capsules(self.near, k)
         lit: Arrays = {"rod_side": sides.reshape(-1)}
         inside = blockwise(len(eye), lambda block: eye.nearest(block) == 0)
-        return Sights({"rod_seen": self._seen(k)}, lit, eye, [*seen], None, np.concatenate(inside))
+        arrays: Arrays = {"rod_seen": self._seen(k)}
+        return Sights(arrays, eye=eye, lights=[*seen], visible=None, inside=np.concatenate(inside), lit=lit)
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""

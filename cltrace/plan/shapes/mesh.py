@@ -97,7 +97,8 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
-        return Sights(self.arrays, self.lit, eye, [*seen], None, np.zeros(len(self.triangles.face), bool))
+        inside = np.zeros(len(self.triangles.face), bool)
+        return Sights(self.arrays, eye=eye, lights=[*seen], visible=None, inside=inside, lit=self.lit)
 
     def rows(self, lights: int) -> Iterable[Any]:
         """Where facets go that are seen from the eye, and from each light."""

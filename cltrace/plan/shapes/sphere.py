@@ -143,7 +143,7 @@ class SpheresInView(InView):
                 outside &= self.spheres.maps.of_sphere == 0
             return np.asarray(~(self.spheres.again | hidden(small.place, small.radius, outside, slack)))
 
-        return Sights(arrays, lit, eye, seen, visible, eye.power <= 0)
+        return Sights(arrays, eye=eye, lights=seen, visible=visible, inside=eye.power <= 0, lit=lit)
 
     def from_point(self, light: AtPoint, small: Space, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
         """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,)."""

@@ -75,9 +75,7 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     if (!ANY(is.open)) return is;
     const FLOAT size = (magnitude(ray.w32.x) + magnitude(ray.w32.y)) + magnitude(ray.w32.z), off = line.error * size;
     const FLOAT a = ray.at_point ? line.a : (FLOAT)0, most_off = ray.at_point ? off + 0x1p-20f * ray.a : off;
-    /* Of a cut ball, the filter knows what it is within, and nothing that is within it. */
-    const int whole = !HAS(WITH_CUTS) || number < scene->spheres.first_cut;
-    for (int end = -1; whole && end <= 1 && is_outside_of(scene, ray, number); end++) {
+    for (int end = -1; is_whole(scene, number) && end <= 1 && is_outside_of(scene, ray, number); end++) {
         const FLOAT one = line.b + end * line.least, other = line.b + end * line.most;
         const FLOAT low = end < 0 ? other : one, high = end < 0 ? one : other;
         const MASK before = ray.at_point ? high < -off : ALL_LANES;
