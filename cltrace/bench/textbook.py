@@ -41,7 +41,7 @@ class Textbook:
             materials.astype("f4"),
             _lamps(scene),
         )
-        self._kernel = program(device, [], ("textbook.cl",)).kernel()
+        self._kernel = cl.Kernel(program(device, [], ("textbook.cl",)).made, "render")
         context = context_of(device.cl)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         try:

@@ -117,7 +117,7 @@ STRUCTS = {
 class Argument:
     """An argument of the kernel `render`, in the order of ARGUMENTS.
 
-    kind: value (a scalar or a struct), buffer (read by the kernel), output (written, one record for each pixel) or note
+    kind: value (a scalar or a vector), buffer (read by the kernel), output (written, one record for each pixel) or note
     (numbers that are 0 at first, and that the kernel changes where it has found something);
     group: the struct of the kernel that holds it, "" for none; text: what it is; channels: numbers for each pixel of an
     output; needs: the flag without which the kernel has no such argument, "" for none. The group's member is there

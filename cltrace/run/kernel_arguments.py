@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import operator
 import re
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -58,6 +57,12 @@ def argument(type_: str, value: Any) -> Any:
     return np.array((*numbers, 0)[: int(width)], getattr(cl.cltypes, type_))[()]
 
 
+def dtypes_of(types: Iterable[str]) -> list[Any]:
+    """Those of parameters that have these types, None of buffers. Of structs only that they are some."""
+    known = {BUFFER: None} | {name: np.dtype(number) for name, number in SCALARS.items()}
+    return [known[type_] if type_ in known else getattr(cl.cltypes, type_, np.dtype("V")) for type_ in types]
+
+
 class NamedKernel:
     """A kernel of a program whose arguments have names. Several threads may start it.
 
@@ -65,8 +70,8 @@ class NamedKernel:
     """
 
     def __init__(self, program: Program, name: str, parameters: dict[str, str]) -> None:
-        self.kernel, self.parameters, self._name, self._program = program.kernel(name), parameters, name, program
-        self._lock = threading.Lock()
+        self._kernel = program.kernel(dtypes_of(parameters.values()), name)
+        self.parameters, self._name, self._program = parameters, name, program
 
     def start(self, queue: Any, items: int, group: int, arguments: Mapping[str, Any]) -> None:
         """Starts so many work-items, in groups.
@@ -84,8 +89,7 @@ class NamedKernel:
                 raise TypeError(f"{self._name}: {name}: {error}") from None
 
         def launch() -> Any:
-            with self._lock:  # the arguments are the kernel's until it has been started
-                return self.kernel(queue, (items,), (group,), *values)
+            return self._kernel.start(queue, (items,), (group,), values)
 
         if not self._program.launch_first((self._name, group), launch):
             launch()

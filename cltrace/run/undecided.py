@@ -7,7 +7,7 @@ second one has everything, and draws those. It is compiled once there is such a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,7 +16,7 @@ import pyopencl as cl
 
 from cltrace.plan.abi import Precision
 from cltrace.run.devices import Device
-from cltrace.run.program import Program, program
+from cltrace.run.program import Kernel, Program, program
 
 # Flags of both programs, and of the first one alone.
 BOTH, FIRST = "IN_STAGES", "WITHOUT_RARE"
@@ -30,14 +30,14 @@ def is_in_stages(width: int, precision: Precision) -> bool:
 class Undecided:
     """Such pixels, of one launch after the other.
 
-    options: of the program that draws them; device: where. marks: the kernels' argument `undecided`; compiles: whether
-    that program is being compiled.
+    options: of the program that draws them; device: where; dtypes: of its parameters. marks: the kernels' argument
+    `undecided`; compiles: whether that program is being compiled.
     """
 
-    def __init__(self, queue: Any, device: Device, options: list[str]) -> None:
-        self._queue, self._device, self._options = queue, device, options
+    def __init__(self, queue: Any, device: Device, options: list[str], dtypes: Sequence[Any]) -> None:
+        self._queue, self._device, self._options, self._dtypes = queue, device, options, dtypes
         self._first = np.empty(1, np.uint8)
-        self._made: tuple[Program, Any] | None = None
+        self._made: tuple[Program, Kernel] | None = None
         self.marks: Any = None
         self.compiles = False
 
@@ -53,11 +53,11 @@ class Undecided:
         cl.enqueue_copy(self._queue, self._first, self.marks)
         return bool(self._first[0])
 
-    def drawer(self) -> tuple[Program, Any]:
+    def drawer(self) -> tuple[Program, Kernel]:
         """What draws them: a program and its kernel."""
         if self._made is None:
             second = program(self._device, self._options)
-            self._made = second, second.kernel()
+            self._made = second, second.kernel(self._dtypes)
         return self._made
 
     @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import re
 import shutil
+from collections.abc import Iterable
 from dataclasses import replace
 from math import prod
 from pathlib import Path
@@ -21,7 +22,7 @@ from cltrace.base.errors import BuildError
 from cltrace.renderers.strips import strips
 from cltrace.run import program
 from cltrace.run.devices import Device
-from cltrace.run.program import Program
+from cltrace.run.program import Kernel
 
 # Quotients may be off by 2.5 ulp and roots by 3, unless a device says that it rounds them to the nearest.
 ROUGH = """
@@ -48,6 +49,7 @@ NO_DOUBLES = "\n#define double no_double\n"
 FLUSHED, NO_CONSTANTS = "-cl-denorms-are-zero", "-cl-single-precision-constant"
 # A group of the least devices has at most so many work-items.
 GROUP = 256
+START = Kernel.start
 
 
 def roughened(text: str, doubles: bool) -> str:
@@ -77,24 +79,16 @@ def end_of_operand(text: str, at: int) -> int:
     return at
 
 
-class Watched:
-    """A kernel whose groups of work-items are not larger than a poor device's."""
-
-    def __init__(self, kernel: Any) -> None:
-        self._kernel = kernel
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._kernel, name)
-
-    def __call__(self, queue: Any, items: Any, group: Any, *arguments: Any, **options: Any) -> Any:
-        assert group is None or prod(group) <= GROUP
-        return self._kernel(queue, items, group, *arguments, **options)
+def watched(kernel: Kernel, queue: Any, grid: tuple[int, ...], group: tuple[int, ...], arguments: Iterable[Any]) -> Any:
+    """As Kernel.start(); groups of work-items are not larger than a poor device's."""
+    assert prod(group) <= GROUP
+    return START(kernel, queue, grid, group, arguments)
 
 
 @pytest.fixture
 def poor(monkeypatch: pytest.MonkeyPatch, any_device: Device, doubles: bool) -> Device:
     """All devices are graphics cards now that flush denormals and divide roughly; without `doubles` they have none."""
-    source, build, kernel = program.source.__wrapped__, program._program, Program.kernel
+    source, build = program.source.__wrapped__, program._program
     monkeypatch.setattr(Device, "kind", "gpu")
     monkeypatch.setattr(Device, "rounds_correctly", False)
     monkeypatch.setattr(Device, "has_double", doubles)
@@ -103,7 +97,7 @@ def poor(monkeypatch: pytest.MonkeyPatch, any_device: Device, doubles: bool) -> 
     )
     further = (FLUSHED,) if doubles else (FLUSHED, NO_CONSTANTS)
     monkeypatch.setattr(program, "_program", lambda device, options, files: build(device, (*options, *further), files))
-    monkeypatch.setattr(Program, "kernel", lambda made, name="render": Watched(kernel(made, name)))
+    monkeypatch.setattr(Kernel, "start", watched)
     return any_device
 
 
