@@ -80,13 +80,15 @@ INLINE int pixels_in(const int4 box) {
     return (box.z - box.x + 1) * (box.w - box.y + 1);
 }
 
-/* Squared distances within which the ray of each pixel has met a sphere, of those that cover `most` pixels or fewer.
- * region: what `behind` has of the picture: x, y, width, height. */
+/* Squared distances within which the ray of each pixel has met a sphere, of those that cover `most` pixels or fewer and
+ * whose indices `stride` divides. region: what `behind` has of the picture: x, y, width, height. */
 __kernel void cover_pixels(const int n, const int pitch, const double unit, const double2 x_axis, const double2 y_axis,
-                           const int4 region, const int most, __global const double4 *restrict center_radius,
-                           __global const double2 *restrict power, __global const short *restrict covers,
-                           __global const float *restrict near, volatile __global int *behind) {
+                           const int4 region, const int most, const int stride,
+                           __global const double4 *restrict center_radius, __global const double2 *restrict power,
+                           __global const short *restrict covers, __global const float *restrict near,
+                           volatile __global int *behind) {
     FOR_EACH_MEMBER(i, n) {
+        if (i % stride) continue;
         const float depth = near[i];
         const int4 box = box_of(covers, pitch, i);
         if (pixels_in(box) > most) continue;

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.cells import NOBODY, SLACK, CellGrid
-from cltrace.plan.accel.discs import LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
+from cltrace.plan.accel.discs import FRONT, LARGE, LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
 from cltrace.plan.accel.light_buffer import (
     SAMPLE,
     SIDES,
@@ -255,10 +255,11 @@ class _SeenSpheres:
         for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
             arguments[f"{name}_axis"] = (1 / axis.scale, (size - 1) / 2)
         # Those that cover more pixels than `most` are not looked at. Where few cover a pixel, lists are short already.
-        most = MOST**2 if LAYERS * width * height < covers.entries <= WIDE * self.n else 0
+        most = LARGE if LAYERS * width * height < covers.entries <= WIDE * self.n else 0
+        stride = max(1, covers.entries // (FRONT * width * height))
         arguments |= {"unit": self.unit, "region": (x, y, width, height), "most": most, "behind": behind}
         if most:
-            tools.run("cover_pixels", **covers.arguments, **arguments)
+            tools.run("cover_pixels", **covers.arguments, **arguments, stride=stride)
         part = tools.noted("sift", 3, np.int64, **covers.arguments, **arguments, shift=SHIFT)
         covers.members, covers.entries = part[:, :2].sum(axis=0).tolist()
         covers.last = int(part[:, 2].max())
