@@ -847,6 +847,12 @@ MUTATIONS = [
         "-m slow tests/base/test_progress.py",
     ),
     Mutation(
+        "self._packer = other._packer",
+        "pass",
+        "what lights see, of further cameras",
+        "tests/run/test_packing.py -k further_cameras",
+    ),
+    Mutation(
         "if arguments.keys() != self.parameters.keys():",
         "if not arguments.keys() >= self.parameters.keys():",
         "arguments that a kernel has not",

@@ -166,7 +166,12 @@ class Renderer:
         start = time.perf_counter()
         # Others are written where, say, only one of the two backgrounds is transparent.
         written = self._composition_of(scene, self.request.truncate).written
-        return self._now()._derived(scene, replace(self.request, outputs=written), self.device, start)
+        other = self._now()._derived(scene, replace(self.request, outputs=written), self.device, start)
+        with self._lock:
+            # So the next camera finds what lights see, where numpy made this one's view and a device all later ones.
+            if other._world is self._world and other.plan.request == self.plan.request:
+                self._packer = other._packer
+        return other
 
     def cropped(self, crop: Crop | None) -> Renderer:
         """Another part of the same picture, as another Renderer; the world and the program are kept.

@@ -412,15 +412,16 @@ def test_pictures(device: Device) -> None:
 
 
 def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a quarter of the surfaces on, as long as these stay where they are."""
+    """From a quarter of the surfaces on, as long as these stay where they are. All have what lights see in common."""
     monkeypatch.setattr(packers, "MANY", 4 * 3000 - 1)
     renderer, other = cltrace.Renderer(crowded(), device), camera(position=(1.0, 2.0, 2.5))
     moved = renderer.look(other)
     assert ("entry" in renderer.plan.arrays, "entry" in moved.plan.arrays) == (True, False)
     assert np.array_equal(moved.render().rgb8, cltrace.Renderer(crowded().seen_by(other), device).render().rgb8)
+    assert renderer.look(camera())._packer is renderer.look(other)._packer is moved._packer
     assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
     monkeypatch.setattr(packers, "MANY", 4 * 3000)
-    assert "entry" in renderer.look(other).plan.arrays
+    assert "entry" in cltrace.Renderer(crowded(), device).look(other).plan.arrays
 
 
 def test_pictures_of_updates(device: Device) -> None:
