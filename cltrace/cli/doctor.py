@@ -61,8 +61,10 @@ def examine(spec: str | None, say: Callable[[str], None]) -> tuple[int, list[str
         return 0, well
     if wanted is None:
         say(f"devices    {listing['problem']}")
-        for line in every.values() if spec is not None else ():  # the others have been listed as they were tried
+        for line in every.values():
             say(f"           {line}")
+        if spec not in (None, "gpu"):  # only the name is wrong
+            return 3, well
     return _advise(say, well), well
 
 

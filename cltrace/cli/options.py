@@ -238,6 +238,9 @@ class _Given:
             if given and args.scenes:
                 raise UsageError(f"{option} takes no scene, got {args.scenes[0]!r}")
         if args.doctor:
+            self._refuse_others("--doctor", {"device", "report"})
+            if args.report is not None and not args.report.endswith(".txt"):  # else a scene's file might be lost
+                raise UsageError(f"--report: must end in .txt, got {args.report!r}")
             return self._typed(Doctor)
         if args.report is not None:
             raise UsageError("--report goes with --doctor")

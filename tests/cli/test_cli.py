@@ -248,6 +248,9 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["-"], "a scene is not read from stdin: say the name of its file"),
         (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
         (["{scene}", "--report"], "--report goes with --doctor"),
+        (["--doctor", "--report", "scene.xml"], "--report: must end in .txt, got 'scene.xml'"),
+        (["--doctor", "--report", "-o", "x.txt"], "--doctor takes no -o"),
+        (["--doctor", "--width", "4"], "--doctor takes no --width"),
         (["{scene}", "--width", "5"], "argument --width: invalid choice: 5 (choose from "),
         (["--list-devices", "x.xml"], "--list-devices takes no scene, got 'x.xml'"),
         (

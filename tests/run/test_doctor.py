@@ -87,14 +87,21 @@ def test_a_picture_that_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "1 off by more than a level" in capsys.readouterr().out
 
 
-def test_no_such_device() -> None:
+def test_no_such_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The devices that there are follow, and how to get a driver only where that would help."""
+    every = [f"           {device.line()}" for device in cltrace.devices()]
     status, lines = report("nosuchthing")
     assert status == 3
-    assert "devices    no device matches 'nosuchthing'; choose one of:" in lines
-    assert "Ways to get an OpenCL driver:" in lines
-    every = [f"           {device.line()}" for device in cltrace.devices()]
-    at = lines.index("devices    no device matches 'nosuchthing'; choose one of:")
-    assert lines[at + 1 : at + 1 + len(every)] == every
+    assert lines[-1 - len(every) :] == ["devices    no device matches 'nosuchthing'; choose one of:", *every]
+    status, lines = report("gpu")
+    assert status == (0 if any(device.kind == "gpu" for device in cltrace.devices()) else 3)
+    assert ("Ways to get an OpenCL driver:" in lines) == (status == 3)
+    monkeypatch.setenv("PYOPENCL_CTX", "nosuchthing")
+    status, lines = report()
+    assert status == 3
+    at = lines.index("devices    no device matches 'nosuchthing' (from PYOPENCL_CTX); choose one of:")
+    assert lines[at + 1 : -1] == every
+    assert lines[-1].startswith("The device that PYOPENCL_CTX names cannot be used. Choose another: -d ")
 
 
 @pytest.mark.parametrize("named", [False, True])
