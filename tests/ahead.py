@@ -20,38 +20,32 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from smooth import grid, shell
+from smooth import HD, balls, grid, shell
 
 import cltrace
 from cltrace.bench.peers import embree
 from cltrace.bench.peers.peer import call
-from cltrace.bench.scenes import WHITE_LIGHTS, bowl, cloud, hills, meshed, scattered
+from cltrace.bench.scenes import bowl, cloud, hills, meshed, scattered
 from cltrace.scene import Scene
 
 ROUNDS, BEST = 3, 3
-FULL, SMALL, CROP, LAMPS = (1920, 1080), (160, 90), 64, (640, 360)
+SMALL, CROP, LAMPS = (160, 90), 64, (640, 360)
 MILLION = 1_000_000
 # How wide the picture of cloud()'s camera is at distance 1.
 WIDE = 2 * 0.6
 Reals = NDArray[np.float64]
 
 
-def spheres(centers: Reals, radius: float | Reals) -> Scene:
-    colors = np.random.default_rng(4).uniform(0.05, 1, (len(centers), 3))
-    eye = cloud(10, FULL).camera
-    return Scene.from_spheres(eye, list(WHITE_LIGHTS), centers.astype("f4").astype("f8"), radius, colors, ka=0.1)
-
-
 def row() -> Scene:
     """All on one line across the picture."""
     x = np.random.default_rng(11).uniform(-6, 6, MILLION)
-    return spheres(np.column_stack([x, np.full_like(x, 0.03), np.full_like(x, -10)]), 0.03)
+    return balls(np.column_stack([x, np.full_like(x, 0.03), np.full_like(x, -10)]), 0.03)
 
 
 def away() -> Scene:
     """All on one line that leads away from the eye, to the right of its axis."""
     z = np.random.default_rng(12).uniform(-40, -2, MILLION)
-    return spheres(np.column_stack([np.full_like(z, 0.3), np.zeros_like(z), z]), 0.03)
+    return balls(np.column_stack([np.full_like(z, 0.3), np.zeros_like(z), z]), 0.03)
 
 
 def galaxy() -> Scene:
@@ -60,18 +54,18 @@ def galaxy() -> Scene:
     r, turn, up = random.exponential(1.5, MILLION), random.uniform(0, 2 * math.pi, MILLION), random.normal(size=MILLION)
     flat = np.column_stack([r * np.cos(turn), 0.1 * up, r * np.sin(turn)])
     tilt = np.array([(1, 0, 0), (0, 0.8, 0.6), (0, -0.6, 0.8)])
-    return spheres(flat @ tilt + (0, 0, -9), 0.01)
+    return balls(flat @ tilt + (0, 0, -9), 0.01)
 
 
 def tiny() -> Scene:
     """Nearly all between the middles of a small picture's pixels."""
-    return spheres(np.random.default_rng(14).uniform((-3, -3, -10), (3, 3, -4), (MILLION, 3)), 1e-3)
+    return balls(np.random.default_rng(14).uniform((-3, -3, -10), (3, 3, -4), (MILLION, 3)), 1e-3)
 
 
 CROWDS: dict[str, Callable[[], Scene]] = {
     "shell": lambda: shell(MILLION),
     "grid": lambda: grid(MILLION),
-    "box": lambda: cloud(MILLION, FULL),
+    "box": lambda: cloud(MILLION, HD),
     "row": row,
     "away": away,
     "galaxy": galaxy,
@@ -85,12 +79,12 @@ def small(scene: Scene) -> Scene:
 
 def middle(scene: Scene) -> Scene:
     """What a crop in the middle of the whole picture shows, as a picture of its own."""
-    fov = 2 * math.degrees(math.atan(WIDE / 2 * CROP / FULL[0]))
+    fov = 2 * math.degrees(math.atan(WIDE / 2 * CROP / HD[0]))
     return scene.seen_by(cltrace.Camera((0, 0, 0), (0, 0, -1), horizontal_fov=fov, resolution=(CROP, CROP)))
 
 
 FOV = 2 * math.degrees(math.atan(WIDE / 2))
-BOX = tuple((side - CROP) // 2 for side in FULL)
+BOX = tuple((side - CROP) // 2 for side in HD)
 PART = {"crop": (*BOX, BOX[0] + CROP, BOX[1] + CROP)}
 
 
@@ -231,9 +225,9 @@ def rows() -> dict[str, Row]:
             table[f"lamps {n} {length}"] = (lambda a=(n, length, radius): tunnel(*a)), itself, False, {}
     for of in (hills, bowl):
         for n in (1000, 3000, 30_000, 200_000, MILLION):
-            table[f"mesh {of.__name__} {n}"] = (lambda of=of, n=n: meshed(FULL, of(n))), itself, True, {}
-    table["mesh needles 30000"] = (lambda: meshed(FULL, scattered(30_000, 0.03))), itself, True, {}
-    for name, make in {"shell": lambda: shell(10 * MILLION), "box": lambda: cloud(10 * MILLION, FULL)}.items():
+            table[f"mesh {of.__name__} {n}"] = (lambda of=of, n=n: meshed(HD, of(n))), itself, True, {}
+    table["mesh needles 30000"] = (lambda: meshed(HD, scattered(30_000, 0.03))), itself, True, {}
+    for name, make in {"shell": lambda: shell(10 * MILLION), "box": lambda: cloud(10 * MILLION, HD)}.items():
         table[f"ten million, {name}"] = make, itself, False, {}
     return table
 

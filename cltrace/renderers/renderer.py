@@ -148,7 +148,7 @@ class Renderer:
 
         What no camera changes is kept, also on the device: the program, the order of the spheres and their materials.
         What depends on the eye is made again: coordinates, which are rounded from there, and the lists; of many spheres
-        not those of lights at points. Raises TypeError if camera is not a Camera, ValueError if the crop is not within
+        not those of lights at points. Raises TypeError if camera is no camera, ValueError if the crop is not within
         its picture, and DeviceError and BuildError as Renderer does.
         """
         return self.following(self.scene.seen_by(camera))

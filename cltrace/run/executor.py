@@ -23,7 +23,7 @@ from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import BUFFER, argument, dtypes_of
-from cltrace.run.program import Kernel, Program, context_of, program
+from cltrace.run.program import Kernel, context_of, program
 from cltrace.run.rows import Rows
 from cltrace.run.undecided import BOTH, FIRST, Undecided, is_in_stages
 from cltrace.run.unstoppable import Unstoppable
@@ -161,7 +161,7 @@ class Executor:
             self._unstoppable = Unstoppable(self.plan, device) if "WITH_UNSTOPPABLE" in self.plan.features else None
             self._queue.finish()
         with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            self._launch_first(self._program, self._kernel)
+            self._launch_first(self._kernel)
 
     def take_over(self, before: Executor) -> None:
         """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
@@ -312,7 +312,7 @@ class Executor:
             counter = part.of(self.region)
             counter.plan, counter._further = part.plan.counting(), ()
             counter._build()
-            counter._launch_first(counter._program, counter._kernel)
+            counter._launch_first(counter._kernel)
             for row in range(0, height, rows):
                 counter._move_to((x, y + row, width, min(rows, height - row)))
                 frame = counter.frame()
@@ -389,22 +389,23 @@ class Executor:
         self._types = {a.name: a.type.replace("real", real) if a.kind == "value" else BUFFER for a in self._arguments}
         dtypes = dtypes_of(self._types.values())
         self._undecided = Undecided(self._queue, self.device, options, dtypes) if in_stages else None
-        self._program = program(self.device, [*options, f"-D{FIRST}"] if in_stages else options)
-        self._kernel = self._program.kernel(dtypes)
+        self._kernel = program(self.device, [*options, f"-D{FIRST}"] if in_stages else options).kernel(dtypes)
 
-    def _launch_first(self, made: Program, kernel: Kernel) -> None:
+    def _launch_first(self, kernel: Kernel) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
         x, y, _, _ = self.region
         small = self.of((x, y, 1, 1))
-        made.launch_first(self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1))
+        kernel.launch_first(
+            self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1)
+        )
 
     def _render(self, frame: Frame, region: Region, row: int, rows: int) -> None:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self._kernel, frame, region, row=row, rows=rows)
         if self._undecided and self._undecided.any() and not self._last.stopped:
             with self._undecided.compiling(), self._watch.stopped():
-                second, kernel = self._undecided.drawer()
-                self._launch_first(second, kernel)
+                kernel = self._undecided.drawer()
+                self._launch_first(kernel)
             self._launch(kernel, frame, region, row=row, rows=rows)
         if self.device.kind == "cpu":
             self._map(frame)

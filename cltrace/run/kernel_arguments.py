@@ -71,7 +71,7 @@ class NamedKernel:
 
     def __init__(self, program: Program, name: str, parameters: dict[str, str]) -> None:
         self._kernel = program.kernel(dtypes_of(parameters.values()), name)
-        self.parameters, self._name, self._program = parameters, name, program
+        self.parameters, self._name = parameters, name
 
     def start(self, queue: Any, items: int, group: int, arguments: Mapping[str, Any]) -> None:
         """Starts so many work-items, in groups.
@@ -91,5 +91,5 @@ class NamedKernel:
         def launch() -> Any:
             return self._kernel.start(queue, (items,), (group,), values)
 
-        if not self._program.launch_first((self._name, group), launch):
+        if not self._kernel.launch_first(group, launch):
             launch()

@@ -144,7 +144,7 @@ class Kernel:
     """
 
     def __init__(self, made: Any, name: str, dtypes: Sequence[Any]) -> None:
-        self._made, self._lock = cl.Kernel(made, name), threading.Lock()
+        self._made, self._lock, self._launched = cl.Kernel(made, name), threading.Lock(), set[object]()
         self._made.set_arg_types(dtypes)
 
     def start(self, queue: Any, grid: tuple[int, ...], group: tuple[int, ...], arguments: Iterable[Any]) -> Any:
@@ -152,12 +152,23 @@ class Kernel:
         with self._lock:  # the arguments are the kernel's until it has been started
             return self._made(queue, grid, group, *arguments)
 
+    def launch_first(self, group: object, launch: Callable[[], Any]) -> bool:
+        """Launches it and waits for its event, if that was not done before; returns whether it did.
+
+        PoCL compiles in the first launch of each local size, group, and signals are heard meanwhile.
+        """
+        if group in self._launched:
+            return False
+        aside(lambda: launch().wait())
+        self._launched.add(group)
+        return True
+
 
 class Program:
     """A program for one device."""
 
     def __init__(self, made: Any) -> None:
-        self.made, self._launched = made, set[object]()
+        self.made = made
         self._kernels: dict[str, Kernel] = {}
 
     def kernel(self, dtypes: Sequence[Any], name: str = "render") -> Kernel:
@@ -165,17 +176,6 @@ class Program:
         if name not in self._kernels:
             self._kernels[name] = Kernel(self.made, name, dtypes)
         return self._kernels[name]
-
-    def launch_first(self, what: object, launch: Callable[[], Any]) -> bool:
-        """Launches a kernel and waits for its event, if that was not done before; returns whether it did.
-
-        PoCL compiles in the first launch of each local size, and signals are heard meanwhile. what: kernel and size.
-        """
-        if what in self._launched:
-            return False
-        aside(lambda: launch().wait())
-        self._launched.add(what)
-        return True
 
 
 def program(device: Device, options: list[str], files: tuple[str, ...] = SOURCES) -> Program:

@@ -16,7 +16,7 @@ import pyopencl as cl
 
 from cltrace.plan.abi import Precision
 from cltrace.run.devices import Device
-from cltrace.run.program import Kernel, Program, program
+from cltrace.run.program import Kernel, program
 
 # Flags of both programs, and of the first one alone.
 BOTH, FIRST = "IN_STAGES", "WITHOUT_RARE"
@@ -37,7 +37,7 @@ class Undecided:
     def __init__(self, queue: Any, device: Device, options: list[str], dtypes: Sequence[Any]) -> None:
         self._queue, self._device, self._options, self._dtypes = queue, device, options, dtypes
         self._first = np.empty(1, np.uint8)
-        self._made: tuple[Program, Kernel] | None = None
+        self._drawer: Kernel | None = None
         self.marks: Any = None
         self.compiles = False
 
@@ -53,12 +53,11 @@ class Undecided:
         cl.enqueue_copy(self._queue, self._first, self.marks)
         return bool(self._first[0])
 
-    def drawer(self) -> tuple[Program, Kernel]:
-        """What draws them: a program and its kernel."""
-        if self._made is None:
-            second = program(self._device, self._options)
-            self._made = second, second.kernel(self._dtypes)
-        return self._made
+    def drawer(self) -> Kernel:
+        """What draws them."""
+        if self._drawer is None:
+            self._drawer = program(self._device, self._options).kernel(self._dtypes)
+        return self._drawer
 
     @contextmanager
     def compiling(self) -> Iterator[None]:

@@ -513,4 +513,4 @@ def _check_camera(camera: object, order: str = "") -> None:
     """Raises TypeError, which says the order of the arguments, if this is no camera."""
     if not isinstance(camera, (Camera, Orthographic)):
         advice = f"; the order is {order}" if order else ""
-        raise TypeError(f"camera: must be a cltrace.Camera, got {described(camera)}{advice}")
+        raise TypeError(f"camera: must be a cltrace.Camera or Orthographic, got {described(camera)}{advice}")

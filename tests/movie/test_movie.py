@@ -139,7 +139,11 @@ def test_frames_follow_from_each_other() -> None:
         ([scene_of(), 7], TypeError, "frames[1]: must be a Scene, a Camera, or a dict of what update() takes, got 7"),
         ([scene_of(), {"center": 1}], ValueError, "frames[1]: must be of camera, centers, radii"),
         ([scene_of(), {"radii": -1}], ValueError, "frames[1]: radii: must be > 0, got -1"),
-        ([scene_of(), {"camera": 3}], TypeError, "frames[1]: camera: must be a cltrace.Camera, got 3"),
+        (
+            [scene_of(), {"camera": 3}],
+            TypeError,
+            "frames[1]: camera: must be a cltrace.Camera or Orthographic, got 3",
+        ),
     ],
 )
 def test_frames_that_are_none(items: list[Any], error: type[Exception], message: str) -> None:

@@ -176,7 +176,7 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         ),
         (
             lambda: Scene([], Camera(), SPHERES, MATERIALS),  # type: ignore[arg-type]
-            "camera: must be a cltrace.Camera, got []; the order is camera, lights, spheres, materials",
+            "camera: must be a cltrace.Camera or Orthographic, got []; the order is camera, lights, spheres, materials",
         ),
         (
             lambda: Scene(Camera(), [], SPHERES, MATERIALS, (0, 0, 0), 5),  # type: ignore[arg-type]
@@ -184,10 +184,10 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
         ),
         (
             lambda: build(camera=[cltrace.ambient_light()], lights=Camera()),
-            "camera: must be a cltrace.Camera, got a list of arrays; "
+            "camera: must be a cltrace.Camera or Orthographic, got a list of arrays; "
             "the order is camera, lights, centers, radii, colors",
         ),
-        (lambda: build().seen_by((0, 0, 1)), "camera: must be a cltrace.Camera, got (0, 0, 1)"),  # type: ignore[arg-type]
+        (lambda: build().seen_by((0, 0, 1)), "camera: must be a cltrace.Camera or Orthographic, got (0, 0, 1)"),  # type: ignore[arg-type]
         (lambda: build(lights=5), "lights: must be a list of lights, got 5"),
         (
             lambda: build(lights=[(1, 2, 3)]),

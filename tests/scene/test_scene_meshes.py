@@ -260,7 +260,7 @@ REFUSED: list[tuple[Any, str]] = [
     (lambda: Scene.from_meshes(Camera(), LIGHTS, [5]), "meshes[0]: must be a cltrace.Mesh, got 5; Mesh.of() makes one"),
     (
         lambda: Scene.from_meshes(LIGHTS, Camera(), Mesh(V, F)),
-        "camera: must be a cltrace.Camera, got a list of arrays; the order is camera, lights, meshes",
+        "camera: must be a cltrace.Camera or Orthographic, got a list of arrays; the order is camera, lights, meshes",
     ),
     (
         lambda: Scene.from_spheres(Camera(), LIGHTS, [], 1, meshes=[SHAPE]),
