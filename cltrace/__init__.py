@@ -13,7 +13,10 @@ image = cltrace.render(scene, outputs=("rgb8", "depth", "id"))
 
 from __future__ import annotations
 
-import importlib
+import ast
+from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -23,16 +26,26 @@ if TYPE_CHECKING:
 else:  # A type checker should not take this for a promise of any name.
 
     def __getattr__(name: str) -> Any:
-        """A name of `cltrace.api`, which is imported when the first one is used.
+        """A name of `cltrace.api`, from its module, which is imported when the first one of it is used.
 
-        Numpy and OpenCL take a while to load. The command can be interrupted cleanly before that begins.
+        All modules together take as long to load as numpy and OpenCL. The command can be interrupted cleanly before
+        that begins.
         """
-        offered = vars(importlib.import_module("cltrace.api"))
-        globals().update({key: offered[key] for key in ("__all__", *offered["__all__"])})
-        if name not in globals():
+        if name == "__all__":
+            return sorted(_modules())
+        if name not in _modules():
             raise AttributeError(f"module 'cltrace' has no attribute {name!r}")
-        return globals()[name]
+        found = globals()[name] = getattr(import_module(_modules()[name]), name)
+        return found
+
+
+@cache
+def _modules() -> dict[str, str]:
+    """The module of each name that `import cltrace` offers: what `cltrace.api` imports, which is read alone."""
+    imports = ast.parse(Path(__file__).with_name("api.py").read_text("utf-8")).body
+    parts = [part for part in imports if isinstance(part, ast.ImportFrom) and part.module != "__future__"]
+    return {name.name: str(part.module) for part in parts for name in part.names}
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *importlib.import_module("cltrace.api").__all__})
+    return sorted({*globals(), *_modules()})

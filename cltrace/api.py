@@ -1,9 +1,6 @@
-"""What `import cltrace` offers."""
+"""What `import cltrace` offers, and which module has it. Nothing is to be here but imports."""
 
 from __future__ import annotations
-
-import os
-import warnings
 
 from cltrace.base.errors import (
     BuildError,
@@ -18,7 +15,7 @@ from cltrace.base.errors import (
 )
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.pixel import explain
-from cltrace.formats.xml_reader import read
+from cltrace.formats.xml_reader import load
 from cltrace.movie.animate import animate
 from cltrace.movie.frames import orbit
 from cltrace.picture.colorbar import colorbar
@@ -97,16 +94,3 @@ __all__ = [
     "trace_rays",
     "view",
 ]
-
-
-def load(path: str | os.PathLike[str]) -> Scene:
-    """Reads a scene file of the course's XML format.
-
-    Raises SceneError with all faults of the file. What the file has and no picture shows is a SceneWarning.
-    """
-    if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(f"path: must be a str or a Path, got {path!r}")
-    scene, ignored = read(path)
-    for text in ignored:
-        warnings.warn(text, SceneWarning, stacklevel=2)
-    return scene

@@ -11,6 +11,7 @@ The files of meshes and textures are read when the scene's own is over (`xml_fil
 from __future__ import annotations
 
 import os
+import warnings
 from array import array
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,7 +22,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from cltrace.base.errors import SceneError, located
+from cltrace.base.errors import SceneError, SceneWarning, located
 from cltrace.base.limits import FEW, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, PAIRS_BYTES, hint
 from cltrace.formats.faults import FatalError
 from cltrace.formats.shapes.table import SHAPES
@@ -91,8 +92,8 @@ class _Reader(Checks):
             textures=textures.found,
             **surfaces,
         ).read_from(self._source(view, textures))
-        warnings = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
-        return scene, [*warnings, *(note for shape in shapes for note in shape.notes())]
+        ignored = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
+        return scene, [*ignored, *(note for shape in shapes for note in shape.notes())]
 
     def _check_pairs(self) -> None:
         """Complains about more pairs of a light and a surface than allowed, where nothing else is wrong."""
@@ -261,6 +262,19 @@ def _prune(element: etree._Element) -> None:
         element = element[-1]
 
 
+def load(path: str | os.PathLike[str]) -> Scene:
+    """Reads a scene file of the course's XML format.
+
+    Raises SceneError with all faults of the file. What the file has and no picture shows is a SceneWarning.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path: must be a str or a Path, got {path!r}")
+    scene, ignored = read(path)
+    for text in ignored:
+        warnings.warn(text, SceneWarning, stacklevel=2)
+    return scene
+
+
 def read(path: str | os.PathLike[str], lines: bool = False, instances: int = MAX_TRIANGLES) -> tuple[Scene, list[str]]:
     """The scene of a file and the warnings, such as "scene.xml:12: sphere: unknown attribute 'foo' ignored".
 
@@ -270,9 +284,9 @@ def read(path: str | os.PathLike[str], lines: bool = False, instances: int = MAX
     """
     name = os.fspath(path)
     with suppress(LinesNeededError):
-        scene, warnings = _read(name, False, instances)
+        scene, ignored = _read(name, False, instances)
         if not lines or (scene.source and scene.source.knows_all_lines):
-            return scene, warnings
+            return scene, ignored
     return _read(name, True, instances)
 
 

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+import cltrace
+from cltrace import api
 from cltrace.base.waiting import aside
 
 SIGNALS = ["SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"]
@@ -38,6 +40,17 @@ def test_what_takes_its_time_is_imported_late(tmp_path: Path, package: str) -> N
     heavy = {"numpy", "lxml", "pyopencl", "PIL"}
     done = run(f"import sys, {package}.__main__; print({heavy} & set(sys.modules))", tmp_path)
     assert done.stdout == b"set()\n", done.stderr
+
+
+def test_only_what_a_name_needs_is_imported(tmp_path: Path) -> None:
+    done = run(
+        "import sys, cltrace; cltrace.load; print({'pyopencl', 'cltrace.reference'} & set(sys.modules))", tmp_path
+    )
+    assert done.stdout == b"set()\n", done.stderr
+    assert sorted(cltrace.__all__) == sorted(api.__all__)
+    assert {name: getattr(cltrace, name) for name in api.__all__} == {name: getattr(api, name) for name in api.__all__}
+    with pytest.raises(AttributeError, match="'cltrace' has no attribute 'lod'"):
+        cltrace.lod  # type: ignore[attr-defined]  # noqa: B018
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have no such limit")
