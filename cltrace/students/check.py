@@ -10,29 +10,34 @@ from numpy.typing import NDArray
 
 from cltrace.base.progress import bar
 from cltrace.picture.image import Image
-from cltrace.reference import byte_of, world_of
+from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
-from cltrace.scene import Scene
+from cltrace.scene import AMBIENT, Scene
 from cltrace.scene.colors import encoded
 
-# Of a sample: at most this share may differ in its bytes at all, and this share by more than one level. A surface's
-# number may never differ but in precision single, where float32 decides.
+# Of a sample: at most this share may differ in its bytes by more than rounding, and this share by more than one level.
+# A surface's number may never differ but in precision single, where float32 decides.
 CONTRACT = {"accurate": (1e-4, 0.0, 0.0), "double": (1e-4, 0.0, 0.0), "single": (1.0, 1e-3, 1e-3)}
+# Levels: 64 roundings of a colour of 255 levels, each by up to 2^-24 of it in float32, move it by less. So a byte may
+# be the next one where the reference's own colour is as near to it. How many pixels that are is luck.
+ROUNDING = 64 * 255 * 2.0**-24
 DEFAULT_PIXELS = 20_000
-# The reference tries every sphere for every ray, at some microseconds each. Where the default sample would take more
-# tests than this, beyond 200 spheres, it shrinks, and the report says so. Most triangles it rules out many at once.
-DEFAULT_TESTS = 4_000_000
-TRIANGLES = 64  # take as long as a sphere
+# The reference tries every sphere for every ray, at some microseconds each, and for every light there is a ray. Where
+# the default sample would take more tests than this, as from 200 spheres and one light on, it shrinks, and the report
+# says so. Most triangles it rules out many at once.
+DEFAULT_TESTS = 10_000_000
+TRIANGLES, RAY = 64, 40  # So many triangles take as long as a sphere; a ray alone takes as long as so many spheres.
 
 
 @dataclass(frozen=True)
 class Report:
     """What the comparison found.
 
-    pixels: how many were compared, of how many; wrong_ids, differing, off_by_more: numbers of pixels; largest, rms:
-    error of the bytes of a channel, in levels; where: the pixels (x, y) that break the contract, the worst first;
-    spheres, triangles: how many the scene has; seconds: what the reference took; shrunk: whether there are so many that
-    it is fewer pixels than usual; ok: whether all is within the contract of that precision.
+    pixels: how many were compared, of how many; wrong_ids, differing, off_by_more: numbers of pixels; rounded: how many
+    of those that differ do so by ROUNDING; largest, rms: error of the bytes of a channel, in levels; where: the pixels
+    (x, y) that break the contract, or would if they were more, the worst first; spheres, triangles, lights: how many
+    the scene has, ambient lights aside; seconds: what the reference took; shrunk: whether there are so many that it is
+    fewer pixels than usual; ok: whether all is within the contract of that precision.
     """
 
     precision: str
@@ -40,12 +45,14 @@ class Report:
     of: int
     wrong_ids: int
     differing: int
+    rounded: int
     off_by_more: int
     largest: int
     rms: float
     where: list[tuple[int, int]]
     spheres: int
     triangles: int
+    lights: int
     seconds: float
     shrunk: bool
 
@@ -54,7 +61,7 @@ class Report:
         # One pixel may always differ by one level: of a small sample it would be more than the share.
         share, share_more, share_ids = CONTRACT[self.precision]
         return (
-            self.differing <= max(1, share * self.pixels)
+            self.differing - self.rounded <= max(1, share * self.pixels)
             and self.off_by_more <= share_more * self.pixels
             and self.wrong_ids <= share_ids * self.pixels
         )
@@ -63,13 +70,14 @@ class Report:
         verdict = "ok" if self.ok else "FAILED"
         lines = [
             f"check {verdict}: {self.pixels} of {self.of} pixels against the reference, precision {self.precision}: "
-            f"{self.wrong_ids} other ids, {self.differing} other bytes, {self.off_by_more} off by more than a level; "
+            f"{self.wrong_ids} other ids, {self.differing} other bytes, of which {self.rounded} by rounding and "
+            f"{self.off_by_more} by more than a level; "
             f"error at most {self.largest} levels, RMS {self.rms:.2g}"
         ]
         if self.shrunk:
-            counts = {"spheres": self.spheres, "triangles": self.triangles}
-            surfaces = " and ".join(f"{count:,} {name}" for name, count in counts.items() if count)
-            pace = f"{1e3 * self.seconds / self.pixels:,.1f} ms a pixel for {surfaces}"
+            counts = {"sphere": self.spheres, "triangle": self.triangles, "light": self.lights}
+            scene = " and ".join(f"{count:,} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
+            pace = f"{1e3 * self.seconds / self.pixels:,.1f} ms a pixel for {scene}"
             pixels = "pixel was" if self.pixels == 1 else "pixels were"
             lines.append(
                 f"only {self.pixels} {pixels} compared, as the reference takes {pace}; --check=N compares more"
@@ -105,18 +113,28 @@ def check(
     image: Image,
     precision: str,
     pixels: int | None = None,
-    origin: tuple[int, int] = (0, 0),
+    origin: tuple[int, int] | None = None,
     truncate: bool = False,
     progress: bool | None = None,
 ) -> Report:
-    """Compares `pixels` pixels of an image with the reference. None: 20,000, but fewer of scenes with many surfaces.
+    """Compares `pixels` pixels of an image with the reference. None: 20,000, but fewer of scenes with many surfaces or
+    lights.
 
-    image: needs rgb8 and id; origin: its top left pixel within the full picture; progress: whether
-    tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed.
+    image: needs rgb8 and id; origin: its top left pixel within the full picture, None for a picture that is whole;
+    progress: whether tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed. Raises
+    ValueError for an image of another size, or without these outputs, and for fewer than one pixel.
     """
     if not {"rgb8", "id"} <= set(image.outputs):
         raise ValueError("check: the image must have rgb8 and id")
-    affordable = max(1, DEFAULT_TESTS // max(1, len(scene.columns) + scene.triangles // TRIANGLES))
+    size, full = image.id.shape[::-1], scene.camera.resolution
+    if origin is None and size != full:
+        raise ValueError(f"check: the image has {size[0]}x{size[1]} pixels, the camera {full[0]}x{full[1]}; see origin")
+    if pixels is not None and pixels < 1:
+        raise ValueError(f"pixels: must be at least 1, got {pixels!r}")
+    x0, y0 = origin or (0, 0)
+    lights = int((scene.lamps["kind"] != AMBIENT).sum())
+    tests = (1 + lights) * (RAY + len(scene.columns) + scene.triangles // TRIANGLES)
+    affordable = max(1, DEFAULT_TESTS // tests)
     shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
     if pixels is None:
         pixels = min(DEFAULT_PIXELS, affordable)
@@ -124,19 +142,23 @@ def check(
     world = world_of(scene)
     width = image.id.shape[1]
     chosen = sample(image.id, pixels)
-    levels = np.empty((len(chosen), 3), np.int64)
+    colors = np.empty((len(chosen), 3))
     wrong = np.empty(len(chosen), bool)
     with bar(len(chosen), "pixel", progress) as shown:
         for i, flat in enumerate(chosen.tolist()):
             y, x = divmod(flat, width)
-            color, at = trace(world, primary_ray(scene.camera, origin[0] + x, origin[1] + y))
-            levels[i] = [byte_of(c, truncate) for c in encoded(color, scene.transfer)]
+            color, at = trace(world, primary_ray(scene.camera, x0 + x, y0 + y))
+            colors[i] = encoded(color, scene.transfer)
             wrong[i] = (at.index if at else -1) != image.id[y, x]
             shown.update()
     seconds = time.perf_counter() - start
-    levels -= image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
-    error = np.abs(levels).max(axis=1)
-    bad = np.flatnonzero(wrong | (error > 1))
+    levels = 255 * colors.clip(0, 1) + (0.0 if truncate else 0.5)
+    drawn = image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
+    away = np.maximum(drawn - levels, levels - (drawn + 1)).max(axis=1)  # from the levels that a byte stands for
+    errors = levels.astype(np.int64) - drawn
+    error = np.abs(errors).max(axis=1)
+    unlike = (error > 0) & (away > ROUNDING)
+    bad = np.flatnonzero(wrong | (unlike if CONTRACT[precision][0] < 1 else error > 1))
     worst = bad[np.argsort(-error[bad], kind="stable")][:10]
     return Report(
         precision=precision,
@@ -144,12 +166,14 @@ def check(
         of=image.id.size,
         wrong_ids=int(wrong.sum()),
         differing=int((error > 0).sum()),
+        rounded=int((error > 0).sum() - unlike.sum()),
         off_by_more=int((error > 1).sum()),
         largest=int(error.max(initial=0)),
-        rms=float(np.sqrt(np.mean(levels.astype(np.float64) ** 2))) if len(chosen) else 0.0,
-        where=[(origin[0] + int(chosen[i]) % width, origin[1] + int(chosen[i]) // width) for i in worst],
+        rms=float(np.sqrt(np.mean(np.square(errors, dtype=np.float64)))) if len(chosen) else 0.0,
+        where=[(x0 + int(chosen[i]) % width, y0 + int(chosen[i]) // width) for i in worst],
         spheres=len(scene.columns),
         triangles=scene.triangles,
+        lights=lights,
         seconds=seconds,
         shrunk=shrunk,
     )

@@ -31,13 +31,19 @@ static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     return l;
 }
 #else
+#if REAL_BYTES == 8
+#define POWER_OF_TWO(x) AS(double, AS(long, x) & 0x7ff0000000000000L)
+#else
+#define POWER_OF_TWO(x) AS(float, AS(int, x) & 0x7f800000)
+#endif
 static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     Shade3 l = ray.w32;
     const MASK tiny = ray.a < 0x1p-80f;
     if (ANY(lit & tiny)) {
-        /* The light all but touches the surface: in float, |w|^2 would vanish. */
+        /* The light all but touches the surface, or is near for the unit of lengths: in float, |w|^2 would vanish. A
+         * power of two leaves the digits that w has in any unit. */
         const Real3 w = {ray.w.x * (real)0x1p80f, ray.w.y * (real)0x1p80f, ray.w.z * (real)0x1p80f};
-        const REAL over = 1 / sqrt(DOT(w, w));
+        const REAL over = POWER_OF_TWO(1 / sqrt(DOT(w, w)));
         l.x = tiny ? TO_FLOAT(w.x * over) : l.x;
         l.y = tiny ? TO_FLOAT(w.y * over) : l.y;
         l.z = tiny ? TO_FLOAT(w.z * over) : l.z;

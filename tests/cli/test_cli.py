@@ -161,13 +161,14 @@ def test_check(tmp_path: Path) -> None:
 
 def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As of 300,000 spheres; the scene has 12."""
-    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * 12)
+    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * (40 + 12) * 3)
     done = call(FIRST, "--check", cwd=tmp_path)
     assert done.returncode == 0
     first, second = done.stderr.decode().splitlines()[1:]
     assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
     told = (
-        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres; --check=N compares "
+        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres and 2 lights; "
+        "--check=N compares "
     )
     assert re.fullmatch(told + "more", second)
     assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
