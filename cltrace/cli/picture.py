@@ -51,7 +51,7 @@ def draw(work: Picture, reporter: Reporter) -> int:
         width, height = renderer.region[2:]
         how = f"{renderer.precision} precision, on {renderer.place}"
         reporter.say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
-    if work.look.scale:
+    if work.look.scale and not {".npy", ".exr"}.issuperset(map(suffix_of, files.targets)):
         reporter.say(f"cltrace: depth: {_depth_scale(image)}")
     if work.stats:
         from cltrace.cli.statistics import show_statistics, statistics

@@ -22,6 +22,7 @@ def statistics(renderer: Renderer, image: Image) -> dict[str, Any]:
         "size": [width, height],
         "spheres": len(scene.columns),
         "triangles": scene.triangles,
+        "cylinders": len(scene.cylinders),
         "features": sorted(renderer.plan.features),
         "seconds": {name: image.seconds[name] for name in names},
         "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},
@@ -37,8 +38,8 @@ def show_statistics(stats: dict[str, Any], form: str) -> None:
         return
     tell(f"device     {stats['device']}")
     tell(f"precision  {stats['precision']}")
-    triangles = f", {stats['triangles']} triangles" if stats["triangles"] else ""
-    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres{triangles}")
+    more = "".join(f", {stats[name]} {name}" for name in ("triangles", "cylinders") if stats[name])
+    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres{more}")
     tell(f"features   {' '.join(stats['features'])}")
     for name, value in stats["seconds"].items():
         tell(f"{name:<10} {value * 1e3:10.2f} ms")

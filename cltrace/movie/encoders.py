@@ -170,13 +170,12 @@ class Apng(OneFile):
 class Gif(OneFile):
     """A GIF, of 256 colours a frame, which are chosen for each, without alpha.
 
-    A frame's time is rounded to 1/100 s, 2 at least.
+    A frame's time is a whole number of 1/100 s, 2 at least, so that it ends at the one next to when it should.
     """
 
     def __init__(self, path: Path, fps: float) -> None:
         super().__init__(path)
-        self._delay = min(65535, max(2, round(100 / fps)))
-        self._begun = False
+        self._fps, self._frames, self._end = fps, 0, 0
 
     def encode(self, drawn: Drawn) -> tuple[bytes, bytes]:
         """The size, and what a frame adds to the file: a GIF that Pillow makes, with its colours as the frame's own."""
@@ -194,15 +193,16 @@ class Gif(OneFile):
                 at += 1 + data[at]
             at += 1
         place, pixels = data[at : at + 9], data[at + 10 : -1]
-        control = struct.pack("<BBBBHBB", GIF_EXTENSION, 0xF9, 4, 0, self._delay, 0, 0)
-        return data[6:10], control + place + bytes([0x80 | (data[at + 9] & 0x40) | bits]) + colors + pixels
+        return data[6:10], place + bytes([0x80 | (data[at + 9] & 0x40) | bits]) + colors + pixels
 
     def _write(self, encoded: tuple[bytes, bytes]) -> None:
         size, frame = encoded
-        if not self._begun:
+        if not self._frames:
             self._file.write(b"GIF89a" + size + b"\x70\0\0" + GIF_LOOP)
-            self._begun = True
-        self._file.write(frame)
+        self._frames += 1
+        delay = min(65535, max(2, round(100 * self._frames / self._fps) - self._end))
+        self._end += delay
+        self._file.write(struct.pack("<BBBBHBB", GIF_EXTENSION, 0xF9, 4, 0, delay, 0, 0) + frame)
 
     def _finish(self) -> None:
         self._file.write(b";")

@@ -45,6 +45,11 @@ Crop = tuple[int, int, int, int]
 Region = tuple[int, int, int, int]
 
 
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number, also one of numpy's."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
 @dataclass(frozen=True)
 class Request:
     """What is wanted of a scene.
@@ -103,7 +108,7 @@ class Request:
         if self.antialias is not None and not 0 < self.antialias <= 255:
             wanted = 'True, False, "proved" or levels of 255, above 0'
             raise ValueError(f"antialias: must be {wanted}, got {self.antialias!r}")
-        if self.samples is not None and (self.samples not in LATTICES or isinstance(self.samples, bool)):
+        if self.samples is not None and (not is_whole(self.samples) or self.samples not in LATTICES):
             raise ValueError(f"samples: must be one of {', '.join(map(str, LATTICES))}, got {self.samples!r}")
         for name in ("error", "coverage"):
             if name in self.outputs and not self.means:
@@ -115,6 +120,10 @@ class Request:
         written = {part for name in self.outputs for part in composed.get(name, (name,))} | {*also}
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in written))
         object.__setattr__(self, "keep", tuple(self.keep))
+        if self.samples is not None:
+            object.__setattr__(self, "samples", int(self.samples))
+        if isinstance(self.crop, np.ndarray):
+            object.__setattr__(self, "crop", tuple(self.crop.tolist()))
 
     @property
     def means(self) -> bool:
@@ -133,10 +142,7 @@ class Request:
         """
         if self.crop is None:
             return (0, 0, *size)
-        whole = isinstance(self.crop, Sequence) and [
-            isinstance(n, (int, np.integer)) and not isinstance(n, bool) for n in self.crop
-        ]
-        if whole != [True] * 4:
+        if not isinstance(self.crop, Sequence) or [is_whole(n) for n in self.crop] != [True] * 4:
             raise ValueError(f"crop: must be 4 whole numbers (x0, y0, x1, y1), got {self.crop!r}")
         x0, y0, x1, y1 = (int(n) for n in self.crop)
         if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):

@@ -23,7 +23,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.passes import passes_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.precision import precision_for
-from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request
+from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
@@ -130,9 +130,9 @@ class Renderer:
                 "use --precision single or another device"
             )
         self._asked_width = width
-        self.width = self.device.width if width is None else width
-        if not isinstance(self.width, int) or isinstance(self.width, bool) or self.width not in WIDTHS:
+        if width is not None and (not is_whole(width) or width not in WIDTHS):
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
+        self.width = self.device.width if width is None else int(width)
         check_driver(self.device, self.width)
         start = time.perf_counter()
         self._lock = threading.Lock()

@@ -81,7 +81,12 @@ class Comparison:
     @property
     def same(self) -> bool:
         told = self.causes or self.asked or self.window or self.zoom > 1
-        return not told and not (self.error > self.tolerance).any()
+        return not told and self.alike
+
+    @property
+    def alike(self) -> bool:
+        """Whether no pixel differs by more than that."""
+        return not (self.error > self.tolerance).any()
 
     @property
     def differing(self) -> float:
@@ -115,7 +120,7 @@ class Comparison:
 
     def __str__(self) -> str:
         levels = "1 level" if self.tolerance == 1 else f"{self.tolerance} levels"
-        if self.same:
+        if self.alike and not self.causes:
             most = int(self.error.max(initial=0))
             lines = ["the pictures are equal" if not most else f"the same: no pixel differs by more than {levels}"]
         else:
@@ -130,7 +135,7 @@ class Comparison:
             width, height, x, y = self.window
             lines.insert(0, f"the picture is in a window of {width}x{height} pixels, {x},{y} from its left and top")
         lines += [line for cause in self.causes for line in self._words(cause)]
-        if not self.same:
+        if not self.alike or self.causes:
             lines += self._rest()
             lines += [line for place in self.places for line in self._where(place)]
         return "\n".join(lines)

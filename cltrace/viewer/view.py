@@ -71,7 +71,7 @@ def serve(stage: Stage, what: str, say: Callable[[str], object], begun: Callable
     server = _needed("server", what, "aiohttp").Server(stage)
 
     def ready() -> None:
-        say(f"cltrace: {stage.name} is at {server.address}; Ctrl-C ends it")
+        say(f"cltrace: {stage.name} is at {server.address} (Ctrl-C ends it)")
         if sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))):
             threading.Thread(target=webbrowser.open, args=[server.address], daemon=True).start()
         else:

@@ -384,6 +384,15 @@ def test_movies(suffix: str, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize(("fps", "times"), [(30, [30, 40, 30]), (40, [20, 30, 30]), (0.4, [2500] * 3), (60, [20] * 3)])
+def test_times_of_a_gif_add_up(fps: float, times: list[int], tmp_path: Path) -> None:
+    flat = [Scene.from_spheres(CAMERA, [cltrace.ambient_light((1, 1, 1))], [(0, 0, 0)], 2, c, ka=1) for c in np.eye(3)]
+    cltrace.animate(flat, tmp_path / "a.gif", fps=fps)
+    with Picture.open(tmp_path / "a.gif") as picture:
+        found = [picture.seek(k) or picture.info["duration"] for k in range(3)]  # type: ignore[func-returns-value]
+    assert found == times
+
+
 def read_movie(path: Path) -> list[np.ndarray]:
     if path.suffix == ".mp4":
         from imageio_ffmpeg import get_ffmpeg_exe

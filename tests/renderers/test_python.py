@@ -352,6 +352,15 @@ def test_refused_arguments(arguments: dict[str, object], error: type[Exception],
     assert str(caught.value).startswith(message)
 
 
+def test_numbers_of_numpy() -> None:
+    scene, of = usual_scene(), np.arange(64)
+    smooth = Renderer(scene, antialias=True, samples=of[16], width=of[8], crop=of[[3, 4, 20, 9]])
+    want = Renderer(scene, antialias=True, samples=16, width=8, crop=(3, 4, 20, 9))
+    assert (smooth.request, smooth.width) == (want.request, want.width)
+    assert np.array_equal(smooth.render().rgb8, want.render().rgb8)
+    assert np.array_equal(want.cropped(of[[3, 5, 9, 8]]).render().rgb8, want.cropped((3, 5, 9, 8)).render().rgb8)
+
+
 @pytest.mark.parametrize("width", [16.0, True, 3, "16"])
 def test_refused_widths(width: object) -> None:
     with pytest.raises(ValueError, match=r"^width: must be 1, 4, 8, 16 or None, got ") as caught:

@@ -55,7 +55,7 @@ def viewer(spec: str, *arguments: str, cwd: Path | None = None) -> Iterator[Runn
         guard.start()
         try:
             first = process.stderr.readline()
-            match = re.search(r" is at (http://127\.0\.0\.1:\d+/[\w-]{22}/); Ctrl-C ends it", first)
+            match = re.search(r" is at (http://127\.0\.0\.1:\d+/[\w-]{22}/) \(Ctrl-C ends it\)", first)
             assert match, first
             assert "ssh -L" in process.stderr.readline()
             yield Running(match[1])
