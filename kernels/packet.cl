@@ -61,6 +61,8 @@ typedef LANES(double) REAL;
 #define TO_REAL(x) TO(double, x)
 #define REAL_INT LANES(long)
 #define TO_REAL_INT(x) TO(long, x)
+/* A power of two with the exponent of x > 0. */
+#define POWER_OF_TWO(x) AS(double, AS(long, x) & 0x7ff0000000000000L)
 #else
 typedef float real;
 typedef float2 real2;
@@ -69,6 +71,7 @@ typedef LANES(float) REAL;
 #define TO_REAL(x) TO(float, x)
 #define REAL_INT LANES(int)
 #define TO_REAL_INT(x) (x)
+#define POWER_OF_TWO(x) AS(float, AS(int, x) & 0x7f800000)
 #endif
 
 /* Real3 and Float3: a point or a direction for each lane, in camera space unless told otherwise. Shade3: a colour for

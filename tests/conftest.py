@@ -20,9 +20,7 @@ SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", help="test only this device (a SPEC of --list-devices)")
-    parser.addoption(
-        "--half", type=int, help="only the tests of the even or of the odd numbers, by a hash of their names"
-    )
+    parser.addoption("--third", type=int, help="only a third of the tests, by a hash of their names, for each number")
 
 
 def pytest_configure() -> None:
@@ -55,12 +53,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """On a second driver, the ordinary run does only the first case of each test: --device SPEC does all of them there.
 
-    What differs between drivers is how they compile, which any case of a test shows. --half leaves one half, chosen by
-    a bit of the hash that has both take about as long.
+    What differs between drivers is how they compile, which any case of a test shows. --third leaves one third, chosen
+    by bits of the hash with which all three take about as long.
     """
-    half = config.getoption("--half")
-    if half is not None:
-        items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) >> 4 & 1 == half % 2]
+    third = config.getoption("--third")
+    if third is not None:
+        items[:] = [item for item in items if (zlib.crc32(item.nodeid.encode()) >> 9) % 3 == third % 3]
     found = cltrace.devices()
     if config.getoption("--device") or "stress" in config.option.markexpr.replace("not stress", "") or not found:
         return

@@ -60,6 +60,7 @@ SMOOTH = "-m slow tests/kernels/test_attributes.py"
 RESULTS = "tests/bench/test_results.py"
 FREE, PACKED = "tests/run/test_unstoppable.py", "tests/run/test_packing.py -k tunnel"
 SAMPLES = "tests/kernels/test_samples.py -k exact_rays"
+CHECKS = "tests/students/test_check.py"
 SOFT = "tests/kernels/test_soft_lights.py"
 PASSES = "-m slow tests/kernels/test_soft_lights.py -k no_bit_depends"
 MIXED, CELLS = "tests/run/test_mixed.py", "tests/plan/test_polygon_lists.py"
@@ -96,6 +97,14 @@ MUTATIONS = [
     Mutation(
         "const SHADE cosine = -DOT(axis, l);", "const SHADE cosine = 1;", "a panel's cosine", f"{SOFT} -k reference"
     ),
+    Mutation(
+        "over = POWER_OF_TWO(1 / sqrt(DOT(w, w)))",
+        "over = 1 / sqrt(DOT(w, w))",
+        "digits of directions in other units",
+        "-m slow tests/kernels/test_hostile_meshes.py -k no_face",
+    ),
+    Mutation("(error > 0) & (away > ROUNDING)", "error > 1", "bytes off by a level", f"{CHECKS} -k next_one"),
+    Mutation("(1 + _lights(scene)) * (RAY +", "(RAY +", "samples for many lights", f"{CHECKS} -k lights"),
     Mutation(
         "spheres.undecided[0] = spheres.undecided[number_of_item()] = 1",
         "spheres.undecided[0] = 1",

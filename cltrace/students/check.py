@@ -108,6 +108,30 @@ def sample(index: NDArray[np.int32], pixels: int) -> NDArray[np.intp]:
     return np.sort(np.concatenate([order[:edges], order[rest[: pixels - edges]]]))
 
 
+def _lights(scene: Scene) -> int:
+    """How many lights send shadow rays."""
+    return int((scene.lamps["kind"] != AMBIENT).sum())
+
+
+def _affordable(scene: Scene) -> int:
+    """How many pixels take DEFAULT_TESTS, one at least."""
+    surfaces = len(scene.columns) + len(scene.cylinders) + scene.triangles // TRIANGLES
+    return max(1, DEFAULT_TESTS // ((1 + _lights(scene)) * (RAY + surfaces)))
+
+
+def _traced(
+    scene: Scene, places: list[tuple[int, int]], progress: bool | None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The colours (n, 3) of some pixels (x, y), as they are written, and the numbers of what they show."""
+    world, colors, ids = world_of(scene), np.empty((len(places), 3)), np.empty(len(places), np.int64)
+    with bar(len(places), "pixel", progress) as shown:
+        for i, (x, y) in enumerate(places):
+            color, at = trace(world, primary_ray(scene.camera, x, y))
+            colors[i], ids[i] = encoded(color, scene.transfer), at.index if at else -1
+            shown.update()
+    return colors, ids
+
+
 def check(
     scene: Scene,
     image: Image,
@@ -131,27 +155,14 @@ def check(
         raise ValueError(f"check: the image has {size[0]}x{size[1]} pixels, the camera {full[0]}x{full[1]}; see origin")
     if pixels is not None and pixels < 1:
         raise ValueError(f"pixels: must be at least 1, got {pixels!r}")
-    x0, y0 = origin or (0, 0)
-    lights = int((scene.lamps["kind"] != AMBIENT).sum())
-    tests = (1 + lights) * (RAY + len(scene.columns) + scene.triangles // TRIANGLES)
-    affordable = max(1, DEFAULT_TESTS // tests)
-    shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
-    if pixels is None:
-        pixels = min(DEFAULT_PIXELS, affordable)
+    affordable = _affordable(scene)
+    chosen = sample(image.id, min(DEFAULT_PIXELS, affordable) if pixels is None else pixels)
     start = time.perf_counter()
-    world = world_of(scene)
-    width = image.id.shape[1]
-    chosen = sample(image.id, pixels)
-    colors = np.empty((len(chosen), 3))
-    wrong = np.empty(len(chosen), bool)
-    with bar(len(chosen), "pixel", progress) as shown:
-        for i, flat in enumerate(chosen.tolist()):
-            y, x = divmod(flat, width)
-            color, at = trace(world, primary_ray(scene.camera, x0 + x, y0 + y))
-            colors[i] = encoded(color, scene.transfer)
-            wrong[i] = (at.index if at else -1) != image.id[y, x]
-            shown.update()
+    x0, y0 = origin or (0, 0)
+    places = [(x0 + flat % size[0], y0 + flat // size[0]) for flat in chosen.tolist()]
+    colors, ids = _traced(scene, places, progress)
     seconds = time.perf_counter() - start
+    wrong = ids != image.id.ravel()[chosen]
     levels = 255 * colors.clip(0, 1) + (0.0 if truncate else 0.5)
     drawn = image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
     away = np.maximum(drawn - levels, levels - (drawn + 1)).max(axis=1)  # from the levels that a byte stands for
@@ -170,10 +181,10 @@ def check(
         off_by_more=int((error > 1).sum()),
         largest=int(error.max(initial=0)),
         rms=float(np.sqrt(np.mean(np.square(errors, dtype=np.float64)))) if len(chosen) else 0.0,
-        where=[(x0 + int(chosen[i]) % width, y0 + int(chosen[i]) // width) for i in worst],
+        where=[places[i] for i in worst],
         spheres=len(scene.columns),
         triangles=scene.triangles,
-        lights=lights,
+        lights=_lights(scene),
         seconds=seconds,
-        shrunk=shrunk,
+        shrunk=pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size),
     )

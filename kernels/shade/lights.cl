@@ -31,11 +31,6 @@ static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     return l;
 }
 #else
-#if REAL_BYTES == 8
-#define POWER_OF_TWO(x) AS(double, AS(long, x) & 0x7ff0000000000000L)
-#else
-#define POWER_OF_TWO(x) AS(float, AS(int, x) & 0x7f800000)
-#endif
 static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     Shade3 l = ray.w32;
     const MASK tiny = ray.a < 0x1p-80f;

@@ -135,7 +135,8 @@ def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     stats = json.loads(done.stdout)
     assert done.stdout.count(b"\n") == 1
     assert set(stats) == {
-        "device", "precision", "size", "spheres", "triangles", "features", "seconds", "rays", "work", "skipped"
+        "device", "precision", "size", "spheres", "triangles", "cylinders", "features", "seconds", "rays", "work",
+        "skipped",
     }  # fmt: skip
     assert stats["precision"] == "accurate"
     assert stats["size"] == [481, 361]
@@ -161,13 +162,13 @@ def test_check(tmp_path: Path) -> None:
 
 def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As of 300,000 spheres; the scene has 12."""
-    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * (40 + 12) * 3)
+    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * (40 + 12) * 2)
     done = call(FIRST, "--check", cwd=tmp_path)
     assert done.returncode == 0
     first, second = done.stderr.decode().splitlines()[1:]
     assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
     told = (
-        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres and 2 lights; "
+        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres and 1 light; "
         "--check=N compares "
     )
     assert re.fullmatch(told + "more", second)

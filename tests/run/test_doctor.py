@@ -84,7 +84,7 @@ def test_a_picture_that_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 
     monkeypatch.setattr(cltrace.Renderer, "render", spoilt)
     assert doctor._draw(cltrace.run.devices.choose().spec) == 1
-    assert "1 off by more than a level" in capsys.readouterr().out
+    assert "1 by more than a level" in capsys.readouterr().out
 
 
 def test_no_such_device(monkeypatch: pytest.MonkeyPatch) -> None:
