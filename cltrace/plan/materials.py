@@ -101,7 +101,8 @@ def used(count: int, material_of: NDArray[np.integer[Any]]) -> NDArray[np.bool_]
 
 
 def finite32(value: Array) -> Array:
-    """The values, with float32's largest number in place of larger ones. Products of colours may be as large; they are
-    white in any picture.
+    """The values, with half of float32's largest number in place of larger ones: the sum of two is a number, too.
+
+    Products of colours may be as large; they are white in any picture.
     """
-    return np.minimum(value, float(np.finfo(np.float32).max))
+    return np.minimum(value, float(np.finfo(np.float32).max) / 2)

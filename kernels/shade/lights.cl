@@ -59,8 +59,9 @@ static void phong(const Light light, const SHADE strength, const Shade3 l, const
                       TO_SHADE(at.start.side * at.normal.z)};
     const SHADE dot = DOT(N, l);
     const SHADE_MASK on = TO_SHADE_MASK(lit);
-    /* Where it is lit, n.l > 0 is known; so a highlight does not end where the rounded cosine does. */
-    const SHADE cosine_nl = max(dot, (SHADE)0);
+    /* Where it is lit, n.l > 0 is known; so a highlight does not end where the rounded cosine does. Above 1, what is
+     * diffuse and a highlight could overflow, see finite32() of plan/materials.py. */
+    const SHADE cosine_nl = min(max(dot, (SHADE)0), (SHADE)1);
     SHADE highlight = 0;
     if (HAS(WITH_SPECULAR)) {
         /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */

@@ -130,6 +130,17 @@ def look_for_nan(scenes: range) -> None:
             assert np.array_equal(np.isfinite(image.depth), image.id >= 0), (seed, precision)
 
 
+@pytest.mark.parametrize("ks", [0.0, 3e38])
+def test_colours_that_overflow_are_numbers(any_device: Device, ks: float) -> None:
+    """A light at the eye that is black in two channels: all that is diffuse and all of a highlight, times 0."""
+    camera = Camera((0, 0, 4), (0, 0, 0), horizontal_fov=30, resolution=(9, 7))
+    light = cltrace.point_light((0, 0, 4), (1, 0, 0))
+    scene = Scene.from_spheres(camera, [light], [(0, 0, 0)], 1, (1e30, 1e30, 1), ka=0, kd=1e30, ks=ks)
+    for precision in ("single", "accurate", "double"):
+        color = picture(scene, any_device, precision).color[3, 4]
+        assert (color[0] > 1e38, color[1:].tolist()) == (True, [0, 0]), precision
+
+
 @pytest.mark.slow
 def test_no_nan() -> None:
     look_for_nan(range(250))
