@@ -77,14 +77,21 @@ def compare(
     size = mine.shape[1], mine.shape[0]
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
     right = right if window else render(scene, device, precision, truncate=truncate).rgb8
+    smoothed = partial(_smoothed, draw=partial(render, scene, device, precision, truncate=truncate))
     if antialias:
-        right = _smoothed(mine, right, int(tolerance), partial(render, scene, device, precision, truncate=truncate))
+        right = smoothed(mine, right, int(tolerance))
     result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window, zoom=zoom)
     result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
+    error = result.error
+    if not antialias and [cause.name for cause in result.causes] == ["antialiased"]:
+        smooth = Comparison(mine, smoothed(mine, right, int(tolerance)), int(tolerance))
+        left = float(((error > tolerance) & (smooth.error > tolerance)).sum() / (error > tolerance).sum())
+        if 1 - left > result.explained:  # penumbras are smooth, too
+            result, error = replace(result, causes=(Cause("antialiased", 1 - left),), explained=1 - left), smooth.error
     ask = partial(question, scene, truncate)
-    return replace(result, places=places(Explainer(scene), mine, result.error, ask=ask, truncate=truncate))
+    return replace(result, places=places(Explainer(scene), mine, error, ask=ask, truncate=truncate))
 
 
 def _unzoomed(mine: Bytes, asked: tuple[int, int]) -> tuple[Bytes, int]:

@@ -272,6 +272,25 @@ def smooth(scene: cltrace.Scene, **changes: object) -> Bytes:
     return to_bytes(np.mean(colors, axis=0)).reshape(height, width, 3).astype(np.uint8)
 
 
+def test_penumbras_are_smooth_too() -> None:
+    """Of a smooth picture in soft light: it was a third unknown, and a light that was added twice."""
+    camera = cltrace.Camera((0, 3.4, 12), (0, 0.85, 0), horizontal_fov=24, resolution=(120, 68))
+    lights = [cltrace.ambient_light(), cltrace.sky_light(directions=16), cltrace.sun_light((1, -2, -1), angle=5)]
+    centers, color = [(0, -1000, 0), (0, 1, 0)], (0.8, 0.5, 0.4)
+    balls = cltrace.Scene.from_spheres(camera, lights, centers, [1000, 0.9], color, ka=0.3, kd=0.7)
+    smooth = cltrace.render(balls, antialias=True).rgb8
+    result = cltrace.compare(balls, smooth)
+    assert [(cause.name, cause.explains) for cause in result.causes] == [("antialiased", 1.0)]
+    assert result.places == ()
+    spoilt = smooth.copy()
+    spoilt[40:44, 20:26] //= 2
+    result = cltrace.compare(balls, spoilt)
+    assert [cause.name for cause in result.causes] == ["antialiased"]
+    assert 0.9 < result.explained < 1
+    assert all(40 <= place.y < 44 and 20 <= place.x < 26 for place in result.places)
+    assert result.places
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "names"),
