@@ -103,6 +103,7 @@ MUTATIONS = [
         "digits of directions in other units",
         "-m slow tests/kernels/test_hostile_meshes.py -k no_face",
     ),
+    Mutation(".max) / 2)", ".max))", "colours that overflow", "tests/kernels/test_hostile.py -k overflow"),
     Mutation("(error > 0) & (away > ROUNDING)", "error > 1", "bytes off by a level", f"{CHECKS} -k next_one"),
     Mutation("(1 + _lights(scene)) * (RAY +", "(RAY +", "samples for many lights", f"{CHECKS} -k lights"),
     Mutation(
@@ -349,7 +350,7 @@ MUTATIONS = [
         "same_precision = request.precision == self.precision", "same_precision = True", "floats for doubles", ROUGH
     ),
     Mutation(
-        "cosine_nl = max(dot, (SHADE)0)",
+        "cosine_nl = min(max(dot, (SHADE)0), (SHADE)1)",
         "cosine_nl = dot",
         "n.l below 0",
         ROUGH,
