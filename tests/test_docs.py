@@ -32,7 +32,6 @@ from cltrace.base.limits import (
 )
 from cltrace.bench import cli as bench
 from cltrace.formats import xml_checks
-from cltrace.plan.request import KEEPS
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
@@ -86,8 +85,6 @@ def test_limits_and_names_are_those_of_the_code() -> None:
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in " ".join(
         texts["command.md"].split()
     )
-    for name in KEEPS:
-        assert f"| `{name}` |" in texts["speed.md"] or f"`--keep {name}`" in texts["speed.md"]
 
 
 def test_the_version_is_told_everywhere() -> None:
