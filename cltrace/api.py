@@ -21,8 +21,7 @@ from cltrace.movie.frames import orbit
 from cltrace.picture.colorbar import colorbar
 from cltrace.picture.image import Image
 from cltrace.rays import Hits, trace_rays
-from cltrace.renderers.all_devices import render
-from cltrace.renderers.renderer import Renderer
+from cltrace.renderers.renderer import Renderer, render
 from cltrace.run.devices import Device, devices
 from cltrace.scene import (
     Camera,

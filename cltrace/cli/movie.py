@@ -16,8 +16,7 @@ from cltrace.cli.scenes import files_of, scene_of
 from cltrace.movie.animate import FPS, Target
 from cltrace.movie.frames import Frame, ahead, frames_of, orbit
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
-from cltrace.movie.on_devices import OnDevices
-from cltrace.movie.pipeline import Each, FrameRenderer, Shown
+from cltrace.movie.pipeline import Each, FrameRenderer, OnDevice, Shown
 from cltrace.picture.files import Inputs
 from cltrace.process.console import tell
 from cltrace.scene import AnyCamera, Scene
@@ -81,7 +80,7 @@ class _Work:
         # Fingerprints of files that are there have the depth twice.
         options = drawing.renderer_options((*look.outputs, *look.scale))
         if self.movie.cluster is None:
-            return OnDevices(drawing.device, options, self.each)
+            return OnDevice(drawing.device, options, self.each)
         from cltrace.cli.cluster import client_of
 
         client = self._begun.enter_context(client_of(self.movie.cluster))

@@ -20,7 +20,6 @@ from cltrace.base.errors import UsageError
 from cltrace.picture.image import DIRECTED, LIT, Image, Output, Show
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Antialias, Crop, Keep
-from cltrace.run.devices import is_all
 from cltrace.scene import AnyCamera
 
 Kind = TypeVar("Kind")
@@ -254,7 +253,6 @@ class _Given:
             raise UsageError("a scene is not read from stdin: say the name of its file")
         if self._first(["instances"]) and any(text.startswith("instances=") for text in args.limit):
             raise UsageError("--instances N is --limit instances=N, and two numbers are given")
-        self._check_devices()
         make = self._kind()
         if args.watch and args.output and "-" in args.output:
             raise UsageError("--watch takes no -o -")
@@ -291,21 +289,6 @@ class _Given:
         if args.cluster is not None:
             return self._tiles
         return self._lit if args.show == LIT else partial(self._of_scenes, Picture, outputs=tuple(args.outputs or ()))
-
-    def _check_devices(self) -> None:
-        """Raises UsageError for options that want one device where all are given."""
-        args = self._args
-        one = {
-            "--cluster": args.cluster is not None,
-            "--compare": args.compare is not None,
-            "--repeat": args.repeat != 1,
-            f"--show {LIT}": args.show == LIT,
-            "--view": args.view,
-        }
-        for option, given in one.items():
-            if given and is_all(args.device):
-                why = ": a worker has one device" if option == "--cluster" else ", which takes one device"
-                raise UsageError(f"-d all does not go with {option}{why}")
 
     def _check_show(self) -> None:
         """Raises UsageError for options that do not go with what is shown."""

@@ -151,7 +151,7 @@ def _movie(group: Group) -> None:
 
 
 def _device(group: Group) -> None:
-    group.usual("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D, part of a name, or all (default: fastest CPU)")
+    group.usual("-d", "--device", metavar="SPEC", help="cpu, gpu, P:D, or part of a name (default: fastest CPU)")
     group.usual(
         "--precision",
         choices=PRECISIONS,

@@ -24,7 +24,7 @@ from cltrace.picture.storing import BY_ROWS, CHANNELS
 from cltrace.process.console import tell
 from cltrace.renderers.renderer import Renderer
 from cltrace.renderers.strips import strips
-from cltrace.run.devices import choose, is_all
+from cltrace.run.devices import choose
 from cltrace.scene import Scene
 
 
@@ -37,7 +37,7 @@ def draw(work: Picture, reporter: Reporter) -> int:
     checked: tuple[Output, ...] = () if work.check is None else ("rgb8", "id")
     renderer = renderer_of(scene, work.drawing, (*files.needed, *checked, *work.look.scale))
     start, axes = time.perf_counter(), work.look.axes(scene.camera)
-    if files.by_rows and work.check is None and work.repeat == 1 and not is_all(work.drawing.device):
+    if files.by_rows and work.check is None and work.repeat == 1:
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
@@ -49,7 +49,7 @@ def draw(work: Picture, reporter: Reporter) -> int:
     image.seconds = {"read": read_seconds, **image.seconds, "write": now - start, "total": now - started}
     if written := [target for target in files.targets if target != "-"]:
         width, height = renderer.region[2:]
-        how = f"{renderer.precision} precision, on {renderer.place}"
+        how = f"{renderer.precision} precision, on {renderer.device.name}"
         reporter.say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
     if work.look.scale and not {".npy", ".exr"}.issuperset(map(suffix_of, files.targets)):
         reporter.say(f"cltrace: depth: {_depth_scale(image)}")
@@ -136,10 +136,6 @@ def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> 
     many = f"{len(scene.columns):,} spheres and {scene.triangles:,} triangles"
     try:
         with Announcement(f"preparing {many} ...", SLOW):
-            if is_all(drawing.device):
-                from cltrace.renderers.all_devices import AllDevicesRenderer
-
-                return AllDevicesRenderer(scene, **options)
             return Renderer(scene, choose(drawing.device), **options)
     except ValueError as error:
         raise UsageError(str(error)) from None
@@ -151,7 +147,7 @@ def _check_memory(renderer: Renderer) -> None:
     size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
     if size > memory:
         taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
-        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check, --repeat, --show depth and -d all"
+        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check, --repeat and --show depth"
         raise UsageError(f"{taken}; {rows}; or draw a part of it with --crop")
 
 

@@ -17,7 +17,7 @@ def statistics(renderer: Renderer, image: Image) -> dict[str, Any]:
     work = renderer.work()
     names = ("read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total")
     return {
-        "device": renderer.place,
+        "device": renderer.device.name,
         "precision": renderer.precision,
         "size": [width, height],
         "spheres": len(scene.columns),

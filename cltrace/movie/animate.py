@@ -22,8 +22,7 @@ from cltrace.movie.encoders import Apng, Drawn, Encoder, Gif, PngFiles, Writer
 from cltrace.movie.fingerprint import shows
 from cltrace.movie.frames import Frame, frames_of
 from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
-from cltrace.movie.on_devices import OnDevices
-from cltrace.movie.pipeline import COLORS, Each, FrameRenderer, Shown, draw_on
+from cltrace.movie.pipeline import COLORS, Each, FrameRenderer, OnDevice, Shown, draw_on
 from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
@@ -89,8 +88,7 @@ def animate(
     names of the files. skip_existing: whether a PNG that is there is kept if it shows the frame. Each says so itself,
     by a hash of all that the scene consists of, the options, and the version, but not where `each` has drawn.
 
-    device and options, such as precision and crop: see Renderer; "all" are all devices of this machine, each of which
-    draws the next frame when it is free. progress: see docs/movies.md.
+    device and options, such as precision and crop: see Renderer. progress: see docs/movies.md.
 
     Raises TypeError and ValueError for what is not allowed, MissingPackageError for an extra that is missing, OSError
     if a file cannot be written, and what Renderer raises. Each file is there as a whole or not at all.
@@ -98,7 +96,7 @@ def animate(
     if output is None:
         if skip_existing:
             raise ValueError("skip_existing: there is nothing to skip without an output")
-        return _images(frames_of(frames, scene), partial(OnDevices, device, options, each), progress, _length(frames))
+        return _images(frames_of(frames, scene), partial(OnDevice, device, options, each), progress, _length(frames))
     try:
         pattern = pattern_of(os.fspath(output), "frame", frames=True)
     except ValueError as error:
@@ -110,7 +108,7 @@ def animate(
     total, (names, items) = _length(frames), _names_first(frames)
     if names:
         return target.join(items, progress=progress, total=total)
-    renderer = OnDevices(device, options, each)
+    renderer = OnDevice(device, options, each)
     return target.write(frames_of(items, scene), renderer, progress=progress, total=total)
 
 
@@ -124,7 +122,7 @@ def _names_first(frames: Any) -> tuple[bool, Any]:
 
 
 def _images(
-    frames: Iterator[Frame], renderer: Callable[[], OnDevices], progress: bool | None, total: int | None
+    frames: Iterator[Frame], renderer: Callable[[], OnDevice], progress: bool | None, total: int | None
 ) -> Iterator[Image]:
     with (
         closing(renderer().images(frames)) as drawn,

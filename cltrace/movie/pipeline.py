@@ -5,7 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
+from copy import copy
+from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -15,6 +18,8 @@ from cltrace.movie.fingerprint import Fingerprints
 from cltrace.movie.frames import Frame
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
+from cltrace.renderers.renderer import Renderer, default_precision
+from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
 
 Task = TypeVar("Task")
@@ -24,7 +29,7 @@ Result_co = TypeVar("Result_co", covariant=True)
 
 
 class Workers(Protocol[Task_contra, Result_co]):
-    """What does tasks: a device, all devices of this machine, or a cluster. One thread calls it."""
+    """What does tasks: a device or a cluster. One thread calls it."""
 
     def room(self) -> int:
         """How many tasks may be on their way, or wait for one before them; 1 at least."""
@@ -136,3 +141,43 @@ class FrameRenderer(ABC):
     def marks(self, shown: Shown) -> Fingerprints:
         """Fingerprints of the pictures."""
         return Fingerprints({**self._bits, "look": shown.look})
+
+
+class OnDevice(FrameRenderer):
+    """Draws on a device of this machine. device: as Renderer has it; options: the Renderer's; each: see draw_on().
+
+    Raises DeviceError if there is no such device.
+    """
+
+    def __init__(self, device: str | Device | None, options: Mapping[str, Any], each: Each | None = None) -> None:
+        self._device = device if isinstance(device, Device) else choose(device)
+        self._options = {**options, "precision": options.get("precision") or default_precision(self._device)}
+        super().__init__(self._options, self._device.name, self._device.name, each)
+
+    def workers(self) -> Workers[Frame, Image]:
+        return _OneDevice(partial(Renderer, device=self._device, **self._options))
+
+
+class _OneDevice:
+    """Draws in the thread that asks for results, while another thread prepares the next frame.
+
+    first: makes the Renderer of the first frame. Each later one keeps what its frame shares with the one before it.
+    """
+
+    def __init__(self, first: Callable[[Scene], Renderer]) -> None:
+        self._next, self._pool = first, ThreadPoolExecutor(1)
+
+    def room(self) -> int:
+        return 2
+
+    def take(self, frame: Frame) -> Callable[[], Image]:
+        coming: Future[Renderer] = self._pool.submit(self._prepared, frame.scene)
+        return lambda: coming.result().render(progress=False)
+
+    def close(self) -> None:
+        self._pool.shutdown(wait=False, cancel_futures=True)  # it may still compile
+
+    def _prepared(self, scene: Scene) -> Renderer:
+        renderer = self._next(scene)
+        self._next = copy(renderer).following  # whose lock is its own: it does not wait until this one has drawn
+        return renderer

@@ -198,16 +198,6 @@ class Renderer:
         other._executor = other._executor.of((x, first, width, end - first), watch)
         return other
 
-    def on(self, device: Device) -> Renderer:
-        """The same picture on another device, as another Renderer; the world is shared, and the view if numpy made it.
-
-        Raises what Renderer raises.
-        """
-        check_process()
-        start = time.perf_counter()
-        now = self._now()
-        return now._derived(now.scene, self.request, device, start)
-
     def update(
         self,
         centers: ArrayLike | None = None,
@@ -398,16 +388,11 @@ class Renderer:
         """What this scene did not need, in words, and how often."""
         return self.plan.skipped
 
-    @property
-    def place(self) -> str:
-        """Where it is rendered, for messages and statistics."""
-        return self.device.name
-
     def __repr__(self) -> str:
         size, counts = "{2}x{3}".format(*self.region), f"{len(self.scene.columns)} spheres"
         if self.scene.meshes:
             counts += f", {len(self.scene.meshes)} meshes"
-        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.place}>"
+        return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
 
     def __copy__(self) -> Renderer:
         other = object.__new__(type(self))
@@ -468,3 +453,22 @@ class Renderer:
         check_process()
         with self._lock, self._executor.driver_errors():
             return self._executor.work()
+
+
+def render(
+    scene: Scene,
+    device: str | Device | None = None,
+    precision: Precision | None = None,
+    outputs: tuple[Output, ...] = ("rgb8",),
+    crop: Crop | None = None,
+    truncate: bool = False,
+    progress: bool | None = None,
+    antialias: Antialias = False,
+    samples: int | None = None,
+    outline: tuple[Any, float] | None = None,
+    fog: tuple[Any, float, float] | None = None,
+) -> Image:
+    """One picture of a scene. The arguments and what is raised are those of Renderer and its render()."""
+    how: dict[str, Any] = {"precision": precision, "outputs": outputs, "crop": crop, "truncate": truncate}
+    how |= {"antialias": antialias, "samples": samples, "outline": outline, "fog": fog}
+    return Renderer(scene, device, **how).render(progress=progress)

@@ -9,8 +9,9 @@ from cltrace.base.progress import bar
 from cltrace.base.waiting import Stopwatch
 from cltrace.picture.image import Image
 from cltrace.renderers.renderer import Renderer
-from cltrace.run.rows import STEP
 
+# Strips begin at multiples of so many rows, which every packet divides.
+STEP = 16
 # Bytes of what the kernel writes that are in memory at once. Files take up to twice as much beside them.
 ROOM = 2**26
 

@@ -199,11 +199,6 @@ def devices() -> list[Device]:
     return found
 
 
-def is_all(spec: object) -> bool:
-    """Whether this is what --device takes for all devices."""
-    return isinstance(spec, str) and spec.strip().lower() == "all"
-
-
 def choose(spec: str | None = None) -> Device:
     """The device that `spec` names: cpu, gpu, P, P:D, or part of the name of a platform or device.
 
@@ -220,8 +215,6 @@ def choose(spec: str | None = None) -> Device:
     if spec is None and os.environ.get("PYOPENCL_CTX"):
         spec, source = os.environ["PYOPENCL_CTX"], " (from PYOPENCL_CTX)"
     wanted = "cpu" if spec is None else spec.strip()
-    if is_all(wanted):
-        raise DeviceError(f"'all'{source} is for pictures and movies; this takes one device")
     if wanted.lower() in ("cpu", "gpu"):
         matches = [d for d in every if d.kind == wanted.lower()]
         if matches and wanted.lower() == "cpu":  # several drivers for the one CPU: always the same choice

@@ -24,7 +24,6 @@ from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import BUFFER, argument, dtypes_of
 from cltrace.run.program import Kernel, context_of, program
-from cltrace.run.rows import Rows
 from cltrace.run.undecided import BOTH, FIRST, Undecided, is_in_stages
 from cltrace.run.unstoppable import Unstoppable
 
@@ -207,25 +206,19 @@ class Executor:
             buffers["so_far"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, size)
         return Frame(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
-    def draw(
-        self,
-        frame: Frame,
-        drawn: Callable[[int], object] = lambda rows: None,
-        take: Callable[[int], range | None] | None = None,
-    ) -> None:
+    def draw(self, frame: Frame, drawn: Callable[[int], object] = lambda rows: None) -> None:
         """Renders the region, in strips, and in each pass the same ones.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
         frame begins with the size that was found. drawn: called with how many rows a strip had, in the last pass, and
-        with 0 in others and where it was stopped; what that raises ends it. take: Rows.take() of rows that other
-        devices take from, too, None for all. Raises TooManyRaysError after the strip in which that happened, and
-        TooSlowError soon after the limit of seconds.
+        with 0 in others and where it was stopped; what that raises ends it. Raises TooManyRaysError after the strip in
+        which that happened, and TooSlowError soon after the limit of seconds.
         """
         if self._of_limit == self.region:
             self._watch.begin()
         else:
             self._watch.go_on()
-        strips: Iterable[range] = self._strips(frame, take or Rows(self.region[3] + self._margin[1]).take)
+        strips: Iterable[range] = self._strips(frame)
         try:
             for number, part in enumerate(self._passes()):
                 told = drawn if number == len(self._further) else lambda rows: drawn(0)
@@ -247,11 +240,14 @@ class Executor:
             yield other
             del other
 
-    def _strips(self, frame: Frame, take: Callable[[int], range | None]) -> Iterator[range]:
-        """What draw() renders."""
+    def _strips(self, frame: Frame) -> Iterator[range]:
+        """The rows of a frame in strips, each as large as the time that the last one took allows."""
         most = max(64, STRIP // frame.width // 64 * 64)
-        while strip := take(min(self._rows, most)):
-            yield strip
+        rows = range(self.region[3] + self._margin[1])
+        while rows:
+            size = min(self._rows, most)
+            yield rows[:size]
+            rows = rows[size:]
 
     def _draw(self, frame: Frame, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
         """Renders these strips in one pass, and returns them."""

@@ -21,7 +21,7 @@ from cltrace.explanation.pixel import Explainer
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.picture.image import Image
 from cltrace.plan.abi import Precision
-from cltrace.renderers.all_devices import render
+from cltrace.renderers.renderer import render
 from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
 from cltrace.students.comparison import Bytes, Cause, Comparison

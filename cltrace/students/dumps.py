@@ -19,7 +19,7 @@ from cltrace.base.errors import UsageError, printable
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
-from cltrace.renderers.all_devices import render
+from cltrace.renderers.renderer import render
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
 from cltrace.students.compare import pixels_of, question, size_faults

@@ -14,7 +14,7 @@ from cltrace.picture.image import Image
 from cltrace.picture.palettes import Colors, light_sets
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Crop
-from cltrace.renderers.all_devices import render
+from cltrace.renderers.renderer import render
 from cltrace.run.devices import Device
 from cltrace.scene import AMBIENT, Scene
 

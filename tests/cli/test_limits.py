@@ -54,7 +54,7 @@ def test_limits_reach_other_processes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [[], ["--antialias"], ["-d", "all"]])
+@pytest.mark.parametrize("options", [[], ["--antialias"]])
 def test_what_would_take_hours_is_refused(tmp_path: Path, options: list[str]) -> None:
     """15 spheres of glass around each other, at 20 bounces: a million rays of each pixel."""
     ball = MINIMAL[MINIMAL.index("<sphere") : MINIMAL.index("</sphere>") + 9]

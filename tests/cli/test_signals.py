@@ -210,7 +210,6 @@ def crowd() -> str:
 SLOW = [
     (nested, ["-o", "p.png"], "max_bounces, which is 20", "SIGINT"),
     pytest.param(crowd, ["-o", "p.png"], "max_bounces, which is 20", "SIGINT", marks=pytest.mark.slow),
-    (nested, ["-o", "p.png", "-d", "all"], "max_bounces, which is 20", "SIGTERM"),
     (nested, ["--orbit", "9", "-o", "m%d.png"], "max_bounces, which is 20", "SIGTERM"),
     (nested, ["--explain", "320,180"], "--explain is slow: lower max_bounces, which is 20", "SIGINT"),
     pytest.param(nested, ["-o", "p.png", "--antialias"], "samples, which is 32", "SIGTERM", marks=pytest.mark.slow),

@@ -361,14 +361,6 @@ def test_look_update_and_movies(any_device: Device) -> None:
         np.testing.assert_array_equal(getattr(image, name), getattr(fresh, name))
 
 
-def test_all_devices() -> None:
-    scene = HOSTILE["crossing"]()
-    whole = cltrace.render(scene, outputs=OUTPUTS, antialias=True)
-    shared = cltrace.render(scene, "all", outputs=OUTPUTS, antialias=True)
-    for name in OUTPUTS:
-        np.testing.assert_array_equal(getattr(shared, name), getattr(whole, name))
-
-
 def test_alpha_and_srgb(any_device: Device) -> None:
     scene = HOSTILE["crossing"]()
     mean = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True)

@@ -132,11 +132,10 @@ def test_the_reference_traces_the_same_members(precision: Any) -> None:
     assert report.ok, report
 
 
-def test_parts_and_all_devices_have_the_same_bytes() -> None:
+def test_parts_have_the_same_bytes() -> None:
     scene = crowd(every_kind())
     whole = cltrace.render(scene, outputs=OUTPUTS).rgb8
     assert (cltrace.render(scene, outputs=OUTPUTS, crop=(17, 9, 50, 41)).rgb8 == whole[9:41, 17:50]).all()
-    assert (cltrace.render(scene, device="all", outputs=OUTPUTS).rgb8 == whole).all()
 
 
 @pytest.mark.slow
@@ -246,13 +245,12 @@ def test_no_bit_depends_on_how_many_lights_are_added_at_once(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_at_a_time")
-def test_passes_draw_parts_updates_and_what_several_devices_share(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_passes_draw_parts_and_updates(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = crowd(every_kind())
     renderer = cltrace.Renderer(scene)
     whole = renderer.render().rgb8.copy()
     assert (renderer.cropped((17, 9, 50, 41)).render().rgb8 == whole[9:41, 17:50]).all()
     assert (renderer.rows(16, 48).render().rgb8 == whole[16:48]).all()
-    assert (cltrace.render(scene, device="all").rgb8 == whole).all()
     assert (cltrace.Renderer(scene, width=4, crop=(17, 9, 50, 41)).render().rgb8 == whole[9:41, 17:50]).all()
     camera = replace(CAMERA, position=(2, 3, 8))
     assert (renderer.look(camera).render().rgb8 == cltrace.render(scene.seen_by(camera)).rgb8).all()

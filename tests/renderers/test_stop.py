@@ -168,16 +168,6 @@ def test_larger_pictures_may_take_longer(monkeypatch: pytest.MonkeyPatch) -> Non
     assert cltrace.Renderer(scene, crop=(0, 0, 3, 3))._executor._most_seconds == 1
 
 
-def test_all_devices_stop() -> None:
-    renderer = cltrace.renderers.all_devices.AllDevicesRenderer(nested(), outputs=("color",))
-    expected = cltrace.Renderer(nested(), outputs=("color",)).render().color
-    with handled(signal.SIGINT, signal.default_int_handler):
-        send(signal.SIGINT, 0.1)
-        with pytest.raises(KeyboardInterrupt):
-            for_ever(renderer.render)
-    np.testing.assert_array_equal(renderer.render().color, expected)
-
-
 def test_who_listened_before_hears_signals_too() -> None:
     ear, mouth = socket.socketpair()
     mouth.setblocking(False)
