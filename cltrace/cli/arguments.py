@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Collection
-from typing import Literal, TypeVar
+from typing import Literal
 
 from cltrace.base import limits
 from cltrace.base.limits import MAX_TRIANGLES
 from cltrace.picture.effects import Effects
 from cltrace.picture.image import OUTPUTS, Output
-from cltrace.plan.request import KEEPS, Crop, Keep
+from cltrace.plan.request import Crop
 from cltrace.process.console import positive
 from cltrace.scene import check_resolution
-
-Name = TypeVar("Name", bound=str)
 
 
 def picture_size(text: str) -> tuple[int, int]:
@@ -89,23 +86,13 @@ def _effect(name: str, text: str, numbers: int) -> tuple[str, list[float]]:
     return color, found
 
 
-def keep(text: str) -> list[Keep]:
-    """NAME,... of --keep."""
-    return _some_of(KEEPS, text)
-
-
 def outputs(text: str) -> list[Output]:
-    """NAME,... of --outputs."""
-    return _some_of(OUTPUTS, text)
-
-
-def _some_of(names: Collection[Name], text: str) -> list[Name]:
-    """Those that a text with commas between them has, in the order of `names`."""
+    """NAME,... of --outputs, in the order of OUTPUTS."""
     named = text.split(",")
     for name in named:
-        if name not in names:
-            raise ArgumentTypeError(f"must be of {', '.join(names)}, got {name!r}")
-    return [name for name in names if name in named]
+        if name not in OUTPUTS:
+            raise ArgumentTypeError(f"must be of {', '.join(OUTPUTS)}, got {name!r}")
+    return [name for name in OUTPUTS if name in named]
 
 
 def triangles(text: str) -> int:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cltrace.base.errors import UsageError
 from cltrace.picture.image import DIRECTED, LIT, Image, Output, Show
 from cltrace.plan.abi import Precision
-from cltrace.plan.request import Antialias, Crop, Keep
+from cltrace.plan.request import Antialias, Crop
 from cltrace.scene import AnyCamera
 
 Kind = TypeVar("Kind")
@@ -100,7 +100,6 @@ class Drawing:
     samples: int | None
     outline: tuple[str, float] | None
     fog: tuple[str, float, float] | None
-    keep: tuple[Keep, ...]
     width: int | None
 
     def renderer_options(self, outputs: tuple[Output, ...]) -> dict[str, Any]:
@@ -323,7 +322,7 @@ class _Given:
         """Options of a kind of work on scenes."""
         args = self._args
         scenes = tuple(self._typed(SceneOptions, path=path) for path in args.scenes)
-        drawing = self._typed(Drawing, antialias=args.antialias or False, keep=tuple(args.keep))
+        drawing = self._typed(Drawing, antialias=args.antialias or False)
         output = None if args.output is None else tuple(args.output)
         common = {"scene": scenes[0], "scenes": scenes, "drawing": drawing, "look": self._typed(Look), "output": output}
         return self._typed(kind, **(common | others))

@@ -219,14 +219,6 @@ def _checks(group: Group) -> None:
         help="times and counts",
     )
     group.rare("--repeat", type=arguments.repeats, default=1, metavar="N", help="render N times, report the fastest")
-    group.rare(
-        "--keep",
-        metavar="NAME,...",
-        action="extend",
-        type=arguments.keep,
-        default=[],
-        help="skip none of these, to measure that: lists, ... (docs/speed.md has them)",
-    )
 
 
 def _messages(group: Group) -> None:

@@ -236,7 +236,7 @@ def test_the_command_says_so_and_writes_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("shells.xml").write_text(SCENE.format("".join(SPHERE.format(1 + k / 64) for k in range(24))), "utf-8")
-    assert cli.main(["shells.xml", "-d", device.spec, "--keep", "features"]) == 2
+    assert cli.main(["shells.xml", "-d", device.spec]) == 2
     error = "camera.max_bounces: must be lower than 22, with which pixel (0, 0) takes more than 1,048,576 rays; "
     error += "--limit rays=N or CLTRACE_LIMITS allows more"
     assert capsys.readouterr().err.splitlines()[-1] == f"cltrace: {error}"
