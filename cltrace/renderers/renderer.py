@@ -73,11 +73,11 @@ class Renderer:
     whole number, instead of rounded to the nearest; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on
     the device; antialias: whether colours are means over pixels: True for those of some rays, "proved" or levels of 255
     for means that are off by 1 level or by as many, but for a few pixels, with a proof, see Image; samples: with
-    antialias=True, how many rays a pixel has at most, 1, 4, 16, 32, 64, 256 or 1024, None for 32; outline: (color, width),
-    lines of so many pixels where a surface ends before another one or before the background; fog: (color, near, far), the colour to which surfaces fade between these
-    distances from the eye, in scene units: depth cueing. Both are made of exact ids and distances, of 16 rays a pixel
-    with antialias, and where a crop ends they are as in the whole picture. Their colours are given as the background's
-    is; without antialias, lines have an odd number of pixels.
+    antialias=True, how many rays a pixel has at most, 1, 4, 16, 32, 64, 256 or 1024, None for 32; outline: (color,
+    width), lines of so many pixels where a surface ends before another one or before the background; fog: (color, near,
+    far), the colour to which surfaces fade between these distances from the eye, in scene units: depth cueing. Both are
+    made of exact ids and distances, of 16 rays a pixel with antialias, and where a crop ends they are as in the whole
+    picture. Their colours are given as the background's is; without antialias, lines have an odd number of pixels.
 
     It has scene, device, precision, width, region, plan; seconds: what took how long, by "pack", "lists", "build" and
     "upload"; skipped: what the scene did not need. Several threads may use it: one renders while the others wait.
