@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 from hostile.mesh_regimes import AROUND, CLOSED, REGIMES, scene_of
+from hostile.sphere_regimes import rays as camera_rays
 from numpy.typing import NDArray
 
 from cltrace import Camera, Mesh, Scene, oracle
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.rays import trace_rays
 
 Floats32 = NDArray[np.float32]

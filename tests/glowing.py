@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
+from hostile.sphere_scenes import AHEAD, Ball, directions, looking
 from stress_cases import channel, picture
 
 from cltrace import Camera, Image, Scene, ambient_light
-from cltrace.bench.cases import AHEAD, Ball, directions, looking
 from cltrace.run.devices import Device
 
 Row = Sequence[float]

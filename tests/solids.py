@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from glowing import RED, WHITE
+from hostile.sphere_regimes import rays
+from hostile.sphere_scenes import directions, looking
 from stress_cases import OUTPUTS, channel
 
 from cltrace import Camera, Image, Material, Mesh, Renderer, Scene, ambient_light
-from cltrace.bench.cases import directions, looking
-from cltrace.bench.regimes import rays
 from cltrace.run.devices import Device
 
 Row = Sequence[float]

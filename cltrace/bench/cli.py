@@ -70,16 +70,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--publish", action="store_true", help="in a checkout: also write docs/benchmark.md, and its figures"
     )
-    p.add_argument(
-        "--stress", action="store_true", help="the stress catalogue instead: required and found, case by case"
-    )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress")
     p.add_argument("--version", action="version", version=f"cltrace-bench {metadata.version('cltrace')}")
     return p
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command. Returns its exit status: 0 ok, 1 worse than before or a stress case failed, 2 usage or scene,
+    """Runs the command. Returns its exit status: 0 ok, 1 worse than before, 2 usage or scene,
     3 device."""
     return command(
         "cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted="interrupted; what was measured is kept"
@@ -203,11 +200,6 @@ def _run(args: argparse.Namespace) -> int:
     if sys.stdout is None:
         raise UsageError("stdout is closed")
     _refuse(args)
-    if args.stress:
-        from . import stress
-
-        chosen = _devices(args)
-        return stress.run(chosen, args.quick, Progress(args.quiet, len(stress.chosen(args.quick))))
     plots = not (args.no_plots or args.counted)
     if plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
@@ -233,8 +225,6 @@ def _run(args: argparse.Namespace) -> int:
 def _refuse(args: argparse.Namespace) -> None:
     """UsageError for options that do not go together."""
     chosen = args.scenes or args.size or args.precision or args.rounds
-    if args.stress and (chosen or args.counted or args.source or args.against or args.publish):
-        raise UsageError("--stress has scenes of its own, and measures no times")
     if args.counted and (chosen or args.quick):
         raise UsageError("--counted has scenes of its own, in one size and one precision")
     if args.source and (chosen or args.quick or args.counted or args.device):

@@ -6,6 +6,7 @@ same seeds each time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.scene import (
+    Camera,
     Material,
     Mesh,
     Orthographic,
@@ -25,8 +27,6 @@ from cltrace.scene import (
     sky_light,
     spot_light,
 )
-
-from .cases import looking
 
 Size = tuple[int, int]
 Floats = NDArray[np.float64]
@@ -58,6 +58,13 @@ class Case:
     task: Task = "frame"
 
 
+def looking(size: Size, tan: float = 0.6, eye: tuple[float, float, float] = (0, 0, 0)) -> Camera:
+    """A camera that looks along -z. tan: half of the longer side of its image plane at distance 1."""
+    x, y, z = eye
+    ahead = (x, y, z - max(1.0, abs(z)))
+    return Camera(eye, ahead, (0, 1, 0), math.degrees(math.atan(tan)), size, square_pixels=True)
+
+
 def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
     """Balls in a box in front of the eye, with overlaps, smaller the more there are; one point light, and these."""
     rng = np.random.default_rng(1)
@@ -67,9 +74,7 @@ def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
     # Rounded to what other tracers can read, too.
     centers, radii = centers.astype("f4").astype("f8"), radii.astype("f4").astype("f8")
     lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2)), *more]
-    return Scene.from_spheres(
-        looking(tan=0.6, size=size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2)
-    )
+    return Scene.from_spheres(looking(size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2))
 
 
 def filled(size: Size) -> Scene:
@@ -82,9 +87,7 @@ def filled(size: Size) -> Scene:
     radii = np.repeat([0.875, 0.0625, 0.25], [8, 400, 400])
     lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2))]
     colors = rng.uniform(0.05, 1, (len(radii), 3))
-    return Scene.from_spheres(
-        looking(tan=0.6, size=size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2)
-    )
+    return Scene.from_spheres(looking(size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2))
 
 
 def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) -> Scene:
@@ -95,9 +98,9 @@ def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) 
     radii = np.array([radius, 1, 1, 1, *[0.2] * len(small)])
     colors = np.random.default_rng(5).uniform(0.1, 1, (len(radii), 3))
     move = offset * np.array([1, -0.7, 0.3])
-    eye, light = ((scale * (np.array(p) + move)).tolist() for p in ((0, 1.5, 13), (9, 14, 6)))
+    eye, light = (tuple((scale * (np.array(p) + move)).tolist()) for p in ((0, 1.5, 13), (9, 14, 6)))
     return Scene.from_spheres(
-        looking(eye, 0.4, size),
+        looking(size, 0.4, eye),
         [ambient_light((1, 1, 1)), point_light(light)],
         scale * (centers + move),
         scale * radii,
@@ -127,7 +130,7 @@ def clear(size: Size, reflectance: float, transmittance: float) -> Scene:
     centers = np.concatenate([centers, [(0, 0, -16)]])
     radii = np.append(rng.uniform(0.3, 0.6, 24), 6)
     return Scene.from_spheres(
-        replace(looking(tan=0.6, size=size), max_bounces=7),
+        replace(looking(size), max_bounces=7),
         WHITE_LIGHTS,
         centers.astype("f4").astype("f8"),
         radii.astype("f4").astype("f8"),
@@ -181,7 +184,7 @@ def meshed(size: Size, shape: tuple[Floats, NDArray[np.int64], Floats | None]) -
     """A mesh of these vertices, faces and normals."""
     vertices, faces, normals = shape
     mesh = Mesh(vertices.astype("f4"), faces, normals, material=LOOK)
-    return Scene.from_meshes(looking(tan=0.6, size=size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
+    return Scene.from_meshes(looking(size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
 
 
 def checks(side: int) -> NDArray[np.uint8]:
@@ -197,7 +200,7 @@ def floor(size: Size) -> Scene:
     place = [(0, 0), (16, 0), (16, 16), (0, 16)]
     look = Material(LOOK.color, ka=0.1, kd=0.7, ks=0.4, exponent=50, texture=checks(256))
     mesh = Mesh(corners, [(0, 1, 2), (0, 2, 3)], uv=place, material=look)
-    return Scene.from_meshes(looking(tan=0.6, size=size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
+    return Scene.from_meshes(looking(size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
 
 
 def painted(count: int, size: Size) -> Scene:
@@ -218,7 +221,7 @@ def sticks(count: int, size: Size) -> Scene:
     joined = ((place + axis) % side) @ (side * side, side, 1)
     pairs = np.column_stack([np.arange(len(place)), joined])[(place + axis < side).all(axis=1)]
     return Scene.from_spheres(
-        looking(tan=0.6, size=size), WHITE_LIGHTS, centers.astype("f4").astype("f8"), 1.5 / side,
+        looking(size), WHITE_LIGHTS, centers.astype("f4").astype("f8"), 1.5 / side,
         rng.uniform(0.05, 1, (len(place), 3)), ka=0.1, background=(0.1, 0.1, 0.2),
         bonds=pairs, bond_radius=np.float32(0.6 / side), bond_colors="white",
     )  # fmt: skip

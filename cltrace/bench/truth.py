@@ -1,8 +1,4 @@
-"""What exact arithmetic says about the pixels of a scene: what is hit, where, and which lights reach it.
-
-Where the camera looks along an axis (see cases.py), the oracle says what is hit, at what distance, and what is lit. Any
-other camera rounds when it turns the world into camera space, and what is true of its picture is what the reference
-tracer says, as it is of meshes and ellipsoids. Colours are always the reference tracer's.
+"""What the pixels of a scene must be, by the reference tracer, which decides exactly what is hit and what is lit.
 
 A scene of many round spheres is thinned first: of a million, a ray and its shadow rays come near a few hundred.
 """
@@ -10,22 +6,19 @@ A scene of many round spheres is thinned first: of a million, a ray and its shad
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cltrace.base.limits import MAX_SIDE
-from cltrace.oracle.spheres import closest, lit, normal_high
+from cltrace.oracle.spheres import closest
 from cltrace.plan.abi import Precision
 from cltrace.reference import Material, byte_of, world_of
 from cltrace.reference.trace import cast_shadow_ray, illuminate, primary_ray, trace
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import Device
-from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, AnyCamera, Scene
-
-from .cases import directions
+from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Scene
 
 if TYPE_CHECKING:
     from .scenes import Case
@@ -43,65 +36,6 @@ RAYS, MOST_PIXELS = 64, 2**28
 BAND, BANDS = 2**21, 4
 
 WHITE = Material(color=(1.0, 1.0, 1.0), ka=0.0, kd=1.0, ks=0.0, exponent=1.0)
-
-
-def looks_along_an_axis(camera: AnyCamera) -> bool:
-    """Whether turning the world into camera space rounds nothing."""
-    return set(np.abs(np.ravel(camera.basis()))) == {0.0, 1.0}
-
-
-@dataclass(frozen=True)
-class Hits:
-    """What n pixels show.
-
-    d: (n, 3), directions of their rays in the world; index: (n,) int32, of the sphere, -1 = none; depth: (n,) long
-    double, distance from the eye in scene units, inf = none; outside: (n,), whether the eye is outside of that sphere.
-    """
-
-    d: Floats
-    index: NDArray[np.int32]
-    depth: NDArray[np.longdouble]
-    outside: NDArray[np.bool_]
-
-
-def hits(scene: Scene, pixels: ArrayLike | None = None) -> Hits:
-    """What the oracle says of these pixels, counted row by row, or of all. The camera must look along an axis."""
-    d = directions(scene.camera)
-    d = d if pixels is None else d[np.asarray(pixels, int)]
-    eye, spheres = scene.camera.position, scene.spheres
-    index, t = closest(eye, d, spheres["center"], spheres["radius"])
-    # The distance is rounded once more than t.
-    depth = t * np.sqrt((d.astype(np.longdouble) ** 2).sum(axis=1))
-    outside = np.ones(len(d), bool)
-    for i in np.unique(index[index >= 0]):
-        outside[index == i] = _outside(scene, int(i))
-    return Hits(d, index, depth, outside)
-
-
-def _outside(scene: Scene, i: int) -> bool:
-    center, radius = scene.spheres["center"][i].tolist(), Fraction(float(scene.spheres["radius"][i]))
-    return sum((Fraction(c) - Fraction(e)) ** 2 for c, e in zip(center, scene.camera.position, strict=True)) > radius**2
-
-
-def facing_normal(scene: Scene, seen: Hits, row: int) -> tuple[Fraction, ...]:
-    """The normal at the hit of that row of `seen`, facing the eye, to 50 digits."""
-    sphere = scene.spheres[seen.index[row]]
-    n = normal_high(scene.camera.position, seen.d[row], sphere["center"], float(sphere["radius"]))
-    return n if seen.outside[row] else tuple(-x for x in n)
-
-
-def reached(scene: Scene, seen: Hits, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(rows, lights) each, for all lights that are not ambient: lit and facing of the hits of these rows, as
-    spheres.lit() says.
-
-    A spot light is taken for a point light: its cone is not looked at.
-    """
-    spheres, out = scene.spheres, np.zeros((2, len(rows), int((scene.lamps["kind"] != AMBIENT).sum())), bool)
-    for k, light in enumerate(scene.lamps[scene.lamps["kind"] != AMBIENT]):
-        kind: Literal["point", "parallel"] = "parallel" if light["kind"] == PARALLEL else "point"
-        where, hits = light["direction" if kind == "parallel" else "position"], (seen.d[rows], seen.index[rows])
-        out[:, :, k] = lit(scene.camera.position, *hits, spheres["center"], spheres["radius"], where, kind)
-    return out[0], out[1]
 
 
 @dataclass(frozen=True)
@@ -234,14 +168,6 @@ def _answer(scene: Scene, pixels: NDArray[np.intp]) -> Answer:
         dull = replace(at, material=WHITE)
         out.light[row] = [max(illuminate(lamp, ray, dull, light).color) for lamp in bare for light in lamp.lights]
         out.lit[row] = [not cast_shadow_ray(world, at, light) for light in world.lights]
-    if looks_along_an_axis(scene.camera) and can_thin(scene):
-        seen = hits(scene, pixels)
-        out.id[:], out.depth[:] = seen.index, seen.depth
-        out.normal[:] = 0
-        rows = np.flatnonzero(seen.index >= 0)
-        for row in rows.tolist():
-            out.normal[row] = [float(x) for x in facing_normal(scene, seen, row)]
-        out.lit[rows], _ = reached(scene, seen, rows)
     out.lit[:] &= out.light > 0
     return out
 
@@ -273,10 +199,7 @@ def held_against(case: Case, reference: Product | None) -> Truth | None:
         return Truth(
             bytes_of, f"{len(case.scene.lamps)} lights in place of the soft ones, by cltrace in double precision"
         )
-    text = "cltrace in double precision, of which a sample is held against "
-    if can_thin(case.scene) and looks_along_an_axis(case.scene.camera):
-        return Truth(bytes_of, text + "exact arithmetic, its colours against the reference tracer", found)
-    return Truth(bytes_of, text + "the reference tracer", found)
+    return Truth(bytes_of, "cltrace in double precision, a sample of it against the reference tracer", found)
 
 
 def means(scene: Scene, device: Device, precision: Precision = "accurate", bands: int = 1) -> tuple[Floats, int]:

@@ -69,7 +69,6 @@ def test_without_matplotlib(tmp_path: Path) -> None:
         (["--device", "no such"], 3, "cltrace-bench: no device matches 'no such'"),
         (["--rounds", "0"], 2, "cltrace-bench: argument --rounds: must be a whole number >= 1, got '0'"),
         (["--size", "9"], 2, "cltrace-bench: argument --size: must be WIDTHxHEIGHT, such as 640x480, got '9'"),
-        (["--stress", "a.xml"], 2, "cltrace-bench: --stress has scenes of its own"),
         (["-o", "file"], 2, "cltrace-bench: -o: File exists: 'file'"),
         (["--from", "missing.json"], 2, "cltrace-bench: missing.json: No such file or directory"),
         (["--from", "file"], 2, "cltrace-bench: file: these are no results of cltrace-bench: "),

@@ -16,7 +16,6 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.numbers.pairs import Floats
 from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds
@@ -28,6 +27,7 @@ from cltrace.reference.round import Round
 from cltrace.reference.surfaces import Surface
 from cltrace.reference.trace import primary_ray
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
+from hostile.sphere_regimes import rays as camera_rays
 
 from . import bounced_regimes
 from .bounced_regimes import ALONG, INWARDS, KINDS, REGIMES, TOUCHING, Leaving, Made

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_BOUNCES
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.numbers.pairs import Floats
 from cltrace.oracle.rays import Ids, Points, Rays, along, at_point, rounded, to_light
 from cltrace.oracle.search import Kinds
@@ -23,6 +22,7 @@ from cltrace.oracle.triangles import Triangles, on_triangles
 from cltrace.reference import OnTriangle, Point, world_of
 from cltrace.reference.world import frame_of
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
+from hostile.sphere_regimes import rays as camera_rays
 
 from .bounced_pictures import DIGITS, Starts, names, onward
 from .columns import Bools, Vector, columns_of, constant, cross, dot, minus, product, times

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.oracle.cuts import Cuts
 from cltrace.oracle.cylinders import Cylinders
 from cltrace.oracle.rays import along, at_point, to_light
@@ -21,6 +20,7 @@ from cltrace.oracle.spheres import Spheres
 from cltrace.oracle.triangles import Triangles
 from cltrace.picture.image import Image
 from cltrace.scene import PARALLEL, Camera, Scene, parallel_light, point_light
+from hostile.sphere_regimes import rays as camera_rays
 
 Floats = NDArray[np.float64]
 

@@ -31,12 +31,12 @@ from glowing import (
     total,
     turned,
 )
+from hostile.sphere_regimes import rays as camera_rays
+from hostile.sphere_scenes import AXES, Ball, aimed, directions, limbs, looking
 from random_scenes import random_tree
 from stress_cases import channel, picture
 
 from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, spot_light
-from cltrace.bench.cases import AXES, Ball, aimed, directions, limbs, looking
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.reference import byte_of, world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device

@@ -24,10 +24,10 @@ from glowing import (
     show,
     targets,
 )
+from hostile.sphere_scenes import directions, looking, unit
 from stress_cases import channel, picture
 
 from cltrace import Camera, Renderer, Scene, point_light
-from cltrace.bench.cases import directions, looking, unit
 from cltrace.run.devices import Device
 from cltrace.students.check import check
 

@@ -7,11 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pyopencl as cl
 import pytest
+from hostile.sphere_regimes import EDGES, REGIMES, camera_space, rays
 from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench.regimes import EDGES, REGIMES, camera_space, rays
 from cltrace.oracle.spheres import closest
 from cltrace.plan import abi
 from cltrace.reference import world_of

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from glowing import BLACK, BLUE, GREEN, NIGHT, RED, WHITE, total
+from hostile.sphere_scenes import directions, looking, unit
 from solids import (
     AT_FOUR,
     NARROW,
@@ -32,7 +33,6 @@ from solids import (
 from stress_cases import channel
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
-from cltrace.bench.cases import directions, looking, unit
 from cltrace.run.devices import Device
 
 pytestmark = pytest.mark.slow

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from hostile.sphere_scenes import directions, looking
 from solids import (
     NARROW,
     WIDE,
@@ -31,7 +32,6 @@ from solids import (
 from stress_cases import channel
 
 from cltrace import Material, Scene, parallel_light, point_light
-from cltrace.bench.cases import directions, looking
 from cltrace.run.devices import Device
 
 pytestmark = pytest.mark.slow

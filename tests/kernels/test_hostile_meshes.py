@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from glowing import BLUE, WHITE
+from hostile.sphere_scenes import AHEAD, BACK, LEFT, UP, directions, looking
 from solids import (
     AT_FOUR,
     NARROW,
@@ -42,7 +43,6 @@ from stress_cases import channel
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
-from cltrace.bench.cases import AHEAD, BACK, LEFT, UP, directions, looking
 from cltrace.plan.request import KEEPS
 from cltrace.run.devices import Device
 

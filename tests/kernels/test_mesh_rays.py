@@ -26,10 +26,10 @@ from hostile.mesh_regimes import CLOSED, REGIMES, scene_of
 from hostile.mixed_pictures import REGIMES as MIXED
 from hostile.mixed_pictures import judge as judge_mixed
 from hostile.mixed_pictures import scene_of as mixed_scene
+from hostile.sphere_regimes import rays as camera_rays
 from solids import box
 
 from cltrace import Camera, Image, Material, Mesh, Renderer, Scene, ambient_light, parallel_light, point_light
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.rays import trace_rays
 from cltrace.run.devices import Device
 from cltrace.students.check import check

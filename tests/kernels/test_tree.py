@@ -19,13 +19,13 @@ from glowing import (
     glowing,
     shades,
 )
+from hostile.sphere_scenes import unit
 from PIL import Image as Picture
 from random_scenes import fuzzed_tree, random_tree, stretched
 from stress_cases import channel, picture, remembered
 
 import cltrace
 from cltrace import CltraceError, Image, Scene, ambient_light, parallel_light, point_light
-from cltrace.bench.cases import unit
 from cltrace.plan.request import KEEPS
 from cltrace.reference import byte_of, world_of
 from cltrace.reference.trace import primary_ray, trace

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hostile import bounced_pictures, mesh_regimes, rod_pictures
+from hostile.sphere_regimes import EDGES, REGIMES
 from stress_cases import channel, picture
 
 import cltrace
 from cltrace import Scene
-from cltrace.bench.regimes import EDGES, REGIMES
 from cltrace.picture.image import Image
 from cltrace.run import undecided
 from cltrace.run.devices import Device

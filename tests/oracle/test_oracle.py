@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from fuzzing import examples
 from hostile import bounced_regimes
+from hostile.sphere_regimes import REGIMES, camera_space, rays
 from hypothesis import given
 from hypothesis import strategies as st
 
 import cltrace
-from cltrace.bench.regimes import REGIMES, camera_space, rays
 from cltrace.numbers.fine import Fine
 from cltrace.oracle import spheres as oracle
 from cltrace.oracle.rays import along, at_point

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hostile.sphere_regimes import rays as camera_rays
 from random_scenes import crowded, fuzzed_scene, random_scene
 from stress_cases import OUTPUTS, picture, renderer
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.picture.image import Output
 from cltrace.plan import culling, features
 from cltrace.plan.abi import COUNTERS

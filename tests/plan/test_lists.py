@@ -14,11 +14,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from hostile.sphere_scenes import aimed, balls, directions, limbs, looking, unit
 from numpy.typing import NDArray
 from random_scenes import tunnel
 
 from cltrace import Scene, parallel_light, point_light
-from cltrace.bench.cases import aimed, balls, directions, limbs, looking, unit
 from cltrace.bench.scenes import cloud, field
 from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds

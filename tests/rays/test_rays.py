@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hostile.mesh_regimes import REGIMES, icosphere, scene_of
+from hostile.sphere_regimes import rays as camera_rays
 from rational_meshes import doubles_mesh, grid_mesh
 
 import cltrace
 from cltrace import Camera, Mesh, Scene, oracle
-from cltrace.bench.regimes import rays as camera_rays
 from cltrace.numbers.inverses import inverses
 from cltrace.rays import Hits, trace_rays
 from cltrace.rays import trace as inside

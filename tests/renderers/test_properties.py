@@ -15,13 +15,13 @@ import numpy as np
 import pyopencl as cl
 import pytest
 from fuzzing import examples
+from hostile.sphere_regimes import REGIMES, camera_space, rays
 from hypothesis import example, given
 from hypothesis import strategies as st
 from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.bench.regimes import REGIMES, camera_space, rays
 from cltrace.numbers.pairs import two_product, two_sum
 from cltrace.oracle.spheres import closest
 from cltrace.plan.rounding import dot_products, square_excess

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from cltrace.bench.tracers import Tracer
 
-from . import embree, mitsuba, open3d, povray, vtk
+from . import embree, mitsuba, povray
 from .peer import PeerError as PeerError
 
-PEERS = (embree.tracers, povray.tracers, mitsuba.tracers, open3d.tracers, vtk.tracers)
+PEERS = (embree.tracers, povray.tracers, mitsuba.tracers)
 
 
 def installed(folder: Path) -> tuple[list[Tracer], list[str]]:

@@ -2,9 +2,8 @@
 
 G big spheres, T tiny ones, O offsets, K scales, X the ends of the range, V normals, R degenerate spheres, D rays,
 I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, M mirrors, F glass, E the
-hostile regimes of regimes.py, N what is refused. The tests and `cltrace-bench --stress` both draw these. The docstring
-of each function says what goes wrong in a careless tracer. Its `amount` is 1, or 16 for as many times the pixels,
-spheres or scenes.
+hostile regimes of sphere_regimes.py. The docstring of each function says what goes wrong in a careless tracer. Its
+`amount` is 1, or 16 for as many times the pixels, spheres or scenes.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ from functools import partial
 import numpy as np
 
 from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-
-from .cases import (
+from hostile.sphere_regimes import REGIMES, TANGENT, globe
+from hostile.sphere_scenes import (
     AHEAD,
     AXES,
     BACK,
@@ -36,36 +35,19 @@ from .cases import (
     ulp32,
     unit,
 )
-from .regimes import REGIMES, TANGENT, globe
 
 Scenes = Iterator[Scene]
 Numbers = float | Sequence[float]
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What is required: the largest value that the field of that name may have in errors.Errors; None if any may be.
-
-    same: how many pixels of each scene may differ from the case's first scene, which is the same, moved or scaled.
-    """
-
-    wrong_ids: int | None = 0
-    t_ulp: float | None = 0.52
-    normal: float | None = 1e-7
-    false_shadows: int | None = 0
-    leaks: int | None = 0
-    bytes_off: int | None = 0
-    not_finite: int | None = 0
-    same: int | None = None
-
-
-GEOMETRY = Limits(false_shadows=None, leaks=None, bytes_off=None)
-SHADOWS = Limits()
-SAME = Limits(same=0)
-# Colours far beyond what float32 can hold are infinite; only their bytes can be right.
-BYTES = Limits(None, None, None, None, None, bytes_off=0, not_finite=None)
-# Where rays bounce, what is seen first is exact, and the colour says which things were met after that.
-TREES = Limits(false_shadows=None, leaks=None)
+# What is required of a case, besides numbers in all pixels. hits: exact surfaces, distances and normals; shadows: exact
+# shadows; colors: colours to a level; same: the picture of the first scene, which is the same one, moved or scaled.
+GEOMETRY = frozenset({"hits"})
+SHADOWS = frozenset({"hits", "shadows", "colors"})
+SAME = SHADOWS | {"same"}
+BYTES: frozenset[str] = frozenset()
+# Where rays bounce, the colour says which things were met.
+TREES = frozenset({"hits", "colors"})
 
 
 @dataclass(frozen=True)
@@ -75,16 +57,7 @@ class Case:
     name: str
     what: str
     scenes: Callable[[int], Scenes]
-    limits: Limits = GEOMETRY
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """Something that must not reach a kernel: each of these calls has to end in a ValueError."""
-
-    name: str
-    what: str
-    calls: Sequence[Callable[[], object]]
+    checks: frozenset[str] = GEOMETRY
 
 
 # ------------------------------------------------------------------------------------------------ big, tiny, far away
@@ -545,26 +518,10 @@ def _regime(name: str, amount: int) -> Scenes:
         yield dict(REGIMES)[name](seed, size=frame(amount, 1200))
 
 
-# ------------------------------------------------------------------------------------------------------------ refused
-
-
-def _camera(**changed: object) -> object:
-    return Camera(**changed)  # type: ignore[arg-type]
-
-
-def _ball(**changed: object) -> object:
-    given: dict[str, object] = {"centers": [(0, 0, -5)], "radii": [1.0], "lights": [ambient_light()], **changed}
-    return Scene.from_spheres(Camera(), **given)  # type: ignore[arg-type]
-
-
-# None of these may reach a kernel as a number.
-BAD: tuple[object, ...] = (math.nan, math.inf, -math.inf, 1e39, True, None, "1")
-NO_RADIUS = (0.0, -0.0, -1.0, -1e-45)
-NO_FOV = (0, 90, 180, 181, -1e-9, -45, math.nan)
 GAPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, "float", "double")
 
 # fmt: off
-CATALOGUE: list[Case | Refusal] = [
+CATALOGUE = [
     *(Case(n, f"ground sphere of R = {R:.0e}, eye {h:g} above", partial(_ground, R, h))
       for n, R, h in (("G1", 1e3, 1), ("G2", 1e5, 1), ("G3", 1e7, 1), ("G5", 1e7, 1.3))),
     *(Case("G4", f"tilted globes of R = {R:.0e}, eye 1 above", partial(_globes, R)) for R in (1e3, 1e5, 1e7)),
@@ -620,21 +577,10 @@ CATALOGUE: list[Case | Refusal] = [
     Case("F2", "indices of 1, 1e-3 and 1e3, glass in glass", _indices, TREES),
     Case("F3", "through the centre of glass, and grazing it", _through_the_centre, TREES),
     *(Case("E", name, partial(_regime, name)) for name, _ in REGIMES),
-    Refusal("R0", "no radius", [partial(_ball, radii=[r]) for r in NO_RADIUS]),
-    Refusal("C3", "no field of view", [partial(_camera, horizontal_fov=f) for f in NO_FOV]),
-    Refusal("C5", "no camera axes", [partial(_camera, up=up) for up in ((0, 0, 1), (0, 0, -1e30), (0, 1e-40, 7))]),
-    Refusal("D4", "no direction",
-            [partial(_camera, lookat=(0, 0, 0)), partial(_camera, lookat=(0, math.nan, 0)),
-             partial(_camera, lookat=(0, 0, -math.inf)), partial(_camera, position=(math.inf, 0, 0)),
-             partial(_camera, up=(0, 0, 0))]),
-    Refusal("N1", "what is no number, in a camera",
-            [partial(_camera, **{name: (0.5, 0.25, bad)}) for name in ("position", "lookat", "up") for bad in BAD]),
-    Refusal("N1", "what is no number, in a sphere",
-            [partial(_ball, radii=[bad]) for bad in BAD] + [partial(_ball, centers=[(0, 0, bad)]) for bad in BAD]),
 ]
 # fmt: on
 
 
 def cases(*names: str) -> list[Case]:
     """The cases of these names, or all of them."""
-    return [case for case in CATALOGUE if isinstance(case, Case) and (not names or case.name in names)]
+    return [case for case in CATALOGUE if not names or case.name in names]

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene import AnyCamera, Camera, Scene, Vector, ambient_light, parallel_light, point_light, spot_light
-
-from .regimes import rays
+from hostile.sphere_regimes import rays
 
 Floats = NDArray[np.float64]
 Ball = tuple[Sequence[float], float]
