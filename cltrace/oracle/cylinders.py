@@ -76,6 +76,11 @@ class Cylinders(Kind):
         half = self.ends / 2 - self.starts / 2
         return self.starts / 2 + self.ends / 2, (np.sqrt((half * half).sum(axis=1)) + self.radii) * (1 + 2.0**-40)
 
+    @property
+    def extent(self) -> float:
+        middle, outer = self.balls
+        return float(np.abs(middle).max(initial=0) + outer.max(initial=0))
+
     def round_part(self, rough: Rough, item: Ids, f: Triple[Fine], u: Triple[Fine]) -> tuple[Fine, Fine, Fine, Fine]:
         """a, b, c and D of what goes round the axis."""
         w, r, uu = rough.way, Fine.of(self.radii[item]), dot(u, u)
@@ -125,13 +130,10 @@ class Cylinders(Kind):
         fit = rays.rough.fits(MOST)[ray] & self.moderate[item]
         sure, gone = sure & fit, gone & fit
         t = Fine(t.h, t.l, np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
-        if rays.t_max < np.inf:
-            rest = (t - Fine.of(np.full(len(ray), rays.t_max))).sign()
-            sure, gone = sure & (rest < 0), gone | (sure & (rest > 0))
         kept = np.flatnonzero(~gone)
         return Hits(ray[kept], item[kept], sure[kept], t[kept])
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
+    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
         S, E = (whole(x[item], exact.grid) for x in (self.starts, self.ends))
         u, f = columns(E - S), minus(columns(S * exact.scale[:, None]), exact.start)
         g, h = dot(exact.way, u), dot(f, u)

@@ -113,22 +113,37 @@ class Points:
 
 @dataclass(frozen=True)
 class Rays:
-    """n rays, which count for t_min < t < t_max. rough: None if whole numbers decide all; the rest as of Points."""
+    """n rays, which count for t_min < t < t_max, (n,) or one number for all. rough: None if whole numbers decide all;
+    the rest as of Points."""
 
     rough: Rough | None
     grid: int
     exact: Callable[[Ids, int], ExactRays]
     own: Ids
     kind: type | None = None
-    t_min: float = 0.0
-    t_max: float = np.inf
+    t_min: float | Floats = 0.0
+    t_max: float | Floats = np.inf
 
     def __len__(self) -> int:
         return len(self.own)
 
     def at(self, rows: Ids) -> Rays:
         rough = self.rough.at(rows) if self.rough else None
-        return replace(self, rough=rough, own=self.own[rows], exact=lambda some, grid: self.exact(rows[some], grid))
+        low, high = (np.broadcast_to(end, len(self))[rows] for end in (self.t_min, self.t_max))
+
+        def exact(some: Ids, grid: int) -> ExactRays:
+            return self.exact(rows[some], grid)
+
+        return replace(self, rough=rough, exact=exact, own=self.own[rows], t_min=low, t_max=high)
+
+    def begun(self) -> Rays:
+        """The same rays from where t = t_min, for what doubles know of them: their t counts from there."""
+        assert self.rough is not None
+        if not np.any(self.t_min):
+            return self
+        t = Fine.of(np.broadcast_to(self.t_min, len(self)).copy())
+        x, y, z = (step + t * way for step, way in zip(self.rough.step, self.rough.way, strict=True))
+        return replace(self, rough=self.rough._replace(step=(x, y, z)))
 
     def left(self, kind: type) -> Ids:
         """(n,): rows of the surfaces of that kind that the rays leave, -1 for none."""

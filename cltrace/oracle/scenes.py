@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.numbers.pairs import Floats
-from cltrace.oracle.rays import along, at_point
+from cltrace.oracle.rays import Ids, along, at_point
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import KINDS
 from cltrace.oracle.spheres import array_of
@@ -25,10 +26,17 @@ class Answer(NamedTuple):
     t: Floats
 
 
-def closest_hit(scene: Scene, origins: ArrayLike, directions: ArrayLike) -> Answer:
-    """What rays meet first, at t > 0.
+def closest_hit(
+    scene: Scene,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_min: float | Floats = 0.0,
+    t_max: float | Floats = np.inf,
+) -> Answer:
+    """What rays meet first, at t_min < t < t_max.
 
-    origins, directions: (n, 3), or (3,) for one of them, scene units, in the world; finite. Touching
+    origins, directions: (n, 3), or (3,) for one of them, scene units, in the world; finite; t_min, t_max: (n,), or one
+    number for all. Touching
     counts, and an edge belongs to one of its triangles: the one that the ray turned by e, e^2 and e^3
     along x, y and z meets for small e > 0. Of equally near surfaces, the lowest number is met, and in a mesh the lowest
     triangle; of triangles in different planes, the one that the turned ray meets first.
@@ -37,11 +45,34 @@ def closest_hit(scene: Scene, origins: ArrayLike, directions: ArrayLike) -> Answ
     ValueError, which names the argument, where it is not of its shape or not finite, or a direction is 0.
     """
     o, d = rays_of(origins, directions)
-    kinds = [kind.of(scene) for kind in KINDS]
-    found = Kinds(kinds).closest(along(at_point(o, len(o)), d, np.eye(3)))
-    ids = np.concatenate([*(kind.surface for kind in kinds), [-1]])[found.item]
-    primitive = np.concatenate([*(kind.primitives() for kind in kinds), [-1]])[found.item]
-    return Answer(ids.astype(np.int32), primitive.astype(np.int32), found.rounded())
+    kinds = kinds_of(scene)
+    item, t = closest_item(kinds, o, d, t_min, t_max)
+    id_, primitive = (np.append(numbers, -1)[item].astype(np.int32) for numbers in (kinds.surface, kinds.primitive))
+    return Answer(id_, primitive, t)
+
+
+def kinds_of(scene: Scene) -> Kinds:
+    """All surfaces of a scene."""
+    return Kinds([kind.of(scene) for kind in KINDS])
+
+
+def closest_item(
+    kinds: Kinds,
+    o: Floats,
+    d: Floats,
+    t_min: float | Floats,
+    t_max: float | Floats,
+    pairs: tuple[Ids, Ids] | None = None,
+) -> tuple[Ids, Floats]:
+    """What rays, (n, 3), meet first: its row in `kinds`, -1 for none, and t, correctly rounded. pairs: (k,) rays,
+    rising, and rows that may meet, None for all of them."""
+    # Doubles need a finite start. No surface is before this one.
+    with np.errstate(over="ignore"):
+        extent = np.abs(o).max(axis=1) + max(kind.extent for kind in kinds.kinds)
+        begin = -4 * extent / np.abs(d).max(axis=1)
+    low = np.where(np.isneginf(t_min), begin, t_min)
+    found = kinds.closest(replace(along(at_point(o, len(o)), d, np.eye(3)), t_min=low, t_max=t_max), pairs)
+    return found.item, found.rounded()
 
 
 def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[Floats, Floats]:

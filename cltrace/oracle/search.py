@@ -101,8 +101,15 @@ class Roots:
         p, q = np.array(ratios, object).reshape(-1, 2).T
         return signs_with_root(self.b * q - self.a * p, self.side * q, self.D)
 
-    def within(self, t_min: float, t_max: float) -> Bools:
-        return np.asarray((self.sign_less(t_min) > 0) & (self.sign_less(t_max) < 0))
+    def within(self, t_min: float | Floats, t_max: float | Floats) -> Bools:
+        """(k,): whether t_min < t < t_max; these are (k,), or one number for all."""
+        inside = np.ones(len(self.side), bool)
+        for ends, sign in ((t_min, 1), (t_max, -1)):
+            values, which = np.unique(np.broadcast_to(ends, len(inside)), return_inverse=True)
+            for i, value in enumerate(values.tolist()):
+                rows = np.flatnonzero(which == i)
+                inside[rows] &= self.at(rows).sign_less(value) == sign
+        return inside
 
     def between(self, i: int, bits: int) -> Interval | None:
         """Bounds of t of the i-th, closer the more bits there are; None if these are too few."""
@@ -146,6 +153,11 @@ class Kind(ABC):
     def of(cls, scene: Scene) -> Self:
         """All of a scene."""
 
+    @property
+    @abstractmethod
+    def extent(self) -> float:
+        """No coordinate of any point of them is larger than this."""
+
     def primitives(self) -> Ids:
         """(m,): the number of each one in its mesh, -1 for none."""
         return np.full(len(self.surface), -1)
@@ -156,50 +168,67 @@ class Kind(ABC):
 
     @abstractmethod
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
-        """Those of these pairs that do not surely pass each other by, within 0 < t < t_max."""
+        """Those of these pairs that do not surely pass each other by, at t > 0."""
 
     @abstractmethod
-    def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
-        """Where each ray meets its surface, exactly."""
+    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
+        """Where each ray meets its surface within t_min < t < t_max, exactly; these are (k,), or one for all."""
 
 
 class Kinds:
-    """Surfaces of several kinds, whose rows are counted on from one kind to the next."""
+    """Surfaces of several kinds, whose rows are counted on from one kind to the next.
+
+    first: the row of each kind's first one, and how many there are in all; surface, primitive: (m,), their numbers.
+    """
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
         self.kinds, self.first = kinds, np.cumsum([0, *(len(kind.surface) for kind in kinds)])
+        self.surface = np.concatenate([kind.surface for kind in kinds])
+        self.primitive = np.concatenate([kind.primitives() for kind in kinds])
 
-    def hits(self, rays: Rays) -> Iterator[tuple[slice, Rays, Hits]]:
-        """All hits, sure ones and others, for blocks of the rays. The rays of Hits are counted from the block's."""
-        size = max(1, PAIRS_AT_ONCE // max(1, int(self.first[-1])))
+    def hits(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Iterator[tuple[slice, Rays, Hits]]:
+        """All hits, sure ones and others, for blocks of the rays. The rays of Hits are counted from the block's.
+
+        pairs: (k,) rays, rising, and surfaces that may meet, None for all.
+        """
+        many = int(self.first[-1]) if pairs is None else -(-len(pairs[0]) // max(1, len(rays)))
+        size = max(1, PAIRS_AT_ONCE // max(1, many))
         for begin in range(0, len(rays), size):
             rows = np.arange(begin, min(begin + size, len(rays)))
-            block = rays.at(rows)
-            parts = [self._hits(kind, block, int(k)) for kind, k in zip(self.kinds, self.first, strict=False)]
+            block, some = rays.at(rows), None
+            if pairs is not None:
+                one, end = np.searchsorted(pairs[0], (begin, begin + size))
+                some = pairs[0][one:end] - begin, pairs[1][one:end]
+            parts = [self._hits(kind, block, int(k), some) for kind, k in zip(self.kinds, self.first, strict=False)]
             ray, item, sure = (np.concatenate([part[i] for part in parts]) for i in range(3))
             h, low, error = (np.concatenate([getattr(part.t, name) for part in parts]) for name in ("h", "l", "error"))
             yield slice(begin, begin + len(rows)), block, Hits(ray, item, sure, Fine(h, low, error))
 
     @staticmethod
-    def _hits(kind: Kind, rays: Rays, first: int) -> Hits:
+    def _hits(kind: Kind, rays: Rays, first: int, pairs: tuple[Ids, Ids] | None) -> Hits:
+        n, m = len(rays), len(kind.surface)
+        if pairs is not None:
+            own = (pairs[1] >= first) & (pairs[1] < first + m)
+            pairs = pairs[0][own], pairs[1][own] - first
         with np.errstate(all="ignore"):  # what is not finite is not sure
-            if rays.rough is not None and rays.t_min == 0:
-                hits = kind.hits(rays, *kind.near(rays))
+            if rays.rough is not None:
+                begun = rays.begun()
+                hits = _limited(kind.hits(begun, *(kind.near(begun) if pairs is None else pairs)), rays)
             else:
-                n, m = len(rays), len(kind.surface)
-                unknown = np.full(n * m, np.inf)
-                t = Fine(np.zeros(n * m), np.zeros(n * m), unknown)
-                hits = Hits(np.repeat(np.arange(n), m), np.tile(np.arange(m), n), np.zeros(n * m, bool), t)
+                ray, item = pairs or (np.repeat(np.arange(n), m), np.tile(np.arange(m), n))
+                t = Fine(np.zeros(len(ray)), np.zeros(len(ray)), np.full(len(ray), np.inf))
+                hits = Hits(ray, item, np.zeros(len(ray), bool), t)
         return hits._replace(item=hits.item + first)
 
     def roots(self, rays: Rays, ray: Ids, item: Ids) -> Roots:
         """Of these pairs, exactly."""
         used, place = np.unique(ray, return_inverse=True)
         exact = rays.exact(used, max(rays.grid, *(kind.grid for kind in self.kinds))).at(place)
+        ends = [np.broadcast_to(end, len(rays)) for end in (rays.t_min, rays.t_max)]
         of = np.searchsorted(self.first, item, side="right") - 1
         rows = [np.flatnonzero(of == k) for k in range(len(self.kinds))]
         parts = [
-            kind.roots(exact.at(some), item[some] - first, rays.t_min, rays.t_max)
+            kind.roots(exact.at(some), item[some] - first, *(end[ray[some]] for end in ends))
             for kind, some, first in zip(self.kinds, rows, self.first, strict=False)
             if len(some)
         ]
@@ -220,10 +249,10 @@ class Kinds:
         """(n,): whether each ray meets anything."""
         return self.counts(rays) > 0
 
-    def closest(self, rays: Rays) -> Found:
-        """What each ray meets first; of equally near surfaces, as Roots.before() has it."""
+    def closest(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Found:
+        """What each ray meets first; of equally near surfaces, as Roots.before() has it. pairs: as of hits()."""
         index, t, unsure = np.full(len(rays), -1), _none(len(rays)), np.zeros(len(rays), bool)
-        for part, block, hits in self.hits(rays):
+        for part, block, hits in self.hits(rays, pairs):
             item, near, doubt, kept = _nearest(len(block), hits)
             left = kept[doubt[hits.ray[kept]]]
             if len(left):
@@ -235,6 +264,21 @@ class Kinds:
                 near.l[doubt] = near.error[doubt] = 0
             index[part], unsure[part], t.h[part], t.l[part], t.error[part] = (item, doubt, near.h, near.l, near.error)
         return Found(self, rays, index, t, unsure)
+
+
+def _limited(hits: Hits, rays: Rays) -> Hits:
+    """Hits of rays that have begun at t_min, with t from their own starts, without those surely beyond t_max."""
+    if not np.any(rays.t_min) and np.all(rays.t_max == np.inf):
+        return hits
+    low, high = (np.broadcast_to(end, len(rays))[hits.ray] for end in (rays.t_min, rays.t_max))
+    t = hits.t + Fine.of(low)
+    t = Fine(t.h, t.l, np.where(np.isfinite(hits.t.error), t.error, np.inf))
+    limited = np.isfinite(high)
+    gap = (t - Fine.of(np.where(limited, high, 0))).sign()
+    # A ray that starts in a triangle's plane never meets it, and moving the start has hidden that.
+    sure = hits.sure & (~limited | (gap < 0)) & (t.sign() != 0)
+    kept = np.flatnonzero(~(hits.sure & limited & (gap > 0)) & (high > low))
+    return Hits(hits.ray[kept], hits.item[kept], sure[kept], t[kept])
 
 
 def _none(count: int) -> Fine:

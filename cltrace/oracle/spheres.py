@@ -159,8 +159,10 @@ class Spheres(Kind):
     @cached_property
     def maps(self) -> Floats:
         """(m, 3, 3): K, 1 of spheres."""
-        maps = [np.eye(3) if K is None else np.asarray(K, float) for K in self.to_object]
-        return np.array(maps, float).reshape(-1, 3, 3)
+        maps = np.tile(np.eye(3), (len(self.radii), 1, 1))
+        for i in np.flatnonzero(self.bent).tolist():
+            maps[i] = self.to_object[i]
+        return maps
 
     @cached_property
     def inverses(self) -> list[Inverse | None]:
@@ -181,19 +183,22 @@ class Spheres(Kind):
     @cached_property
     def _same(self) -> Ids:
         """(m,): the first of all surfaces that are equal to each, which hides the others."""
-        first: dict[tuple[object, ...], int] = {}
-        keys = zip(self.centers.tolist(), self.radii.tolist(), self.maps, self.bent.tolist(), strict=True)
-        same = [first.setdefault((*c, r, K.tobytes() if b else b""), i) for i, (c, r, K, b) in enumerate(keys)]
-        return np.array(same, np.int64)
+        keys = [self.centers, self.radii[:, None], *((self.maps.reshape(-1, 9),) if self.bent.any() else ())]
+        _, first, which = np.unique(np.concatenate(keys, axis=1), axis=0, return_index=True, return_inverse=True)
+        return first[which.ravel()]
 
     @cached_property
     def _outer(self) -> Floats:
         """(m,): bounds of how far the surfaces are from their centres."""
-        sizes = [
-            1.0 if inverse is None else float(sum(Fraction(abs(x), inverse[1]) for row in inverse[0] for x in row))
-            for inverse in self.inverses
-        ]
-        return np.asarray(self.radii * np.array(sizes, float) * (1 + 2.0**-40))
+        sizes = np.ones(len(self.radii))
+        for i in np.flatnonzero(self.bent).tolist():
+            rows, divisor = _whole_inverse(self.maps[i])
+            sizes[i] = float(sum(Fraction(abs(x), divisor) for row in rows for x in row))
+        return np.asarray(self.radii * sizes * (1 + 2.0**-40))
+
+    @property
+    def extent(self) -> float:
+        return float(np.abs(self.centers).max(initial=0) + self._outer.max(initial=0))
 
     @cached_property
     def moderate(self) -> Bools:
@@ -222,7 +227,7 @@ class Spheres(Kind):
         """By the equation, whose numbers count their errors."""
         assert rays.rough is not None
         # A ray to a light at a point starts at the light.
-        left = (rays.left(Spheres) if rays.t_max == np.inf else np.full(len(rays), -1))[ray]
+        left = (rays.left(Spheres) if np.all(rays.t_max == np.inf) else np.full(len(rays), -1))[ray]
         own = (left >= 0) & (np.append(self._same, -1)[left] == item)
         f, w = self._seen(rays.rough.at(ray), item)
         r, zero = Fine.of(self.radii[item]), Fine.of(np.zeros(len(ray)))
@@ -237,9 +242,6 @@ class Spheres(Kind):
         t = select(direct, n, select(outside < 0, -c, c)) / select(direct, a, n)
         sure, gone = sure & fit, miss & fit
         t = Fine(t.h, t.l, np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
-        if rays.t_max < np.inf:
-            rest = (t - Fine.of(np.full(len(ray), rays.t_max))).sign()
-            sure, gone = sure & (rest < 0), gone | (rest > 0)
         kept = np.flatnonzero(~gone)
         return Hits(ray[kept], item[kept], sure[kept], t[kept])
 
@@ -255,7 +257,7 @@ class Spheres(Kind):
             put(v, bent, product(rows, at_rows(v, bent)))
         return f, w
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
+    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
         f, d, r = self.from_start(exact, item)
         a, b, c = dot(d, d), dot(f, d), dot(f, f) - Surds(r * r)
         D, one, zero = b * b - a * c, np.ones(len(item), np.int64), Surds(np.full(len(item), 0, object))

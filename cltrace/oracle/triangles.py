@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -61,9 +62,13 @@ class Triangles(Kind):
     def primitives(self) -> Ids:
         return self.primitive
 
-    @property
+    @cached_property
     def grid(self) -> int:  # type: ignore[override]
         return grid_of(self.vertices)
+
+    @property
+    def extent(self) -> float:
+        return float(np.abs(self.vertices).max(initial=0))
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
         """Rays and triangles, (k,) rows each: all pairs that may meet.
@@ -126,15 +131,11 @@ class Triangles(Kind):
         error = 2 * (D.error / np.abs(D.value) + den.error / np.abs(den.value)) + 4 * U
         miss = (signs > 0).any(axis=0) & (signs < 0).any(axis=0)
         sure = (signs != 0).all(axis=0)
-        if rays.t_max < np.inf:
-            rest = (_Double(den.value - D.value, den.error + D.error).sign() * signs[0]).astype(np.int8)
-            miss |= (rest < 0) & sure
-            sure &= rest > 0
         kept = np.flatnonzero(~miss)
         t, error = t[kept], np.where(error[kept] < 2.0**-20, np.abs(t[kept]) * error[kept], np.inf)
         return Hits(ray[kept], item[kept], sure[kept], Fine(t, np.zeros(len(t)), error))
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float, t_max: float) -> Roots:
+    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
         corners, scale = self.vertices[self.faces[item]], exact.scale
         grid = exact.grid
         A, B, C = (minus(columns(whole(corners[:, i], grid) * scale[:, None]), exact.start) for i in range(3))
@@ -142,10 +143,10 @@ class Triangles(Kind):
         D = dot(A, edges[1])
         side = D.signs()
         volumes = [dot(exact.way, edge) for edge in edges]
-        exists = side != 0
-        for E, edge in zip(volumes, edges, strict=True):
-            exists &= _first_sign((E, *edge)) == side
-        turn = np.where(side < 0, -1, 1).astype(object)
+        signs = np.array([_first_sign((E, *edge)) for E, edge in zip(volumes, edges, strict=True)])
+        # They all are the sign of N.way, so t > 0 where that is the sign of D.
+        exists = (side != 0) & (signs == signs[0]).all(axis=0)
+        turn = np.where(signs[0] < 0, -1, 1).astype(object)
         x, y, z = ((a + b + c) * turn for a, b, c in zip(*edges, strict=True))
         a = (volumes[0] + volumes[1] + volumes[2]) * turn
         zero = np.zeros(len(item), np.int64)
@@ -159,7 +160,8 @@ class Triangles(Kind):
             unit=exact.unit,
             surface=self.surface[item],
         )
-        return roots if (t_min, t_max) == (0, np.inf) else replace(roots, exists=exists & roots.within(t_min, t_max))
+        ahead = np.all(t_min == 0) and np.all(t_max == np.inf)
+        return replace(roots, exists=exists & (side == signs[0] if ahead else roots.within(t_min, t_max)))
 
 
 def on_triangles(triangles: Triangles, own: Ids, corner: Ids, uv: Floats) -> Points:
