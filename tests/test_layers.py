@@ -15,18 +15,18 @@ MODULES = sorted((ROOT / "cltrace").rglob("*.py"))
 # What each folder may import, beside itself.
 BELOW = {
     "base": set(),
-    "numbers": set(),
     "process": {"base"},
-    "scene": {"numbers", "base"},
-    "formats": {"numbers", "scene", "base"},
-    "plan": {"numbers", "scene", "base"},
+    "scene": {"base"},
+    "exact": {"scene", "base"},
+    "formats": {"scene", "base"},
+    "plan": {"scene", "base"},
     "run": {"plan", "scene", "base"},
     "picture": {"scene", "base"},
     "renderers": {"run", "plan", "picture", "scene", "base"},
-    "reference": {"numbers", "scene", "base"},
-    "explanation": {"reference", "numbers", "scene", "base"},
-    "oracle": {"numbers", "scene"},
-    "rays": {"numbers", "plan", "scene", "base"},
+    "reference": {"exact", "scene", "base"},
+    "explanation": {"reference", "exact", "scene", "base"},
+    "oracle": {"exact", "scene", "base"},
+    "rays": {"exact", "plan", "scene", "base"},
     "students": {"renderers", "explanation", "reference", "formats", "picture", "plan", "run", "scene", "base"},
     "movie": {"renderers", "run", "plan", "picture", "scene", "base"},
     "distributed": {"movie", "renderers", "run", "plan", "picture", "process", "scene", "base"},
@@ -34,7 +34,7 @@ BELOW = {
     "cli": {"distributed", "movie", "students", "renderers", "explanation", "formats", "picture", "plan", "run"}
     | {"viewer", "process", "scene", "base"},
     "bench": {"cli", "oracle", "students", "renderers", "reference", "formats", "picture", "plan", "run"}
-    | {"process", "numbers", "scene", "base"},
+    | {"process", "scene", "base"},
 }
 
 

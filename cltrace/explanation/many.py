@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import inverses
 from cltrace.explanation.space import Footprint
 from cltrace.explanation.triples import triple
-from cltrace.numbers.inverses import inverses
 from cltrace.reference import Direction, Point, Round
 from cltrace.reference.crossing import Way
 from cltrace.reference.doubt import size_of

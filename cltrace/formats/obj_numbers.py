@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import two_product
 from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.obj_text import BLANK, Bytes, Places
-from cltrace.numbers.pairs import two_product
 
 SLASH, POINT = b"/."
 Doubles = NDArray[np.float64]

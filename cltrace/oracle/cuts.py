@@ -11,11 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine
-from cltrace.numbers.pairs import Floats, two_sum
-from cltrace.numbers.surds import Surds
-from cltrace.numbers.vectors import Triple, cross, dot, minus
-from cltrace.numbers.whole import grid_of, whole
+from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
+from cltrace.exact.fine import Fine
+from cltrace.exact.surds import Surds
+from cltrace.exact.whole import grid_of, whole
 from cltrace.oracle.cylinders import MOST, Cylinders
 from cltrace.oracle.rays import ExactRays, Ids, Rough, columns, moderate
 from cltrace.oracle.search import Bools

@@ -18,11 +18,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine, select
-from cltrace.numbers.pairs import Floats, two_sum
-from cltrace.numbers.surds import Surds, signs_with_root
-from cltrace.numbers.vectors import Triple, cross, dot, minus
-from cltrace.numbers.whole import Signs, grid_of, whole
+from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
+from cltrace.exact.fine import Fine, select
+from cltrace.exact.surds import Surds, signs_with_root
+from cltrace.exact.whole import Signs, grid_of, whole
 from cltrace.oracle.rays import ExactRays, Ids, Rays, Rough, columns, moderate, rounded
 from cltrace.oracle.search import Bools, Hits, Kind, Roots
 from cltrace.scene import Scene

@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.numbers.fine import Fine, FineVector, fine_vector
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.surds import Surds
-from cltrace.numbers.vectors import minus
-from cltrace.numbers.whole import Whole, grid_of, over_power, whole
+from cltrace.base.arithmetic import Floats, minus
+from cltrace.exact.fine import Fine, FineVector, fine_vector
+from cltrace.exact.surds import Surds
+from cltrace.exact.whole import Whole, grid_of, over_power, whole
 
 Ids = NDArray[np.int64]
 SurdVector = tuple[Surds, Surds, Surds]

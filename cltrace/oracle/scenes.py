@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
 from cltrace.oracle.rays import Ids, along, at_point
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import KINDS

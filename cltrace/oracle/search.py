@@ -15,10 +15,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.fine import Fine
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.surds import Interval, Surds, root_between, signs_with_root, signs_with_roots
-from cltrace.numbers.whole import Signs, Whole, rounded
+from cltrace.base.arithmetic import Floats
+from cltrace.exact.fine import Fine
+from cltrace.exact.surds import Interval, Surds, root_between, signs_with_root, signs_with_roots
+from cltrace.exact.whole import Signs, Whole, rounded
 from cltrace.oracle.rays import ExactRays, Ids, Points, Rays, SurdVector
 from cltrace.scene import Scene
 

@@ -36,12 +36,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.numbers.fine import Fine, FineVector, fine_vector, select
-from cltrace.numbers.inverses import adjugate
-from cltrace.numbers.pairs import Floats, two_sum
-from cltrace.numbers.surds import Surds
-from cltrace.numbers.vectors import dot, minus, product
-from cltrace.numbers.whole import Whole, grid_of, over_power, whole
+from cltrace.base.arithmetic import Floats, adjugate, dot, minus, product, two_sum
+from cltrace.exact.fine import Fine, FineVector, fine_vector, select
+from cltrace.exact.surds import Surds
+from cltrace.exact.whole import Whole, grid_of, over_power, whole
 from cltrace.oracle.rays import (
     ExactRays,
     Ids,

@@ -24,11 +24,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.fine import Fine, fine_vector
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.surds import Surds
-from cltrace.numbers.vectors import cross, dot, minus
-from cltrace.numbers.whole import Signs, Whole, grid_of, whole
+from cltrace.base.arithmetic import Floats, cross, dot, minus
+from cltrace.exact.fine import Fine, fine_vector
+from cltrace.exact.surds import Surds
+from cltrace.exact.whole import Signs, Whole, grid_of, whole
 from cltrace.oracle.rays import ExactRays, Ids, Points, Rays, SurdVector, columns, ones, rounded
 from cltrace.oracle.search import Hits, Kind, Roots
 from cltrace.scene import Scene

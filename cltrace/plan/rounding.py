@@ -12,8 +12,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import Pair, two_product, two_sum
 from cltrace.base.arrays import blockwise
-from cltrace.numbers.pairs import Pair, two_product, two_sum
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]

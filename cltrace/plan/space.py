@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cltrace.numbers.pairs import two_sum
+from cltrace.base.arithmetic import two_sum
 from cltrace.plan.accel.discs import Discs
 from cltrace.plan.rounding import Array, Mask, differences, dot_products, square_excess
 from cltrace.scene import AnyCamera

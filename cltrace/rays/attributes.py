@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine, fine_vector
-from cltrace.numbers.pairs import Floats, Pair
+from cltrace.base.arithmetic import Floats, Pair
+from cltrace.exact.fine import Fine, fine_vector
 from cltrace.rays.lines import Ids, Lines
 from cltrace.rays.shapes.shape import Points, unit
 from cltrace.rays.surfaces import Surfaces

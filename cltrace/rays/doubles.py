@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import Triple
+from cltrace.base.arithmetic import Floats, Triple
 from cltrace.rays.lines import Bools, Ids, Lines
 
 FLOOR = 2.0**-600

@@ -1,7 +1,7 @@
 """What pairs of doubles know of rays and surfaces: the same questions as in doubles.py, to a hundred bits.
 
 The start is the ray's own, not a place near the surfaces, and t is in units of w. The arithmetic keeps count of its
-errors, see cltrace/numbers/pairs.py.
+errors, see cltrace/base/arithmetic.py.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.fine import Fine, select
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
+from cltrace.exact.fine import Fine, select
 
 Signs = NDArray[np.int8]
 # What is below may have lost digits that no error counts. Of the terms of an error, all factors are within 2^-200 or

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import EPS, Floats, Pair, add, mul, two_sum
+from cltrace.base.arithmetic import EPS, Floats, Pair, add, mul, two_sum
 
 Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]

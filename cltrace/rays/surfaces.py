@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
 from cltrace.plan.accel.bvh import SIDES, WIDTH, Tree
 from cltrace.plan.paths import Paths
 from cltrace.rays.doubles import Met

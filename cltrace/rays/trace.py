@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cltrace.base.arithmetic import Floats
 from cltrace.base.arrays import concurrently
-from cltrace.numbers.fine import Fine, select
-from cltrace.numbers.pairs import Floats
+from cltrace.exact.fine import Fine, select
 from cltrace.rays.attributes import Attributes
 from cltrace.rays.doubles import Met
 from cltrace.rays.fine import compare

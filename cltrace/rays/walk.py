@@ -16,8 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import cross, dot
+from cltrace.base.arithmetic import Floats, cross, dot
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
 from cltrace.rays.lines import Bools, Ids, Lines
 from cltrace.rays.surfaces import Surfaces

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.surds import signs_with_root, signs_with_roots
-from cltrace.numbers.whole import Signs, Whole, grid_of, rounded, signs, whole
+from cltrace.base.arithmetic import Floats
+from cltrace.exact.surds import signs_with_root, signs_with_roots
+from cltrace.exact.whole import Signs, Whole, grid_of, rounded, signs, whole
 from cltrace.rays.lines import Bools, Ids, Lines
 
 

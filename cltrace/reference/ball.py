@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from cltrace.numbers.inverses import exact_inverse
-from cltrace.numbers.surds import Surd
-from cltrace.numbers.vectors import dot, minus
+from cltrace.base.arithmetic import dot, exact_inverse, minus
+from cltrace.exact.surds import Surd
 from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Rows, Vector, product, vector
 
 

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.surds import Surd
-from cltrace.numbers.vectors import dot, minus
+from cltrace.base.arithmetic import dot, minus
+from cltrace.exact.surds import Surd
 from cltrace.reference.crossing import Way
 from cltrace.reference.cylinder import Cylinder, OnCylinder, Part, Tube
 from cltrace.reference.doubt import size_of

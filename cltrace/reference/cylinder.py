@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from cltrace.numbers.surds import Surd
-from cltrace.numbers.vectors import cross, dot, minus
+from cltrace.base.arithmetic import cross, dot, minus
+from cltrace.exact.surds import Surd
 from cltrace.reference.crossing import Way, shadow_way, way_of
 from cltrace.reference.doubt import size_of
 from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Root, Vector, between, vector

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cltrace.numbers.vectors import minus
+from cltrace.base.arithmetic import minus
 from cltrace.reference.doubt import size_of
 from cltrace.reference.exact import product, vector
 from cltrace.reference.rays import EYE, OnPlane, Ray, Start

@@ -36,8 +36,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar
 
-from cltrace.numbers.surds import Interval, Surd, root_between, sign_with_root
-from cltrace.numbers.vectors import dot
+from cltrace.base.arithmetic import dot
+from cltrace.exact.surds import Interval, Surd, root_between, sign_with_root
 from cltrace.reference.vectors import Direction, Matrix
 
 ZERO = Fraction(0)

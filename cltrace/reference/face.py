@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from cltrace.numbers.vectors import cross, dot, minus
+from cltrace.base.arithmetic import cross, dot, minus
 from cltrace.reference.exact import Exact, Line, Plane, Rational, Root, sign_along, vector
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.arithmetic import inverses
 from cltrace.base.limits import MAX_CYLINDERS
-from cltrace.numbers.inverses import inverses
 from cltrace.scene.columns import Columns
 from cltrace.scene.materials import Material, packed, records
 from cltrace.scene.meshes import PlacedMesh, check_size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import add_quickly, two_product
+from cltrace.base.arithmetic import add_quickly, two_product
 
 _BLOCK = 4096  # the temporary arrays of so many points stay in the caches
 

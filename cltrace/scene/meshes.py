@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.arithmetic import inverses, whole_inverse
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.numbers.inverses import inverses, whole_inverse
 from cltrace.scene.colors import Transfer
 from cltrace.scene.maps import affine
 from cltrace.scene.materials import Frozen, Material

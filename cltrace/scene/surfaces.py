@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.arithmetic import inverses
 from cltrace.base.limits import MAX_SPHERES
-from cltrace.numbers.inverses import inverses
 from cltrace.scene.maps import deviations, uniform_scales
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, checked, numbers
 

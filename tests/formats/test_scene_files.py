@@ -13,11 +13,11 @@ from PIL import Image
 
 import cltrace
 from cltrace.base import limits
+from cltrace.base.arithmetic import inverses
 from cltrace.base.errors import Fault, SceneError, SceneWarning
 from cltrace.formats import obj, texture, xml_files, xml_reader
 from cltrace.formats.shapes import mesh as meshes
 from cltrace.formats.xml_reader import read
-from cltrace.numbers.inverses import inverses
 from cltrace.scene import Scene
 
 HEAD = """\

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
 from cltrace.oracle.rays import Rays, along
 from cltrace.oracle.spheres import Spheres, on_spheres
 from cltrace.scene import Camera, Scene

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
 from cltrace.reference.vectors import Direction, Matrix, Point
 
 Bools = NDArray[np.bool_]

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.arithmetic import Floats
 from cltrace.base.limits import MAX_BOUNCES
-from cltrace.numbers.pairs import Floats
 from cltrace.oracle.rays import Ids, Points, Rays, along, at_point, rounded, to_light
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres

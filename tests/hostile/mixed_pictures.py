@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
 from cltrace.oracle.rays import Ids, Rays, along
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres

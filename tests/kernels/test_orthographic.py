@@ -13,7 +13,7 @@ from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Image, Material, Mesh, Orthographic, Scene
-from cltrace.numbers.whole import over_power
+from cltrace.exact.whole import over_power
 from cltrace.oracle.rays import Points, SurdVector, along_numbers, columns, ones
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres, to_world

@@ -14,7 +14,7 @@ from hostile.mesh_regimes import AROUND, CLOSED, REGIMES, TAN, scene_of
 from rational_meshes import Vector, corners_of, doubles_mesh, exactly, grid_mesh, meets, minus, nearest, triangle_point
 
 from cltrace import Camera, Mesh, Scene, parallel_light, point_light
-from cltrace.numbers.surds import Surds
+from cltrace.exact.surds import Surds
 from cltrace.oracle.rays import ExactRays, Ids, Points, along, at_point, to_light
 from cltrace.oracle.search import Kinds, Roots
 from cltrace.oracle.spheres import Spheres, on_spheres

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cltrace
-from cltrace.numbers.fine import Fine
+from cltrace.exact.fine import Fine
 from cltrace.oracle import spheres as oracle
 from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Found, Kinds

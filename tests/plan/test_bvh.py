@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import two_sum
+from cltrace.base.arithmetic import two_sum
 from cltrace.plan.accel import bvh
 from cltrace.plan.accel.bvh import Balls, Faces, Tree, build_tree
 from cltrace.plan.paths import Paths

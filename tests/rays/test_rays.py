@@ -15,7 +15,7 @@ from rational_meshes import doubles_mesh, grid_mesh
 
 import cltrace
 from cltrace import Camera, Mesh, Scene, oracle
-from cltrace.numbers.inverses import inverses
+from cltrace.base.arithmetic import inverses
 from cltrace.rays import Hits, trace_rays
 from cltrace.rays import trace as inside
 from cltrace.reference.ball import Ball

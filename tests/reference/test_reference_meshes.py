@@ -23,7 +23,7 @@ from rational_meshes import (
 )
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
-from cltrace.numbers import vectors
+from cltrace.base import arithmetic
 from cltrace.reference import (
     EYE,
     Direction,
@@ -247,14 +247,14 @@ def test_every_value_is_within_its_bound() -> None:
             for i in range(9):
                 triangle, w = triangles.triangle(i), line.direction
                 crossing = Crossing(triangle, way)
-                A, B, C = (vectors.minus(exact.vector(corner), line.start) for corner in triangle.face.corners)
+                A, B, C = (arithmetic.minus(exact.vector(corner), line.start) for corner in triangle.face.corners)
                 N = exact.vector(triangle.face.normal)
                 for got, want in (
-                    (crossing.D, vectors.dot(A, N)),
-                    (crossing.den, vectors.dot(N, w)),
-                    (crossing.ab, vectors.dot(vectors.cross(A, B), w)),
-                    (crossing.bc, vectors.dot(vectors.cross(B, C), w)),
-                    (crossing.ca, vectors.dot(vectors.cross(C, A), w)),
+                    (crossing.D, arithmetic.dot(A, N)),
+                    (crossing.den, arithmetic.dot(N, w)),
+                    (crossing.ab, arithmetic.dot(arithmetic.cross(A, B), w)),
+                    (crossing.bc, arithmetic.dot(arithmetic.cross(B, C), w)),
+                    (crossing.ca, arithmetic.dot(arithmetic.cross(C, A), w)),
                 ):
                     off, half = want - exact.Surd(Fraction(got.value)), exact.Surd(Fraction(got.error) / 2)
                     assert (off - half).sign() <= 0 <= (off + half).sign()

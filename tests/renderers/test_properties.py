@@ -22,7 +22,7 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.numbers.pairs import two_product, two_sum
+from cltrace.base.arithmetic import two_product, two_sum
 from cltrace.oracle.spheres import closest
 from cltrace.plan.rounding import dot_products, square_excess
 from cltrace.reference import world_of

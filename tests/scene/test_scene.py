@@ -17,7 +17,7 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.numbers.inverses import inverses
+from cltrace.base.arithmetic import inverses
 from cltrace.scene import MATERIAL, SPHERE
 
 GOOD = {"centers": [(0, 0, -3), (1, 0, -3)], "radii": 0.5}

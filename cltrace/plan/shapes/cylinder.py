@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import cross
 from cltrace.base.arrays import blockwise
-from cltrace.numbers.vectors import cross
 from cltrace.plan.accel.capsules import Capsules
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.inverses import inverses, whole_inverse
-from cltrace.numbers.pairs import two_sum
+from cltrace.base.arithmetic import inverses, two_sum, whole_inverse
 from cltrace.plan.abi import dtype_of
 from cltrace.plan.rounding import Array
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine, fine_vector
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import Triple, cross, dot
-from cltrace.numbers.whole import whole
+from cltrace.base.arithmetic import Floats, Triple, cross, dot
+from cltrace.exact.fine import Fine, fine_vector
+from cltrace.exact.whole import whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, norm1
 from cltrace.rays.lines import Bools, Ids, Lines, differences
 from cltrace.rays.shapes.cylinder import Cylinders

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.fine import Fine, fine_vector, select
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import Triple, cross, dot
-from cltrace.numbers.whole import signs, whole
+from cltrace.base.arithmetic import Floats, Triple, cross, dot
+from cltrace.exact.fine import Fine, fine_vector, select
+from cltrace.exact.whole import signs, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
 from cltrace.rays.fine import Ends, sign_of, way_through
 from cltrace.rays.lines import Bools, Ids, Lines, differences

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.fine import Fine
-from cltrace.numbers.pairs import Floats
+from cltrace.base.arithmetic import Floats
+from cltrace.exact.fine import Fine
 from cltrace.rays.doubles import Met
 from cltrace.rays.fine import Ends
 from cltrace.rays.lines import Ids, Lines

@@ -6,11 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine, FineVector, fine_vector
-from cltrace.numbers.inverses import inverses
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import cross, dot, product
-from cltrace.numbers.whole import grid_of, whole
+from cltrace.base.arithmetic import Floats, cross, dot, inverses, product
+from cltrace.exact.fine import Fine, FineVector, fine_vector
+from cltrace.exact.whole import grid_of, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, Range, norm1
 from cltrace.rays.fine import Ends, sign_of, way_through
 from cltrace.rays.lines import Ids, Lines, differences

@@ -8,10 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.numbers.fine import Fine, FineVector, fine_vector
-from cltrace.numbers.pairs import Floats
-from cltrace.numbers.vectors import cross, dot
-from cltrace.numbers.whole import Signs, Whole, signs, whole
+from cltrace.base.arithmetic import Floats, cross, dot
+from cltrace.exact.fine import Fine, FineVector, fine_vector
+from cltrace.exact.whole import Signs, Whole, signs, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, Range, norm1
 from cltrace.rays.fine import Ends, sign_of
 from cltrace.rays.lines import Ids, Lines, differences

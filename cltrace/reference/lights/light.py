@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
-from cltrace.numbers.vectors import minus
+from cltrace.base.arithmetic import minus
 from cltrace.reference.doubt import RoughLine, RoughStart, U
 from cltrace.reference.exact import Line, Rational, vector
 from cltrace.reference.rays import Start

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from cltrace.base.arithmetic import inverses
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_SPHERES
-from cltrace.numbers.inverses import inverses
 from cltrace.scene.columns import Columns
 from cltrace.scene.shapes.shape import Floats, Shape, moved
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.numbers.pairs import EPS, Floats, add, div, mul, sqrt
+from cltrace.base.arithmetic import EPS, Floats, add, div, mul, sqrt
 
 
 @dataclass(frozen=True, slots=True)

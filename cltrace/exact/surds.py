@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from cltrace.numbers.whole import Signs, Whole, sign, signs
+from cltrace.exact.whole import Signs, Whole, sign, signs
 
 Q = TypeVar("Q", int, Fraction)
 

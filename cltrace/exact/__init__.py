@@ -1,0 +1,1 @@
+"""Exact decisions about rays and surfaces."""
